@@ -1,0 +1,1 @@
+"""The GUI-free core of the stripe workbench."""

@@ -1,0 +1,62 @@
+"""What can go wrong, told so that the reader knows what to do.
+
+Every error names the place (a file, a field, a device), what was seen there and the remedy, in one line.
+"""
+
+from __future__ import annotations
+
+
+class StripeError(Exception):
+    """Anything this program refuses or fails at.
+
+    Parameters
+    ----------
+    where : str
+        The file, field, target or device concerned.
+    seen : str
+        What was found there, the value included.
+    remedy : str
+        What the user can do about it.
+    """
+
+    exit_code = 1
+
+    def __init__(self, where: object, seen: str, remedy: str) -> None:
+        self.where, self.seen, self.remedy = str(where), seen, remedy
+        super().__init__(self.where, seen, remedy)
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.seen}; {self.remedy}".replace("\n", " ")
+
+
+class InputError(StripeError):
+    """A file or an argument that cannot be used; nothing has been written."""
+
+    exit_code = 2
+
+
+class DecodeError(StripeError):
+    """Frames from which no absolute coordinate follows."""
+
+
+class MeasureError(StripeError):
+    """Targets that could not be found or identified."""
+
+
+class AdjustmentError(StripeError):
+    """A network that cannot be solved, or an adjustment that does not converge."""
+
+
+class DeviceError(StripeError):
+    """A projector or camera that does not do what it was asked."""
+
+
+class PatternRefusedError(DeviceError):
+    """A pattern that this projector cannot show."""
+
+
+class Cancelled(StripeError):  # noqa: N818  a wish, not a fault
+    """The user stopped the work."""
+
+    def __init__(self, what: str = "the work") -> None:
+        super().__init__(what, "cancelled", "start it again when you want the result")

@@ -1,0 +1,32 @@
+"""Frames, rotations and the device: where a point of space appears, and which ray a pixel sees.
+
+Conventions, told once for the whole program:
+
+* pixel coordinates ``(u, v)``: u right, v down, the centre of the top-left pixel (or LCD line crossing) is (0, 0);
+* image coordinates ``(x, y)`` in mm: x right, y up, origin in the middle of the sensor;
+* device frame: X right, Y up, the device looks along -Z, so ``x = -c X/Z`` and ``y = -c Y/Z``;
+* a `Pose` named ``a_from_b`` takes coordinates in frame b to frame a: ``X_a = R X_b + t``.
+"""
+
+from core.geometry.device import distort, image_to_pixel, pixel_to_image, project, ray_directions, undistort
+from core.geometry.rotation import (
+    Pose,
+    angle_of_rotation,
+    matrix_from_axis_angle,
+    matrix_from_rotation_vector,
+    rotation_vector_from_matrix,
+)
+
+__all__ = [
+    "Pose",
+    "angle_of_rotation",
+    "distort",
+    "image_to_pixel",
+    "matrix_from_axis_angle",
+    "matrix_from_rotation_vector",
+    "pixel_to_image",
+    "project",
+    "ray_directions",
+    "rotation_vector_from_matrix",
+    "undistort",
+]

@@ -1,0 +1,106 @@
+"""Rotations as matrices, and the rigid movement between two frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def matrix_from_rotation_vector(vector: ArrayLike) -> Array:
+    """Rotation matrix of a rotation vector (axis times angle), by Rodrigues' formula.
+
+    Parameters
+    ----------
+    vector : array-like, shape (3,)
+        Rotation axis scaled by the angle, rad.
+
+    Returns
+    -------
+    matrix : array, shape (3, 3)
+
+    Examples
+    --------
+    >>> np.round(matrix_from_rotation_vector([0, 0, np.pi / 2]) @ [1, 0, 0], 12)
+    array([0., 1., 0.])
+    """
+    v = np.asarray(vector, dtype=np.float64)
+    angle = float(np.linalg.norm(v))
+    K = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    if angle < 1e-8:  # the series: the closed form divides by the angle
+        return np.eye(3) + K + 0.5 * K @ K
+    return np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * K @ K
+
+
+def matrix_from_axis_angle(axis: ArrayLike, angle_rad: float) -> Array:
+    """Rotation matrix about an axis (shape (3,), any length) by an angle in rad, right-handed."""
+    a = np.asarray(axis, dtype=np.float64)
+    return matrix_from_rotation_vector(a / np.linalg.norm(a) * angle_rad)
+
+
+def rotation_vector_from_matrix(matrix: ArrayLike) -> Array:
+    """Rotation vector (shape (3,), rad, length at most pi) of a rotation matrix (shape (3, 3))."""
+    R = np.asarray(matrix, dtype=np.float64)
+    # by way of the unit quaternion, which stays well conditioned at every angle
+    K = np.array(
+        [
+            [R[0, 0] - R[1, 1] - R[2, 2], 0, 0, 0],
+            [R[0, 1] + R[1, 0], R[1, 1] - R[0, 0] - R[2, 2], 0, 0],
+            [R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], R[2, 2] - R[0, 0] - R[1, 1], 0],
+            [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], R[0, 0] + R[1, 1] + R[2, 2]],
+        ]
+    )
+    q = np.linalg.eigh(K / 3.0)[1][:, -1]  # eigh reads the lower triangle
+    q = -q if q[3] < 0 else q
+    sine = float(np.linalg.norm(q[:3]))
+    if sine < 1e-9:
+        return 2.0 * q[:3]
+    return 2.0 * np.arctan2(sine, q[3]) / sine * q[:3]
+
+
+def angle_of_rotation(matrix: ArrayLike) -> float:
+    """Angle in rad (0 to pi) by which a rotation matrix (shape (3, 3)) turns."""
+    return float(np.linalg.norm(rotation_vector_from_matrix(matrix)))
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A rigid movement ``X_a = R X_b + t``; name the variable ``a_from_b``.
+
+    Attributes
+    ----------
+    rotation : array, shape (3, 3)
+        Proper rotation.
+    translation_mm : array, shape (3,)
+
+    Examples
+    --------
+    >>> camera_from_board = Pose(np.eye(3), np.array([0.0, 0.0, -600.0]))
+    >>> camera_from_board.apply([[1.0, 2.0, 0.0]])
+    array([[   1.,    2., -600.]])
+    >>> np.allclose((camera_from_board @ camera_from_board.inverse()).translation_mm, 0)
+    True
+    """
+
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    translation_mm: Array = field(default_factory=lambda: np.zeros(3))
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Take points, shape (..., 3), from frame b to frame a."""
+        return np.asarray(points, dtype=np.float64) @ self.rotation.T + self.translation_mm
+
+    def inverse(self) -> Pose:
+        """Give the movement from frame a to frame b."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation_mm)
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """Chain: ``a_from_b @ b_from_c`` is ``a_from_c``."""
+        return Pose(self.rotation @ other.rotation, self.apply(other.translation_mm))
+
+    @property
+    def origin_mm(self) -> Array:
+        """Where the origin of frame a lies in frame b (for a device: its projection centre in the object frame)."""
+        return -self.rotation.T @ self.translation_mm

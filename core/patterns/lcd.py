@@ -1,0 +1,86 @@
+"""What a line-addressed LCD can show.
+
+The cross-pattern projector has one glass plate with column electrodes and a second one turned by 90° (Brenner, Böhm,
+Gühring 1999, section 2): light passes where exactly one of the two is switched, so it shows any column pattern XOR any
+row pattern, in black and white, and nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import PatternRefusedError
+from core.patterns.pattern import Axis, Pattern, Phase, brightness
+
+Lines = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class CrossPatternLcd:
+    """Columns XOR rows.
+
+    Examples
+    --------
+    >>> lcd = CrossPatternLcd(4, 2)
+    >>> columns, rows = lcd.switch(Phase("x", 4, 4, 0, np.pi / 2, "square"))
+    >>> lcd.image(columns, rows).astype(int)
+    array([[1, 1, 0, 0],
+           [1, 1, 0, 0]])
+    """
+
+    width: int = 640
+    height: int = 640
+
+    def switch(self, pattern: Pattern) -> tuple[Lines, Lines]:
+        """Give the column lines, shape (width,), and row lines, shape (height,), that show a pattern.
+
+        Raises
+        ------
+        PatternRefusedError
+            For grey values between black and white.
+        """
+        _refuse_grey(pattern)
+        columns, rows = np.zeros(self.width, bool), np.zeros(self.height, bool)
+        if getattr(pattern, "axis", "x") == "x":
+            columns = brightness(pattern, np.arange(self.width)) > 0.5
+        else:
+            rows = brightness(pattern, np.arange(self.height)) > 0.5
+        return columns, rows
+
+    def image(self, columns: Lines, rows: Lines) -> Lines:
+        """What is seen, shape (height, width), when these lines are switched."""
+        return rows[:, None] ^ columns[None, :]
+
+
+@dataclass(frozen=True)
+class PlainLcd:
+    """One plate: lines along a single axis, in black and white."""
+
+    axis: Axis = "x"
+    lines: int = 640
+
+    def switch(self, pattern: Pattern) -> Lines:
+        """Give the lines, shape (lines,), that show a pattern.
+
+        Raises
+        ------
+        PatternRefusedError
+            For a pattern of the other axis, or grey values between black and white.
+        """
+        _refuse_grey(pattern)
+        axis = getattr(pattern, "axis", self.axis)
+        if axis != self.axis:
+            raise PatternRefusedError(
+                "projector", f"pattern of axis {axis!r}", f"this LCD has lines of axis {self.axis!r} only"
+            )
+        return brightness(pattern, np.arange(self.lines)) > 0.5
+
+
+def _refuse_grey(pattern: Pattern) -> None:
+    if isinstance(pattern, Phase) and pattern.profile == "sine":
+        raise PatternRefusedError(
+            "projector", 'phase pattern of profile "sine"', 'this LCD is black or white: use profile "square"'
+        )

@@ -1,0 +1,68 @@
+"""How long work reports itself and is cancelled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from core.errors import Cancelled
+
+T = TypeVar("T")
+Report = Callable[[float, str], None]
+
+
+def _quiet(fraction: float, message: str) -> None:
+    return None
+
+
+def _never() -> bool:
+    return False
+
+
+@dataclass(frozen=True)
+class Progress:
+    """A channel from long work to whoever waits for it.
+
+    `report(fraction, message)` receives the fraction done, 0 to 1. `cancelled()` is asked between steps; when it says
+    yes the work stops with `Cancelled` at the next `check`, having written nothing half.
+
+    Examples
+    --------
+    >>> seen = []
+    >>> progress = Progress(report=lambda fraction, message: seen.append((round(fraction, 2), message)))
+    >>> for name in progress.part(0.5, 1.0).over(["a", "b"], "decoding {}"):
+    ...     pass
+    >>> seen
+    [(0.5, 'decoding a'), (0.75, 'decoding b'), (1.0, 'decoding b')]
+    """
+
+    report: Report = _quiet
+    cancelled: Callable[[], bool] = _never
+
+    def check(self) -> None:
+        """Raise `Cancelled` if the user asked to stop."""
+        if self.cancelled():
+            raise Cancelled
+
+    def __call__(self, fraction: float, message: str = "") -> None:
+        """Report a fraction done (0 to 1), after looking whether to stop."""
+        self.check()
+        self.report(fraction, message)
+
+    def part(self, start: float, stop: float) -> Progress:
+        """Give the channel for a part of the work that runs from `start` to `stop` of the whole."""
+        return Progress(lambda f, message: self.report(start + f * (stop - start), message), self.cancelled)
+
+    def over(self, items: Iterable[T], message: str = "{}") -> Iterator[T]:
+        """Iterate over items, reporting before each one; `message` is formatted with the item."""
+        sequence: Sequence[T] = list(items)
+        text = ""
+        for i, item in enumerate(sequence):
+            text = message.format(item)
+            self(i / len(sequence), text)
+            yield item
+        self(1.0, text)
+
+
+SILENT = Progress()
