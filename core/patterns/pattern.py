@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.errors import InputError
+from core.fields import Fields
 
 Axis = Literal["x", "y"]
 Array = NDArray[np.float64]
@@ -144,58 +143,21 @@ def pattern_from_dict(data: object, where: str) -> Pattern:
     >>> pattern_from_dict({"kind": "line", "axis": "x", "index": 7, "width": 2}, "capture.json")
     Line(axis='x', index=7, width=2)
     """
-    if not isinstance(data, Mapping):
-        raise InputError(where, f"pattern is {data!r}", "give an object with a kind")
-    fields = _Fields(data, where)
-    kind = data.get("kind")
-    match kind:
-        case "white":
-            return White()
-        case "black":
-            return Black()
-        case "gray" | "binary":
-            bits = fields.integer("bits", 1, 62)
-            inverse = bool(data.get("inverse", False))
-            bit, cell = fields.integer("bit", 0, bits - 1), fields.integer("cell", 1, default=1)
-            return Code(kind, fields.axis(), bit, bits, cell, inverse)
-        case "phase":
-            steps = fields.integer("steps", 3)
-            step = fields.integer("step", 0, steps - 1)
-            profile = data.get("profile", "sine")
-            if profile not in ("square", "sine"):
-                raise InputError(where, f"profile is {profile!r}", 'use "square" or "sine"')
-            shift = fields.real("shift_rad", default=2 * np.pi * step / steps)
-            return Phase(fields.axis(), fields.real("period", above=0.0), steps, step, shift, profile)
-        case "line":
-            return Line(fields.axis(), fields.integer("index", 0), fields.integer("width", 1, default=1))
-    raise InputError(where, f"pattern kind is {kind!r}", "use white, black, gray, binary, phase or line")
-
-
-@dataclass(frozen=True)
-class _Fields:
-    """The checked reading of a pattern's fields."""
-
-    data: Mapping[str, Any]
-    where: str
-
-    def axis(self) -> Axis:
-        match self.data.get("axis"):
-            case "x":
-                return "x"
-            case "y":
-                return "y"
-        raise InputError(self.where, f"axis is {self.data.get('axis')!r}", 'use "x" (columns) or "y" (rows)')
-
-    def integer(self, key: str, least: int, most: int | None = None, default: int | None = None) -> int:
-        value = self.data.get(key, default)
-        whole = isinstance(value, int | float) and not isinstance(value, bool) and value == int(value or 0)
-        if not whole or value < least or (most is not None and value > most):
-            span = f"from {least} on" if most is None else f"from {least} to {most}"
-            raise InputError(self.where, f"{key} is {value!r}", f"give a whole number {span}")
-        return int(value)
-
-    def real(self, key: str, above: float = -np.inf, default: float | None = None) -> float:
-        value = self.data.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not above < value < np.inf:
-            raise InputError(self.where, f"{key} is {value!r}", f"give a finite number above {above:g}")
-        return float(value)
+    fields = Fields.of(data, where)
+    kind = fields.text("kind", among=("white", "black", "gray", "binary", "phase", "line"))
+    if kind == "white":
+        return White()
+    if kind == "black":
+        return Black()
+    axis = fields.text("axis", among=("x", "y"))
+    if kind == "line":
+        return Line(axis, fields.integer("index", 0), fields.integer("width", 1, default=1))
+    if kind == "phase":
+        steps = fields.integer("steps", 3)
+        step = fields.integer("step", 0, steps - 1)
+        shift = fields.real("shift_rad", default=2 * np.pi * step / steps)
+        profile = fields.text("profile", default="sine", among=("square", "sine"))
+        return Phase(axis, fields.real("period", above=0.0), steps, step, shift, profile)
+    bits = fields.integer("bits", 1, 62)
+    bit, cell = fields.integer("bit", 0, bits - 1), fields.integer("cell", 1, default=1)
+    return Code(kind, axis, bit, bits, cell, fields.flag("inverse"))

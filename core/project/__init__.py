@@ -1,1 +1,43 @@
-"""."""
+"""The folder on disk: what the interchange format prescribes, read with every check, written whole or not at all.
+
+atomic.py    a file is either the old one or the whole new one
+images.py    frames: single-channel PNG and TIFF of 8 or 16 bit; a truncated file is refused
+captures.py  project.json, testfield.csv, capture.json and picks.json, read and written
+networks.py  a network folder, read and written
+archive.py   the program's own results (targets, calibrations, evaluations), one file each
+"""
+
+from core.project.archive import load_archive, save_archive
+from core.project.atomic import atomic_write, write_json
+from core.project.captures import (
+    find_project,
+    read_capture,
+    read_project,
+    read_testfield,
+    write_capture,
+    write_picks,
+    write_project,
+    write_testfield,
+)
+from core.project.images import read_image, read_images, write_image
+from core.project.networks import read_network, write_network
+
+__all__ = [
+    "atomic_write",
+    "find_project",
+    "load_archive",
+    "read_capture",
+    "read_image",
+    "read_images",
+    "read_network",
+    "read_project",
+    "read_testfield",
+    "save_archive",
+    "write_capture",
+    "write_image",
+    "write_json",
+    "write_network",
+    "write_picks",
+    "write_project",
+    "write_testfield",
+]

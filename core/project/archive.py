@@ -1,0 +1,93 @@
+"""The program's own results, one file each: any dataclass of `core.model` with its arrays.
+
+An archive is an uncompressed NPZ: the arrays as they are, and one JSON text that holds everything else and points to
+them. Only the dataclasses named here are ever made when one is read, so a file cannot run code.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import zipfile
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from core import model
+from core.errors import InputError
+from core.geometry import Pose
+from core.project.atomic import atomic_write
+
+T = TypeVar("T")
+VERSION = 1
+_CLASSES: dict[str, type] = {
+    "Pose": Pose,
+    **{name: c for name, c in vars(model).items() if isinstance(c, type) and dataclasses.is_dataclass(c)},
+}
+
+
+def save_archive(path: Path, value: object) -> None:
+    """Write a dataclass of `core.model` (or a tuple of them), atomically."""
+    arrays: dict[str, Any] = {}
+    tree = _pack(value, arrays)
+    text = json.dumps({"format": "stripe-result", "version": VERSION, "value": tree})
+    with atomic_write(path) as file:
+        np.savez(file, tree=np.array(text), **arrays)
+
+
+def load_archive(path: Path, kind: type[T]) -> T:
+    """Read what `save_archive` wrote; `kind` is the class expected.
+
+    Raises
+    ------
+    InputError
+        If the file is not there, is damaged, or holds something else.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            head = json.loads(str(stored["tree"]))
+            arrays = {name: stored[name] for name in stored.files if name != "tree"}
+        value = _unpack(head["value"], arrays) if head.get("version") == VERSION else None
+    except FileNotFoundError as error:
+        raise InputError(path, "not there", "run the step that writes it") from error
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(path, f"damaged ({error})", "delete it and run the step again") from error
+    if not isinstance(value, kind):
+        raise InputError(
+            path, f"holds {type(value).__name__}", f"delete it and run the step that writes {kind.__name__}"
+        )
+    return value
+
+
+def _pack(value: Any, arrays: dict[str, Any]) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {f.name: _pack(getattr(value, f.name), arrays) for f in dataclasses.fields(value)}
+        return {"class": type(value).__name__, "fields": fields}
+    if isinstance(value, np.ndarray):
+        name = f"a{len(arrays)}"
+        arrays[name] = value
+        return {"array": name}
+    if isinstance(value, tuple | list):
+        return [_pack(item, arrays) for item in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Path):
+        return {"path": str(value)}
+    if isinstance(value, str | int | float | None):
+        return value
+    return {"map": {str(k): _pack(v, arrays) for k, v in dict(value).items()}}
+
+
+def _unpack(tree: Any, arrays: dict[str, Any]) -> Any:
+    if isinstance(tree, list):
+        return tuple(_unpack(item, arrays) for item in tree)
+    if not isinstance(tree, dict):
+        return tree
+    if "array" in tree:
+        return arrays[tree["array"]]
+    if "path" in tree:
+        return Path(tree["path"])
+    if "map" in tree:
+        return {k: _unpack(v, arrays) for k, v in tree["map"].items()}
+    return _CLASSES[tree["class"]](**{k: _unpack(v, arrays) for k, v in tree["fields"].items()})

@@ -1,0 +1,115 @@
+"""Frames on disk: single-channel PNG and TIFF of 8 or 16 bit."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import InputError
+from core.model import Capture, DeviceSpec
+from core.project.atomic import atomic_write
+
+Image = NDArray[Any]  # (H, W), uint8 or uint16
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+_AGAIN = "record or copy this frame again"
+
+cv2.setLogLevel(0)  # type: ignore[attr-defined]  # a file that cannot be read is told once, by our error
+
+
+def read_image(path: Path) -> Image:
+    """Read one frame, shape (H, W), uint8 or uint16; a colour file is converted to grey.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, truncated, or not an image of 8 or 16 bit.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            path, f"the frame cannot be read ({error.strerror})", "put it back or record it again"
+        ) from error
+    if not data:
+        raise InputError(path, "the file is empty", _AGAIN)
+    if data.startswith(_PNG):
+        _check_png(path, data)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise InputError(path, f"{len(data)} bytes that are not a whole PNG or TIFF image", _AGAIN)
+    if image.dtype not in (np.uint8, np.uint16):
+        raise InputError(path, f"pixels of type {image.dtype}", "store frames with 8 or 16 bit")
+    if image.ndim == 3 and image.shape[2] >= 3:  # alpha says nothing about light
+        image = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
+    elif image.ndim == 3:
+        image = image[..., 0]
+    return np.ascontiguousarray(image)
+
+
+def read_images(capture: Capture, camera: DeviceSpec | None = None) -> list[Image]:
+    """Read all frames of a capture, in the order of its list.
+
+    Raises
+    ------
+    InputError
+        If one cannot be read, or their sizes or types differ from each other or from the camera's.
+    """
+    return list(iterate_images(capture, camera))
+
+
+def iterate_images(capture: Capture, camera: DeviceSpec | None = None) -> Iterator[Image]:
+    """Read the frames of a capture one by one, with the checks of `read_images`."""
+    expected = None if camera is None else (camera.height, camera.width)
+    of, first = "the camera in project.json has", None
+    for frame in capture.frames:
+        image = read_image(frame.path)
+        if expected is not None and image.shape != expected:
+            seen = f"the frame has {image.shape[1]}x{image.shape[0]} px, {of} {expected[1]}x{expected[0]}"
+            raise InputError(frame.path, seen, "use frames of one size, the camera's")
+        if first is None:
+            first = image.dtype
+        elif image.dtype != first:
+            raise InputError(
+                frame.path, f"the frame is {image.dtype}, the others {first}", "use one bit depth for all frames"
+            )
+        if expected is None:
+            expected, of = image.shape, f"{capture.frames[0].path.name} has"
+        yield image
+
+
+def write_image(path: Path, image: Image, durable: bool = True) -> None:
+    """Write one frame as PNG (fast compression) or, by the name's ending, TIFF; atomically."""
+    suffix = path.suffix.lower()
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 1] if suffix == ".png" else []
+    done, data = cv2.imencode(suffix, image, options)
+    if not done:
+        raise InputError(path, f"an image of type {image.dtype} cannot be stored", "use 8 or 16 bit grey values")
+    with atomic_write(path, durable) as file:
+        file.write(data.tobytes())
+
+
+def _check_png(path: Path, data: bytes) -> None:
+    """Walk the chunks to the end mark, checksums included.
+
+    Some versions of OpenCV return the upper part of a truncated PNG without a word; others write to stderr themselves.
+    """
+    at, view = len(_PNG), memoryview(data)
+    while at + 12 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, at)
+        stop = at + 12 + length
+        if stop > len(data):
+            break
+        if zlib.crc32(view[at + 4 : stop - 4]) != struct.unpack_from(">I", data, stop - 4)[0]:
+            raise InputError(path, f"the PNG is damaged at byte {at} (wrong checksum)", _AGAIN)
+        if kind == b"IEND":
+            return
+        at = stop
+    raise InputError(path, f"the PNG ends after {len(data)} bytes without its end mark (truncated)", _AGAIN)
