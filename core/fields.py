@@ -1,4 +1,4 @@
-"""The checked reading of one object of a JSON file or one row of a table: each field is tested where it enters, once."""
+"""The checked reading of an object of a JSON file or a row of a table: each field is tested where it enters, once."""
 
 from __future__ import annotations
 

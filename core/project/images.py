@@ -21,7 +21,9 @@ Image = NDArray[Any]  # (H, W), uint8 or uint16
 _PNG = b"\x89PNG\r\n\x1a\n"
 _AGAIN = "record or copy this frame again"
 
-cv2.setLogLevel(0)  # type: ignore[attr-defined]  # a file that cannot be read is told once, by our error
+cv2.utils.logging.setLogLevel(
+    cv2.utils.logging.LOG_LEVEL_SILENT
+)  # a file that cannot be read is told once, by our error
 
 
 def read_image(path: Path) -> Image:

@@ -26,8 +26,7 @@ def read_network(folder: Path) -> Network:
     devices = {name: _device(fields.nested("devices").nested(name)) for name in fields.nested("devices").data}
     stations: dict[str, str] = {}
     for name in fields.nested("stations").data:
-        station = fields.nested("stations").nested(name)
-        stations[name] = station.text("device", among=list(devices))
+        stations[name] = fields.nested("stations").nested(name).text("device", among=list(devices))
     if not devices or not stations:
         raise InputError(folder / "network.json", "no devices or no stations", "list at least one of each")
     names: dict[str, int] = {}
