@@ -10,6 +10,7 @@ archive.py   the program's own results (targets, calibrations, evaluations), one
 from core.project.archive import load_archive, save_archive
 from core.project.atomic import atomic_write, write_json
 from core.project.captures import (
+    add_capture,
     find_project,
     read_capture,
     read_project,
@@ -19,12 +20,14 @@ from core.project.captures import (
     write_project,
     write_testfield,
 )
-from core.project.images import read_image, read_images, write_image
+from core.project.images import iterate_images, read_image, read_images, write_image
 from core.project.networks import read_network, write_network
 
 __all__ = [
+    "add_capture",
     "atomic_write",
     "find_project",
+    "iterate_images",
     "load_archive",
     "read_capture",
     "read_image",

@@ -345,3 +345,12 @@ def write_capture_json(
     data |= {key: value for key, value in optional.items() if value is not None}
     data["frames"] = [{"file": name, "pattern": pattern_to_dict(pattern)} for name, pattern in frames]
     write_json(Path(folder) / "capture.json", {**data, **(extra or {})})
+
+
+def add_capture(folder: Path, name: str) -> None:
+    """List one more capture (a path from the project) in project.json, leaving all else as it is."""
+    path = Path(folder) / "project.json"
+    fields = read_document(path, "stripe-project")
+    names = list(fields.items("captures")) if "captures" in fields.data else []
+    if name not in names:
+        write_json(path, {**fields.data, "captures": [*names, name]})

@@ -1,0 +1,40 @@
+# stripe workbench: `make demo` runs the whole experiment, `make test` the tests; both set up what they need first.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+STAMP  := $(VENV)/.ready
+OUT    ?= demo
+
+.PHONY: help setup demo test check bench clean
+
+help:
+	@echo "make setup   the environment in $(VENV) (a second call is quick)"
+	@echo "make demo    the whole experiment on the virtual bench, to a report in $(OUT)/results/report"
+	@echo "make test    all tests"
+	@echo "make check   ruff, formatting and types"
+	@echo "make bench   benchmarks against peers"
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml packaging/setup.sh
+	@sh packaging/setup.sh $(PYTHON) $(VENV)
+	@touch $@
+
+demo: setup
+	@echo "Simulating the reference experiment, calibrating both ways, judging the plane-table: about two minutes."
+	@$(BIN)/stripe-core demo $(OUT)
+
+test: setup
+	@echo "Running all tests: about five minutes on two cores."
+	@$(BIN)/python -m pytest -n 2
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: setup
+	@$(BIN)/python -m tests.benchmarks
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache

@@ -1,0 +1,46 @@
+"""The whole experiment in one call: the virtual bench, both calibrations, the plane-table, the report."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from core.errors import InputError
+from core.figures import calibration_figures, evaluation_figures
+from core.model import Figures
+from core.pipeline import calibrate_project, load_evaluation, report_project, result_tables, simulate_project
+from core.progress import SILENT, Progress
+from core.report import ReportPaths
+
+MARK = ".stripe-demo"  # a folder with this file was made by the demo and may be made anew
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What the demo found: Tables 1 to 3 as text, the figures, the report's files."""
+
+    text: str
+    figures: Figures
+    report: ReportPaths
+
+
+def run_demo(out: Path, scenario: str = "paper", seed: int = 0, progress: Progress = SILENT) -> Demo:
+    """Simulate, calibrate both ways, evaluate and report, in a new folder or that of an earlier demo.
+
+    Raises
+    ------
+    InputError
+        If the folder holds anything else.
+    """
+    if out.exists():
+        if not (out / MARK).is_file() and (not out.is_dir() or any(out.iterdir())):
+            raise InputError(out, "there is something already, not of a demo", "give a new or empty folder")
+        shutil.rmtree(out)
+    project = simulate_project(out, scenario, seed, progress.part(0.0, 0.6))
+    (out / MARK).touch()
+    calibrations = calibrate_project(project, progress=progress.part(0.6, 0.85))
+    report = report_project(project, progress=progress.part(0.85, 1.0))
+    evaluations = load_evaluation(project)
+    figures = {**calibration_figures(calibrations), **evaluation_figures(evaluations)}
+    return Demo(result_tables(project, evaluations), figures, report)

@@ -1,0 +1,168 @@
+"""What `--json` writes: the figures of every result as plain numbers, texts and lists, under the interchange names."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from core.model import (
+    INTERIOR_NAMES,
+    AdjustedDevice,
+    Adjustment,
+    Calibration,
+    DepthCalibration,
+    Figures,
+    Method,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    PlaneEvaluation,
+    TargetSet,
+)
+
+
+def device_figures(device: AdjustedDevice) -> Figures:
+    """Interior orientation with the sigma of each parameter."""
+    figures: Figures = {}
+    for name, value, sigma in zip(INTERIOR_NAMES, device.interior.vector, device.sigma, strict=True):
+        key = name if name.startswith("A") else f"{name}_mm"
+        figures[key] = {"value": float(value), "sigma": float(sigma)}
+    figures["r0_mm"] = device.interior.r0_mm
+    figures["residual_rms_um"] = [plain(r) for r in device.residual_rms_um]
+    figures["image_points"] = device.image_points
+    return figures
+
+
+def adjustment_figures(adjustment: Adjustment) -> Figures:
+    """The bundle adjustment of a network."""
+    return {
+        "sigma0": adjustment.sigma0,
+        "redundancy": adjustment.redundancy,
+        "iterations": adjustment.iterations,
+        "devices": {name: device_figures(device) for name, device in adjustment.devices.items()},
+        "object_sigma_rms_um": object_sigma_rms_um(adjustment),
+        "stations": len(adjustment.network.station_names),
+        "image_points": len(adjustment.residuals),
+        "object_points": len(adjustment.points_mm),
+        "variance_factors": dict(adjustment.variance_factors),
+        "points": {
+            name: {"xyz_mm": [float(x) for x in xyz], "sigma_um": [plain(1e3 * math.sqrt(v)) for v in np.diag(cov)]}
+            for name, xyz, cov in zip(
+                adjustment.network.point_names, adjustment.points_mm, adjustment.point_cov_mm2, strict=True
+            )
+            if np.isfinite(xyz).all()
+        },
+        "warnings": list(adjustment.warnings),
+    }
+
+
+def object_sigma_rms_um(adjustment: Adjustment) -> list[float]:
+    """Root mean square of the object points' sigmas along X, Y and Z, in µm."""
+    variances = np.einsum("nii->ni", adjustment.point_cov_mm2)
+    return [float(s) for s in 1e3 * np.sqrt(np.nanmean(variances, axis=0))]
+
+
+def calibration_figures(calibrations: Mapping[Method, Calibration]) -> Figures:
+    """Every calibration of a project."""
+    figures: Figures = {}
+    for method, calibration in calibrations.items():
+        if isinstance(calibration, PhotogrammetricCalibration):
+            figures[method] = _photogrammetric_figures(calibration)
+        elif isinstance(calibration, DepthCalibration):
+            figures[method] = {
+                "depths_mm": [float(z) for z in calibration.depths_mm],
+                "degree": calibration.degree,
+                "residual_rms_mm": plain(calibration.residual_rms_mm),
+                "valid_pixels": calibration.valid_pixels,
+                "axis": calibration.axis,
+                "warnings": list(calibration.warnings),
+            }
+    return figures
+
+
+def _photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
+    return {
+        "sigma0": calibration.sigma0,
+        "stations": calibration.stations,
+        "image_points": calibration.image_points,
+        "object_points": calibration.object_points,
+        "redundancy": calibration.redundancy,
+        "camera": device_figures(calibration.camera),
+        "projector": device_figures(calibration.projector),
+        "object_sigma_rms_um": [plain(s) for s in calibration.object_sigma_rms_um],
+        "projector_from_camera": {
+            "rotation": calibration.projector_from_camera.rotation.tolist(),
+            "translation_mm": calibration.projector_from_camera.translation_mm.tolist(),
+        },
+        "warnings": list(calibration.warnings),
+    }
+
+
+def evaluation_figures(evaluations: Sequence[PlaneEvaluation]) -> Figures:
+    """Every plane by every method."""
+    rows = []
+    for e in evaluations:
+        rows.append(
+            {
+                "capture": e.capture,
+                "angle_deg": e.angle_deg,
+                "method": e.method,
+                "n": e.n,
+                "rms_mm": e.rms_mm,
+                "max_mm": e.max_mm,
+                "min_mm": e.min_mm,
+                "predicted_rms_mm": e.predicted_rms_mm,
+                "excluded": e.excluded,
+                "excluded_rule": e.excluded_rule,
+            }
+        )
+    return {"planes": rows}
+
+
+def targets_figures(targets: Sequence[TargetSet]) -> Figures:
+    """Every measured target, and why the others are missing."""
+    return {"captures": [_target_set_figures(t) for t in targets]}
+
+
+def _target_set_figures(t: TargetSet) -> Figures:
+    sigma = np.sqrt(np.einsum("nii->ni", t.camera_cov))
+    measured = [
+        {
+            "row": int(t.row[i]),
+            "col": int(t.col[i]),
+            "u": float(t.camera_uv[i, 0]),
+            "v": float(t.camera_uv[i, 1]),
+            "sigma_u": float(sigma[i, 0]),
+            "sigma_v": float(sigma[i, 1]),
+            "projector_u": plain(t.projector_uv[i, 0]),
+            "projector_v": plain(t.projector_uv[i, 1]),
+            "projector_sigma_u": plain(t.projector_sigma[i, 0]),
+            "projector_sigma_v": plain(t.projector_sigma[i, 1]),
+        }
+        for i in range(len(t.row))
+    ]
+    missing = [{"row": m.row, "col": m.col, "reason": m.reason} for m in t.missing]
+    return {"capture": t.capture, "targets": measured, "missing": missing}
+
+
+def phase_figures(phase: PhaseMap) -> Figures:
+    """What a decoded capture holds, in numbers."""
+    figures: Figures = {"height": phase.u.shape[0], "width": phase.u.shape[1]}
+    for name, values, sigma in (("u", phase.u, phase.sigma_u), ("v", phase.v, phase.sigma_v)):
+        valid = np.isfinite(values)
+        count = int(valid.sum())
+        figures[name] = {
+            "valid_pixels": count,
+            "least": plain(values[valid].min()) if count else None,
+            "greatest": plain(values[valid].max()) if count else None,
+            "median_sigma": plain(np.median(sigma[valid])) if count else None,
+        }
+    lit = np.isfinite(phase.u) | np.isfinite(phase.v)
+    figures["median_modulation"] = plain(np.median(phase.modulation[lit])) if lit.any() else None
+    return figures
+
+
+def plain(value: float) -> float | None:
+    """Give a number as JSON can hold it: null for what is not finite."""
+    return float(value) if math.isfinite(value) else None
