@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
@@ -33,5 +34,5 @@ def run_in_bands(function: Callable[[int, int], None], rows: int, least: int = 1
         return
     edges = [rows * i // bands for i in range(bands + 1)]
     with ThreadPoolExecutor(bands) as pool:
-        for result in [pool.submit(function, a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]:
+        for result in [pool.submit(function, a, b) for a, b in pairwise(edges)]:
             result.result()

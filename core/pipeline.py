@@ -105,7 +105,7 @@ def capture_into(
     angle_deg: float | None = None,
     progress: Progress = SILENT,
 ) -> CaptureReport:
-    """Record one capture with a projector and a camera (by URL; the virtual ones by default) and add it to a project."""
+    """Record one capture with a projector and a camera (by URL, else the virtual ones) and add it to a project."""
     from core.capture import run_capture
 
     project = read_project(folder)

@@ -1,0 +1,97 @@
+"""The road's direction: a stage never imports a neighbour, and the core never imports Qt."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+GROUND = {"errors", "progress", "fields", "parallel", "model", "geometry", "patterns"}
+ALLOWED = {
+    "errors": set(),
+    "progress": {"errors"},
+    "fields": {"errors"},
+    "parallel": set(),
+    "model": {"geometry", "patterns"},  # for type annotations only: see below
+    "geometry": {"model"},
+    "patterns": {"errors", "fields"},
+    "project": GROUND,
+    "devices": GROUND | {"project", "bench"},  # the virtual devices switch the bench
+    "capture": GROUND | {"project", "devices"},
+    "bench": GROUND | {"project"},
+    "decode": GROUND,
+    "measure": GROUND,
+    "calibrate": GROUND,
+    "reconstruct": GROUND,
+    "evaluate": GROUND,
+    "report": {"errors", "progress", "model", "geometry"},
+    "figures": {"model"},
+    "pipeline": GROUND
+    | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"},
+    "demo": {"errors", "progress", "model", "figures", "pipeline", "report"},
+    "cli": {"errors", "progress", "figures", "project", "pipeline", "demo"},
+    "__main__": {"cli"},
+}
+
+
+def rooms() -> dict[str, list[Path]]:
+    """Every room of the core (a folder or a module beside it) and its files."""
+    files: dict[str, list[Path]] = {}
+    for path in sorted((ROOT / "core").rglob("*.py")):
+        room = path.relative_to(ROOT / "core").parts[0].removesuffix(".py")
+        if room != "__init__":
+            files.setdefault(room, []).append(path)
+    return files
+
+
+def imported(path: Path, skip_type_checking: bool = False) -> set[str]:
+    """The absolute module names that a file imports, inside functions too."""
+    names: set[str] = set()
+
+    def visit(node: ast.AST) -> None:
+        if skip_type_checking and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            return
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: write imports in full"
+            names.add(node.module or "")
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+        for child in ast.iter_child_nodes(node):
+            visit(child)
+
+    visit(ast.parse(path.read_text()))
+    return names
+
+
+@pytest.mark.parametrize("room", sorted(rooms()))
+def test_a_room_imports_only_what_the_road_allows(room: str) -> None:
+    assert room in ALLOWED, f"core/{room} is new: say here what it may import"
+    for path in rooms()[room]:
+        used = {name.split(".")[1] for name in imported(path) if name.startswith("core.")} - {room}
+        assert used <= ALLOWED[room], f"{path.relative_to(ROOT)} imports {sorted(used - ALLOWED[room])}"
+
+
+def test_the_model_imports_nothing_at_run_time() -> None:
+    assert not [n for n in imported(ROOT / "core/model.py", skip_type_checking=True) if n.startswith("core.")]
+
+
+def test_the_core_names_no_window_toolkit() -> None:
+    for path in (ROOT / "core").rglob("*.py"):
+        tops = {name.split(".")[0] for name in imported(path)}
+        assert not tops & {"PySide6", "PyQt6", "PyQt5", "qtpy", "pyqtgraph", "stripe_gui", "tkinter"}, path
+
+
+def test_help_loads_nothing_heavy() -> None:
+    code = (
+        "import sys, core.cli\n"
+        "try: core.cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print(sorted({'numpy', 'scipy', 'cv2', 'numba', 'matplotlib', 'reportlab'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.splitlines()[-1] == "[]"
