@@ -45,7 +45,7 @@ def load_archive(path: Path, kind: type[T]) -> T:
         If the file is not there, is damaged, or holds something else.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             head = json.loads(str(stored["tree"]))
             arrays = {name: stored[name] for name in stored.files if name != "tree"}
         value = _unpack(head["value"], arrays) if head.get("version") == VERSION else None
