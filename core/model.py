@@ -329,8 +329,8 @@ class PointCloud:
     """Points in the camera's frame in mm, NaN where invalid; shape (H, W, 3)."""
 
     xyz_mm: Floats
-    sigma_mm: Floats | None = None  # (H, W, 3); photogrammetric only
-    sigma_depth_mm: Floats | None = None  # (H, W) along the depth axis; polynomial only
+    sigma_mm: Floats | None = None  # (H, W, 3), phase noise and calibration; photogrammetric only
+    sigma_depth_mm: Floats | None = None  # (H, W) of the camera's Z, phase noise alone; both methods
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,12 @@
-"""."""
+"""How flat a plane came out: the orthogonal plane fit and the deviations from it.
+
+* `plane` the plane itself: `fit_plane`, `Plane`;
+* `planes` the judgement of one capture: `evaluate_plane` is the stage;
+* `sphere` the same for a ball: `fit_sphere`.
+"""
+
+from core.evaluate.plane import Plane, fit_plane
+from core.evaluate.planes import evaluate_plane
+from core.evaluate.sphere import Sphere, fit_sphere
+
+__all__ = ["Plane", "Sphere", "evaluate_plane", "fit_plane", "fit_sphere"]

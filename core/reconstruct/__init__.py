@@ -1,1 +1,18 @@
-"""."""
+"""From a phase map and a calibration to points in the camera's frame.
+
+* `points` dispatches: `reconstruct` is the stage;
+* `intersect` forward intersection by the photogrammetric calibration, from 4 or 3 observations;
+* `system` what of a photogrammetric calibration is prepared once: camera rays, projection along a ray, sigma table;
+* `lookup` depth by the polynomial or the table of every pixel;
+* `rays` the viewing directions of all camera pixels;
+* `export` the NPZ and PLY files.
+
+A camera pixel is where it is: its centre has no error, so a point lies on its pixel's ray and the projector coordinates
+u and v, which carry the phase noise, say how far along.
+"""
+
+from core.reconstruct.export import write_npz, write_ply
+from core.reconstruct.points import reconstruct
+from core.reconstruct.rays import camera_rays
+
+__all__ = ["camera_rays", "reconstruct", "write_npz", "write_ply"]

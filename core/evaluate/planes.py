@@ -1,0 +1,93 @@
+"""The judgement of one plane capture by one method."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.evaluate.plane import Plane, fit_plane
+from core.model import Array, Method, PhaseMap, PlaneEvaluation, PointCloud
+
+
+def evaluate_plane(
+    phase: PhaseMap, cloud: PointCloud, *, capture: str, angle_deg: float | None, method: Method
+) -> PlaneEvaluation:
+    """Fit a plane to all points of a capture and describe their deviations from it.
+
+    Parameters
+    ----------
+    phase : PhaseMap
+        What the decoder called valid, shape (H, W).
+    cloud : PointCloud
+        The points of the same pixels.
+    capture : str
+        Name, for the report and for messages.
+    angle_deg : float or None
+        The plane's nominal angle, for the report.
+    method : {"photogrammetric", "polynomial"}
+        By which the points were reconstructed.
+
+    Returns
+    -------
+    evaluation : PlaneEvaluation
+        Every point takes part: r.m.s. = sqrt(Σ d²/n), the largest |d| and the most negative d, where d is the signed
+        distance along the normal, positive towards the camera. `deviation_mm` has shape (H, W), NaN without point.
+
+    Raises
+    ------
+    StripeError
+        If there are fewer than 4 points, or they lie on a line.
+
+    Notes
+    -----
+    The predicted r.m.s. comes from the phase noise alone: a pixel's noise moves its point along the pixel's ray, and
+    ``X / Z`` is that movement per mm of Z, so d has the sigma ``sigma_Z |n · X / Z|``. Errors of the calibration move
+    neighbouring points together; they tilt, shift and bend the whole plane and are part of each point's own sigma, not
+    of this figure.
+    """
+    valid = np.asarray(np.isfinite(cloud.xyz_mm).all(axis=-1))
+    points = cloud.xyz_mm[valid].astype(np.float64)
+    plane = fit_plane(points, where=capture)
+    deviation = plane.deviations(points)
+    pictured = np.full(valid.shape, np.nan, np.float32)
+    pictured[valid] = deviation
+    excluded, rule = _excluded(phase, valid, method)
+    return PlaneEvaluation(
+        capture=capture,
+        angle_deg=angle_deg,
+        method=method,
+        n=len(points),
+        rms_mm=float(np.sqrt(np.mean(deviation**2))),
+        max_mm=float(np.abs(deviation).max()),
+        min_mm=float(deviation.min()),
+        predicted_rms_mm=_predicted_rms(cloud, valid, points, plane),
+        excluded=excluded,
+        excluded_rule=rule,
+        plane=np.array([*plane.normal, plane.offset_mm]),
+        deviation_mm=pictured,
+    )
+
+
+def _predicted_rms(cloud: PointCloud, valid: NDArray[np.bool_], points: Array, plane: Plane) -> float | None:
+    if cloud.sigma_depth_mm is None:
+        return None
+    sigma_z = cloud.sigma_depth_mm[valid].astype(np.float64)
+    known = np.isfinite(sigma_z)
+    if not known.any():
+        return None
+    sigma = sigma_z[known] * (points[known] @ plane.normal) / points[known, 2]
+    return float(np.sqrt(np.mean(sigma**2)))
+
+
+def _excluded(phase: PhaseMap, valid: NDArray[np.bool_], method: Method) -> tuple[int, str]:
+    """Count the pixels that have a projector coordinate but no point, and say by which rule."""
+    u, v = np.isfinite(phase.u), np.isfinite(phase.v)
+    without = (u | v) & ~valid
+    lead = v if bool((valid & ~u).any()) else u  # every point has the coordinate that gives the depth
+    blind = int(np.count_nonzero(without & ~lead))
+    rest = int(np.count_nonzero(without)) - blind
+    reason = (
+        "outside the calibrated depths or field" if method == "polynomial" else "no intersection in front of the rig"
+    )
+    rules = [(rest, reason), (blind, "the projector coordinate that gives the depth was not decoded")]
+    return rest + blind, "; ".join(f"{n} {why}" if blind else why for n, why in rules if n)

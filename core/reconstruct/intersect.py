@@ -1,0 +1,231 @@
+"""Forward intersection of a camera ray with one or two projector coordinates.
+
+The pixel's ray is fixed; the inverse depth q on it is estimated from the projector coordinates u and v by weighted
+least squares (4 observations: the pixel's x and y, u and v) or follows from one of them alone (3 observations), with
+the full interior orientation of both devices. Gauss and Newton's step is
+
+    q <- q + (w_u J_u r_u + w_v J_v r_v) / (w_u J_u² + w_v J_v²),    w = 1 / sigma²,  J = df/dq,  r = observed - f(q)
+
+from the closed solution without distortion; two or three steps do. The rows of an image are handed to threads.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from core.errors import InputError
+from core.model import Floats, PhaseMap, PhotogrammetricCalibration, PointCloud
+from core.parallel import run_in_bands
+from core.reconstruct.system import System, prepare
+
+MOST_STEPS = 12
+SETTLED_LINES = 1e-3  # a step this small leaves an error of the order of its square
+LEAST_VARIANCE = 1e-8  # lines², so that a sigma of 0 has a weight
+WEAK_AXIS = 0.02  # an axis with less of the other's depth resolution cannot serve alone
+
+
+def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> PointCloud:
+    """Intersect all pixels of a phase map.
+
+    Parameters
+    ----------
+    phase : PhaseMap
+        Shape (H, W), with u, v or both.
+    calibration : PhotogrammetricCalibration
+
+    Returns
+    -------
+    cloud : PointCloud
+        `sigma_mm` from phase noise and the calibration's covariance; `sigma_depth_mm` of Z from phase noise alone.
+
+    Raises
+    ------
+    InputError
+        If no axis was decoded, or only one along which depth changes nothing.
+
+    Notes
+    -----
+    A pixel has a point where the leading coordinate (of those decoded the one that changes more with depth) is valid;
+    the other one takes part where it is valid too. The calibration's part of the sigma is interpolated in a table and
+    taken for equal weights of u and v.
+    """
+    system = prepare(calibration)
+    lead, other = _axes(phase, system)
+    coordinates = {"u": (phase.u, phase.sigma_u, system.line_u), "v": (phase.v, phase.sigma_v, system.line_v)}
+    first, first_sigma, first_line = coordinates[lead]
+    second, second_sigma, second_line = coordinates[other or lead]
+    height, width = first.shape
+    xyz = np.empty((height, width, 3), np.float32)
+    sigma = np.empty((height, width, 3), np.float32)
+    sigma_depth = np.empty((height, width), np.float32)
+    table = system.q2_variance["uv" if other else lead]
+    depths = system.nodes[2]
+    device = (*system.matrix.ravel().tolist(), *system.vector.tolist(), *system.radial)
+    spread = _column_weights(width, len(system.nodes[1]))
+
+    def band(start: int, stop: int) -> None:
+        _intersect_rows(
+            first, first_sigma, first_line, second, second_sigma, second_line, other is not None,
+            system.rays, device, table, float(depths[0]), float(depths[1] - depths[0]), *spread,
+            xyz, sigma, sigma_depth, start, stop,
+        )  # fmt: skip
+
+    run_in_bands(band, height)
+    return PointCloud(xyz, sigma, sigma_depth)
+
+
+def _axes(phase: PhaseMap, system: System) -> tuple[str, str | None]:
+    """Name the leading coordinate and the other one, None where only one was decoded."""
+    slopes = dict(zip("uv", system.slopes, strict=True))
+    decoded = [name for name, values in (("u", phase.u), ("v", phase.v)) if _any_finite(values)]
+    if not decoded:
+        raise InputError("phase map", "no pixel has a projector coordinate", "check the capture's frames and exposure")
+    decoded.sort(key=lambda name: -slopes[name])
+    lead = decoded[0]
+    if slopes[lead] < WEAK_AXIS * max(slopes.values()):
+        seen = f"only {lead} was decoded, which hardly changes with depth on this rig"
+        raise InputError("phase map", seen, f"capture with patterns along {'x' if lead == 'v' else 'y'}")
+    return lead, decoded[1] if len(decoded) == 2 else None
+
+
+def _any_finite(values: Floats) -> bool:
+    return any(bool(np.isfinite(row).any()) for row in values)
+
+
+def _column_weights(width: int, nodes: int) -> tuple[np.ndarray, np.ndarray]:
+    """For every column the table node to its left and the weight of the next one."""
+    position = np.arange(width) * ((nodes - 1) / max(width - 1, 1))
+    left = np.minimum(position.astype(np.int64), nodes - 2)
+    return left, position - left
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")
+def _along(q, X, Y, W, device):  # type: ignore[no-untyped-def]
+    """Image after radial and decentring parameters at inverse depth q, and its derivative by q."""
+    mx, my, mw, a1, a2, a5, a6, d0 = device[9:]
+    w = 1.0 / (W + mw * q)
+    x, y = (X + mx * q) * w, (Y + my * q) * w
+    dx, dy = (mx - x * mw) * w, (my - y * mw) * w
+    r2 = x * x + y * y
+    dr2 = 2.0 * (x * dx + y * dy)
+    d = 1.0 + d0 + r2 * (a1 + a2 * r2)
+    dd = (a1 + 2.0 * a2 * r2) * dr2
+    xy, dxy = x * y, x * dy + y * dx
+    x1 = x * d + 2.0 * a5 * xy + a6 * (r2 + 2.0 * x * x)
+    y1 = y * d + 2.0 * a6 * xy + a5 * (r2 + 2.0 * y * y)
+    dx1 = dx * d + x * dd + 2.0 * a5 * dxy + a6 * (dr2 + 4.0 * x * dx)
+    dy1 = dy * d + y * dd + 2.0 * a6 * dxy + a5 * (dr2 + 4.0 * y * dy)
+    return x1, y1, dx1, dy1
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _begin_row(u, line, rays, device, X, Y, W, q):  # type: ignore[no-untyped-def]
+    """Project the rays of a row and solve for q without distortion."""
+    k0, kx, ky = line
+    mx, my, mw = device[9:12]
+    along = kx * mx + ky * my
+    for c in range(u.shape[0]):
+        dx, dy = np.float64(rays[c, 0]), np.float64(rays[c, 1])
+        X[c] = device[0] * dx + device[1] * dy - device[2]
+        Y[c] = device[3] * dx + device[4] * dy - device[5]
+        W[c] = device[6] * dx + device[7] * dy - device[8]
+        m = np.float64(u[c]) - k0
+        q[c] = (kx * X[c] + ky * Y[c] - m * W[c]) / (m * mw - along)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _step_one(u, sigma, line, device, X, Y, W, q, sigma_q, last):  # type: ignore[no-untyped-def]
+    """Newton's step for one coordinate in a row; the number of pixels that have not settled."""
+    k0, kx, ky = line
+    moving = 0
+    for c in range(u.shape[0]):
+        x1, y1, dx1, dy1 = _along(q[c], X[c], Y[c], W[c], device)
+        slope = kx * dx1 + ky * dy1
+        rest = np.float64(u[c]) - (k0 + kx * x1 + ky * y1)
+        q[c] += rest / slope
+        sigma_q[c] = np.float64(sigma[c]) / abs(slope)
+        last[c] = abs(rest)
+        moving += last[c] > SETTLED_LINES
+    return moving
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _step_two(u, sigma_u, line_u, v, sigma_v, line_v, device, X, Y, W, q, sigma_q, last):  # type: ignore[no-untyped-def]
+    """Gauss and Newton's step for two coordinates in a row; the second one without weight where it is NaN."""
+    for_u, for_v = line_u, line_v
+    moving = 0
+    for c in range(u.shape[0]):
+        x1, y1, dx1, dy1 = _along(q[c], X[c], Y[c], W[c], device)
+        slope_u = for_u[1] * dx1 + for_u[2] * dy1
+        slope_v = for_v[1] * dx1 + for_v[2] * dy1
+        rest_u = np.float64(u[c]) - (for_u[0] + for_u[1] * x1 + for_u[2] * y1)
+        rest_v = np.float64(v[c]) - (for_v[0] + for_v[1] * x1 + for_v[2] * y1)
+        su, sv = np.float64(sigma_u[c]), np.float64(sigma_v[c])
+        # a sigma that is missing counts as one line; NaN fails every comparison
+        variance_u = max(su * su, LEAST_VARIANCE) if su >= 0 else 1.0
+        variance_v = max(sv * sv, LEAST_VARIANCE) if sv >= 0 else 1.0
+        known = rest_v == rest_v
+        weight_u = slope_u / variance_u
+        weight_v = slope_v / variance_v if known else 0.0
+        rest_v = rest_v if known else 0.0
+        information = weight_u * slope_u + weight_v * slope_v
+        step = (weight_u * rest_u + weight_v * rest_v) / information
+        q[c] += step
+        sigma_q[c] = 1.0 / np.sqrt(information)
+        last[c] = abs(step) * max(abs(slope_u), abs(slope_v))
+        moving += last[c] > SETTLED_LINES
+    return moving
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _end_row(rays, q, sigma_q, last, mw, W, nodes, first, gap, left, share, xyz, sigma, sigma_depth):  # type: ignore[no-untyped-def]
+    """Points and sigmas of a row from the inverse depths; `nodes` (columns, depths, 3) is the table at this row."""
+    most = nodes.shape[1] - 2
+    for c in range(q.shape[0]):
+        if not (last[c] <= SETTLED_LINES and q[c] > 0 and W[c] + mw * q[c] > 0):
+            xyz[c, 0] = xyz[c, 1] = xyz[c, 2] = np.nan
+            sigma[c, 0] = sigma[c, 1] = sigma[c, 2] = sigma_depth[c] = np.nan
+            continue
+        s = 1.0 / q[c]
+        noise = sigma_q[c] * s * s
+        noise2, s4 = noise * noise, s * s * s * s
+        dx, dy = np.float64(rays[c, 0]), np.float64(rays[c, 1])
+        xyz[c, 0], xyz[c, 1], xyz[c, 2] = dx * s, dy * s, -s
+        sigma_depth[c] = noise
+        k = min(max((q[c] - first) / gap, 0.0), most + 1.0)
+        i = min(int(k), most)
+        k -= i
+        j, t = left[c], share[c]
+        a, b, e, f = (1 - t) * (1 - k), (1 - t) * k, t * (1 - k), t * k
+        for n in range(3):
+            along = dx * dx if n == 0 else (dy * dy if n == 1 else 1.0)
+            own = a * nodes[j, i, n] + b * nodes[j, i + 1, n] + e * nodes[j + 1, i, n] + f * nodes[j + 1, i + 1, n]
+            sigma[c, n] = np.sqrt(along * noise2 + own * s4)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _intersect_rows(  # type: ignore[no-untyped-def]
+    u, sigma_u, line_u, v, sigma_v, line_v, both, rays, device, table, first, gap, left, share,
+    xyz, sigma, sigma_depth, start, stop,
+):  # fmt: skip
+    """Intersect rows start to stop - 1."""
+    width = u.shape[1]
+    X, Y, W, q, sigma_q, last = np.empty((6, width))
+    for r in range(start, stop):
+        _begin_row(u[r], line_u, rays[r], device, X, Y, W, q)
+        for _ in range(MOST_STEPS):
+            if both:
+                moving = _step_two(
+                    u[r], sigma_u[r], line_u, v[r], sigma_v[r], line_v, device, X, Y, W, q, sigma_q, last
+                )
+            else:
+                moving = _step_one(u[r], sigma_u[r], line_u, device, X, Y, W, q, sigma_q, last)
+            if moving == 0:
+                break
+        height = r * (table.shape[0] - 1) / max(u.shape[0] - 1, 1)
+        i = min(int(height), table.shape[0] - 2)
+        nodes = (1 - (height - i)) * table[i] + (height - i) * table[i + 1]
+        _end_row(
+            rays[r], q, sigma_q, last, device[11], W, nodes, first, gap, left, share, xyz[r], sigma[r], sigma_depth[r]
+        )

@@ -1,0 +1,52 @@
+"""The stage: phase map and calibration in, points out."""
+
+from __future__ import annotations
+
+from core.errors import InputError
+from core.model import Calibration, PhaseMap, PhotogrammetricCalibration, PointCloud
+from core.progress import SILENT, Progress
+from core.reconstruct.intersect import intersect
+from core.reconstruct.lookup import look_up
+
+
+def reconstruct(
+    phase: PhaseMap, calibration: Calibration, *, extrapolate: bool = False, progress: Progress = SILENT
+) -> PointCloud:
+    """Reconstruct the points that the camera's pixels see.
+
+    Parameters
+    ----------
+    phase : PhaseMap
+        Projector coordinates of every camera pixel, shape (H, W).
+    calibration : PhotogrammetricCalibration or DepthCalibration
+        Says which method is used.
+    extrapolate : bool
+        Depth look-up only: also give points beyond the calibrated depths.
+    progress : Progress
+
+    Returns
+    -------
+    cloud : PointCloud
+        Points in the camera's frame in mm, NaN where there is none.
+
+    Raises
+    ------
+    InputError
+        If the phase map has not the size of the calibrated camera, or lacks the axis that gives the depth.
+    """
+    photogrammetric = isinstance(calibration, PhotogrammetricCalibration)
+    spec = calibration.camera.spec if isinstance(calibration, PhotogrammetricCalibration) else calibration.camera_spec
+    if phase.u.shape != (spec.height, spec.width):
+        height, width = phase.u.shape
+        raise InputError(
+            "phase map",
+            f"is {width}×{height} pixels, but the calibrated camera has {spec.width}×{spec.height}",
+            "use captures of the camera that was calibrated",
+        )
+    progress(0.0, "intersecting" if photogrammetric else "looking up depths")
+    if isinstance(calibration, PhotogrammetricCalibration):
+        cloud = intersect(phase, calibration)
+    else:
+        cloud = look_up(phase, calibration, extrapolate=extrapolate)
+    progress(1.0, "points are reconstructed")
+    return cloud

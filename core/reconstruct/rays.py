@@ -1,0 +1,36 @@
+"""The viewing directions of all camera pixels, worked out once per calibration."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from core.geometry import ray_directions
+from core.model import DeviceSpec, Floats, Interior
+
+ROWS_AT_ONCE = 256  # keeps the float64 work arrays of a 5 Mpx camera small
+
+
+@lru_cache(maxsize=3)
+def camera_rays(spec: DeviceSpec, interior: Interior) -> Floats:
+    """Give the directions in which all pixels of a camera look, distortion removed.
+
+    Parameters
+    ----------
+    spec, interior
+        The camera.
+
+    Returns
+    -------
+    rays : array, shape (H, W, 2), float32
+        X and Y of the direction whose Z is -1 (camera frame), NaN where the distortion cannot be inverted. Rounding to
+        float32 moves a point at 1 m by less than 0.06 µm per unit of direction. Read-only, shared between callers.
+    """
+    rays = np.empty((spec.height, spec.width, 2), np.float32)
+    for start in range(0, spec.height, ROWS_AT_ONCE):
+        rows = np.arange(start, min(start + ROWS_AT_ONCE, spec.height))
+        uv = np.stack(np.meshgrid(np.arange(spec.width), rows), axis=-1)
+        rays[rows] = ray_directions(spec, interior, uv)[..., :2]
+    rays.setflags(write=False)
+    return rays
