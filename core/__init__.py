@@ -53,7 +53,7 @@ _HOME = {
     "Progress": "core.progress",
     "StripeError": "core.errors",
 }
-__all__ = list(_HOME)  # noqa: PLE0605  the names below are found when they are asked for
+__all__ = list(_HOME)
 
 
 def __getattr__(name: str) -> Any:
