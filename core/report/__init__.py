@@ -1,1 +1,44 @@
-"""."""
+"""The report: what was calibrated and how well it measures, in numbers, figures and words.
+
+Reads `core.model` alone and computes nothing that a stage before it should have computed.
+
+data.py        what a report is made of, and where it is written
+published.py   the printed results of an experiment that the rig repeats
+table.py       a table of plain numbers, and its form in a terminal
+numbers.py     Tables 1 to 4: interior orientation, adjustment, plane-table, depth calibration
+interior.py    true parameters referred to another radius r0
+words.py       the summary: sentences with the figures in them, what was warned of, what is missing
+figures/       the drawings, one room of their own
+html.py        one self-contained HTML file
+pdf.py         the same content on A4 pages
+write.py       both files, written whole or not at all
+
+Examples
+--------
+>>> from core.report import Number, Table, text_table
+>>> print(text_table(Table("Base", ("quantity", "value"), (("length", Number(250.0, ".1f")),), ("measured twice",))))
+Base
+quantity  value
+--------  -----
+length    250.0
+measured twice
+"""
+
+from core.report.data import ReportData, ReportPaths
+from core.report.numbers import tables
+from core.report.table import Number, Table, cell_text, text_table
+from core.report.words import Summary, summary
+from core.report.write import write_report
+
+__all__ = [
+    "Number",
+    "ReportData",
+    "ReportPaths",
+    "Summary",
+    "Table",
+    "cell_text",
+    "summary",
+    "tables",
+    "text_table",
+    "write_report",
+]

@@ -1,0 +1,140 @@
+"""What a report is made of, and where it is written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from core.model import (
+    AdjustedDevice,
+    Adjustment,
+    DepthCalibration,
+    Method,
+    PhotogrammetricCalibration,
+    PlaneEvaluation,
+    Project,
+)
+
+Kind = Literal["camera", "projector"]
+
+
+@dataclass(frozen=True)
+class ReportData:
+    """Everything the report tells of; a part that is None or empty is left out and the report says so.
+
+    Attributes
+    ----------
+    project : Project
+        `project.reference` names the published results to print beside the own ones.
+    truth : mapping, optional
+        True interior orientations of a simulated rig by device, "camera" and "projector" (or the name of the
+        network's device): ``{"c_mm": …, "x0_mm": …, "y0_mm": …, "A1": … "A6": …, "r0_mm": …}``. Other keys are ignored.
+    made_on, made_by : str
+        Date and program for the title block. The report never reads the clock, so equal data give equal files.
+    colour_limit_mm : float, optional
+        End of the deviation maps' common colour scale; by default it follows from the deviations.
+    """
+
+    project: Project
+    adjustment: Adjustment | None = None
+    photogrammetric: PhotogrammetricCalibration | None = None
+    depth: DepthCalibration | None = None
+    evaluations: tuple[PlaneEvaluation, ...] = ()
+    truth: Mapping[str, Any] | None = None
+    made_on: str = ""
+    made_by: str = ""
+    colour_limit_mm: float | None = None
+
+    @property
+    def name(self) -> str:
+        """The project's name, or its folder's where it has none."""
+        return self.project.name or self.project.path.name
+
+
+@dataclass(frozen=True)
+class ReportPaths:
+    """The files of a report."""
+
+    html: Path
+    pdf: Path
+
+
+@dataclass(frozen=True)
+class CalibratedDevice:
+    """A device with its name in the network and what it is, if that is known."""
+
+    name: str
+    kind: Kind | None
+    device: AdjustedDevice
+
+    @property
+    def label(self) -> str:
+        """What tables and figures call the device."""
+        return self.kind or self.name
+
+
+def calibrated_devices(data: ReportData) -> list[CalibratedDevice]:
+    """All devices with an interior orientation, the camera first.
+
+    Those of the photogrammetric calibration if there is one, else those of the adjustment.
+    """
+    if data.photogrammetric is not None:
+        pair = data.photogrammetric
+        return [
+            CalibratedDevice("camera", "camera", pair.camera),
+            CalibratedDevice("projector", "projector", pair.projector),
+        ]
+    devices = data.adjustment.devices if data.adjustment is not None else {}
+    return [CalibratedDevice(name, kind_of_device(name), device) for name, device in devices.items()]
+
+
+def kind_of_device(name: str) -> Kind | None:
+    """Tell camera from projector by the name of a network's device; None for any other name.
+
+    Examples
+    --------
+    >>> kind_of_device("cam"), kind_of_device("Projector"), kind_of_device("left")
+    ('camera', 'projector', None)
+    """
+    lower = name.lower()
+    if lower in ("cam", "camera"):
+        return "camera"
+    return "projector" if lower in ("proj", "projector") else None
+
+
+def captures_in_order(evaluations: tuple[PlaneEvaluation, ...]) -> list[tuple[str, float | None]]:
+    """Every evaluated capture once, with its angle in degrees, in the order given."""
+    seen: dict[str, float | None] = {}
+    for evaluation in evaluations:
+        seen.setdefault(evaluation.capture, evaluation.angle_deg)
+    return list(seen.items())
+
+
+def methods_in_order(evaluations: tuple[PlaneEvaluation, ...]) -> list[Method]:
+    """Every method used, the photogrammetric one first."""
+    order: tuple[Method, ...] = ("photogrammetric", "polynomial")
+    return [method for method in order if any(e.method == method for e in evaluations)]
+
+
+def warnings_of(data: ReportData) -> list[tuple[str, str]]:
+    """What the calibrations warn of, each once: (which calibration, warning)."""
+    sources = [
+        ("network", data.adjustment.warnings if data.adjustment is not None else ()),
+        ("photogrammetric calibration", data.photogrammetric.warnings if data.photogrammetric is not None else ()),
+        ("depth calibration", data.depth.warnings if data.depth is not None else ()),
+    ]
+    seen: dict[str, str] = {}
+    for source, texts in sources:
+        for text in texts:
+            seen.setdefault(text, source)
+    return [(source, text) for text, source in seen.items()]
+
+
+def finite_deviations(evaluation: PlaneEvaluation) -> np.ndarray:
+    """Give the deviations in mm, shape (k,), of the pixels that have one."""
+    values = np.asarray(evaluation.deviation_mm, dtype=np.float64).ravel()
+    return values[np.isfinite(values)]

@@ -1,0 +1,84 @@
+"""What stands where in the report: the one order of content that HTML and PDF both set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from core.model import DeviceSpec
+from core.progress import SILENT, Progress
+from core.report.data import ReportData
+from core.report.figures import Drawing, drawings
+from core.report.numbers import adjustment_table, depth_table, interior_tables, plane_table, published_of
+from core.report.table import Table
+from core.report.words import Highlight, Summary, highlights, summary
+
+
+@dataclass(frozen=True)
+class Section:
+    """A chapter of the report."""
+
+    key: str
+    title: str
+    tables: tuple[Table, ...]
+    drawings: tuple[Drawing, ...]
+
+
+@dataclass(frozen=True)
+class Document:
+    """The whole report before it is set in HTML or PDF."""
+
+    title: str
+    facts: tuple[str, ...]
+    highlights: tuple[Highlight, ...]
+    summary: Summary
+    sections: tuple[Section, ...]
+    source: str  # of the published values; empty where there are none
+
+
+def compose(data: ReportData, *, progress: Progress = SILENT) -> Document:
+    """Put tables, figures and words in order.
+
+    Raises
+    ------
+    InputError
+        If the project names published results that are not known.
+    """
+    published = published_of(data)
+    figures = drawings(data, progress=progress)
+    calibrated = [*interior_tables(data, published)]
+    if data.adjustment is not None or data.photogrammetric is not None:
+        calibrated.append(adjustment_table(data, published))
+    planes = [plane_table(data.evaluations, published)] if data.evaluations else []
+    depth = [depth_table(data.depth)] if data.depth is not None else []
+    chapters = (
+        ("adjustment", "Photogrammetric calibration", calibrated),
+        ("planes", "Plane-table", planes),
+        ("depth", "Depth calibration", depth),
+    )
+    sections = tuple(
+        Section(key, title, tuple(tables), tuple(d for d in figures if d.section == key))
+        for key, title, tables in chapters
+        if tables
+    )
+    source = published.source if published else ""
+    return Document(data.name, _facts(data), highlights(data), summary(data), sections, source)
+
+
+def _facts(data: ReportData) -> tuple[str, ...]:
+    """Lines of the title block."""
+    project = data.project
+    facts = [f"Camera: {_device(project.camera, 'pixels')}", f"Projector: {_device(project.projector, 'lines')}"]
+    if project.scale is not None:
+        s = project.scale
+        facts.append(
+            f"Scale: {s.length_mm:g} mm ± {s.sigma_mm:g} mm from target {s.start[0]},{s.start[1]} (row, column) to "
+            f"{s.stop[0]},{s.stop[1]}"
+        )
+    facts.append(f"Captures: {len(project.captures)}")
+    made = " ".join(part for part in (data.made_on, f"by {data.made_by}" if data.made_by else "") if part)
+    return (*facts, f"Report made {made}") if made else tuple(facts)
+
+
+def _device(spec: DeviceSpec, unit: str) -> str:
+    pitch = " × ".join(f"{1000 * p:g}" for p in spec.pitch_mm)
+    return f"{spec.width} × {spec.height} {unit}, pitch {pitch} µm, nominal c {spec.nominal_c_mm:g} mm"

@@ -1,0 +1,182 @@
+"""The drawing surface: colours that follow the page from light to dark, SVG and PNG.
+
+Figures are drawn in the colours of the light page. In the SVG every one of them is replaced by a CSS variable of the
+page, which the style sheet sets for light, dark and print. The colours of images (deviation maps and the like) stay.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from io import BytesIO, StringIO
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib import font_manager
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.cm import ScalarMappable
+from matplotlib.figure import Figure
+from matplotlib.ft2font import FT2Font
+
+WIDTH_IN = 8.4
+INK, MUTED, GRID, SURFACE = "#1b1f24", "#57606b", "#d5dae0", "#fefeff"
+CAMERA, PROJECTOR, THIRD = "#0b6bb5", "#b8480b", "#2f7d4f"  # distinct in lightness and hue for every colour vision
+FILL = "#8fb4d6"
+CSS_VARIABLES = {
+    INK: "--ink",
+    MUTED: "--muted",
+    GRID: "--grid",
+    SURFACE: "--surface",
+    CAMERA: "--camera",
+    PROJECTOR: "--projector",
+    THIRD: "--third",
+    FILL: "--fill",
+}
+
+_RC = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.titleweight": "normal",
+    "axes.labelsize": 8.5,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "text.color": INK,
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.facecolor": "none",
+    "axes.linewidth": 0.7,
+    "axes.grid": False,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "figure.facecolor": "none",
+    "savefig.facecolor": "none",
+    "hatch.color": MUTED,
+    "hatch.linewidth": 0.5,
+    "text.usetex": False,
+    "text.parse_math": False,  # a capture may be called "$1"
+    "axes.formatter.use_mathtext": False,
+    "axes.unicode_minus": True,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "report",
+    "path.simplify": True,
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of the report.
+
+    Attributes
+    ----------
+    key : str
+        Its name in the files, unique in a report: lower-case letters, digits and hyphens.
+    caption : str
+        What to look at, in words.
+    alternative : str
+        What is seen, for whom it cannot be shown.
+    """
+
+    key: str
+    section: str
+    title: str
+    caption: str
+    alternative: str
+    figure: Figure
+
+
+@contextmanager
+def drawing_style() -> Iterator[None]:
+    """Draw in the report's style, whatever the user's matplotlib settings are."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_RC)  # type: ignore[arg-type]
+        yield
+
+
+def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    """Make an empty figure that lays its parts out by itself."""
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def svg_text(drawing: Drawing, dpi: int = 200) -> str:
+    """Give the drawing as an SVG element to stand in a page, its colours as CSS variables; images have `dpi`."""
+    out = StringIO()
+    with drawing_style():
+        FigureCanvasSVG(drawing.figure)
+        drawing.figure.savefig(out, format="svg", dpi=dpi, metadata={"Date": None, "Creator": None})
+    text = out.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, count=1, flags=re.DOTALL)
+    # names are unique in one drawing only, but must be in the whole page
+    text = re.sub(r'\bid="', f'id="{drawing.key}-', text)
+    text = re.sub(r'href="#', f'href="#{drawing.key}-', text)
+    text = re.sub(r"url\(#", f"url(#{drawing.key}-", text)
+    for colour, variable in CSS_VARIABLES.items():
+        text = text.replace(colour, f"var({variable})")
+    return text.strip()
+
+
+def png_bytes(drawing: Drawing, dpi: int = 180) -> bytes:
+    """Give the drawing as PNG on white."""
+    out = BytesIO()
+    with drawing_style():
+        FigureCanvasAgg(drawing.figure)
+        drawing.figure.savefig(out, format="png", dpi=dpi, facecolor="white", metadata={"Software": None})
+    return out.getvalue()
+
+
+def drawable(text: str) -> str:
+    """Replace characters that the figures' font lacks by a box, so that a name is never a reason to fail.
+
+    Examples
+    --------
+    >>> drawable("Prüffeld 計")
+    'Prüffeld □'
+    """
+    return "".join(c if ord(c) in _characters() else "□" for c in text)
+
+
+def shortened(text: str, length: int = 24) -> str:
+    """Give the text in at most `length` characters, its middle left out."""
+    if len(text) <= length:
+        return text
+    return f"{text[: length // 2 - 1]}…{text[-(length - length // 2) :]}"
+
+
+def plain_axes(axes: Axes, grid: bool = True) -> None:
+    """Take the upper and right frame away, and lay a light grid behind the data."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_axisbelow(True)
+    axes.grid(grid)
+
+
+def colour_bar(figure: Figure, image: ScalarMappable, axes: Any, label: str, **options: Any) -> None:
+    """Set the colour scale of an image beside the axes that show it."""
+    bar = figure.colorbar(image, ax=axes, **options)
+    bar.set_label(label)
+    bar.outline.set_edgecolor(MUTED)
+    if bar.solids is not None:
+        bar.solids.set_rasterized(True)  # as strokes its many cells would show seams
+
+
+def device_colour(index: int) -> str:
+    """Colour of the first, second, … device; the first two are camera and projector."""
+    return (CAMERA, PROJECTOR, THIRD)[index % 3]
+
+
+@cache
+def _characters() -> frozenset[int]:
+    return frozenset(FT2Font(font_manager.findfont("DejaVu Sans")).get_charmap())

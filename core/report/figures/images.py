@@ -1,0 +1,191 @@
+"""What lies over the image of every device: residual vectors and coverage."""
+
+from __future__ import annotations
+
+from math import ceil, floor, log10
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from core.model import Adjustment, DeviceSpec
+from core.report.data import kind_of_device
+from core.report.figures.canvas import (
+    GRID,
+    INK,
+    MUTED,
+    WIDTH_IN,
+    Drawing,
+    device_colour,
+    drawable,
+    new_figure,
+    shortened,
+)
+
+Array = NDArray[np.float64]
+VECTORS_AS_LINES = 8000  # more arrows than this are drawn as an image: lines would make the file heavy
+CELLS = 12  # of the coverage along the longer side
+
+
+def image_drawings(adjustment: Adjustment) -> list[Drawing]:
+    """Residual vectors and coverage of all devices of an adjustment."""
+    seen = [name for name in adjustment.devices if len(_observations(adjustment, name)[0])]
+    if not seen:
+        return []
+    return [_residual_vectors(adjustment, seen), _coverage(adjustment, seen)]
+
+
+def nice_step(value: float) -> float:
+    """Round down to 1, 2 or 5 times a power of ten.
+
+    Examples
+    --------
+    >>> nice_step(370), nice_step(0.03)
+    (200.0, 0.02)
+    """
+    exponent = floor(log10(value))
+    steps = [factor * 10.0 ** (exponent + e) for e in (0, 1) for factor in (1, 2, 5)]
+    return float(f"{max(s for s in steps if s <= value * (1 + 1e-9)):.3g}")
+
+
+def magnification(residuals_um: Array, spec: DeviceSpec) -> float:
+    """How many times residual vectors, shape (n, 2), are magnified: 95 % stay below 5 % of the image's width."""
+    lengths = np.hypot(*residuals_um.T)
+    typical = float(np.quantile(lengths, 0.95)) if len(lengths) else 0.0
+    if typical <= 0:
+        return 1.0
+    return nice_step(0.05 * spec.width * spec.pitch_mm[0] * 1000 / typical)
+
+
+def _observations(adjustment: Adjustment, name: str) -> tuple[Array, Array]:
+    """Image points of a device, shape (n, 2) in px, and their residuals, shape (n, 2) in µm along u and v.
+
+    A point observed in one coordinate only has no place in the image and is left out.
+    """
+    network = adjustment.network
+    mine = np.array([device == name for device in network.station_device], bool)[network.observation_station]
+    uv = network.observation_uv[mine]
+    pitch_um = 1000 * np.array(adjustment.devices[name].spec.pitch_mm)
+    residuals = adjustment.residuals[mine] * pitch_um
+    whole = np.isfinite(uv).all(axis=1) & np.isfinite(residuals).all(axis=1)
+    return uv[whole], residuals[whole]
+
+
+def _panels(adjustment: Adjustment, names: list[str], extra_in: float) -> tuple[Figure, list[Axes]]:
+    """One panel per device in the shape of its image, at most two in a row."""
+    across = min(len(names), 2)
+    down = ceil(len(names) / across)
+    shape = max(adjustment.devices[n].spec.height / adjustment.devices[n].spec.width for n in names)
+    width = WIDTH_IN / across - 0.6
+    figure = new_figure(min(down * (width * shape + extra_in), 11.0))
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    for unused in panels[len(names) :]:
+        unused.set_axis_off()
+    return figure, list(panels[: len(names)])
+
+
+def _image_frame(axes: Axes, spec: DeviceSpec, name: str) -> None:
+    unit = "line" if kind_of_device(name) == "projector" else "px"
+    axes.set(xlim=(-0.5, spec.width - 0.5), ylim=(spec.height - 0.5, -0.5))
+    axes.set(xlabel=f"u in {unit}", ylabel=f"v in {unit}")
+    axes.set_aspect(spec.pitch_mm[1] / spec.pitch_mm[0])
+    axes.locator_params(nbins=5)
+    for spine in axes.spines.values():
+        spine.set_edgecolor(GRID)
+
+
+def _residual_vectors(adjustment: Adjustment, names: list[str]) -> Drawing:
+    figure, panels = _panels(adjustment, names, 1.0)
+    told = []
+    for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
+        spec = adjustment.devices[name].spec
+        uv, residuals_um = _observations(adjustment, name)
+        factor = magnification(residuals_um, spec)
+        ends = uv + residuals_um * factor / (1000 * np.array(spec.pitch_mm))
+        line = axes.plot(*_arrows(uv, ends).T, color=device_colour(i), lw=0.5, solid_capstyle="round")[0]
+        line.set_rasterized(len(uv) > VECTORS_AS_LINES)
+        _image_frame(axes, spec, name)
+        axes.set_title(f"{drawable(shortened(name))}: {len(uv)} image points", loc="left", pad=24)
+        _scale_arrow(axes, residuals_um, factor, spec)
+        told.append(f"{name} {factor:g} times")
+    caption = (
+        f"Residuals (observed minus computed) of all stations as arrows from the place in the image, magnified: "
+        f"{', '.join(told)}; the arrow above each panel gives the scale. Arrows without order are measuring noise. "
+        "Neighbouring arrows that point the same way, or radially, mean that the device's model lacks a term."
+    )
+    rms = "; ".join("{} {:.2f} and {:.2f} µm".format(n, *adjustment.devices[n].residual_rms_um) for n in names)
+    alternative = f"Residual vectors over the image of {', '.join(names)}. R.m.s. in x and y: {rms}."
+    return Drawing("residuals", "adjustment", "Residual vectors over the image", caption, alternative, figure)
+
+
+def _arrows(starts: Array, ends: Array) -> Array:
+    """Arrows as one broken line, shape (n · 6, 2): shaft, two barbs, and NaN where the pen is lifted."""
+    back = (starts - ends) * 0.3
+    side = np.stack([-back[:, 1], back[:, 0]], axis=1) * 0.6
+    lifted = np.full_like(starts, np.nan)
+    points = np.stack([starts, ends, ends + back + side, ends, ends + back - side, lifted], axis=1)
+    return np.asarray(points.reshape(-1, 2))
+
+
+def _scale_arrow(axes: Axes, residuals_um: Array, factor: float, spec: DeviceSpec) -> None:
+    """Draw an arrow of a round length above the panel, with that length."""
+    rms = float(np.sqrt(np.mean(np.sum(residuals_um**2, axis=1))))
+    length_um = nice_step(2 * rms) if rms > 0 else 1.0
+    pixels = length_um * factor / 1000 / spec.pitch_mm[0]
+    right, up = axes.get_xlim()[1], axes.transAxes
+    start = right - pixels
+    at = axes.get_xaxis_transform()
+    axes.annotate(
+        "",
+        xy=(right, 1.035),
+        xytext=(start, 1.035),
+        xycoords=at,
+        textcoords=at,
+        arrowprops={"arrowstyle": "->", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7},
+        annotation_clip=False,
+    )
+    text = f"magnified {factor:g}×;  {length_um:g} µm"
+    axes.text(1 - pixels / spec.width - 0.02, 1.035, text, ha="right", va="center", fontsize=8, transform=up)
+
+
+def _coverage(adjustment: Adjustment, names: list[str]) -> Drawing:
+    figure, panels = _panels(adjustment, names, 0.75)
+    told = []
+    for axes, name in zip(panels, names, strict=True):
+        spec = adjustment.devices[name].spec
+        counts, edges_u, edges_v = _counts(_observations(adjustment, name)[0], spec)
+        share = float(np.mean(counts > 0))
+        _cells(axes, counts, edges_u, edges_v)
+        _image_frame(axes, spec, name)
+        axes.set_title(f"{drawable(shortened(name))}: {share:.0%} of the cells hold image points", loc="left")
+        told.append(f"{name} {share:.0%}")
+    caption = (
+        "How many image points of all stations fall into each cell of the image. The additional parameters are known "
+        "only where there are points: empty cells, above all along edges and in corners, are extrapolated."
+    )
+    alternative = f"Counts of image points per cell of the image. Cells with points: {', '.join(told)}."
+    return Drawing("coverage", "adjustment", "Coverage of the image", caption, alternative, figure)
+
+
+def _counts(uv: Array, spec: DeviceSpec) -> tuple[Array, Array, Array]:
+    cell = max(spec.width, spec.height) / CELLS
+    edges_u = np.linspace(-0.5, spec.width - 0.5, max(1, round(spec.width / cell)) + 1)
+    edges_v = np.linspace(-0.5, spec.height - 0.5, max(1, round(spec.height / cell)) + 1)
+    counts, _, _ = np.histogram2d(uv[:, 1], uv[:, 0], (edges_v, edges_u))
+    return counts, edges_u, edges_v
+
+
+def _cells(axes: Axes, counts: Array, edges_u: Array, edges_v: Array) -> None:
+    """Cells coloured by their count with the count written in; empty ones stay clear."""
+    top = max(1.0, float(counts.max()))
+    colours = colormaps["Blues"].with_extremes(bad=(0, 0, 0, 0))
+    shown = np.where(counts > 0, counts, np.nan)
+    axes.pcolormesh(edges_u, edges_v, shown, cmap=colours, vmin=0, vmax=top, rasterized=True)
+    middle_u, middle_v = (edges_u[:-1] + edges_u[1:]) / 2, (edges_v[:-1] + edges_v[1:]) / 2
+    for i, v in enumerate(middle_v):
+        for j, u in enumerate(middle_u):
+            count = int(counts[i, j])
+            colour = MUTED if count == 0 else ("#ffffff" if count > 0.55 * top else "#101418")
+            axes.text(u, v, f"{count}", ha="center", va="center", fontsize=6.5, color=colour)

@@ -1,0 +1,159 @@
+"""The network from above and from the side, the adjustment's convergence, the correlations of its parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from core.model import Adjustment
+from core.report.figures.canvas import (
+    GRID,
+    MUTED,
+    Drawing,
+    colour_bar,
+    device_colour,
+    drawable,
+    new_figure,
+    plain_axes,
+    shortened,
+)
+
+Array = NDArray[np.float64]
+MARKERS = ("o", "s", "^", "D", "v", "P")
+STRONG = 0.7  # a correlation from here on is written into its cell
+
+
+def network_drawings(adjustment: Adjustment) -> list[Drawing]:
+    """Everything there is to see of an adjustment besides its images."""
+    result = []
+    if len(adjustment.station_from_object):
+        result.append(_network(adjustment))
+    if len(adjustment.convergence):
+        result.append(_convergence(adjustment))
+    correlation, names = correlations(adjustment)
+    if len(names) > 1:
+        result.append(_correlations(correlation, names))
+    return result
+
+
+def correlations(adjustment: Adjustment) -> tuple[Array, list[str]]:
+    """Correlation coefficients, shape (n, n), of the estimated parameters, and their names; held ones are left out."""
+    covariance = np.asarray(adjustment.parameter_cov, dtype=np.float64)
+    if covariance.ndim != 2 or covariance.shape[0] != len(adjustment.parameter_names):
+        return np.zeros((0, 0)), []
+    variances = np.diag(covariance)
+    free = np.flatnonzero(np.isfinite(variances) & (variances > 0))
+    sigma = np.sqrt(variances[free])
+    return covariance[np.ix_(free, free)] / np.outer(sigma, sigma), [adjustment.parameter_names[i] for i in free]
+
+
+def _network(adjustment: Adjustment) -> Drawing:
+    """Two views on one scale: along Z onto X, Y and along Y onto X, Z of the object frame."""
+    centres = np.array([pose.origin_mm for pose in adjustment.station_from_object])
+    looking = np.array([-pose.rotation[2] for pose in adjustment.station_from_object])  # -Z of the device
+    points = adjustment.points_mm[np.isfinite(adjustment.points_mm).all(axis=1)]
+    middle = points.mean(axis=0) if len(points) else np.zeros(3)
+    reach = float(np.median(np.linalg.norm(centres - middle, axis=1)))
+    everything = np.concatenate([centres, points])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    margin = 0.08 * max(float((high - low).max()), 1.0)
+    low, high = low - margin, high + margin
+    figure = new_figure(float(np.clip(4.1 * (high - low)[1:].max() / (high - low)[0] + 0.9, 2.6, 7.0)))
+    axes = figure.subplots(1, 2)
+    views = ((0, 1, "from above (along Z)"), (0, 2, "from the side (along Y)"))
+    for panel, (i, j, title) in zip(axes, views, strict=True):
+        _view(panel, adjustment, centres[:, [i, j]], looking[:, [i, j]] * 0.3 * reach, points[:, [i, j]])
+        panel.set(xlim=(low[i], high[i]), ylim=(low[j], high[j]))
+        panel.set(xlabel=f"{'XYZ'[i]} in mm", ylabel=f"{'XYZ'[j]} in mm")
+        panel.set_title(title, loc="left")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    caption = (
+        "Projection centres of all stations, the object points and, as a stroke from each centre, where the device "
+        "looks. A strong network has centres on all sides of the field, so that rays cross at large angles; centres in "
+        "one heap or one row determine the interior orientation poorly."
+    )
+    counts = ", ".join(
+        f"{sum(d == name for d in adjustment.network.station_device)} of {name}" for name in adjustment.devices
+    )
+    alternative = f"Plan and side view of {len(centres)} stations ({counts}) around {len(points)} object points."
+    return Drawing("network", "adjustment", "The network", caption, alternative, figure)
+
+
+def _view(axes: Axes, adjustment: Adjustment, centres: Array, strokes: Array, points: Array) -> None:
+    plain_axes(axes)
+    axes.plot(*points.T, ".", color=MUTED, ms=2.0, label="object points", rasterized=len(points) > 5000)
+    for index, name in enumerate(adjustment.devices):
+        mine = np.array([device == name for device in adjustment.network.station_device], bool)
+        colour, marker = device_colour(index), MARKERS[index % len(MARKERS)]
+        ends = centres[mine] + strokes[mine]
+        broken = np.stack([centres[mine], ends, np.full_like(ends, np.nan)], axis=1).reshape(-1, 2)
+        axes.plot(*broken.T, color=colour, lw=0.8, alpha=0.7)
+        label = drawable(shortened(name))
+        axes.plot(*centres[mine].T, marker, color=colour, ms=5, mfc="none" if index % 2 else colour, ls="", label=label)
+    axes.set_aspect("equal")
+    axes.locator_params(nbins=6)
+
+
+def _convergence(adjustment: Adjustment) -> Drawing:
+    values = np.asarray(adjustment.convergence, dtype=np.float64)
+    figure = new_figure(2.6)
+    axes = figure.subplots()
+    plain_axes(axes)
+    steps = np.arange(len(values))
+    axes.plot(steps, values, "o-", color=device_colour(0), lw=1.3, ms=4)
+    if np.all(values > 0):
+        axes.set_yscale("log")
+    axes.set(xlabel="iteration", ylabel="weighted sum of squares vᵀPv")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+    axes.margins(x=0.05, y=0.18)
+    for i in sorted({0, len(values) - 1}):
+        text, at = f"{values[i]:.5g}", (steps[i], values[i])
+        axes.annotate(text, at, xytext=(0, 7), textcoords="offset points", ha="center", fontsize=8)
+    caption = (
+        "The weighted sum of squared residuals at every iteration, on a logarithmic scale. A sound adjustment falls "
+        "steeply and then stays level; steps up or a slow slope to the end tell of poor initial values or of a "
+        "weak network."
+    )
+    told = ", ".join(f"{v:.4g}" for v in values)
+    return Drawing(
+        "convergence",
+        "adjustment",
+        "Convergence of the adjustment",
+        caption,
+        f"Weighted sum of squares by iteration: {told}.",
+        figure,
+    )
+
+
+def _correlations(correlation: Array, names: list[str]) -> Drawing:
+    n = len(names)
+    figure = new_figure(min(max(3.0, 0.27 * n + 1.0), 8.4))
+    axes = figure.subplots()
+    image = axes.imshow(correlation, cmap=colormaps["RdBu_r"], vmin=-1, vmax=1, interpolation="nearest")
+    labels = [drawable(name) for name in names]
+    size = float(np.clip(150 / n, 3.5, 7.5))
+    axes.set_xticks(range(n), labels, rotation=90, fontsize=size)
+    axes.set_yticks(range(n), labels, fontsize=size)
+    axes.tick_params(length=0)
+    for spine in axes.spines.values():
+        spine.set_edgecolor(GRID)
+    lower = np.tril(np.ones((n, n), bool), -1) & (np.abs(correlation) >= STRONG)
+    for i, j in zip(*np.nonzero(lower), strict=True):
+        text = f"{100 * correlation[i, j]:.0f}"
+        colour = "#ffffff" if abs(correlation[i, j]) > 0.75 else "#101418"
+        axes.text(j, i, text, ha="center", va="center", fontsize=size * 0.85, color=colour)
+    colour_bar(figure, image, axes, "correlation", shrink=0.7, aspect=30)
+
+    strong = [(abs(correlation[i, j]), i, j) for i, j in zip(*np.nonzero(lower), strict=True)]
+    told = "; ".join(f"{names[j]} with {names[i]} {correlation[i, j]:+.2f}" for _, i, j in sorted(strong)[:-6:-1])
+    caption = (
+        "Correlation of every pair of parameters of interior and relative orientation; below the diagonal those of "
+        f"{STRONG:.0%} and more are written in, in per cent. Strongly correlated parameters stand in for each other: "
+        "their single values mean little, though together they fit."
+    )
+    alternative = f"Correlation matrix of {n} parameters. Strongest: {told or f'none reaches {STRONG:g}'}."
+    return Drawing("correlations", "adjustment", "Correlations of the parameters", caption, alternative, figure)

@@ -1,0 +1,178 @@
+"""Deviation maps and histograms of the plane-table."""
+
+from __future__ import annotations
+
+from math import ceil, floor, log10
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, Normalize
+from numpy.typing import NDArray
+
+from core.model import Method, PlaneEvaluation
+from core.report.data import ReportData, captures_in_order, finite_deviations, methods_in_order
+from core.report.figures.canvas import (
+    FILL,
+    GRID,
+    INK,
+    MUTED,
+    PROJECTOR,
+    WIDTH_IN,
+    Drawing,
+    colour_bar,
+    drawable,
+    new_figure,
+    plain_axes,
+    shortened,
+)
+
+COLUMNS = 4  # planes side by side in one figure
+Captures = list[tuple[str, float | None]]
+
+
+def plane_drawings(data: ReportData) -> list[Drawing]:
+    """Maps and histograms, at most four captures in a figure, all on one scale."""
+    mapped = tuple(e for e in data.evaluations if len(finite_deviations(e)))
+    if not mapped:
+        return []
+    limit_mm = data.colour_limit_mm or colour_limit_mm(mapped)
+    captures = captures_in_order(mapped)
+    groups = [captures[i : i + COLUMNS] for i in range(0, len(captures), COLUMNS)]
+    tails = [""] if len(groups) == 1 else [f"-{i + 1}" for i in range(len(groups))]
+    maps = [_maps(group, mapped, limit_mm, tail) for group, tail in zip(groups, tails, strict=True)]
+    return maps + [_histograms(group, mapped, limit_mm, tail) for group, tail in zip(groups, tails, strict=True)]
+
+
+def colour_limit_mm(evaluations: tuple[PlaneEvaluation, ...]) -> float:
+    """End of the common scale: three times the largest r.m.s. of a map, rounded up to a fifth of its power of ten.
+
+    The r.m.s. is that of the map after its greatest hundredth is left aside, so that a few gross errors do not make
+    every map look empty.
+    """
+    spreads = []
+    for evaluation in evaluations:
+        values = np.abs(finite_deviations(evaluation))
+        spreads.append(float(np.sqrt(np.mean(values[values <= np.quantile(values, 0.99)] ** 2))))
+    wanted = 3 * max(spreads)
+    if not wanted > 0:
+        return 1e-3
+    step = 10.0 ** floor(log10(wanted)) / 5
+    return round(ceil(wanted / step - 1e-9) * step, 12)
+
+
+def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm: float, tail: str) -> Drawing:
+    methods = methods_in_order(evaluations)
+    height, width = max(e.deviation_mm.shape for e in evaluations)
+    cell_in = (WIDTH_IN - 1.0) / max(len(captures), 2)
+    figure = new_figure(min(len(methods) * (cell_in * height / width + 0.45) + 0.75, 11.0))
+    axes = figure.subplots(len(methods), len(captures), squeeze=False)
+    colours = colormaps["RdBu_r"].with_extremes(bad=(0, 0, 0, 0))
+    scale = Normalize(-limit_mm, limit_mm)
+    for row, method in enumerate(methods):
+        for column, capture in enumerate(captures):
+            _map(axes[row, column], _find(evaluations, capture[0], method), colours, scale)
+            if row == 0:
+                axes[row, column].set_title(f"{_heading(capture)}\n{axes[row, column].get_title()}")
+        axes[row, 0].set_ylabel(method)
+    beyond = _share_beyond([e for e in evaluations if e.capture in dict(captures)], limit_mm)
+    extend = "both" if beyond else "neither"
+    mappable = ScalarMappable(scale, colours)
+    label = "deviation from the fitted plane in mm (+ towards the camera)"
+    colour_bar(figure, mappable, axes, label, location="bottom", shrink=0.6, aspect=45, extend=extend)
+    caption = (
+        f"Deviations from the fitted plane, every panel a view through the camera, on one scale of ±{limit_mm:g} mm "
+        f"({beyond:.2%} of the pixels lie beyond it). Even grain is noise of the phases; patches, waves and bent edges "
+        "are systematic errors of the calibration. Hatched: no measurement."
+    )
+    panels = ", ".join(_heading(c).replace("\n", " ") for c in captures)
+    return Drawing(
+        f"deviations{tail}",
+        "planes",
+        "Deviation maps of the plane-table",
+        caption,
+        f"Colour maps of the deviations, rows {' and '.join(methods)}, columns {panels}; figures in Table 3.",
+        figure,
+    )
+
+
+def _map(axes: Axes, evaluation: PlaneEvaluation | None, colours: Colormap, scale: Normalize) -> None:
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_edgecolor(GRID)
+    if evaluation is None:
+        axes.text(0.5, 0.5, "not evaluated", ha="center", va="center", color=MUTED, transform=axes.transAxes)
+        return
+    axes.patch.set(facecolor=(0.5, 0.5, 0.5, 0.25), hatch="////", edgecolor=MUTED, linewidth=0)
+    axes.imshow(evaluation.deviation_mm, cmap=colours, norm=scale, interpolation="nearest")
+    axes.set_title(f"r.m.s. {evaluation.rms_mm:.3f} mm")
+
+
+def _histograms(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm: float, tail: str) -> Drawing:
+    methods = methods_in_order(evaluations)
+    figure = new_figure(len(methods) * 1.75 + 0.7)
+    axes = figure.subplots(len(methods), len(captures), squeeze=False, sharex=True, sharey=True)
+    edges = np.linspace(-limit_mm, limit_mm, 62)
+    for row, method in enumerate(methods):
+        for column, capture in enumerate(captures):
+            _histogram(axes[row, column], _find(evaluations, capture[0], method), edges)
+            if row == 0:
+                axes[row, column].set_title(_heading(capture))
+        axes[row, 0].set_ylabel(f"{method}\n% of pixels")
+    top = max(a.get_ylim()[1] for a in axes.flat)
+    axes[0, 0].set_ylim(0, top * 1.28)  # room for the figures above the bars
+    axes[0, 0].set_xlim(-limit_mm, limit_mm)
+    figure.supxlabel("deviation in mm", fontsize=8.5)
+    handles = {label: h for a in axes.flat for h, label in zip(*a.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=3)
+    caption = (
+        "How the deviations are distributed (bars), and the normal distribution that the noise of the phases predicts "
+        "(dashed). Bars wider than the curve mean errors beyond noise; a shoulder or a second peak means that part of "
+        "the plane is bent. Deviations beyond the ends of the axis are counted in the panel."
+    )
+    return Drawing(
+        f"histograms{tail}",
+        "planes",
+        "Distribution of the deviations",
+        caption,
+        f"Histograms of the deviations, rows {' and '.join(methods)}; r.m.s. and predicted r.m.s. are in Table 3.",
+        figure,
+    )
+
+
+def _histogram(axes: Axes, evaluation: PlaneEvaluation | None, edges: NDArray[np.float64]) -> None:
+    plain_axes(axes)
+    axes.locator_params(axis="x", nbins=5)
+    if evaluation is None:
+        axes.text(0.5, 0.5, "not evaluated", ha="center", va="center", color=MUTED, transform=axes.transAxes)
+        return
+    values = finite_deviations(evaluation)
+    counts, _ = np.histogram(values, edges)
+    axes.stairs(100 * counts / len(values), edges, fill=True, color=FILL, label="measured")
+    lines = [f"σ {evaluation.rms_mm:.3f}"]
+    if evaluation.predicted_rms_mm:
+        s, step = evaluation.predicted_rms_mm, edges[1] - edges[0]
+        x = np.linspace(edges[0], edges[-1], 241)
+        density = 100 * step / (s * np.sqrt(2 * np.pi)) * np.exp(-0.5 * (x / s) ** 2)
+        axes.plot(x, density, color=PROJECTOR, lw=1.4, dashes=(4, 2), label="normal, with the predicted r.m.s.")
+        lines.append(f"predicted {s:.3f}")
+    beyond = len(values) - int(counts.sum())
+    if beyond:
+        lines.append(f"{beyond} beyond")
+    axes.text(0.03, 0.98, "\n".join(lines), va="top", fontsize=7, color=INK, transform=axes.transAxes)
+
+
+def _find(evaluations: tuple[PlaneEvaluation, ...], capture: str, method: Method) -> PlaneEvaluation | None:
+    return next((e for e in evaluations if e.capture == capture and e.method == method), None)
+
+
+def _heading(capture: tuple[str, float | None]) -> str:
+    name, angle = capture
+    return drawable(shortened(name, 22)) + ("" if angle is None else f", {angle:g}°")
+
+
+def _share_beyond(evaluations: list[PlaneEvaluation], limit_mm: float) -> float:
+    values = np.concatenate([finite_deviations(e) for e in evaluations])
+    return float(np.mean(np.abs(values) > limit_mm))

@@ -1,0 +1,230 @@
+"""The tables of the report as plain numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from core.model import INTERIOR_NAMES, AdjustedDevice, DepthCalibration, PlaneEvaluation
+from core.report.data import CalibratedDevice, ReportData, calibrated_devices
+from core.report.interior import KEYS, at_radius, interior_from_mapping
+from core.report.published import Published, read_published
+from core.report.table import Cell, Number, Table
+
+UNITS = ("mm", "mm", "mm", "mm⁻²", "mm⁻⁴", "", "", "mm⁻¹", "mm⁻¹")
+
+
+def tables(data: ReportData) -> list[Table]:
+    """Tables 1 (one per device) to 4, those for which there are data.
+
+    Raises
+    ------
+    InputError
+        If the project names published results that are not known.
+    """
+    published = published_of(data)
+    result = [*interior_tables(data, published)]
+    if data.adjustment is not None or data.photogrammetric is not None:
+        result.append(adjustment_table(data, published))
+    if data.evaluations:
+        result.append(plane_table(data.evaluations, published))
+    if data.depth is not None:
+        result.append(depth_table(data.depth))
+    return result
+
+
+def published_of(data: ReportData) -> Published | None:
+    """Give the published results beside which the report sets its own, if the project names any."""
+    return read_published(data.project.reference) if data.project.reference else None
+
+
+def interior_tables(data: ReportData, published: Published | None) -> list[Table]:
+    """Table 1: interior orientation and additional parameters, one table per device."""
+    devices = calibrated_devices(data)
+    letters = "abcdefghijklmnopqrstuvwxyz" if len(devices) > 1 else " "
+    return [
+        _interior_table(f"Table 1{letter.strip()}", device, published, true_parameters(data.truth, device))
+        for letter, device in zip(letters, devices, strict=False)
+    ]
+
+
+def true_parameters(truth: Mapping[str, Any] | None, device: CalibratedDevice) -> np.ndarray | None:
+    """True (c, x0, y0, A1..A6), shape (9,), referred to the r0 of the adjusted device; None where not known."""
+    entry = (truth or {}).get(device.kind or "") or (truth or {}).get(device.name)
+    if not isinstance(entry, Mapping):
+        return None
+    interior = interior_from_mapping(entry)
+    if np.isfinite(interior.r0_mm) and np.all(np.isfinite(interior.vector)):
+        interior = at_radius(interior, device.device.interior.r0_mm)
+    return interior.vector
+
+
+def normalised_errors(device: AdjustedDevice, truth: np.ndarray) -> np.ndarray:
+    """(value - true) / sigma of the nine parameters, NaN where a parameter was held fixed or its truth is not known."""
+    sigma = np.where(device.sigma > 0, device.sigma, np.nan)
+    return np.asarray((device.interior.vector - truth) / sigma)
+
+
+def _interior_table(
+    number: str, calibrated: CalibratedDevice, published: Published | None, truth: np.ndarray | None
+) -> Table:
+    device = calibrated.device
+    columns = ["parameter", "value", "σ", *(["published"] if published else [])]
+    columns += ["true", "(value - true)/σ"] if truth is not None else []
+    errors = normalised_errors(device, truth) if truth is not None else np.full(9, np.nan)
+    rows: list[tuple[Cell, ...]] = []
+    for i, name in enumerate(INTERIOR_NAMES):
+        spec, sigma_spec = (".6f", ".6f") if i < 3 else ("E6", "E2")
+        sigma = Number(float(device.sigma[i]), sigma_spec) if device.sigma[i] > 0 else "held fixed"
+        row: list[Cell] = [f"{name} [{UNITS[i]}]" if UNITS[i] else name]
+        row += [Number(float(device.interior.vector[i]), spec), sigma]
+        if published:
+            row.append(_known(published.parameter(calibrated.kind, KEYS[i]), spec))
+        if truth is not None:
+            row += [_known(float(truth[i]), spec), _known(float(errors[i]), "+.2f")]
+        rows.append(tuple(row))
+    rows.append(("r0 [mm]", Number(device.interior.r0_mm, ".6f"), *[None] * (len(columns) - 2)))
+    central = at_radius(device.interior, 0.0).c_mm
+    notes = [
+        f"c holds for the radius r0 at which the radial terms vanish; referred to r0 = 0 it is {central:.6f} mm.",
+    ]
+    if published:
+        notes.append(f"Published: {published.name}; its sigmas and its r0 are not known here.")
+    if truth is not None:
+        notes.append("The true values are those of the simulated device, referred to the same r0.")
+    title = f"{number}. Interior orientation and additional parameters of the {calibrated.label}"
+    return Table(title, tuple(columns), tuple(rows), tuple(notes))
+
+
+def adjustment_table(data: ReportData, published: Published | None) -> Table:
+    """Table 2: the bundle adjustment, and the relative orientation of projector and camera."""
+    p = published or Published("", "")
+    rows: list[tuple[Cell, ...]] = []
+
+    def add(name: str, unit: str, value: Cell, known: Cell = None) -> None:
+        rows.append((name, unit, value, known) if published else (name, unit, value))
+
+    counts = network_counts(data)
+    add("stations", "", _count(counts["stations"]), _count(p.stations))
+    add("image points", "", _count(counts["image_points"]), _count(p.image_points))
+    add("object points", "", _count(counts["object_points"]))
+    add("redundancy", "", _count(counts["redundancy"]))
+    add("σ0 (unit weight)", "", Number(counts["sigma0"], ".4f"))
+    if data.adjustment is not None:
+        add("iterations", "", _count(data.adjustment.iterations))
+    for d in calibrated_devices(data):
+        for axis, name in enumerate("xy"):
+            known = _known(p.residual_um(d.kind, axis), ".2f")
+            add(f"residuals {d.label} {name}, r.m.s.", "µm", Number(d.device.residual_rms_um[axis], ".2f"), known)
+    for axis, value in enumerate(object_sigmas_um(data)):
+        known = None if p.object_sigma_rms_um is None else Number(p.object_sigma_rms_um[axis], ".1f")
+        add(f"σ of object points {'XYZ'[axis]}, r.m.s.", "µm", Number(value, ".1f"), known)
+    if data.adjustment is not None:
+        for name, factor in data.adjustment.variance_factors.items():
+            add(f"variance factor {name}", "", Number(factor, ".3f"))
+    for name, unit, number in _relative_orientation(data):
+        add(name, unit, number)
+    columns = ("quantity", "unit", "this adjustment", *(["published"] if published else []))
+    notes = (f"Published: {published.name}.",) if published else ()
+    return Table("Table 2. The bundle adjustment", columns, tuple(rows), notes)
+
+
+def network_counts(data: ReportData) -> dict[str, Any]:
+    """Stations, image points, object points, redundancy and sigma0, from whichever result is there."""
+    keys = ("stations", "image_points", "object_points", "redundancy", "sigma0")
+    if data.photogrammetric is not None:
+        return {key: getattr(data.photogrammetric, key) for key in keys}
+    a = data.adjustment
+    if a is None:
+        return dict.fromkeys(keys)
+    network = a.network
+    observed = len(np.unique(network.observation_point))
+    values = (len(network.station_names), len(network.observation_uv), observed, a.redundancy, a.sigma0)
+    return dict(zip(keys, values, strict=True))
+
+
+def object_sigmas_um(data: ReportData) -> tuple[float, ...]:
+    """Root mean square of the object points' sigmas in X, Y, Z, µm; points without a covariance do not count."""
+    if data.photogrammetric is not None:
+        return data.photogrammetric.object_sigma_rms_um
+    if data.adjustment is None:
+        return ()
+    variances = np.diagonal(data.adjustment.point_cov_mm2, axis1=1, axis2=2)
+    variances = variances[np.all(np.isfinite(variances), axis=1)]
+    if not len(variances):
+        return ()
+    return tuple(float(s) for s in 1000 * np.sqrt(variances.mean(axis=0)))
+
+
+def _relative_orientation(data: ReportData) -> Iterable[tuple[str, str, Number]]:
+    """Base and convergence of projector and camera, the base with its sigma."""
+    if data.photogrammetric is None:
+        return
+    pose = data.photogrammetric.projector_from_camera
+    t = pose.translation_mm
+    base = float(np.linalg.norm(t))
+    yield "base camera to projector", "mm", Number(base, ".3f")
+    covariance = data.photogrammetric.covariance
+    if covariance.shape == (24, 24) and base > 0:
+        yield "σ of the base", "mm", Number(float(np.sqrt(t @ covariance[21:, 21:] @ t)) / base, ".4f")
+    angle = np.degrees(np.arccos(np.clip(pose.rotation[2, 2], -1, 1)))
+    yield "angle between the viewing axes", "°", Number(float(angle), ".3f")
+
+
+def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published | None) -> Table:
+    """Table 3: deviations from the fitted plane, one row per capture and method."""
+    rules = list(dict.fromkeys(e.excluded_rule for e in evaluations if e.excluded))
+    marks = {rule: chr(ord("a") + i) if i < 26 else str(i + 1) for i, rule in enumerate(rules)}
+    rows = []
+    for e in evaluations:
+        row: list[Cell] = [
+            e.capture,
+            _known(e.angle_deg, "g"),
+            e.method,
+            _count(e.n),
+            Number(e.excluded, "d", marks[e.excluded_rule] if e.excluded else ""),
+            Number(e.rms_mm, ".4f"),
+            Number(e.max_mm, ".3f"),
+            Number(e.min_mm, ".3f"),
+            _known(e.predicted_rms_mm, ".4f"),
+        ]
+        if published:
+            row.append(_known(published.plane_rms_mm(e.method, e.angle_deg), ".3f"))
+        rows.append(tuple(row))
+    columns = ["capture", "angle [°]", "method", "pixels", "excluded", "r.m.s. [mm]", "max |d| [mm]", "min d [mm]"]
+    columns += ["predicted [mm]", *(["published [mm]"] if published else [])]
+    notes = ["d: deviation from the fitted plane; max |d| its largest magnitude, min d the most negative one."]
+    notes += [f"({mark}) excluded: {rule or 'no rule given'}" for rule, mark in marks.items()]
+    if not rules:
+        notes.append("No pixel that the decoder called valid was excluded.")
+    if published:
+        most = published.max_mm
+        span = "" if most is None else f"; the maxima there are {most[0]:.2f} to {most[1]:.2f} mm"
+        notes.append(f"Published: r.m.s. of {published.name}{span}.")
+    return Table("Table 3. Deviations from the plane-table", tuple(columns), tuple(rows), tuple(notes))
+
+
+def depth_table(d: DepthCalibration) -> Table:
+    """Table 4: the depth calibration."""
+
+    pixels = d.camera_spec.width * d.camera_spec.height
+    shape = "linear table" if d.degree is None else f"polynomial of degree {d.degree}"
+    rows: tuple[tuple[Cell, ...], ...] = (
+        ("depth as a function of", "", f"{d.axis}, {shape} per pixel"),
+        ("plate positions", "", str(len(d.depths_mm))),
+        ("least depth", "mm", f"{d.depths_mm.min():.3f}" if len(d.depths_mm) else None),
+        ("greatest depth", "mm", f"{d.depths_mm.max():.3f}" if len(d.depths_mm) else None),
+        ("calibrated pixels", "", f"{d.valid_pixels} of {pixels}"),
+        ("residuals in depth, r.m.s.", "mm", f"{d.residual_rms_mm:.4f}"),
+    )
+    return Table("Table 4. The depth calibration", ("quantity", "unit", "value"), rows)
+
+
+def _known(value: float | None, spec: str) -> Number | None:
+    return None if value is None or not np.isfinite(value) else Number(float(value), spec)
+
+
+def _count(value: int | None) -> Number | None:
+    return None if value is None else Number(value, "d")

@@ -1,0 +1,66 @@
+"""Both files of the report, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from core.errors import InputError
+from core.progress import SILENT, Progress
+from core.report.data import ReportData, ReportPaths
+from core.report.document import compose
+from core.report.html import html_text
+from core.report.pdf import pdf_bytes
+
+
+def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) -> ReportPaths:
+    """Write `report.html` and `report.pdf` into a folder.
+
+    Parameters
+    ----------
+    data : ReportData
+        What there is to tell; parts may be missing.
+    out : Path
+        The folder; made if it does not exist. Reports that are there are replaced.
+
+    Returns
+    -------
+    paths : ReportPaths
+
+    Raises
+    ------
+    InputError
+        If the project names published results that are not known, or `out` cannot be written to.
+    Cancelled
+        If the user stopped; nothing has been written then.
+    """
+    document = compose(data, progress=progress.part(0.0, 0.3))
+    html = html_text(document, progress=progress.part(0.3, 0.65)).encode("utf-8")
+    pdf = pdf_bytes(document, progress=progress.part(0.65, 0.95))
+    progress.check()
+    paths = ReportPaths(Path(out) / "report.html", Path(out) / "report.pdf")
+    try:
+        Path(out).mkdir(parents=True, exist_ok=True)
+        _replace(paths.html, html)
+        _replace(paths.pdf, pdf)
+    except OSError as error:
+        seen = f"the report cannot be written ({error.strerror})"
+        raise InputError(out, seen, "name a folder that can be written to") from error
+    progress(1.0, "report written")
+    return paths
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Put a complete file in place of whatever is there."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
