@@ -1,0 +1,124 @@
+"""What goes wrong on real benches, by name, to be switched on in tests.
+
+A fault may change the scene (specks, glints), the rig (exposure, sharpness), the light from frame to frame (drift), the
+object's place during the sequence, or the order in which the images arrive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from core.bench.rig import Rig
+from core.bench.scene import Scene
+from core.geometry import Pose, matrix_from_rotation_vector
+
+T = TypeVar("T")
+
+
+def _same(value: T) -> T:
+    return value
+
+
+def _spotless(scene: Scene, _rng: np.random.Generator) -> Scene:
+    return scene
+
+
+def _steady(_part: float) -> float:
+    return 1.0
+
+
+def _in_order(frames: int) -> list[int]:
+    return list(range(frames))
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault: `what` says it in words.
+
+    Attributes
+    ----------
+    scene, rig : callable
+        Change what stands there and what looks at it.
+    lamp, room : callable
+        Factor of the projector's and the room's light at a part (0 to 1) of the sequence.
+    moved_mm : tuple
+        How far the object is displaced, in the camera's frame, from the middle of the sequence on.
+    order : callable
+        For n frames, which exposure arrives as image 0, 1, ...
+    """
+
+    what: str
+    scene: Callable[[Scene, np.random.Generator], Scene] = _spotless
+    rig: Callable[[Rig], Rig] = _same
+    lamp: Callable[[float], float] = _steady
+    room: Callable[[float], float] = _steady
+    moved_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    order: Callable[[int], list[int]] = _in_order
+
+
+def _spots(scene: Scene, rng: np.random.Generator, count: int, radius_mm: tuple[float, float], albedo: float) -> Scene:
+    half = np.array(scene.board.half_size_mm)
+    reach = np.minimum(half, 120.0)  # a wide plate is only lit in its middle
+    xy = rng.uniform(-reach, reach, (count, 2))
+    radius = rng.uniform(*radius_mm, count)
+    spots = np.column_stack([xy, np.zeros(count), radius, np.full(count, albedo)])
+    return replace(scene, board=replace(scene.board, spots=np.vstack([scene.board.spots, spots])))
+
+
+def _specks(scene: Scene, rng: np.random.Generator) -> Scene:
+    bright = _spots(scene, rng, 60, (0.3, 1.2), 0.7)
+    return _spots(bright, rng, 60, (0.3, 1.2), 0.03)
+
+
+def _glints(scene: Scene, rng: np.random.Generator) -> Scene:
+    return _spots(scene, rng, 8, (1.0, 3.0), 40.0)
+
+
+def _overexposed(rig: Rig) -> Rig:
+    return replace(rig, sensor=replace(rig.sensor, white_level=3.5 * rig.sensor.white_level))
+
+
+def _out_of_focus(rig: Rig) -> Rig:
+    return replace(rig, lens=replace(rig.lens, blur_px=1.5), lcd=replace(rig.lcd, blur_lines=1.6 * rig.lcd.blur_lines))
+
+
+def _one_lost(frames: int) -> list[int]:
+    lost = frames // 3
+    return [*range(lost), *range(lost + 1, frames), frames - 1]
+
+
+def _two_swapped(frames: int) -> list[int]:
+    order = list(range(frames))
+    a, b = frames // 4, frames // 4 + 1
+    order[a], order[b] = b, a
+    return order
+
+
+FAULTS = {
+    "dropped-frame": Fault("an image is lost, all later ones arrive one too early, the last twice", order=_one_lost),
+    "swapped-frames": Fault("two neighbouring images arrive in the wrong order", order=_two_swapped),
+    "saturated": Fault("the exposure is 3.5 times too long", rig=_overexposed),
+    "blurred": Fault("camera and projector are out of focus", rig=_out_of_focus),
+    "moved": Fault("the object is displaced by half a millimetre in mid-sequence", moved_mm=(0.4, 0.2, 0.2)),
+    "specks": Fault("bright and dark specks on the board", scene=_specks),
+    "reflections": Fault("glints that saturate", scene=_glints),
+    "ambient-drift": Fault("the light of the room grows to four times", room=lambda part: 1 + 3 * part),
+    "lamp-drift": Fault("the lamp fades by 8 % during the sequence", lamp=lambda part: 1 - 0.08 * part),
+}
+
+
+def faults() -> tuple[str, ...]:
+    """Names of the faults that can be switched on."""
+    return tuple(FAULTS)
+
+
+def displaced(scene: Scene, by_mm: ArrayLike) -> Scene:
+    """Move the object, in the camera's frame, and turn it a little: nobody bumps a table without turning it."""
+    shift = np.asarray(by_mm, np.float64)
+    nudge = Pose(matrix_from_rotation_vector([0.0, 0.0, 1e-3 * float(np.linalg.norm(shift))]), shift)
+    return replace(scene, camera_from_board=nudge @ scene.camera_from_board)

@@ -1,0 +1,166 @@
+"""The three experiments that can be simulated by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from core.bench.experiment import Experiment, Place, Plan, build
+from core.bench.optics import Lcd, Lens
+from core.bench.rig import CAMERA_1999, PROJECTOR_1999, Rig, converging_pair, interior
+from core.bench.sensor import Sensor
+from core.errors import InputError
+from core.model import DeviceSpec, Role
+from core.patterns import Black, Pattern, White, gray_and_phase, reference_sequence
+
+# tilt, about, roll (degrees), place in the volume (mm)
+_PAPER_PLACES = (
+    Place(4, 0, 0, (-12, 8, -30)),
+    Place(5, 90, 90, (10, -6, 25)),
+    Place(5, 200, 180, (22, 12, -5)),
+    Place(4, 300, 270, (-15, -10, 40)),
+    Place(30, 0, 0, (-18, 10, 10)),
+    Place(30, 45, 90, (12, 14, -20)),
+    Place(28, 90, 180, (20, -10, 0)),
+    Place(31, 135, 270, (-10, -16, 25)),
+    Place(30, 180, 0, (20, -10, -15)),
+    Place(30, 225, 90, (-14, 10, 5)),
+    Place(32, 270, 180, (-16, 12, -10)),
+    Place(28, 315, 270, (14, 12, 15)),
+    Place(33, 20, 90, (-20, -14, -35)),
+    Place(27, 70, 0, (24, 16, 20)),
+    Place(34, 110, 270, (16, -18, -25)),
+    Place(26, 160, 180, (-24, 14, 30)),
+    Place(33, 200, 90, (18, 18, -40)),
+    Place(27, 250, 0, (-22, -16, 35)),
+    Place(34, 290, 270, (-18, 14, -10)),
+    Place(25, 340, 180, (22, -12, 20)),
+)
+
+
+def _rig(camera: DeviceSpec, projector: DeviceSpec, lcd: Lcd, lens: Lens, sensor: Sensor, subsamples: int = 3) -> Rig:
+    camera_from_volume, projector_from_camera = converging_pair(250.0, 600.0)
+    return Rig(
+        camera,
+        interior(camera, CAMERA_1999),
+        projector,
+        interior(projector, PROJECTOR_1999),
+        projector_from_camera,
+        camera_from_volume,
+        lcd,
+        lens,
+        sensor,
+        subsamples=subsamples,
+    )
+
+
+def _paper() -> Plan:
+    rig = _rig(
+        DeviceSpec(748, 576, (0.008, 0.008), 12.0),
+        DeviceSpec(640, 640, (0.09, 0.09), 182.0),
+        Lcd(),
+        Lens(),
+        Sensor(white_level=100.0, offset=6.0, read_noise=1.5, shot_gain=0.02, jitter_px=0.02),
+    )
+    return Plan(
+        "paper",
+        "The reference experiment on the virtual bench",
+        rig,
+        field=(13, 19, 12.0, 5.0),
+        plate=(7, 9, 24.0, 3.0),
+        places=_PAPER_PLACES,
+        depths_mm=range(-50, 51, 10),
+        angles_deg=(0, -15, 10, 20),
+        sequence=lambda _role: reference_sequence(),
+        reference="brenner1999",
+    )
+
+
+def _quick() -> Plan:
+    rig = _rig(
+        DeviceSpec(320, 240, (0.0185, 0.0185), 12.0),
+        DeviceSpec(160, 160, (0.36, 0.36), 182.0),
+        Lcd(blur_lines=0.55),
+        Lens(blur_px=0.4),
+        Sensor(white_level=110.0, offset=6.0, read_noise=1.5, shot_gain=0.02, jitter_px=0.01),
+    )
+    return Plan(
+        "quick",
+        "A small rig for tests",
+        rig,
+        field=(7, 9, 19.0, 9.0),
+        plate=(5, 7, 28.0, 7.0),
+        places=[
+            Place(4, 0, 0, (-5, 5, -20)),
+            Place(5, 120, 90, (5, -5, 20)),
+            Place(28, 20, 180, (8, 5, 0)),
+            Place(29, 70, 270, (-6, 8, 15)),
+            Place(28, 125, 0, (6, -6, -10)),
+            Place(29, 170, 90, (-8, -4, 10)),
+            Place(28, 245, 180, (4, 8, -15)),
+            Place(29, 310, 270, (-4, -8, 5)),
+        ],
+        depths_mm=(-50, -25, 0, 25, 50),
+        angles_deg=(0, 15),
+        sequence=lambda _role: reference_sequence(160, 160),
+    )
+
+
+def _modern() -> Plan:
+    rig = _rig(
+        DeviceSpec(2448, 2048, (0.00345, 0.00345), 12.0),
+        DeviceSpec(1280, 800, (0.045, 0.045), 182.0),
+        Lcd(fill=1.0, contrast=400.0, blur_lines=0.9, defocus_lines=2.0),
+        Lens(blur_px=0.6),
+        Sensor(white_level=2600.0, offset=64.0, read_noise=4.0, shot_gain=0.35, bits=12),
+        subsamples=2,
+    )
+    return Plan(
+        "modern",
+        "A 5 Mpx camera and a sine projector of 1280 x 800",
+        rig,
+        field=(13, 19, 12.0, 5.0),
+        plate=(7, 9, 24.0, 3.0),
+        places=_PAPER_PLACES[1:5] + _PAPER_PLACES[12:18],
+        depths_mm=(-50, -25, 0, 25, 50),
+        angles_deg=(0, -15),
+        sequence=_modern_sequence,
+        bend_mm=0.2,
+    )
+
+
+def _modern_sequence(role: Role) -> list[Pattern]:
+    """Gray code and one period for boards, columns only for the depth plate, two periods with inverses for surfaces."""
+    patterns: list[Pattern] = []
+    surface = role in ("plane", "object")
+    for axis, lines in (("x", 1280), ("y", 800)):
+        if role == "depth" and axis == "y":
+            continue
+        periods = (128.0, 16.0) if surface else (16.0,)
+        patterns += gray_and_phase(axis, lines, cell=8, periods=periods, steps=4, inverse=surface)  # type: ignore[arg-type]
+    return [*patterns, White(), Black()]
+
+
+_PLANS: dict[str, Callable[[], Plan]] = {"paper": _paper, "modern": _modern, "quick": _quick}
+
+
+def scenarios() -> tuple[str, ...]:
+    """Names of the experiments that can be simulated."""
+    return tuple(_PLANS)
+
+
+def plan(name: str) -> Plan:
+    """Look up an experiment's plan.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    if name not in _PLANS:
+        raise InputError("scenario", f"no scenario {name!r}", f"choose among {', '.join(_PLANS)}")
+    return _PLANS[name]()
+
+
+def experiment(name: str = "paper", seed: int = 0) -> Experiment:
+    """Build an experiment of the given name; equal seeds give equal experiments."""
+    return build(plan(name), seed)

@@ -1,0 +1,152 @@
+"""From a scenario to a project on disk, as a rig would have left it, with the truth beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.bench.experiment import Experiment, Shot
+from core.bench.scenarios import experiment
+from core.bench.truth import true_targets
+from core.errors import InputError
+from core.geometry import Pose
+from core.model import Interior
+from core.parallel import THREADS
+from core.progress import SILENT, Progress
+from core.project import write_image, write_json, write_picks, write_project, write_testfield
+from core.project.captures import write_capture_json
+
+
+def simulate(
+    out: Path,
+    scenario: str = "paper",
+    seed: int = 0,
+    progress: Progress = SILENT,
+    *,
+    faults: Mapping[str, Sequence[str]] | None = None,
+) -> Path:
+    """Simulate a whole experiment and write it as a project.
+
+    Parameters
+    ----------
+    out : Path
+        The project's folder; made if need be. It must not hold a project yet.
+    scenario : str
+        One of `scenarios()`.
+    seed : int
+        Equal seeds give equal files.
+    faults : mapping
+        Names of faults to switch on, by capture.
+
+    Returns
+    -------
+    project : Path
+        Holds project.json, testfield.csv, plate.csv, captures/ and truth.json: what is really so, for tests and for
+        comparison only.
+
+    Raises
+    ------
+    InputError
+        For an unknown scenario, capture or fault, or a folder that holds a project already.
+    Cancelled
+        Without project.json, which is written last.
+    """
+    e = experiment(scenario, seed)
+    wrong = {e.shot(name).name: tuple(names) for name, names in (faults or {}).items()}
+    out = Path(out)
+    if (out / "project.json").exists():
+        raise InputError(out, "holds a project already", "choose a new folder or remove that one")
+    for name, testfield in e.testfields.items():
+        write_testfield(out / name, testfield, f"nominal targets, {e.plan.title}")
+    with ThreadPoolExecutor(THREADS) as pool:
+        for k, shot in enumerate(e.shots):
+            progress(k / len(e.shots), f"simulating {shot.name}")
+            _write_shot(out / "captures" / shot.name, e, shot, wrong.get(shot.name, ()), pool, progress)
+    write_json(out / "truth.json", truth_of(e))
+    extra = {} if e.plan.reference is None else {"reference": e.plan.reference}
+    names = [f"captures/{shot.name}" for shot in e.shots]
+    write_project(out, e.plan.title, e.rig.camera, e.rig.projector, e.scale, names, **extra)
+    progress(1.0, "simulated")
+    return out
+
+
+def _write_shot(
+    folder: Path, e: Experiment, shot: Shot, faults: Sequence[str], pool: ThreadPoolExecutor, progress: Progress
+) -> None:
+    quiet = Progress(cancelled=progress.cancelled)
+    frames = e.take(shot, faults, progress=quiet)
+    named = [(f"{k:03d}.png", pattern, image) for k, (pattern, image) in enumerate(frames)]
+    # a simulation can be repeated: no need to wait for the disk after every frame
+    for job in [pool.submit(write_image, folder / name, image, False) for name, _, image in named]:
+        job.result()
+    if shot.seeds:
+        write_picks(folder / "picks.json", shot.seeds)
+    write_capture_json(
+        folder,
+        shot.role,
+        [(name, pattern) for name, pattern, _ in named],
+        testfield=shot.testfield,
+        z_mm=shot.z_mm,
+        angle_deg=shot.angle_deg,
+    )
+
+
+def truth_of(e: Experiment) -> dict[str, Any]:
+    """Everything that is true of an experiment, as plain numbers: the content of truth.json."""
+    rig = e.rig
+    boards = {s.testfield: s.scene.board.targets for s in e.shots if s.testfield is not None}
+    return {
+        "format": "stripe-truth",
+        "version": 1,
+        "scenario": e.plan.name,
+        "seed": e.seed,
+        "camera": _interior(rig.camera_interior),
+        "projector": _interior(rig.projector_interior),
+        "projector_from_camera": _pose(rig.projector_from_camera),
+        "noise": {
+            "read": rig.sensor.read_noise,
+            "shot_gain": rig.sensor.shot_gain,
+            "jitter_px": rig.sensor.jitter_px,
+            "bits": rig.sensor.bits,
+        },
+        "testfields": {
+            name: [
+                {"row": int(r), "col": int(c), "xyz_mm": xyz.tolist()}
+                for r, c, xyz in zip(t.row, t.col, t.xyz_mm, strict=True)
+            ]
+            for name, t in boards.items()
+            if t is not None
+        },
+        "captures": {shot.name: _capture(e, shot) for shot in e.shots},
+    }
+
+
+def _capture(e: Experiment, shot: Shot) -> dict[str, Any]:
+    pose = shot.scene.camera_from_board
+    truth: dict[str, Any] = {"role": shot.role, "camera_from_board": _pose(pose)}
+    if shot.testfield is not None:
+        t = true_targets(e.rig, shot.scene)
+        truth["visible"] = [[int(r), int(c)] for r, c in zip(t.row[t.visible], t.col[t.visible], strict=True)]
+    if shot.name in e.depth_true_mm:
+        truth["z_mm"] = e.depth_true_mm[shot.name]
+    if shot.role == "plane":
+        normal = pose.rotation[:, 2]
+        truth["plane"] = [*normal.tolist(), float(normal @ pose.translation_mm)]  # n . X = d, camera's frame
+    for sphere in shot.scene.spheres:
+        truth["sphere"] = {"centre_mm": pose.apply(sphere.centre_mm).tolist(), "radius_mm": sphere.radius_mm}
+    for block in shot.scene.blocks:
+        truth["step_mm"] = block.upper_mm[2] - block.lower_mm[2]
+    return truth
+
+
+def _interior(interior: Interior) -> dict[str, float]:
+    c, x0, y0, *a = interior.vector.tolist()
+    return {"c_mm": c, "x0_mm": x0, "y0_mm": y0, **{f"A{k}": v for k, v in enumerate(a, 1)}, "r0_mm": interior.r0_mm}
+
+
+def _pose(pose: Pose) -> dict[str, Any]:
+    return {"rotation": np.asarray(pose.rotation).tolist(), "translation_mm": np.asarray(pose.translation_mm).tolist()}

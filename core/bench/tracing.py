@@ -1,0 +1,160 @@
+"""The ray caster: from a place on the sensor along its ray to a surface, and on to the projector's lines.
+
+Written a second time, scalar by scalar, and not borrowed from `core.geometry`: a bench that shared the formulae with
+what it examines could not find their faults. The tests compare the two.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from core.model import DeviceSpec, Interior
+
+Array = NDArray[np.float64]
+
+# places in a packed device
+_C, _X0, _Y0, _A1, _A2, _A3, _A4, _A5, _A6, _R02, _W, _H, _PX, _PY = range(14)
+MISS, BOARD, SPHERE, BLOCK = 0, 1, 2, 3
+
+
+def pack_device(spec: DeviceSpec, interior: Interior) -> Array:
+    """Put a device into an array, shape (14,), for the kernels."""
+    raster = [spec.width, spec.height, *spec.pitch_mm]
+    return np.array([*interior.vector, interior.r0_mm**2, *raster], np.float64)
+
+
+@njit(cache=True, nogil=True)
+def direction_of(device: Array, u: float, v: float) -> tuple[float, float]:
+    """Slopes (X/-Z, Y/-Z) of the ray that a device's pixel (u, v) sees; NaN where the polynomial has no inverse."""
+    mx = (u - (device[_W] - 1) / 2) * device[_PX]
+    my = ((device[_H] - 1) / 2 - v) * device[_PY]
+    a3, a4, a5, a6 = device[_A3], device[_A4], device[_A5], device[_A6]
+    det = 1 - a3 * a3 - a4 * a4
+    x1 = ((1 - a3) * mx - a4 * my) / det - device[_X0]
+    y1 = ((1 + a3) * my - a4 * mx) / det - device[_Y0]
+    x, y = x1, y1
+    for _ in range(12):
+        r2 = x * x + y * y
+        d = device[_A1] * (r2 - device[_R02]) + device[_A2] * (r2 * r2 - device[_R02] * device[_R02])
+        dd = 2 * device[_A1] + 4 * device[_A2] * r2
+        fx = x * (1 + d) + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) - x1
+        fy = y * (1 + d) + 2 * a6 * x * y + a5 * (r2 + 2 * y * y) - y1
+        jxx = 1 + d + x * x * dd + 2 * a5 * y + 6 * a6 * x
+        jyy = 1 + d + y * y * dd + 2 * a6 * x + 6 * a5 * y
+        jxy = x * y * dd + 2 * a5 * x + 2 * a6 * y
+        j = jxx * jyy - jxy * jxy
+        sx, sy = (jyy * fx - jxy * fy) / j, (jxx * fy - jxy * fx) / j
+        x -= sx
+        y -= sy
+        if sx * sx + sy * sy < 1e-18:
+            return x / device[_C], y / device[_C]
+    return np.nan, np.nan
+
+
+@njit(cache=True, nogil=True)
+def place_of(device: Array, X: float, Y: float, Z: float) -> tuple[float, float]:
+    """Pixel (u, v) at which a device sees a point of its own frame, with Z < 0."""
+    x, y = -device[_C] * X / Z, -device[_C] * Y / Z
+    r2 = x * x + y * y
+    d = device[_A1] * (r2 - device[_R02]) + device[_A2] * (r2 * r2 - device[_R02] * device[_R02])
+    a5, a6 = device[_A5], device[_A6]
+    x1 = x * (1 + d) + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) + device[_X0]
+    y1 = y * (1 + d) + 2 * a6 * x * y + a5 * (r2 + 2 * y * y) + device[_Y0]
+    mx = x1 + device[_A3] * x1 + device[_A4] * y1
+    my = y1 + device[_A4] * x1 - device[_A3] * y1
+    return mx / device[_PX] + (device[_W] - 1) / 2, (device[_H] - 1) / 2 - my / device[_PY]
+
+
+@njit(cache=True, nogil=True)
+def form_at(form: Array, scale: float, x: float, y: float) -> tuple[float, float, float]:
+    """Height of a form and its slopes in x and y."""
+    h, hx, hy = 0.0, 0.0, 0.0
+    x, y = x / scale, y / scale
+    for p in range(form.shape[0] - 1, -1, -1):
+        row, row_y = 0.0, 0.0
+        for q in range(form.shape[1] - 1, -1, -1):
+            row_y = row_y * y + row
+            row = row * y + form[p, q]
+        hx = hx * x + h
+        h = h * x + row
+        hy = hy * x + row_y
+    return h, hx / scale, hy / scale
+
+
+@njit(cache=True, nogil=True)
+def meets_sphere(sphere: Array, o: Array, dx: float, dy: float, dz: float) -> float:
+    """Ray parameter of the first meeting with a sphere (centre, radius) beyond 1e-6, infinite if there is none."""
+    px, py, pz = o[0] - sphere[0], o[1] - sphere[1], o[2] - sphere[2]
+    a = dx * dx + dy * dy + dz * dz
+    b = px * dx + py * dy + pz * dz
+    c = px * px + py * py + pz * pz - sphere[3] * sphere[3]
+    root = b * b - a * c
+    if root < 0:
+        return np.inf
+    root = np.sqrt(root)
+    if (-b - root) / a > 1e-6:
+        return (-b - root) / a
+    return (-b + root) / a if (-b + root) / a > 1e-6 else np.inf
+
+
+@njit(cache=True, nogil=True)
+def meets_block(block: Array, o: Array, dx: float, dy: float, dz: float) -> tuple[float, int]:
+    """Ray parameter at which a ray from outside enters a block (two corners), and through the faces of which axis."""
+    near, far, axis = -np.inf, np.inf, -1
+    for k in range(3):
+        d = dx if k == 0 else (dy if k == 1 else dz)
+        if d == 0:
+            if o[k] <= block[k] or o[k] >= block[3 + k]:
+                return np.inf, -1
+            continue
+        t0, t1 = (block[k] - o[k]) / d, (block[3 + k] - o[k]) / d
+        if t0 > t1:
+            t0, t1 = t1, t0
+        if t0 > near:
+            near, axis = t0, k
+        far = min(far, t1)
+    if near < far and near > 1e-6:
+        return near, axis
+    return np.inf, -1
+
+
+@njit(cache=True, nogil=True)
+def paint_at(
+    board: Array, circles: Array, cell_start: NDArray[np.int32], cell_circle: NDArray[np.int32], grid: Array,
+    x: float, y: float, sx: float, sy: float, footprint: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Albedo of the board, and the height over its form, at a place where a ray of slopes (sx, sy) per z arrives.
+
+    The edge of a circle is as soft as one subsample's footprint, so that the sum over a pixel counts areas.
+    """
+    albedo, lift = board[2], 0.0
+    i, j = int((x - grid[0]) / grid[2]), int((y - grid[1]) / grid[2])
+    if i < 0 or j < 0 or i >= grid[3] or j >= grid[4]:
+        return albedo, lift
+    cell = j * int(grid[3]) + i
+    for k in range(cell_start[cell], cell_start[cell + 1]):
+        n = cell_circle[k]
+        above = circles[n, 2]
+        # the ray arrives at the circle's own height elsewhere
+        ex, ey = x + sx * above - circles[n, 0], y + sy * above - circles[n, 1]
+        cover = 0.5 + (circles[n, 3] - np.sqrt(ex * ex + ey * ey)) / footprint
+        if cover > 0:
+            cover = min(cover, 1.0)
+            albedo += cover * (circles[n, 4] - albedo)
+            if cover > 0.5:
+                lift = above
+    return albedo, lift
+
+
+@njit(cache=True, nogil=True)
+def in_shadow(spheres: Array, blocks: Array, p: Array, lx: float, ly: float, lz: float) -> bool:
+    """Whether anything stands between a point and the projector, at the end of the vector (lx, ly, lz)."""
+    for k in range(spheres.shape[0]):
+        if meets_sphere(spheres[k], p, lx, ly, lz) < 1:
+            return True
+    nearest = np.inf
+    for k in range(blocks.shape[0]):
+        nearest = min(nearest, meets_block(blocks[k], p, lx, ly, lz)[0])
+    return nearest < 1

@@ -1,0 +1,126 @@
+"""What is really so: projector coordinates of every pixel, places of every target. For tests and comparison columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.bench.raycast import cast
+from core.bench.rig import Rig
+from core.bench.scene import Scene
+from core.geometry import project
+from core.model import Seed
+
+Array = NDArray[np.float64]
+_RIM = 24  # points of a target's edge that are looked at
+
+
+@dataclass(frozen=True)
+class TruthMaps:
+    """What the single ray through every pixel's centre meets.
+
+    Attributes
+    ----------
+    u, v : array, shape (H, W)
+        True projector coordinates in lines, NaN where the ray meets nothing that the projector's raster lights.
+    xyz_mm : array, shape (H, W, 3)
+        Where the ray ends, in the camera's frame, NaN where it meets nothing.
+    lit : array of bool, shape (H, W)
+        Met, within the projector's raster and not in shadow.
+    gain : array, shape (H, W)
+        Light received from a fully bright projector, white square to it at the reference distance as 1.
+    """
+
+    u: Array
+    v: Array
+    xyz_mm: Array
+    lit: NDArray[np.bool_]
+    gain: Array
+
+
+@dataclass(frozen=True)
+class TrueTargets:
+    """Where the targets of a board really are, one row of every array per target.
+
+    `camera_uv` (n, 2) px and `projector_uv` (n, 2) lines of the circles' centres; `xyz_mm` (n, 3) in the board's frame;
+    `visible`: the whole circle is within the camera's image and lit; `partly`: some of its edge is, not all.
+    """
+
+    row: NDArray[np.int64]
+    col: NDArray[np.int64]
+    xyz_mm: Array
+    camera_uv: Array
+    projector_uv: Array
+    visible: NDArray[np.bool_]
+    partly: NDArray[np.bool_]
+
+
+def truth_maps(rig: Rig, scene: Scene) -> TruthMaps:
+    """Find what every pixel's central ray meets, and project that into the projector with `core.geometry`."""
+    samples, points = cast(rig, scene, 1, with_points=True)
+    projector_from_board = rig.projector_from_camera @ scene.camera_from_board
+    uv = project(rig.projector, rig.projector_interior, points, projector_from_board)
+    size = np.array([rig.projector.width, rig.projector.height])
+    lit = (samples.gain > 0) & np.all((uv >= -0.5) & (uv <= size - 0.5), axis=-1)
+    uv[~lit] = np.nan
+    return TruthMaps(uv[..., 0], uv[..., 1], scene.camera_from_board.apply(points), lit, samples.gain.astype(float))
+
+
+def true_targets(
+    rig: Rig, scene: Scene, camera_margin_px: float = 2.0, projector_margin_lines: float = 2.0
+) -> TrueTargets:
+    """Find where a scene's targets appear and whether they are wholly seen and lit.
+
+    Shadows of spheres and blocks are not considered: testfields have none.
+
+    Raises
+    ------
+    ValueError
+        If the scene's board has no targets.
+    """
+    t = scene.board.targets
+    if t is None:
+        raise ValueError("the board has no targets")
+    projector_from_board = rig.projector_from_camera @ scene.camera_from_board
+    angle = np.linspace(0, 2 * np.pi, _RIM, endpoint=False)
+    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(_RIM)], axis=-1)
+    edge = t.xyz_mm[:, None, :] + rim * t.diameter_mm[:, None, None] / 2
+    inside = np.ones((len(t.row), _RIM), bool)
+    for spec, interior, pose, margin in (
+        (rig.camera, rig.camera_interior, scene.camera_from_board, camera_margin_px),
+        (rig.projector, rig.projector_interior, projector_from_board, projector_margin_lines),
+    ):
+        uv = project(spec, interior, edge, pose)
+        last = np.array([spec.width - 1, spec.height - 1])
+        inside &= np.all((uv >= margin) & (uv <= last - margin), axis=-1)
+        facing = np.einsum("ij,j->i", pose.origin_mm - t.xyz_mm, [0.0, 0.0, 1.0]) > 0
+        inside &= facing[:, None]
+    camera_uv = project(rig.camera, rig.camera_interior, t.xyz_mm, scene.camera_from_board)
+    projector_uv = project(rig.projector, rig.projector_interior, t.xyz_mm, projector_from_board)
+    whole, some = np.asarray(inside.all(axis=1)), np.asarray(inside.any(axis=1))
+    return TrueTargets(t.row, t.col, t.xyz_mm, camera_uv, projector_uv, whole, some & ~whole)
+
+
+def operator_picks(targets: TrueTargets, rng: np.random.Generator, sigma_px: float = 1.5) -> tuple[Seed, ...]:
+    """Click on the four visible targets nearest to the corners of the visible part, each with a click error.
+
+    Raises
+    ------
+    ValueError
+        If fewer than four different targets can be picked.
+    """
+    seen = np.flatnonzero(targets.visible)
+    if seen.size < 4:
+        raise ValueError(f"{seen.size} targets are visible: four are needed for picking")
+    r, c = targets.row[seen].astype(float), targets.col[seen].astype(float)
+    chosen: list[int] = []
+    for down, right in ((-1, -1), (-1, 1), (1, 1), (1, -1)):
+        order = seen[np.argsort(-(down * (r - r.mean()) + right * (c - c.mean())), kind="stable")]
+        chosen.append(next(int(n) for n in order if n not in chosen))
+    clicks = targets.camera_uv[chosen] + rng.normal(size=(4, 2)) * sigma_px
+    return tuple(
+        Seed(int(targets.row[n]), int(targets.col[n]), round(float(u), 1), round(float(v), 1))
+        for n, (u, v) in zip(chosen, clicks, strict=True)
+    )
