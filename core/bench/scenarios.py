@@ -14,26 +14,26 @@ from core.patterns import Black, Pattern, White, gray_and_phase, reference_seque
 
 # tilt, about, roll (degrees), place in the volume (mm)
 _PAPER_PLACES = (
-    Place(4, 0, 0, (-12, 8, -30)),
-    Place(5, 90, 90, (10, -6, 25)),
-    Place(5, 200, 180, (22, 12, -5)),
-    Place(4, 300, 270, (-15, -10, 40)),
-    Place(30, 0, 0, (-18, 10, 10)),
-    Place(30, 45, 90, (12, 14, -20)),
-    Place(28, 90, 180, (20, -10, 0)),
-    Place(31, 135, 270, (-10, -16, 25)),
-    Place(30, 180, 0, (20, -10, -15)),
-    Place(30, 225, 90, (-14, 10, 5)),
-    Place(32, 270, 180, (-16, 12, -10)),
-    Place(28, 315, 270, (14, 12, 15)),
-    Place(33, 20, 90, (-20, -14, -35)),
-    Place(27, 70, 0, (24, 16, 20)),
-    Place(34, 110, 270, (16, -18, -25)),
-    Place(26, 160, 180, (-24, 14, 30)),
-    Place(33, 200, 90, (18, 18, -40)),
-    Place(27, 250, 0, (-22, -16, 35)),
-    Place(34, 290, 270, (-18, 14, -10)),
-    Place(25, 340, 180, (22, -12, 20)),
+    Place(4, 0, 0, (-29, 20, -30)),
+    Place(5, 90, 90, (24, -15, 25)),
+    Place(5, 200, 180, (54, 29, -5)),
+    Place(4, 300, 270, (-37, -24, 40)),
+    Place(30, 0, 0, (-44, 24, 10)),
+    Place(30, 45, 90, (29, 34, -20)),
+    Place(28, 90, 180, (49, -24, 0)),
+    Place(31, 135, 270, (-24, -39, 25)),
+    Place(30, 180, 0, (49, -24, -15)),
+    Place(30, 225, 90, (-34, 24, 5)),
+    Place(32, 270, 180, (-39, 29, -10)),
+    Place(28, 315, 270, (34, 29, 15)),
+    Place(33, 20, 90, (-49, -34, -35)),
+    Place(27, 70, 0, (59, 39, 20)),
+    Place(34, 110, 270, (39, -44, -25)),
+    Place(26, 160, 180, (-59, 34, 30)),
+    Place(33, 200, 90, (44, 44, -40)),
+    Place(27, 250, 0, (-54, -39, 35)),
+    Place(34, 290, 270, (-44, 34, -10)),
+    Place(25, 340, 180, (54, -29, 20)),
 )
 
 
@@ -59,7 +59,7 @@ def _paper() -> Plan:
         DeviceSpec(640, 640, (0.09, 0.09), 182.0),
         Lcd(),
         Lens(),
-        Sensor(white_level=100.0, offset=6.0, read_noise=1.5, shot_gain=0.02, jitter_px=0.02),
+        Sensor(white_level=120.0, offset=6.0, read_noise=1.6, shot_gain=0.02, jitter_px=0.02),
     )
     return Plan(
         "paper",
@@ -108,7 +108,7 @@ def _quick() -> Plan:
 def _modern() -> Plan:
     rig = _rig(
         DeviceSpec(2448, 2048, (0.00345, 0.00345), 12.0),
-        DeviceSpec(1280, 800, (0.045, 0.045), 182.0),
+        DeviceSpec(1280, 800, (0.05, 0.05), 182.0),
         Lcd(fill=1.0, contrast=400.0, blur_lines=0.9, defocus_lines=2.0),
         Lens(blur_px=0.6),
         Sensor(white_level=2600.0, offset=64.0, read_noise=4.0, shot_gain=0.35, bits=12),

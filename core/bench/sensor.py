@@ -56,8 +56,7 @@ def digitise(sensor: Sensor, light: Floats, rng: np.random.Generator) -> Image:
     rng : numpy Generator
         Draws H displacements, then H·W normal deviates, whatever the image holds.
     """
-    shift = rng.standard_normal(light.shape[0], dtype=np.float32)
-    shift *= np.float32(sensor.jitter_px)
+    shift: Floats = np.float32(sensor.jitter_px) * rng.standard_normal(light.shape[:1], dtype=np.float32)
     noise = rng.standard_normal(light.shape, dtype=np.float32)
     if sensor.jitter_px > 0:
         light = shift_rows(light, shift)

@@ -115,7 +115,8 @@ def meets_block(block: Array, o: Array, dx: float, dy: float, dz: float) -> tupl
         if t0 > near:
             near, axis = t0, k
         far = min(far, t1)
-    if near < far and near > 1e-6:
+    # a ray that starts on a face and leaves is already at its end; one that starts beside a face may enter at once
+    if near < far and near > -1e-9 and far > 1e-9:
         return near, axis
     return np.inf, -1
 
