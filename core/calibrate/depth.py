@@ -1,0 +1,254 @@
+"""The depth calibration: every pixel's own curve from a plate moved through known positions.
+
+A plate stands at known positions z along its axis and is captured at each. At every camera pixel the projector
+coordinate u then is known at several z, and a polynomial z(u), or the table itself, is that pixel's calibration. The
+camera's orientation from the plate's own targets turns z into points (`depth_camera`).
+
+The method needs no model of the projector: lens and pattern errors that repeat are calibrated away with the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.calibrate.depth_camera import PlateCamera, TargetPlane, orient_camera
+from core.calibrate.depth_curves import Curves, fit_polynomials, fit_table
+from core.calibrate.depth_smooth import smooth_maps
+from core.errors import AdjustmentError, InputError
+from core.model import DepthCalibration, DeviceSpec, Floats, PhaseMap, TargetSet, Testfield
+from core.progress import SILENT, Progress
+
+WHERE = "depth captures"
+MOST_DEGREE = 7
+OUTLIER_FACTOR = 6.0  # a pixel whose residuals exceed so many times what its noise explains has a gross error
+TOO_MANY_LOST = 0.02  # share of pixels without a usable curve that is worth a warning
+
+
+@dataclass(frozen=True)
+class DepthPlane:
+    """The plate at one position.
+
+    Attributes
+    ----------
+    z_mm : float
+        Position along the plate's axis.
+    phase : PhaseMap
+        The decoded capture, shape (H, W).
+    targets : TargetSet or None
+        The plate's targets in this capture, where they were measured.
+    """
+
+    z_mm: float
+    phase: PhaseMap
+    targets: TargetSet | None = None
+
+
+@dataclass(frozen=True)
+class DepthOptions:
+    """How the depth is calibrated.
+
+    Attributes
+    ----------
+    degree : int or None
+        Of every pixel's polynomial, 1 to 7; None for the table, interpolated linearly.
+    axis : {"auto", "u", "v"}
+        The projector coordinate that gives the depth; "auto" takes the one that changes more with it.
+    low_pass_px : float
+        Standard deviation (px) of the Gaussian by which the coordinate maps of the plate are smoothed before the
+        curves are fitted; 0 for none. The plate is smooth, so this takes the calibration's own noise away; along the
+        edges of the plate it needs the plate to be flat.
+    least_planes : int or None
+        A pixel seen at fewer positions is not calibrated; None for one more than the polynomial needs, where there
+        are so many.
+    distance_mm : float or None
+        From the camera to the plate at z = 0, only used where no targets were measured.
+    """
+
+    degree: int | None = 3
+    axis: Literal["auto", "u", "v"] = "auto"
+    low_pass_px: float = 0.0
+    least_planes: int | None = None
+    distance_mm: float | None = None
+
+
+def calibrate_depth(
+    camera: DeviceSpec,
+    testfield: Testfield | None,
+    planes: Sequence[DepthPlane],
+    *,
+    options: DepthOptions = DepthOptions(),
+    progress: Progress = SILENT,
+) -> DepthCalibration:
+    """Calibrate the depth of every pixel, and the camera for X and Y.
+
+    Parameters
+    ----------
+    camera : DeviceSpec
+    testfield : Testfield or None
+        The targets on the plate, in the plate's own frame (z = 0 on its surface).
+    planes : sequence of DepthPlane
+        In any order.
+    options : DepthOptions
+    progress : Progress
+
+    Returns
+    -------
+    calibration : DepthCalibration
+        `residual_rms_mm` is the r.m.s. of z(u) - z over all calibrated pixels and planes, with u as decoded, not
+        smoothed; for the table, which goes through its own points, that of each inner plane interpolated from its
+        two neighbours.
+
+    Raises
+    ------
+    InputError
+        If the planes are too few, repeat a position, have another size than the camera, or lack the axis.
+    AdjustmentError
+        If no pixel sees the plate at enough positions.
+
+    Notes
+    -----
+    Brenner, Böhm, Gühring, *Photogrammetric calibration and accuracy evaluation of a cross-pattern stripe projector*
+    (1999), section 4.
+    """
+    planes = sorted(planes, key=lambda plane: plane.z_mm)
+    least = _check(camera, planes, options)
+    depths = np.array([plane.z_mm for plane in planes])
+    progress(0.0, "orienting the camera by the plate")
+    oriented = _orient(camera, testfield, planes, options)
+    axis = choose_axis([plane.phase for plane in planes]) if options.axis == "auto" else options.axis
+    measured = np.stack([plane.phase.u if axis == "u" else plane.phase.v for plane in planes])
+    if not np.isfinite(measured).any():
+        raise InputError(WHERE, f"coordinate {axis} was decoded in no pixel", "choose the other axis")
+    used = smooth_maps(measured, options.low_pass_px, progress=progress.part(0.1, 0.5))
+    progress(0.5, "fitting the depth of every pixel")
+    if options.degree is None:
+        curves = fit_table(depths, used, measured, least)
+    else:
+        curves = fit_polynomials(depths, used, measured, options.degree, least)
+    progress(0.9, "looking for pixels with gross errors")
+    noise = _mean_sigma([plane.phase.sigma_u if axis == "u" else plane.phase.sigma_v for plane in planes])
+    good, lost = _usable(curves, noise, float(depths[-1] - depths[0]))
+    if not good.any():
+        raise AdjustmentError(
+            WHERE,
+            f"no pixel sees the plate move at {least} or more of the {len(planes)} positions",
+            "check that the captures show the plate where capture.json says",
+        )
+    u_range = np.where(good, curves.u_range, np.float32(np.nan))
+    progress(1.0, "the depth is calibrated")
+    return DepthCalibration(
+        axis=axis,
+        depths_mm=depths,
+        degree=options.degree,
+        coefficients=curves.coefficients,
+        u_range=u_range,
+        residual_rms_mm=float(np.sqrt(np.sum(curves.squares[good]) / max(np.sum(curves.count[good]), 1))),
+        valid_pixels=int(np.count_nonzero(good)),
+        camera_spec=camera,
+        camera=oriented.interior,
+        camera_from_plate=oriented.camera_from_plate,
+        axis_direction=oriented.axis_direction,
+        warnings=(*oriented.warnings, *lost),
+    )
+
+
+def _check(camera: DeviceSpec, planes: Sequence[DepthPlane], options: DepthOptions) -> int:
+    """Refuse what cannot be calibrated; give the least number of planes a pixel needs."""
+    if options.degree is not None and not 1 <= options.degree <= MOST_DEGREE:
+        raise InputError("degree", str(options.degree), f"choose 1 to {MOST_DEGREE}, or the table")
+    needed = 2 if options.degree is None else options.degree + 1
+    if len(planes) < needed:
+        what = "the table" if options.degree is None else f"a polynomial of degree {options.degree}"
+        raise InputError(
+            WHERE, f"{len(planes)} plate positions, {what} needs {needed}", "add captures or choose a lower degree"
+        )
+    for plane in planes:
+        if not np.isfinite(plane.z_mm):
+            raise InputError(WHERE, f"z_mm is {plane.z_mm}", "give every depth capture its position")
+        if plane.phase.u.shape != (camera.height, camera.width):
+            height, width = plane.phase.u.shape
+            seen = f"{width}×{height} pixels at z = {plane.z_mm:g} mm, the camera has {camera.width}×{camera.height}"
+            raise InputError(WHERE, seen, "use captures of this project's camera")
+    for one, next_one in pairwise(planes):
+        if one.z_mm == next_one.z_mm:
+            raise InputError(WHERE, f"two captures at z = {one.z_mm:g} mm", "leave one out or correct its z_mm")
+    least = min(needed + 1, len(planes)) if options.least_planes is None else options.least_planes
+    return max(least, needed)
+
+
+def choose_axis(phases: Sequence[PhaseMap]) -> Literal["u", "v"]:
+    """Name the projector coordinate that changes more, in units of its sigma, while the plate moves.
+
+    Parameters
+    ----------
+    phases : sequence of PhaseMap
+        In the order of the plate's positions.
+    """
+    scores = []
+    for values, sigmas in (
+        ([p.u for p in phases], [p.sigma_u for p in phases]),
+        ([p.v for p in phases], [p.sigma_v for p in phases]),
+    ):
+        thin = (slice(None, None, 5), slice(None, None, 5))  # a twenty-fifth of the pixels tells
+        steps = [np.abs(b[thin] - a[thin]) for a, b in pairwise(values)]
+        moved = np.concatenate([s[np.isfinite(s)] for s in steps])
+        noise = np.concatenate([s[thin][np.isfinite(s[thin])] for s in sigmas])
+        floor = float(np.median(noise)) if noise.size else 0.0
+        scores.append(float(np.median(moved)) / max(floor, 1e-3) if moved.size else 0.0)
+    return "u" if scores[0] >= scores[1] else "v"
+
+
+def _orient(
+    camera: DeviceSpec, testfield: Testfield | None, planes: Sequence[DepthPlane], options: DepthOptions
+) -> PlateCamera:
+    seen = []
+    places = testfield.index() if testfield is not None else {}
+    for plane in planes:
+        if plane.targets is None or testfield is None:
+            continue
+        names = zip(plane.targets.row, plane.targets.col, strict=True)
+        found = [(i, places[(int(r), int(c))]) for i, (r, c) in enumerate(names) if (int(r), int(c)) in places]
+        rows = np.array(found, dtype=np.int64).reshape(-1, 2)
+        known = np.isfinite(plane.targets.camera_uv[rows[:, 0]]).all(axis=-1)
+        rows = rows[known]
+        seen.append(TargetPlane(plane.z_mm, testfield.xyz_mm[rows[:, 1]], plane.targets.camera_uv[rows[:, 0]]))
+    return orient_camera(camera, seen, distance_mm=options.distance_mm)
+
+
+def _mean_sigma(sigmas: Sequence[Floats]) -> Floats:
+    """Root mean square over the planes of the sigmas (H, W), 0 where none is known."""
+    total = np.zeros(sigmas[0].shape, np.float32)
+    count = np.zeros(sigmas[0].shape, np.float32)
+    for sigma in sigmas:
+        known = np.isfinite(sigma)
+        total += np.where(known, sigma, 0) ** 2
+        count += known
+    return np.asarray(np.sqrt(total / np.maximum(count, 1)), np.float32)
+
+
+def _usable(curves: Curves, sigma: Floats, travel_mm: float) -> tuple[NDArray[np.bool_], list[str]]:
+    """Find the pixels with a curve that fits; the warnings about those without."""
+    fitted = np.isfinite(curves.u_range[0])
+    if not fitted.any():
+        return fitted, []
+    rms = np.sqrt(curves.squares / np.maximum(curves.count, 1))
+    typical = float(np.median(rms[fitted]))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        expected = sigma * travel_mm / (curves.u_range[1] - curves.u_range[0])
+    good = fitted & (rms <= OUTLIER_FACTOR * np.maximum(expected, typical))
+    warnings = []
+    gross = int(np.count_nonzero(fitted & ~good))
+    if gross > TOO_MANY_LOST * np.count_nonzero(fitted):
+        warnings.append(f"{gross} pixels left out: their residuals exceed {OUTLIER_FACTOR:g} times the noise")
+    if curves.not_monotonic > TOO_MANY_LOST * (curves.not_monotonic + np.count_nonzero(fitted)):
+        warnings.append(
+            f"{curves.not_monotonic} pixels left out: their projector coordinate does not rise or fall steadily with "
+            "the plate's position (background, reflections, or plates in the wrong order)"
+        )
+    return good, warnings

@@ -1,0 +1,206 @@
+"""The camera's orientation from the targets of the depth plate itself.
+
+The plate's targets are known in the plate's frame, and the plate moves by known amounts along one axis. Adjusted are the
+camera's interior orientation, the plate's pose at z = 0 and the direction of the axis. Plates that stay parallel show
+some of it poorly (a principal point and a small turn of the camera look nearly alike), so the interior orientation
+enters with the loose knowledge one has of any camera. Where that knowledge decides, the result says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+from core.errors import AdjustmentError
+from core.geometry import (
+    Pose,
+    matrix_from_rotation_vector,
+    project,
+    ray_directions,
+    rotation_vector_from_matrix,
+)
+from core.model import INTERIOR_NAMES, Array, DeviceSpec, Interior
+
+LEAST_TARGETS = 4
+TO_OPENCV = np.diag([1.0, -1.0, -1.0])  # X right, Y down, looking along +Z
+ASSUMED_DISTANCE = 50.0  # focal lengths, where nothing tells the distance: 0.6 m with a 12 mm lens
+POORLY_KNOWN = 0.7  # share of the prior sigma above which the observations have hardly spoken
+AXIS_PRIOR_RAD = 0.05  # the plate's axis is about perpendicular to the plate
+
+
+@dataclass(frozen=True)
+class TargetPlane:
+    """The targets seen with the plate at one position: places on the plate (n, 3) mm and in the image (n, 2) px."""
+
+    z_mm: float
+    xyz_mm: Array
+    uv: Array
+
+
+@dataclass(frozen=True)
+class PlateCamera:
+    """The camera before the plate.
+
+    `axis_direction`, shape (3,), is the unit vector of the plate's movement in the plate's frame, for z rising.
+    `residual_rms_px` is NaN where nothing was observed.
+    """
+
+    interior: Interior
+    camera_from_plate: Pose
+    axis_direction: Array
+    residual_rms_px: float
+    warnings: tuple[str, ...]
+
+
+def orient_camera(spec: DeviceSpec, planes: Sequence[TargetPlane], *, distance_mm: float | None = None) -> PlateCamera:
+    """Orient the camera by the plate's targets.
+
+    Parameters
+    ----------
+    spec : DeviceSpec
+    planes : sequence of TargetPlane
+        Positions with fewer than 4 targets do not count.
+    distance_mm : float, optional
+        From the camera to the plate at z = 0, used where there are no targets.
+
+    Returns
+    -------
+    oriented : PlateCamera
+
+    Raises
+    ------
+    AdjustmentError
+        If the targets do not fit any pose of the plate.
+    """
+    usable = [plane for plane in planes if len(plane.uv) >= LEAST_TARGETS]
+    if not usable:
+        return _assumed(spec, distance_mm)
+    tries = [_adjust(spec, usable, start) for start in _starts(spec, usable)]
+    if not tries:
+        raise AdjustmentError("depth plate", "its targets fit no pose", "check the picks of the depth captures")
+    best = min(tries, key=lambda result: result.cost)
+    return _result(spec, usable, best)
+
+
+def _assumed(spec: DeviceSpec, distance_mm: float | None) -> PlateCamera:
+    warnings = ["no targets on the depth plate: X and Y come from the nominal camera, square to the plate"]
+    if distance_mm is None:
+        distance_mm = ASSUMED_DISTANCE * spec.nominal_c_mm
+        warnings.append(f"the plate's distance is assumed to be {distance_mm:.0f} mm, so X and Y have no true scale")
+    pose = Pose(np.eye(3), np.array([0.0, 0.0, -distance_mm]))
+    interior = Interior(spec.nominal_c_mm, r0_mm=spec.zero_radius_mm)
+    return PlateCamera(interior, pose, np.array([0.0, 0.0, 1.0]), float("nan"), tuple(warnings))
+
+
+def _prior_sigmas(spec: DeviceSpec) -> Array:
+    """What one knows of any camera: sigmas of c, x0, y0 (mm), A1..A6."""
+    half = 1.5 * spec.zero_radius_mm  # half the diagonal
+    return np.array(
+        [
+            0.2 * spec.nominal_c_mm,
+            0.05 * half,
+            0.05 * half,
+            0.1 / half**2,  # the radial parameters move the corner by a tenth of its radius
+            0.1 / half**4,
+            0.05,
+            0.02,
+            0.01 / half,
+            0.01 / half,
+        ]
+    )
+
+
+def _starts(spec: DeviceSpec, planes: Sequence[TargetPlane]) -> list[Array]:
+    """Initial parameters: both poses that fit a flat field nearly as well, and the axis either way."""
+    most = max(planes, key=lambda plane: len(plane.uv))
+    nominal = Interior(spec.nominal_c_mm, r0_mm=spec.zero_radius_mm)
+    rays = ray_directions(spec, nominal, most.uv)
+    flat = most.xyz_mm * (1.0, 1.0, 0.0)
+    image = np.stack([rays[:, 0], -rays[:, 1]], axis=-1)
+    try:
+        _, turns, shifts, _ = cv2.solvePnPGeneric(flat, image, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+    except cv2.error:
+        return []
+    starts = []
+    for turn, shift in zip(turns, shifts, strict=True):
+        rotation = TO_OPENCV @ cv2.Rodrigues(turn)[0]
+        seen_at = TO_OPENCV @ shift.ravel()
+        if not (np.isfinite(rotation).all() and seen_at[2] < 0):
+            continue
+        for sign in (1.0, -1.0):
+            origin = seen_at - rotation @ np.array([0.0, 0.0, sign * most.z_mm])
+            tail = [*rotation_vector_from_matrix(rotation), *origin, 0.0, 0.0, sign]
+            starts.append(np.array([*nominal.vector, *tail]))
+    return starts
+
+
+@dataclass(frozen=True)
+class _Solution:
+    parameters: Array
+    cost: float
+    residuals: Array  # of the image coordinates, px
+    interior_sigma: Array  # (9,) posterior
+
+
+def _axis(tangents: Array, sign: float) -> Array:
+    direction = np.array([tangents[0], tangents[1], 1.0])
+    return sign * direction / np.linalg.norm(direction)
+
+
+def _unpack(spec: DeviceSpec, parameters: Array) -> tuple[Interior, Pose, Array]:
+    interior = Interior.from_vector(parameters[:9], spec.zero_radius_mm)
+    pose = Pose(matrix_from_rotation_vector(parameters[9:12]), parameters[12:15])
+    return interior, pose, _axis(parameters[15:17], float(parameters[17]))
+
+
+def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array) -> _Solution:
+    """Least squares from one start; twice, because the weight of the priors needs the observations' own sigma."""
+    places = np.concatenate([plane.xyz_mm for plane in planes])
+    z = np.concatenate([np.full(len(plane.uv), plane.z_mm) for plane in planes])
+    uv = np.concatenate([plane.uv for plane in planes])
+    prior = np.append(_prior_sigmas(spec), [AXIS_PRIOR_RAD, AXIS_PRIOR_RAD])
+    expected = np.append(start[:9], [0.0, 0.0])
+    scale = np.concatenate([prior[:9], np.full(3, 0.01), np.full(3, 10.0), np.full(2, 0.01)])
+    sign = start[17]
+
+    def misfit(p: Array) -> Array:
+        interior, pose, axis = _unpack(spec, np.append(p * scale, sign))
+        found = project(spec, interior, places + z[:, None] * axis, pose)
+        return np.asarray(np.nan_to_num(found - uv, nan=1e4).ravel())
+
+    def residuals(p: Array, sigma: float) -> Array:
+        known = (np.append(p[:9], p[15:17]) * np.append(scale[:9], scale[15:17]) - expected) / prior
+        return np.append(misfit(p) / sigma, known)
+
+    p, sigma = start[:17] / scale, 1.0
+    for _ in range(2):
+        solution = least_squares(residuals, p, args=(sigma,), x_scale=1.0, method="lm", max_nfev=4000)
+        p = solution.x
+        sigma = max(float(np.sqrt(np.sum(misfit(p) ** 2) / max(uv.size - 8, 1))), 1e-4)
+    normal = solution.jac.T @ solution.jac
+    covariance = np.linalg.pinv(normal, hermitian=True)
+    spread = np.sqrt(np.maximum(np.diag(covariance)[:9], 0)) * scale[:9]
+    return _Solution(np.append(p * scale, sign), float(np.sum(misfit(p) ** 2)), misfit(p), spread)
+
+
+def _result(spec: DeviceSpec, planes: Sequence[TargetPlane], best: _Solution) -> PlateCamera:
+    rms_px = float(np.sqrt(np.mean(best.residuals**2)))
+    if not rms_px < 0.02 * spec.width:
+        raise AdjustmentError(
+            "depth plate",
+            f"its targets miss by {rms_px:.1f} px r.m.s.",
+            "check the picks and z_mm of the depth captures",
+        )
+    interior, pose, axis = _unpack(spec, best.parameters)
+    warnings = []
+    poor = best.interior_sigma > POORLY_KNOWN * _prior_sigmas(spec)
+    if poor.any():
+        names = ", ".join(name for name, flag in zip(INTERIOR_NAMES, poor, strict=True) if flag)
+        warnings.append(f"the depth plate's targets hardly determine {names}: kept near the nominal camera")
+    if len(planes) == 1:
+        warnings.append("targets at one plate position only: the axis is taken as perpendicular to the plate")
+    return PlateCamera(interior, pose, axis, rms_px, tuple(warnings))

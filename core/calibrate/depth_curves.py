@@ -1,0 +1,226 @@
+"""Every pixel's curve z(u): polynomials by least squares, or the table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from core.model import Array, Floats
+from core.parallel import run_in_bands
+
+LEAST_STEP_LINES = 0.05  # u must change by so much from one position to the next, else nothing moved
+
+
+@dataclass(frozen=True)
+class Curves:
+    """The curves of all pixels.
+
+    Attributes
+    ----------
+    coefficients : array, shape (degree + 1, H, W) mm or (planes, H, W) lines
+        As in `core.model.DepthCalibration`.
+    u_range : array, shape (2, H, W)
+        Least and greatest calibrated u, NaN where the pixel has no curve.
+    squares, count : arrays, shape (H, W)
+        Sum of the squared residuals in mm² and their number.
+    not_monotonic : int
+        Pixels left out because u does not rise or fall steadily with the position.
+    """
+
+    coefficients: Floats
+    u_range: Floats
+    squares: Floats
+    count: NDArray[np.uint8]
+    not_monotonic: int
+
+
+def fit_polynomials(depths_mm: Array, used: Floats, measured: Floats, degree: int, least: int) -> Curves:
+    """Fit a polynomial z(t), t = (u - centre) / half, to every pixel.
+
+    Parameters
+    ----------
+    depths_mm : array, shape (planes,)
+        Rising.
+    used, measured : arrays, shape (planes, H, W)
+        The coordinates to fit, NaN where invalid, and those (unsmoothed) by which the residuals are judged.
+    degree : int
+    least : int
+        Pixels with fewer planes are left out.
+
+    Returns
+    -------
+    curves : Curves
+
+    Notes
+    -----
+    All planes have the same weight: the sigma of u, estimated from a few frames, varies more by its own uncertainty
+    than from plane to plane.
+    """
+    _, height, width = used.shape
+    coefficients = np.full((degree + 1, height, width), np.nan, np.float32)
+    curves = _empty(coefficients)
+    broken = np.zeros(height, np.int64)
+
+    def band(start: int, stop: int) -> None:
+        _fit_rows(
+            depths_mm, used, measured, least, coefficients, curves.u_range, curves.squares, curves.count, broken,
+            start, stop,
+        )  # fmt: skip
+
+    run_in_bands(band, height)
+    return Curves(coefficients, curves.u_range, curves.squares, curves.count, int(broken.sum()))
+
+
+def fit_table(depths_mm: Array, used: Floats, measured: Floats, least: int) -> Curves:
+    """Make the table of every pixel: u at every plane, gaps between two planes closed by interpolation.
+
+    Parameters and result as for `fit_polynomials`; the residual of an inner plane is taken against the straight line
+    between its neighbours.
+    """
+    _, height, _ = used.shape
+    table = np.full(used.shape, np.nan, np.float32)
+    curves = _empty(table)
+    broken = np.zeros(height, np.int64)
+
+    def band(start: int, stop: int) -> None:
+        _table_rows(
+            depths_mm, used, measured, least, table, curves.u_range, curves.squares, curves.count, broken, start, stop
+        )
+
+    run_in_bands(band, height)
+    return Curves(table, curves.u_range, curves.squares, curves.count, int(broken.sum()))
+
+
+def _empty(coefficients: Floats) -> Curves:
+    _, height, width = coefficients.shape
+    return Curves(
+        coefficients,
+        np.full((2, height, width), np.nan, np.float32),
+        np.zeros((height, width), np.float32),
+        np.zeros((height, width), np.uint8),
+        0,
+    )
+
+
+@njit(cache=True, nogil=True)
+def _steady(u, n):  # type: ignore[no-untyped-def]
+    """Whether the first n values rise or fall steadily."""
+    rising = u[n - 1] > u[0]
+    for i in range(1, n):
+        step = u[i] - u[i - 1] if rising else u[i - 1] - u[i]
+        if not step >= LEAST_STEP_LINES:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _solve(N, b, n):  # type: ignore[no-untyped-def]
+    """Solve the positive definite N x = b of size n in place by Cholesky's method; False where it is singular."""
+    for i in range(n):
+        for j in range(i + 1):
+            s = N[i, j]
+            for k in range(j):
+                s -= N[i, k] * N[j, k]
+            if i == j:
+                if s <= 1e-12 * N[0, 0]:
+                    return False
+                N[i, i] = np.sqrt(s)
+            else:
+                N[i, j] = s / N[j, j]
+    for i in range(n):
+        for k in range(i):
+            b[i] -= N[i, k] * b[k]
+        b[i] /= N[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= N[k, i] * b[k]
+        b[i] /= N[i, i]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _value(t, terms, b):  # type: ignore[no-untyped-def]
+    z = 0.0
+    for k in range(terms - 1, -1, -1):
+        z = z * t + b[k]
+    return z
+
+
+@njit(cache=True, nogil=True)
+def _fit_rows(depths, used, measured, least, coefficients, u_range, squares, count, broken, start, stop):  # type: ignore[no-untyped-def]
+    """Fit the polynomials of rows start to stop - 1."""
+    planes, terms = used.shape[0], coefficients.shape[0]
+    u, z = np.empty(planes), np.empty(planes)
+    N, b, power = np.empty((terms, terms)), np.empty(terms), np.empty(2 * terms)
+    for r in range(start, stop):
+        for c in range(used.shape[2]):
+            n = 0
+            for i in range(planes):
+                if np.isfinite(used[i, r, c]):
+                    u[n], z[n] = used[i, r, c], depths[i]
+                    n += 1
+            if n < least:
+                continue
+            if not _steady(u, n):
+                broken[r] += 1
+                continue
+            low, high = min(u[0], u[n - 1]), max(u[0], u[n - 1])
+            centre, half = 0.5 * (low + high), 0.5 * (high - low)
+            N[:] = 0.0
+            b[:] = 0.0
+            for i in range(n):
+                t = (u[i] - centre) / half
+                power[0] = 1.0
+                for k in range(1, 2 * terms - 1):
+                    power[k] = power[k - 1] * t
+                for k in range(terms):
+                    b[k] += power[k] * z[i]
+                    for m in range(k + 1):
+                        N[k, m] += power[k + m]
+            if not _solve(N, b, terms):
+                continue
+            for i in range(planes):
+                if np.isfinite(measured[i, r, c]):
+                    rest = _value((measured[i, r, c] - centre) / half, terms, b) - depths[i]
+                    squares[r, c] += rest * rest
+                    count[r, c] += 1
+            u_range[0, r, c], u_range[1, r, c] = low, high
+            for k in range(terms):
+                coefficients[k, r, c] = b[k]
+
+
+@njit(cache=True, nogil=True)
+def _table_rows(depths, used, measured, least, table, u_range, squares, count, broken, start, stop):  # type: ignore[no-untyped-def]
+    """Make the tables of rows start to stop - 1."""
+    planes = used.shape[0]
+    u, z = np.empty(planes), np.empty(planes)
+    for r in range(start, stop):
+        for c in range(used.shape[2]):
+            n = 0
+            for i in range(planes):
+                if np.isfinite(used[i, r, c]):
+                    u[n], z[n] = used[i, r, c], depths[i]
+                    n += 1
+            if n < least:
+                continue
+            if not _steady(u, n):
+                broken[r] += 1
+                continue
+            k = 0
+            for i in range(planes):
+                if depths[i] < z[0] or depths[i] > z[n - 1]:
+                    continue
+                while k < n - 2 and depths[i] > z[k + 1]:
+                    k += 1
+                table[i, r, c] = u[k] + (u[k + 1] - u[k]) * (depths[i] - z[k]) / (z[k + 1] - z[k])
+            u_range[0, r, c], u_range[1, r, c] = min(u[0], u[n - 1]), max(u[0], u[n - 1])
+            for i in range(1, planes - 1):
+                before, after = np.float64(table[i - 1, r, c]), np.float64(table[i + 1, r, c])
+                if np.isfinite(measured[i, r, c]) and np.isfinite(before) and np.isfinite(after):
+                    share = (measured[i, r, c] - before) / (after - before)
+                    rest = depths[i - 1] + share * (depths[i + 1] - depths[i - 1]) - depths[i]
+                    squares[r, c] += rest * rest
+                    count[r, c] += 1
