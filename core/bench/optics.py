@@ -12,11 +12,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import erf
 
+from core.bench.tables import PAD, PER_LINE
+
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
-PER_LINE = 16  # table entries per projector line, interpolated linearly
-PAD = 12  # lines tabulated beyond either end of the raster
 DEFOCUS_STEP = 0.02  # of |Z_focus / Z - 1| from one tabulated width to the next
 WIDTHS = 16
 _REACH = 7  # lines on either side that still shine into a place

@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from core.bench.optics import PAD, PER_LINE
-
 Floats = NDArray[np.float32]
+PER_LINE = 16  # table entries per projector line, interpolated linearly
+PAD = 12  # lines tabulated beyond either end of the raster
 
 
 @njit(cache=True, nogil=True)
@@ -20,6 +20,20 @@ def look_up(table: Floats, width: int, line: float) -> np.float32:
     i = int(place)
     f = np.float32(place - i)
     return table[width, i] + f * (table[width, i + 1] - table[width, i])
+
+
+@njit(cache=True, nogil=True)
+def fade_rows(
+    first: int, last: int, u: Floats, v: Floats, gain: Floats, width: NDArray[np.uint8],
+    window_u: Floats, window_v: Floats,
+) -> None:  # fmt: skip
+    """Let the light end at the blurred edge of the projector's raster, in subsample rows `first` to `last` - 1."""
+    for i in range(first, last):
+        for j in range(gain.shape[1]):
+            if gain[i, j] > 0:
+                w = width[i, j] = min(width[i, j], window_u.shape[0] - 1)
+                edge = look_up(window_u, w, u[i, j]) * look_up(window_v, w, v[i, j])
+                gain[i, j] = gain[i, j] * edge if edge > 1e-6 else 0.0
 
 
 @njit(cache=True, nogil=True)

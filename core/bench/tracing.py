@@ -2,6 +2,9 @@
 
 Written a second time, scalar by scalar, and not borrowed from `core.geometry`: a bench that shared the formulae with
 what it examines could not find their faults. The tests compare the two.
+
+All kernels that call each other stand in this one file: numba's cache looks for changes in the file of the outer one
+only.
 """
 
 from __future__ import annotations
@@ -13,6 +16,8 @@ from numpy.typing import NDArray
 from core.model import DeviceSpec, Interior
 
 Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+Counts = NDArray[np.int32]
 
 # places in a packed device
 _C, _X0, _Y0, _A1, _A2, _A3, _A4, _A5, _A6, _R02, _W, _H, _PX, _PY = range(14)
@@ -123,7 +128,7 @@ def meets_block(block: Array, o: Array, dx: float, dy: float, dz: float) -> tupl
 
 @njit(cache=True, nogil=True)
 def paint_at(
-    board: Array, circles: Array, cell_start: NDArray[np.int32], cell_circle: NDArray[np.int32], grid: Array,
+    board: Array, circles: Array, cell_start: Counts, cell_circle: Counts, grid: Array,
     x: float, y: float, sx: float, sy: float, footprint: float,
 ) -> tuple[float, float]:  # fmt: skip
     """Albedo of the board, and the height over its form, at a place where a ray of slopes (sx, sy) per z arrives.
@@ -159,3 +164,93 @@ def in_shadow(spheres: Array, blocks: Array, p: Array, lx: float, ly: float, lz:
     for k in range(blocks.shape[0]):
         nearest = min(nearest, meets_block(blocks[k], p, lx, ly, lz)[0])
     return nearest < 1
+
+
+@njit(cache=True, nogil=True)
+def _meet(
+    o: Array, dx: float, dy: float, dz: float, board: Array, form: Array, spheres: Array, blocks: Array, hit: Array
+) -> tuple[int, int]:
+    """Find the nearest surface along a ray; put the point and the unit normal into `hit` (6,); say kind and number."""
+    kind, which, best, axis = MISS, 0, np.inf, -1
+    if dz != 0:
+        t = -o[2] / dz
+        hx, hy = 0.0, 0.0
+        for _ in range(2 if form.size > 0 else 0):  # Newton from the plane: the form is smooth and nearly flat
+            h, hx, hy = form_at(form, board[3], o[0] + t * dx, o[1] + t * dy)
+            t += (h - o[2] - t * dz) / (dz - hx * dx - hy * dy)
+        x, y = o[0] + t * dx, o[1] + t * dy
+        if t > 0 and abs(x) <= board[0] and abs(y) <= board[1]:
+            kind, best = BOARD, t
+            n = np.sqrt(hx * hx + hy * hy + 1)
+            hit[3], hit[4], hit[5] = -hx / n, -hy / n, 1 / n
+    for k in range(spheres.shape[0]):
+        t = meets_sphere(spheres[k], o, dx, dy, dz)
+        if t < best:
+            kind, which, best = SPHERE, k, t
+    for k in range(blocks.shape[0]):
+        t, a = meets_block(blocks[k], o, dx, dy, dz)
+        if t < best:
+            kind, which, best, axis = BLOCK, k, t, a
+    hit[0], hit[1], hit[2] = o[0] + best * dx, o[1] + best * dy, o[2] + best * dz
+    if kind == SPHERE:
+        for k in range(3):
+            hit[3 + k] = (hit[k] - spheres[which, k]) / spheres[which, 3]
+    elif kind == BLOCK:
+        hit[3:] = 0.0
+        slope = dx if axis == 0 else (dy if axis == 1 else dz)
+        hit[3 + axis] = -1.0 if slope > 0 else 1.0
+    return kind, which
+
+
+@njit(cache=True, nogil=True)
+def cast_rows(
+    first: int, last: int, per_pixel: int, camera: Array, projector: Array, R: Array, eye: Array, P: Array, lamp: Array,
+    board: Array, form: Array, circles: Array, cell_start: Counts, cell_circle: Counts, grid: Array,
+    spheres: Array, blocks: Array, light: Array,
+    u: Floats, v: Floats, gain: Floats, reflect: Floats, width: NDArray[np.uint8], points: Array,
+) -> None:  # fmt: skip
+    """Cast the rays of rows `first` to `last` - 1 of the subsample raster.
+
+    R (3, 3) and eye (3,): camera axes and projection centre in the board's frame; P (3, 4): projector from board; lamp
+    (3,): the projector's centre in the board's frame; light (3,): reference distance, focus distance,
+    and the step of relative defocus from one tabulated width to the next. A ray that ends unlit has gain 0.
+    """
+    hit = np.empty(6)
+    for i in range(first, last):
+        for j in range(u.shape[1]):
+            gain[i, j] = reflect[i, j] = 0.0
+            if points.shape[0] > 0:
+                points[i, j, :] = np.nan
+            a, b = direction_of(camera, (j + 0.5) / per_pixel - 0.5, (i + 0.5) / per_pixel - 0.5)
+            if not np.isfinite(a):
+                continue
+            dx = R[0, 0] * a + R[0, 1] * b - R[0, 2]
+            dy = R[1, 0] * a + R[1, 1] * b - R[1, 2]
+            dz = R[2, 0] * a + R[2, 1] * b - R[2, 2]
+            kind, which = _meet(eye, dx, dy, dz, board, form, spheres, blocks, hit)
+            if kind == MISS or hit[3] * dx + hit[4] * dy + hit[5] * dz >= 0:
+                continue
+            if kind == BOARD:
+                footprint = (hit[2] - eye[2]) / dz * camera[12] / camera[0] / per_pixel
+                albedo, lift = paint_at(board, circles, cell_start, cell_circle, grid, hit[0], hit[1],
+                                        dx / dz, dy / dz, footprint)  # fmt: skip
+                hit[0], hit[1], hit[2] = hit[0] + lift * dx / dz, hit[1] + lift * dy / dz, hit[2] + lift
+            else:
+                albedo = spheres[which, 4] if kind == SPHERE else blocks[which, 6]
+            if points.shape[0] > 0:
+                points[i, j] = hit[:3]
+            seen = 1 / (1 + a * a + b * b)  # cos² of the angle to the camera's axis
+            reflect[i, j] = albedo * seen * seen
+            lx, ly, lz = lamp[0] - hit[0], lamp[1] - hit[1], lamp[2] - hit[2]
+            X = P[0, 0] * hit[0] + P[0, 1] * hit[1] + P[0, 2] * hit[2] + P[0, 3]
+            Y = P[1, 0] * hit[0] + P[1, 1] * hit[1] + P[1, 2] * hit[2] + P[1, 3]
+            Z = P[2, 0] * hit[0] + P[2, 1] * hit[1] + P[2, 2] * hit[2] + P[2, 3]
+            facing = hit[3] * lx + hit[4] * ly + hit[5] * lz
+            if Z >= 0 or facing <= 0 or in_shadow(spheres, blocks, hit, lx, ly, lz):
+                continue
+            u[i, j], v[i, j] = place_of(projector, X, Y, Z)
+            width[i, j] = min(int(abs(light[1] / -Z - 1) / light[2]), 255)
+            square = lx * lx + ly * ly + lz * lz
+            # inverse square, incidence on the surface, foreshortening of the projector's pupil
+            falloff = light[0] * light[0] / square * facing * -Z / square
+            gain[i, j] = reflect[i, j] * falloff
