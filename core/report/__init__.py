@@ -5,7 +5,7 @@ Reads `core.model` alone and computes nothing that a stage before it should have
 data.py        what a report is made of, and where it is written
 published.py   the printed results of an experiment that the rig repeats
 table.py       a table of plain numbers, and its form in a terminal
-numbers.py     Tables 1 to 4: interior orientation, adjustment, plane-table, depth calibration
+numbers.py     Tables 1 to 3: interior orientation, adjustment, plane-table; and the depth calibration
 interior.py    true parameters referred to another radius r0
 words.py       the summary: sentences with the figures in them, what was warned of, what is missing
 figures/       the drawings, one room of their own

@@ -52,8 +52,8 @@ def compose(data: ReportData, *, progress: Progress = SILENT) -> Document:
     depth = [depth_table(data.depth)] if data.depth is not None else []
     chapters = (
         ("adjustment", "Photogrammetric calibration", calibrated),
-        ("planes", "Plane-table", planes),
         ("depth", "Depth calibration", depth),
+        ("planes", "Plane-table", planes),
     )
     sections = tuple(
         Section(key, title, tuple(tables), tuple(d for d in figures if d.section == key))

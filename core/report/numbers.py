@@ -17,7 +17,7 @@ UNITS = ("mm", "mm", "mm", "mm⁻²", "mm⁻⁴", "", "", "mm⁻¹", "mm⁻¹")
 
 
 def tables(data: ReportData) -> list[Table]:
-    """Tables 1 (one per device) to 4, those for which there are data.
+    """Tables 1 (one per device) to 3 and the depth calibration, those for which there are data.
 
     Raises
     ------
@@ -28,10 +28,11 @@ def tables(data: ReportData) -> list[Table]:
     result = [*interior_tables(data, published)]
     if data.adjustment is not None or data.photogrammetric is not None:
         result.append(adjustment_table(data, published))
-    if data.evaluations:
-        result.append(plane_table(data.evaluations, published))
+
     if data.depth is not None:
         result.append(depth_table(data.depth))
+    if data.evaluations:
+        result.append(plane_table(data.evaluations, published))
     return result
 
 
@@ -77,7 +78,7 @@ def _interior_table(
     rows: list[tuple[Cell, ...]] = []
     for i, name in enumerate(INTERIOR_NAMES):
         spec, sigma_spec = (".6f", ".6f") if i < 3 else ("E6", "E2")
-        sigma = Number(float(device.sigma[i]), sigma_spec) if device.sigma[i] > 0 else "held fixed"
+        sigma = "held fixed" if device.sigma[i] == 0 else Number(float(device.sigma[i]), sigma_spec)
         row: list[Cell] = [f"{name} [{UNITS[i]}]" if UNITS[i] else name]
         row += [Number(float(device.interior.vector[i]), spec), sigma]
         if published:
@@ -207,7 +208,7 @@ def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published |
 
 
 def depth_table(d: DepthCalibration) -> Table:
-    """Table 4: the depth calibration."""
+    """The depth calibration, which the three tables of the published experiment do not show."""
 
     pixels = d.camera_spec.width * d.camera_spec.height
     shape = "linear table" if d.degree is None else f"polynomial of degree {d.degree}"
@@ -219,7 +220,7 @@ def depth_table(d: DepthCalibration) -> Table:
         ("calibrated pixels", "", f"{d.valid_pixels} of {pixels}"),
         ("residuals in depth, r.m.s.", "mm", f"{d.residual_rms_mm:.4f}"),
     )
-    return Table("Table 4. The depth calibration", ("quantity", "unit", "value"), rows)
+    return Table("Depth calibration", ("quantity", "unit", "value"), rows)
 
 
 def _known(value: float | None, spec: str) -> Number | None:
@@ -227,4 +228,4 @@ def _known(value: float | None, spec: str) -> Number | None:
 
 
 def _count(value: int | None) -> Number | None:
-    return None if value is None else Number(value, "d")
+    return None if value is None else Number(int(value), "d")

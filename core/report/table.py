@@ -63,11 +63,7 @@ def cell_text(cell: Cell) -> str:
 
 def numeric_columns(table: Table) -> tuple[bool, ...]:
     """Say of every column whether it holds numbers, and so is set flush right."""
-    return tuple(
-        any(isinstance(row[i], Number) for row in table.rows)
-        and not any(isinstance(row[i], str) and row[i] for row in table.rows)
-        for i in range(len(table.columns))
-    )
+    return tuple(any(isinstance(row[i], Number) for row in table.rows) for i in range(len(table.columns)))
 
 
 def text_table(table: Table) -> str:

@@ -7,9 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.model import Method, PlaneEvaluation
-from core.report.data import ReportData, calibrated_devices, captures_in_order, methods_in_order, warnings_of
+from core.report.data import (
+    ReportData,
+    calibrated_devices,
+    captures_in_order,
+    finite_deviations,
+    methods_in_order,
+    warnings_of,
+)
 from core.report.numbers import network_counts, normalised_errors, object_sigmas_um, published_of, true_parameters
 from core.report.published import Published
+from core.report.table import Number
 
 
 @dataclass(frozen=True)
@@ -34,7 +42,9 @@ def highlights(data: ReportData) -> tuple[Highlight, ...]:
     """Give the few figures to be read first: the plane-table by each method, residuals, object points."""
     published, result = published_of(data), []
     for method in methods_in_order(data.evaluations):
-        own = [e for e in data.evaluations if e.method == method]
+        own = _measured(data.evaluations, method)
+        if not own:
+            continue
         known = _published_rms(own, published)
         context = f"published {_span(known)} mm" if known else f"largest deviation {max(e.max_mm for e in own):.3f} mm"
         result.append(Highlight(f"plane-table, {method}, r.m.s.", f"{_span([e.rms_mm for e in own])} mm", context))
@@ -43,10 +53,12 @@ def highlights(data: ReportData) -> tuple[Highlight, ...]:
         pair = [published.residual_um(d.kind, axis) for axis in (0, 1)] if published else []
         told = " and ".join(f"{value:.2f}" for value in pair if value is not None)
         context = f"x and y, published {told} µm" if told else "x and y"
-        result.append(Highlight(f"residuals of the {d.label}, r.m.s.", f"{x:.2f} and {y:.2f} µm", context))
+        result.append(
+            Highlight(f"residuals of the {d.label}, r.m.s.", f"{_digits(x, 2)} and {_digits(y, 2)} µm", context)
+        )
     if data.adjustment is not None or data.photogrammetric is not None:
         n = network_counts(data)
-        result.append(Highlight("σ0 of the adjustment", f"{n['sigma0']:.3f}", f"redundancy {n['redundancy']}"))
+        result.append(Highlight("σ0 of the adjustment", _digits(n["sigma0"], 3), f"redundancy {n['redundancy']}"))
     if data.depth is not None:
         count = _plural(len(data.depth.depths_mm), "plate position")
         result.append(Highlight("depth calibration, r.m.s.", f"{data.depth.residual_rms_mm:.4f} mm", count))
@@ -72,18 +84,18 @@ def _adjustment_findings(data: ReportData) -> list[str]:
     findings = [
         f"The bundle adjustment fits {_plural(n['image_points'], 'image point')} of "
         f"{_plural(n['stations'], 'station')} to {_plural(n['object_points'], 'object point')}{steps}: "
-        f"σ0 = {n['sigma0']:.3f} at a redundancy of {n['redundancy']}."
+        f"σ0 = {_digits(n['sigma0'], 3)} at a redundancy of {n['redundancy']}."
     ]
 
     residuals = []
     for d in calibrated_devices(data):
         x, y = d.device.residual_rms_um
-        residuals.append(f"{x:.2f} and {y:.2f} µm (x and y) in the image of the {d.label}")
+        residuals.append(f"{_digits(x, 2)} and {_digits(y, 2)} µm (x and y) in the image of the {d.label}")
     if residuals:
         findings.append(f"The residuals are {_listed(residuals)}, r.m.s.")
     sigmas = object_sigmas_um(data)
     if sigmas:
-        told = "{:.1f}, {:.1f} and {:.1f}".format(*sigmas)
+        told = _listed([_digits(s, 1) for s in sigmas])
         findings.append(f"The object points' σ is {told} µm in X, Y and Z, r.m.s.")
     return findings
 
@@ -119,7 +131,9 @@ def _depth_findings(data: ReportData) -> list[str]:
 
 
 def _plane_finding(method: Method, evaluations: tuple[PlaneEvaluation, ...], published: Published | None) -> str:
-    own = [e for e in evaluations if e.method == method]
+    own = _measured(evaluations, method)
+    if not own:
+        return f"Plane-table, {method} method: no pixel could be evaluated."
     largest = max(own, key=lambda e: e.max_mm)
     text = (
         f"Plane-table, {method} method: {_span([e.rms_mm for e in own])} mm r.m.s. from the fitted plane over "
@@ -154,10 +168,10 @@ def _missing(data: ReportData) -> list[str]:
             "The adjustment itself was not kept: residual vectors, coverage, network and convergence are left out."
         )
     if data.depth is None:
-        missing.append("There is no polynomial depth calibration: Table 4 is left out.")
+        missing.append("There is no polynomial depth calibration.")
     if not data.evaluations:
         missing.append("No plane was evaluated: Table 3, deviation maps and histograms are left out.")
-    elif not all(e.deviation_mm.size for e in data.evaluations):
+    elif not all(len(finite_deviations(e)) for e in data.evaluations):
         missing.append("Some planes come without a map of their deviations: those maps and histograms stay empty.")
     if data.evaluations:
         missing += _missing_pairs(data.evaluations)
@@ -174,6 +188,11 @@ def _missing_pairs(evaluations: tuple[PlaneEvaluation, ...]) -> list[str]:
     ]
 
 
+def _measured(evaluations: tuple[PlaneEvaluation, ...], method: Method) -> list[PlaneEvaluation]:
+    """Give the evaluations by a method that have a result."""
+    return [e for e in evaluations if e.method == method and e.n > 0 and np.isfinite(e.rms_mm)]
+
+
 def _published_rms(evaluations: list[PlaneEvaluation], published: Published | None) -> list[float]:
     if published is None:
         return []
@@ -183,6 +202,11 @@ def _published_rms(evaluations: list[PlaneEvaluation], published: Published | No
 
 def _plural(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def _digits(value: float, digits: int) -> str:
+    """Give a figure with so many decimals, or a dash where there is none."""
+    return Number(value, f".{digits}f").text
 
 
 def _span(values: list[float], digits: int = 3) -> str:

@@ -63,8 +63,6 @@ _RC = {
     "ytick.labelcolor": INK,
     "figure.facecolor": "none",
     "savefig.facecolor": "none",
-    "hatch.color": MUTED,
-    "hatch.linewidth": 0.5,
     "text.usetex": False,
     "text.parse_math": False,  # a capture may be called "$1"
     "axes.formatter.use_mathtext": False,

@@ -5,14 +5,15 @@ from __future__ import annotations
 from math import ceil, floor, log10
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from core.model import Adjustment, DeviceSpec
 from core.report.data import kind_of_device
 from core.report.figures.canvas import (
+    CAMERA,
     GRID,
     INK,
     MUTED,
@@ -38,16 +39,16 @@ def image_drawings(adjustment: Adjustment) -> list[Drawing]:
 
 
 def nice_step(value: float) -> float:
-    """Round down to 1, 2 or 5 times a power of ten.
+    """Round down to one digit.
 
     Examples
     --------
     >>> nice_step(370), nice_step(0.03)
-    (200.0, 0.02)
+    (300.0, 0.03)
     """
-    exponent = floor(log10(value))
-    steps = [factor * 10.0 ** (exponent + e) for e in (0, 1) for factor in (1, 2, 5)]
-    return float(f"{max(s for s in steps if s <= value * (1 + 1e-9)):.3g}")
+
+    step = 10.0 ** floor(log10(value))
+    return float(f"{floor(value / step + 1e-9) * step:.1g}")
 
 
 def magnification(residuals_um: Array, spec: DeviceSpec) -> float:
@@ -87,10 +88,11 @@ def _panels(adjustment: Adjustment, names: list[str], extra_in: float) -> tuple[
 
 
 def _image_frame(axes: Axes, spec: DeviceSpec, name: str) -> None:
-    unit = "line" if kind_of_device(name) == "projector" else "px"
+    unit = "lines" if kind_of_device(name) == "projector" else "px"
     axes.set(xlim=(-0.5, spec.width - 0.5), ylim=(spec.height - 0.5, -0.5))
     axes.set(xlabel=f"u in {unit}", ylabel=f"v in {unit}")
-    axes.set_aspect(spec.pitch_mm[1] / spec.pitch_mm[0])
+
+    axes.set_aspect(spec.pitch_mm[1] / spec.pitch_mm[0], anchor="N")
     axes.locator_params(nbins=5)
     for spine in axes.spines.values():
         spine.set_edgecolor(GRID)
@@ -108,7 +110,8 @@ def _residual_vectors(adjustment: Adjustment, names: list[str]) -> Drawing:
         line.set_rasterized(len(uv) > VECTORS_AS_LINES)
         _image_frame(axes, spec, name)
         axes.set_title(f"{drawable(shortened(name))}: {len(uv)} image points", loc="left", pad=24)
-        _scale_arrow(axes, residuals_um, factor, spec)
+
+        _scale_arrow(axes, factor, spec)
         told.append(f"{name} {factor:g} times")
     caption = (
         f"Residuals (observed minus computed) of all stations as arrows from the place in the image, magnified: "
@@ -129,10 +132,9 @@ def _arrows(starts: Array, ends: Array) -> Array:
     return np.asarray(points.reshape(-1, 2))
 
 
-def _scale_arrow(axes: Axes, residuals_um: Array, factor: float, spec: DeviceSpec) -> None:
-    """Draw an arrow of a round length above the panel, with that length."""
-    rms = float(np.sqrt(np.mean(np.sum(residuals_um**2, axis=1))))
-    length_um = nice_step(2 * rms) if rms > 0 else 1.0
+def _scale_arrow(axes: Axes, factor: float, spec: DeviceSpec) -> None:
+    """Draw an arrow of a round length, a tenth of the image at most, above the panel, with that length."""
+    length_um = nice_step(0.1 * spec.width * spec.pitch_mm[0] * 1000 / factor)
     pixels = length_um * factor / 1000 / spec.pitch_mm[0]
     right, up = axes.get_xlim()[1], axes.transAxes
     start = right - pixels
@@ -162,8 +164,9 @@ def _coverage(adjustment: Adjustment, names: list[str]) -> Drawing:
         axes.set_title(f"{drawable(shortened(name))}: {share:.0%} of the cells hold image points", loc="left")
         told.append(f"{name} {share:.0%}")
     caption = (
-        "How many image points of all stations fall into each cell of the image. The additional parameters are known "
-        "only where there are points: empty cells, above all along edges and in corners, are extrapolated."
+        "How many image points of all stations fall into each cell of the image; strong colour means many. The "
+        "additional parameters are known only where there are points: over empty cells, above all along edges and in "
+        "corners, they are extrapolated."
     )
     alternative = f"Counts of image points per cell of the image. Cells with points: {', '.join(told)}."
     return Drawing("coverage", "adjustment", "Coverage of the image", caption, alternative, figure)
@@ -178,14 +181,17 @@ def _counts(uv: Array, spec: DeviceSpec) -> tuple[Array, Array, Array]:
 
 
 def _cells(axes: Axes, counts: Array, edges_u: Array, edges_v: Array) -> None:
-    """Cells coloured by their count with the count written in; empty ones stay clear."""
+    """Cells the more opaque the more points they hold, with the count written in.
+
+    Opacity, unlike a scale of colours, means the same on a light and on a dark page.
+    """
     top = max(1.0, float(counts.max()))
-    colours = colormaps["Blues"].with_extremes(bad=(0, 0, 0, 0))
-    shown = np.where(counts > 0, counts, np.nan)
-    axes.pcolormesh(edges_u, edges_v, shown, cmap=colours, vmin=0, vmax=top, rasterized=True)
-    middle_u, middle_v = (edges_u[:-1] + edges_u[1:]) / 2, (edges_v[:-1] + edges_v[1:]) / 2
-    for i, v in enumerate(middle_v):
-        for j, u in enumerate(middle_u):
+    width, height = edges_u[1] - edges_u[0], edges_v[1] - edges_v[0]
+    for i, v in enumerate(edges_v[:-1]):
+        for j, u in enumerate(edges_u[:-1]):
             count = int(counts[i, j])
-            colour = MUTED if count == 0 else ("#ffffff" if count > 0.55 * top else "#101418")
-            axes.text(u, v, f"{count}", ha="center", va="center", fontsize=6.5, color=colour)
+            if count:
+                opacity = 0.08 + 0.5 * count / top
+                axes.add_patch(Rectangle((u, v), width, height, facecolor=CAMERA, alpha=opacity, linewidth=0))
+            colour = INK if count else MUTED
+            axes.text(u + width / 2, v + height / 2, f"{count}", ha="center", va="center", fontsize=6.5, color=colour)

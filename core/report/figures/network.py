@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from core.model import Adjustment
@@ -31,7 +31,7 @@ def network_drawings(adjustment: Adjustment) -> list[Drawing]:
     result = []
     if len(adjustment.station_from_object):
         result.append(_network(adjustment))
-    if len(adjustment.convergence):
+    if np.isfinite(adjustment.convergence).any():
         result.append(_convergence(adjustment))
     correlation, names = correlations(adjustment)
     if len(names) > 1:
@@ -61,7 +61,7 @@ def _network(adjustment: Adjustment) -> Drawing:
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = 0.08 * max(float((high - low).max()), 1.0)
     low, high = low - margin, high + margin
-    figure = new_figure(float(np.clip(4.1 * (high - low)[1:].max() / (high - low)[0] + 0.9, 2.6, 7.0)))
+    figure = new_figure(float(np.clip(3.5 * (high - low)[1:].max() / (high - low)[0] + 1.0, 2.6, 7.0)))
     axes = figure.subplots(1, 2)
     views = ((0, 1, "from above (along Z)"), (0, 2, "from the side (along Y)"))
     for panel, (i, j, title) in zip(axes, views, strict=True):
@@ -94,12 +94,13 @@ def _view(axes: Axes, adjustment: Adjustment, centres: Array, strokes: Array, po
         axes.plot(*broken.T, color=colour, lw=0.8, alpha=0.7)
         label = drawable(shortened(name))
         axes.plot(*centres[mine].T, marker, color=colour, ms=5, mfc="none" if index % 2 else colour, ls="", label=label)
-    axes.set_aspect("equal")
+    axes.set_aspect("equal", anchor="N")
     axes.locator_params(nbins=6)
 
 
 def _convergence(adjustment: Adjustment) -> Drawing:
     values = np.asarray(adjustment.convergence, dtype=np.float64)
+    values = values[np.isfinite(values)]
     figure = new_figure(2.6)
     axes = figure.subplots()
     plain_axes(axes)
@@ -107,6 +108,8 @@ def _convergence(adjustment: Adjustment) -> Drawing:
     axes.plot(steps, values, "o-", color=device_colour(0), lw=1.3, ms=4)
     if np.all(values > 0):
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set(xlabel="iteration", ylabel="weighted sum of squares vᵀPv")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     axes.margins(x=0.05, y=0.18)
@@ -135,7 +138,7 @@ def _correlations(correlation: Array, names: list[str]) -> Drawing:
     axes = figure.subplots()
     image = axes.imshow(correlation, cmap=colormaps["RdBu_r"], vmin=-1, vmax=1, interpolation="nearest")
     labels = [drawable(name) for name in names]
-    size = float(np.clip(150 / n, 3.5, 7.5))
+    size = float(np.clip(180 / n, 3.5, 8.0))
     axes.set_xticks(range(n), labels, rotation=90, fontsize=size)
     axes.set_yticks(range(n), labels, fontsize=size)
     axes.tick_params(length=0)
@@ -144,8 +147,8 @@ def _correlations(correlation: Array, names: list[str]) -> Drawing:
     lower = np.tril(np.ones((n, n), bool), -1) & (np.abs(correlation) >= STRONG)
     for i, j in zip(*np.nonzero(lower), strict=True):
         text = f"{100 * correlation[i, j]:.0f}"
-        colour = "#ffffff" if abs(correlation[i, j]) > 0.75 else "#101418"
-        axes.text(j, i, text, ha="center", va="center", fontsize=size * 0.85, color=colour)
+
+        axes.text(j, i, text, ha="center", va="center", fontsize=size * 0.85, color="#ffffff")
     colour_bar(figure, image, axes, "correlation", shrink=0.7, aspect=30)
 
     strong = [(abs(correlation[i, j]), i, j) for i, j in zip(*np.nonzero(lower), strict=True)]

@@ -29,6 +29,7 @@ from core.report.figures.canvas import (
 )
 
 COLUMNS = 4  # planes side by side in one figure
+NO_DATA = "#9aa1a9"
 Captures = list[tuple[str, float | None]]
 
 
@@ -84,7 +85,7 @@ def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm
     caption = (
         f"Deviations from the fitted plane, every panel a view through the camera, on one scale of ±{limit_mm:g} mm "
         f"({beyond:.2%} of the pixels lie beyond it). Even grain is noise of the phases; patches, waves and bent edges "
-        "are systematic errors of the calibration. Hatched: no measurement."
+        "are systematic errors of the calibration. Grey: no measurement."
     )
     panels = ", ".join(_heading(c).replace("\n", " ") for c in captures)
     return Drawing(
@@ -105,7 +106,7 @@ def _map(axes: Axes, evaluation: PlaneEvaluation | None, colours: Colormap, scal
     if evaluation is None:
         axes.text(0.5, 0.5, "not evaluated", ha="center", va="center", color=MUTED, transform=axes.transAxes)
         return
-    axes.patch.set(facecolor=(0.5, 0.5, 0.5, 0.25), hatch="////", edgecolor=MUTED, linewidth=0)
+    axes.patch.set_facecolor(NO_DATA)  # shows through wherever there is no deviation
     axes.imshow(evaluation.deviation_mm, cmap=colours, norm=scale, interpolation="nearest")
     axes.set_title(f"r.m.s. {evaluation.rms_mm:.3f} mm")
 
@@ -151,7 +152,7 @@ def _histogram(axes: Axes, evaluation: PlaneEvaluation | None, edges: NDArray[np
     values = finite_deviations(evaluation)
     counts, _ = np.histogram(values, edges)
     axes.stairs(100 * counts / len(values), edges, fill=True, color=FILL, label="measured")
-    lines = [f"σ {evaluation.rms_mm:.3f}"]
+    lines = [f"r.m.s. {evaluation.rms_mm:.3f}"]
     if evaluation.predicted_rms_mm:
         s, step = evaluation.predicted_rms_mm, edges[1] - edges[0]
         x = np.linspace(edges[0], edges[-1], 241)
