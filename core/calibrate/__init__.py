@@ -1,1 +1,33 @@
-"""."""
+"""The calibrations: camera and projector as one photogrammetric system, and the depth of every pixel on its own.
+
+Photogrammetric, by bundle adjustment:
+
+* `network` makes a network of the measured targets, `selection` checks it and leaves out what cannot be determined;
+* `problem` numbers the unknowns, `resection` and `initial` find approximate values for them;
+* `equations` holds the observation equations with their derivatives, `normals` the normal equations with the poses
+  eliminated, `datum` the inner constraints, `iterate` the way to the solution;
+* `covariance` and `snooping` judge it, `weakness` says in words what the network does not determine, `rigid` whether
+  the rig was rigid; `adjust` and `photogrammetric` put it all together.
+
+Depth, per pixel: the files that begin with `depth`.
+"""
+
+from core.calibrate.adjust import adjust
+from core.calibrate.depth import DepthOptions, DepthPlane, calibrate_depth
+from core.calibrate.network import network_from_targets
+from core.calibrate.options import AdjustOptions
+from core.calibrate.photogrammetric import CALIBRATION_OPTIONS, calibrate_photogrammetric
+from core.calibrate.rigid import RigidityTest, rigidity_test
+
+__all__ = [
+    "CALIBRATION_OPTIONS",
+    "AdjustOptions",
+    "DepthOptions",
+    "DepthPlane",
+    "RigidityTest",
+    "adjust",
+    "calibrate_depth",
+    "calibrate_photogrammetric",
+    "network_from_targets",
+    "rigidity_test",
+]

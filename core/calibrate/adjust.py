@@ -1,0 +1,227 @@
+"""The bundle adjustment from a network to everything known about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
+from core.calibrate.datum import aligned
+from core.calibrate.equations import Equations, linearise
+from core.calibrate.initial import initial_state
+from core.calibrate.iterate import iterate
+from core.calibrate.normals import Inverse, SingularNormalsError, invert
+from core.calibrate.options import DEFAULT, AdjustOptions
+from core.calibrate.problem import Problem, State, problem_of, reweighted, station_orientations
+from core.calibrate.selection import adjustable, check_network, selected
+from core.calibrate.snooping import gross_errors, normalised_residuals, outlier_warning
+from core.calibrate.weakness import check_estimable, geometry_warnings, singular_error
+from core.errors import AdjustmentError
+from core.geometry import Pose
+from core.model import INTERIOR_NAMES, AdjustedDevice, Adjustment, Interior, Network
+from core.progress import SILENT, Progress
+
+Array = NDArray[np.float64]
+
+FACTOR_TOLERANCE = 1e-4  # relative change at which variance components have settled
+FACTOR_ROUNDS = 20
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A solution with its inverse, in the problem's own order."""
+
+    network: Network
+    problem: Problem
+    state: State
+    equations: Equations
+    inverse: Inverse
+    redundancy_numbers: Array
+    convergence: tuple[float, ...]
+    factors: dict[str, float]
+
+    @property
+    def variance(self) -> float:
+        """A posteriori variance of unit weight, sigma0²."""
+        return self.equations.cost / self.problem.redundancy
+
+
+def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Progress = SILENT) -> Adjustment:
+    """Adjust a network as a free bundle.
+
+    The datum is given by inner constraints on all points, onto their approximate coordinates; a measured distance
+    gives the scale. Points and stations that cannot be determined are left out and named in the warnings; the network
+    of the result is the one adjusted.
+
+    Parameters
+    ----------
+    network : Network
+    options : AdjustOptions
+    progress : Progress
+
+    Raises
+    ------
+    InputError
+        If the network holds numbers that mean nothing.
+    AdjustmentError
+        If it is disconnected, has no redundancy, does not converge or does not determine a parameter.
+    """
+    solved, warnings = solve_network(network, options, progress)
+    return result_of(solved, warnings)
+
+
+def solve_network(network: Network, options: AdjustOptions, progress: Progress = SILENT) -> tuple[Solved, list[str]]:
+    """Adjust a network, reject gross errors where the options say so, and collect what weakens it."""
+    check_network(network)
+    network, warnings = adjustable(network)
+    problem = problem_of(network)
+    if problem.redundancy < 1:
+        raise AdjustmentError(
+            "the network",
+            f"has redundancy {problem.redundancy}: no more observations than unknowns",
+            "add image points or stations, or hold parameters",
+        )
+    progress(0.0, "initial values")
+    state = initial_state(network, problem)
+    solved = _solve(network, problem, state, options, progress.part(0.1, 0.8))
+    rejected = 0
+    while options.reject_beyond is not None:
+        bad = gross_errors(solved.problem, solved.equations, solved.redundancy_numbers, options.reject_beyond)
+        if not len(bad):
+            break
+        rejected += len(bad)
+        keep = np.ones(len(problem.point), bool)
+        keep[solved.problem.order[bad]] = False
+        network, more = adjustable(selected(solved.network, keep))
+        warnings += more
+        problem = problem_of(network)
+        solved = _solve(network, problem, _carried(solved, network, problem), options, progress.part(0.8, 0.9))
+    if rejected:
+        warnings.append(
+            f"{rejected} of {rejected + len(solved.problem.point)} observations rejected as gross errors "
+            f"(normalised residual above {options.reject_beyond:g})"
+        )
+    warnings += check_estimable(solved.problem, solved.state, solved.equations, solved.inverse)
+    warnings += geometry_warnings(solved.problem, solved.state)
+    warnings += outlier_warning(
+        solved.network,
+        solved.problem,
+        normalised_residuals(solved.problem, solved.equations, solved.redundancy_numbers),
+    )
+    progress(1.0, "adjusted")
+    return solved, warnings
+
+
+def weighted_problem(network: Network, factors: Mapping[str, float]) -> Problem:
+    """Give the problem of a network with every device's variances multiplied by its factor."""
+    problem = problem_of(network)
+    roots = np.array([factors[name] for name in problem.device_names]) ** -0.5
+    return reweighted(problem, roots[problem.device][:, None])
+
+
+def _carried(solved: Solved, network: Network, problem: Problem) -> State:
+    """Give the state of a solution to a smaller network."""
+    old = solved.network
+    points = [old.point_names.index(name) for name in network.point_names]
+    poses = [old.station_pose.index(p) for p in network.station_pose]
+    pose_index = np.empty(problem.poses, np.int64)
+    pose_index[problem.station_pose] = solved.problem.station_pose[poses]
+    shift = problem.origin_mm - solved.problem.origin_mm
+    s = solved.state
+    R = s.pose_rotation[pose_index]
+    return State(
+        s.interior,
+        s.relative_rotation,
+        s.relative_shift,
+        R,
+        s.pose_shift[pose_index] + R @ shift,
+        s.xyz[points] - shift,
+    )
+
+
+def _solve(network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress) -> Solved:
+    """Least-squares solution, inverse and redundancy numbers; variance components iterated where asked."""
+    factors = dict.fromkeys(problem.device_names, 1.0)
+    convergence: tuple[float, ...] = ()
+    weighted = problem
+    for round_ in range(FACTOR_ROUNDS if options.variance_components else 1):
+        try:
+            solution = iterate(
+                weighted,
+                state,
+                max_iterations=options.max_iterations,
+                tolerance=options.tolerance,
+                progress=progress,
+            )
+            state = aligned(weighted, solution.state)
+            equations = linearise(weighted, state)
+            inverse = invert(weighted, state, equations)
+        except SingularNormalsError as error:
+            raise singular_error(network, weighted, state, error) from None
+        convergence = convergence or solution.convergence
+        numbers = redundancy_numbers(weighted, equations, inverse)
+        solved = Solved(network, weighted, state, equations, inverse, numbers, convergence, dict(factors))
+        if not options.variance_components:
+            break
+        settled = True
+        for d, name in enumerate(problem.device_names):
+            own = problem.device == d
+            if not own.any():
+                continue
+            factor = float(np.sum(equations.w[own] ** 2) / np.nansum(numbers[own]))
+            settled &= abs(factor - 1) < FACTOR_TOLERANCE
+            factors[name] *= factor
+        if settled:
+            break
+        weighted = weighted_problem(network, factors)
+        progress(min(round_ / 5, 1.0), "variance components")
+    return solved
+
+
+def result_of(solved: Solved, warnings: list[str]) -> Adjustment:
+    """Put a solution into the order and units of its network."""
+    problem, network = solved.problem, solved.network
+    back = np.argsort(problem.order)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        residuals = np.where(problem.root_weight > 0, solved.equations.w / problem.root_weight, np.nan)
+    cov = solved.variance * global_cofactors(problem, solved.inverse)
+    sigmas = np.sqrt(np.diagonal(cov))
+    devices, names = {}, []
+    for d, name in enumerate(problem.device_names):
+        spec = network.devices[name].spec
+        own = residuals[problem.device == d] * spec.pitch_mm * 1e3
+        rms = [float(np.sqrt(np.mean(c[np.isfinite(c)] ** 2))) if np.isfinite(c).any() else 0.0 for c in own.T]
+        devices[name] = AdjustedDevice(
+            spec=spec,
+            interior=Interior.from_vector(solved.state.interior[d], float(problem.r0[d])),
+            sigma=sigmas[9 * d : 9 * d + 9],
+            residual_rms_um=(rms[0], rms[1]),
+            image_points=len(own),
+        )
+        names += [f"{name}.{p}" for p in INTERIOR_NAMES]
+    relative = {}
+    for d, name in enumerate(problem.device_names):
+        if problem.base[d] != d:
+            relative[name] = Pose(solved.state.relative_rotation[d], solved.state.relative_shift[d])
+            names += [f"{name}.{p}" for p in ("rx", "ry", "rz", "tx", "ty", "tz")]
+    return Adjustment(
+        network=network,
+        devices=devices,
+        station_from_object=station_orientations(problem, solved.state),
+        relative=relative,
+        points_mm=solved.state.xyz + problem.origin_mm,
+        point_cov_mm2=solved.variance * point_cofactors(problem, solved.inverse),
+        residuals=residuals[back],
+        redundancy_numbers=solved.redundancy_numbers[back],
+        sigma0=float(np.sqrt(solved.variance)),
+        redundancy=problem.redundancy,
+        iterations=len(solved.convergence) - 1,
+        convergence=solved.convergence,
+        variance_factors=solved.factors,
+        parameter_names=tuple(names),
+        parameter_cov=cov,
+        warnings=tuple(warnings),
+    )

@@ -1,0 +1,170 @@
+"""The observation equations: collinearity with A1..A6, and their analytic derivatives, for all observations at once.
+
+Per observation the Jacobian has 24 columns: interior orientation 9 (c, x0, y0, A1..A6), relative orientation 6, pose 6,
+point 3. An orientation's six are a rotation vector that turns from the left, ``R <- exp(w) R``, and a shift in mm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from core.calibrate.problem import Problem, State
+from core.parallel import run_in_bands
+
+Array = NDArray[np.float64]
+
+INTERIOR, RELATIVE, POSE, POINT, COLUMNS = 0, 9, 15, 21, 24
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The linearised, whitened observation equations ``J dx = w``; not observed coordinates have zero rows.
+
+    Attributes
+    ----------
+    w : array, shape (m, 2)
+        Observed minus computed, in units of the observation's sigma.
+    J : array, shape (m, 2, 24)
+        Derivatives in the same unit.
+    w_scale : float
+        The same for the measured distance, 0 without one.
+    J_scale : array, shape (3,)
+        Its derivative with respect to its first point; that of the second has the other sign.
+    """
+
+    w: Array
+    J: Array
+    w_scale: float
+    J_scale: Array
+
+    @property
+    def cost(self) -> float:
+        """Weighted sum of squares vᵀPv; infinite where a point lies behind its device."""
+        total = float(np.sum(self.w * self.w)) + self.w_scale**2
+        return total if np.isfinite(total) else np.inf
+
+
+@njit(cache=True, nogil=True)
+def _equations_band(  # pragma: no cover  compiled
+    start: int,
+    stop: int,
+    device: NDArray[np.int64],
+    pose: NDArray[np.int64],
+    point: NDArray[np.int64],
+    uv: Array,
+    root_weight: Array,
+    raster: Array,
+    r0: Array,
+    interior: Array,
+    relative_rotation: Array,
+    relative_shift: Array,
+    pose_rotation: Array,
+    pose_shift: Array,
+    xyz: Array,
+    w: Array,
+    J: Array,
+) -> None:
+    d2 = np.empty((2, 3))  # derivative of the image with respect to the point in the device frame
+    e2 = np.empty((2, 3))  # the same with respect to the point in the frame of the pose
+    turned, placed, moved = np.empty(3), np.empty(3), np.empty(3)
+    for o in range(start, stop):
+        d, p, i = device[o], pose[o], point[o]
+        R, S = pose_rotation[p], relative_rotation[d]
+        for k in range(3):
+            turned[k] = R[k, 0] * xyz[i, 0] + R[k, 1] * xyz[i, 1] + R[k, 2] * xyz[i, 2]
+            placed[k] = turned[k] + pose_shift[p, k]
+        for k in range(3):
+            moved[k] = S[k, 0] * placed[0] + S[k, 1] * placed[1] + S[k, 2] * placed[2]
+        X, Y, Z = moved[0] + relative_shift[d, 0], moved[1] + relative_shift[d, 1], moved[2] + relative_shift[d, 2]
+        if Z >= 0.0:  # behind the device
+            w[o, 0] = w[o, 1] = np.inf
+            J[o] = 0.0
+            continue
+        c, x0, y0, a1, a2, a3, a4, a5, a6 = interior[d]
+        k1 = -1.0 / Z
+        x, y = c * X * k1, c * Y * k1
+        r2, q2 = x * x + y * y, r0[d] * r0[d]
+        dr = a1 * (r2 - q2) + a2 * (r2 * r2 - q2 * q2)
+        x1 = x + x * dr + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) + x0
+        y1 = y + y * dr + 2 * a6 * x * y + a5 * (r2 + 2 * y * y) + y0
+        su, sv = root_weight[o, 0] / raster[d, 0], -root_weight[o, 1] / raster[d, 1]
+        u = (x1 + a3 * x1 + a4 * y1) / raster[d, 0] + raster[d, 2]
+        v = raster[d, 3] - (y1 + a4 * x1 - a3 * y1) / raster[d, 1]
+        w[o, 0] = (uv[o, 0] - u) * root_weight[o, 0]
+        w[o, 1] = (uv[o, 1] - v) * root_weight[o, 1]
+        # affine part times the scale to whitened pixels
+        t00, t01, t10, t11 = su * (1 + a3), su * a4, sv * a4, sv * (1 - a3)
+        g = 2 * (a1 + 2 * a2 * r2)
+        jxx = 1 + dr + x * x * g + 2 * a5 * y + 6 * a6 * x
+        jxy = x * y * g + 2 * a5 * x + 2 * a6 * y
+        jyy = 1 + dr + y * y * g + 2 * a6 * x + 6 * a5 * y
+        m00, m01 = t00 * jxx + t01 * jxy, t00 * jxy + t01 * jyy
+        m10, m11 = t10 * jxx + t11 * jxy, t10 * jxy + t11 * jyy
+        row0, row1 = J[o, 0], J[o, 1]
+        row0[0], row1[0] = (m00 * X + m01 * Y) * k1, (m10 * X + m11 * Y) * k1
+        row0[1], row1[1] = t00, t10
+        row0[2], row1[2] = t01, t11
+        radial1, radial2 = r2 - q2, r2 * r2 - q2 * q2
+        row0[3], row1[3] = (t00 * x + t01 * y) * radial1, (t10 * x + t11 * y) * radial1
+        row0[4], row1[4] = (t00 * x + t01 * y) * radial2, (t10 * x + t11 * y) * radial2
+        row0[5], row1[5] = su * x1, -sv * y1
+        row0[6], row1[6] = su * y1, sv * x1
+        fx, fy, f2 = r2 + 2 * x * x, r2 + 2 * y * y, 2 * x * y
+        row0[7], row1[7] = t00 * f2 + t01 * fy, t10 * f2 + t11 * fy
+        row0[8], row1[8] = t00 * fx + t01 * f2, t10 * fx + t11 * f2
+        d2[0, 0], d2[0, 1], d2[0, 2] = m00 * c * k1, m01 * c * k1, (m00 * x + m01 * y) * k1
+        d2[1, 0], d2[1, 1], d2[1, 2] = m10 * c * k1, m11 * c * k1, (m10 * x + m11 * y) * k1
+        for a in range(2):
+            row = J[o, a]
+            row[9] = moved[1] * d2[a, 2] - moved[2] * d2[a, 1]
+            row[10] = moved[2] * d2[a, 0] - moved[0] * d2[a, 2]
+            row[11] = moved[0] * d2[a, 1] - moved[1] * d2[a, 0]
+            for k in range(3):
+                row[12 + k] = d2[a, k]
+                e2[a, k] = d2[a, 0] * S[0, k] + d2[a, 1] * S[1, k] + d2[a, 2] * S[2, k]
+            row[15] = turned[1] * e2[a, 2] - turned[2] * e2[a, 1]
+            row[16] = turned[2] * e2[a, 0] - turned[0] * e2[a, 2]
+            row[17] = turned[0] * e2[a, 1] - turned[1] * e2[a, 0]
+            for k in range(3):
+                row[18 + k] = e2[a, k]
+                row[21 + k] = e2[a, 0] * R[0, k] + e2[a, 1] * R[1, k] + e2[a, 2] * R[2, k]
+
+
+def linearise(problem: Problem, state: State) -> Equations:
+    """Observation equations of a problem at a state."""
+    m = len(problem.point)
+    w, J = np.empty((m, 2)), np.empty((m, 2, COLUMNS))
+    p, s = problem, state
+
+    def band(start: int, stop: int) -> None:
+        _equations_band(
+            start,
+            stop,
+            p.device,
+            p.pose,
+            p.point,
+            p.uv,
+            p.root_weight,
+            p.raster,
+            p.r0,
+            s.interior,
+            s.relative_rotation,
+            s.relative_shift,
+            s.pose_rotation,
+            s.pose_shift,
+            s.xyz,
+            w,
+            J,
+        )
+
+    run_in_bands(band, m, least=4096)
+    if problem.scale is None:
+        return Equations(w, J, 0.0, np.zeros(3))
+    difference = state.xyz[problem.scale.start] - state.xyz[problem.scale.stop]
+    length = float(np.linalg.norm(difference))
+    sigma = problem.scale.sigma_mm
+    return Equations(w, J, (problem.scale.length_mm - length) / sigma, difference / (length * sigma))

@@ -1,0 +1,212 @@
+"""The adjustment's own view of a network: index arrays and unknowns, in the order the kernels want them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.geometry import Pose, matrix_from_rotation_vector
+from core.model import INTERIOR_NAMES, Network, NetworkScale
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What stays the same while the unknowns move. Observations are sorted by pose.
+
+    Attributes
+    ----------
+    device_names : tuple of str
+    device, pose, point : arrays, shape (m,)
+        Whose observation, at which pose, of which point.
+    order : array, shape (m,)
+        Position of each observation in the network.
+    uv, root_weight : arrays, shape (m, 2)
+        Pixels, and 1 / sigma: 0 where not observed.
+    raster : array, shape (devices, 4)
+        Pitch x, y (mm) and the pixel coordinates u, v of the middle of the image.
+    r0 : array, shape (devices,)
+        Zero crossing of the radial parameters, mm.
+    columns : array, shape (devices, 15)
+        Where each device's nine interior and six relative parameters stand among the global unknowns; -1 if held.
+    base : array, shape (devices,)
+        The device whose frame each device's relative orientation refers to (itself where it has none).
+    first : array, shape (poses + 1,)
+        Where the observations of each pose begin.
+    station_pose : array, shape (stations,)
+    origin_mm : array, shape (3,)
+        Taken off all object coordinates while adjusting, so that large coordinates cost no digits.
+    approximate : array, shape (n, 3)
+        Approximate points less the origin: the datum.
+    points_free : bool
+        False holds the points where they are.
+    """
+
+    device_names: tuple[str, ...]
+    device: Ints
+    pose: Ints
+    point: Ints
+    order: Ints
+    uv: Array
+    root_weight: Array
+    raster: Array
+    r0: Array
+    columns: Ints
+    base: Ints
+    first: Ints
+    station_pose: Ints
+    station_device: Ints
+    origin_mm: Array
+    approximate: Array
+    scale: NetworkScale | None
+    points_free: bool = True
+
+    @property
+    def poses(self) -> int:
+        """Number of poses."""
+        return len(self.first) - 1
+
+    @property
+    def globals(self) -> int:
+        """Number of interior and relative orientation parameters estimated."""
+        return int(self.columns.max(initial=-1)) + 1
+
+    @property
+    def points(self) -> int:
+        """Number of points adjusted, 0 where they are held."""
+        return len(self.approximate) if self.points_free else 0
+
+    @property
+    def defect(self) -> int:
+        """Datum directions the observations leave free."""
+        return 0 if not self.points_free else 6 if self.scale is not None else 7
+
+    @property
+    def redundancy(self) -> int:
+        """Observed values less unknowns, datum constraints counted."""
+        observed = int(np.count_nonzero(self.root_weight)) + (self.scale is not None)
+        return observed + self.defect - self.globals - 6 * self.poses - 3 * self.points
+
+
+@dataclass(frozen=True)
+class State:
+    """The unknowns: interior (D, 9), relative orientations, poses and points less the problem's origin."""
+
+    interior: Array
+    relative_rotation: Array
+    relative_shift: Array
+    pose_rotation: Array
+    pose_shift: Array
+    xyz: Array
+
+
+@dataclass(frozen=True)
+class Step:
+    """A change of the unknowns, and the decrease of vᵀPv the linear model promises for it."""
+
+    z: Array  # (globals,)
+    pose: Array  # (poses, 6)
+    xyz: Array  # (points, 3)
+    gain: float
+
+
+def base_devices(network: Network) -> dict[str, str]:
+    """Give for each device the device it is held rigidly to: the first of those it shares poses with, or itself."""
+    base = {name: name for name in network.devices}
+    rank = {name: k for k, name in enumerate(network.devices)}
+    together: dict[int, set[str]] = {}
+    for device, pose in zip(network.station_device, network.station_pose, strict=True):
+        together.setdefault(pose, set()).add(device)
+    for group in together.values():
+        merged = {base[name] for name in group}
+        chief = min(merged, key=rank.__getitem__)
+        base = {name: chief if b in merged else b for name, b in base.items()}
+    return base
+
+
+def problem_of(network: Network) -> Problem:
+    """Sort a network's observations by pose and number its unknowns."""
+    names = tuple(network.devices)
+    number = {name: k for k, name in enumerate(names)}
+    station_device = np.array([number[d] for d in network.station_device], dtype=np.int64)
+    _, station_pose = np.unique(np.array(network.station_pose), return_inverse=True)
+    base = np.array([number[b] for b in base_devices(network).values()], dtype=np.int64)
+    columns = np.full((len(names), 15), -1, dtype=np.int64)
+    count = 0
+    for d, name in enumerate(names):
+        for k, parameter in enumerate(INTERIOR_NAMES):
+            if parameter in network.devices[name].estimate:
+                columns[d, k] = count
+                count += 1
+    for d in range(len(names)):
+        if base[d] != d:
+            columns[d, 9:] = np.arange(count, count + 6)
+            count += 6
+    pose = station_pose[network.observation_station]
+    order = np.argsort(pose, kind="stable")
+    origin = network.point_xyz_mm.mean(axis=0)
+    sigma = np.where(np.isfinite(network.observation_uv), network.observation_sigma, np.inf)
+    specs = [network.devices[name].spec for name in names]
+    return Problem(
+        device_names=names,
+        device=station_device[network.observation_station][order],
+        pose=pose[order].astype(np.int64),
+        point=network.observation_point[order].astype(np.int64),
+        order=order,
+        uv=np.nan_to_num(network.observation_uv, nan=0.0)[order],
+        root_weight=(1.0 / sigma)[order],
+        raster=np.array([[*s.pitch_mm, (s.width - 1) / 2, (s.height - 1) / 2] for s in specs]),
+        r0=np.array([s.zero_radius_mm for s in specs]),
+        columns=columns,
+        base=base,
+        first=np.searchsorted(pose[order], np.arange(int(station_pose.max()) + 2)).astype(np.int64),
+        station_pose=station_pose.astype(np.int64),
+        station_device=station_device,
+        origin_mm=origin,
+        approximate=network.point_xyz_mm - origin,
+        scale=network.scale,
+    )
+
+
+def moved(problem: Problem, state: State, step: Step) -> State:
+    """Apply a step to the unknowns."""
+    interior, relative_rotation, relative_shift = (
+        state.interior.copy(),
+        state.relative_rotation.copy(),
+        state.relative_shift.copy(),
+    )
+    for d, columns in enumerate(problem.columns):
+        free = columns[:9] >= 0
+        interior[d, free] += step.z[columns[:9][free]]
+        if columns[9] >= 0:
+            relative_rotation[d] = matrix_from_rotation_vector(step.z[columns[9:12]]) @ relative_rotation[d]
+            relative_shift[d] += step.z[columns[12:15]]
+    turns = np.array([matrix_from_rotation_vector(w) for w in step.pose[:, :3]])
+    xyz = state.xyz + step.xyz if problem.points_free else state.xyz
+    return State(
+        interior,
+        relative_rotation,
+        relative_shift,
+        turns @ state.pose_rotation,
+        state.pose_shift + step.pose[:, 3:],
+        xyz,
+    )
+
+
+def reweighted(problem: Problem, factor: Array) -> Problem:
+    """Divide every observation's sigma by a factor, shape (m, 2) or (m, 1)."""
+    return replace(problem, root_weight=problem.root_weight * factor)
+
+
+def station_orientations(problem: Problem, state: State) -> tuple[Pose, ...]:
+    """``station_from_object`` of every station, in the network's own coordinates."""
+    result = []
+    for device, pose in zip(problem.station_device, problem.station_pose, strict=True):
+        R, t = state.pose_rotation[pose], state.pose_shift[pose]
+        base_from_object = Pose(R, t - R @ problem.origin_mm)
+        result.append(Pose(state.relative_rotation[device], state.relative_shift[device]) @ base_from_object)
+    return tuple(result)

@@ -1,0 +1,58 @@
+"""Spatial resection of single stations: where a device stood, from points it saw."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core.geometry import Pose
+
+Array = NDArray[np.float64]
+
+FLAT = 0.05  # a field whose depth is a smaller share of its width is seen like a plane, with its second solution
+_CV_FROM_DEVICE = np.diag([1.0, -1.0, -1.0])  # OpenCV's camera looks along +Z with Y down
+
+
+def resect(points: Array, tangents: Array) -> list[Pose]:
+    """All ``device_from_object`` that explain a view, those behind the device left out, at most three.
+
+    Parameters
+    ----------
+    points : array, shape (n, 3)
+        At least 4, mm in the object frame.
+    tangents : array, shape (n, 2)
+        Collinearity image over principal distance, ``-X/Z`` and ``-Y/Z`` of each point in the device frame.
+
+    Notes
+    -----
+    A flat field seen with little perspective fits two poses almost equally (Collins, Bartoli, *Infinitesimal
+    plane-based pose estimation*, IJCV 109, 2014); the general solution is that of Terzakis, Lourakis, *A consistently
+    fast and globally optimal solution to the perspective-n-point problem*, ECCV 2020.
+    """
+    centre = points.mean(axis=0)
+    local = points - centre
+    axes = np.linalg.svd(local, full_matrices=False)[2]
+    extent = np.ptp(local @ axes.T, axis=0)
+    image = np.ascontiguousarray(tangents * [1.0, -1.0])
+    poses = []
+    if extent[2] < FLAT * extent[1] and extent[1] > 0:
+        flat = local - np.outer(local @ axes[2], axes[2])
+        poses += _pnp(flat, image, cv2.SOLVEPNP_IPPE)
+    if extent[2] > 1e-6 * extent[0] or not poses:
+        poses += _pnp(local, image, cv2.SOLVEPNP_SQPNP)
+    shifted = [Pose(p.rotation, p.translation_mm - p.rotation @ centre) for p in poses]
+    return [p for p in shifted if np.all(p.apply(points)[:, 2] < 0)]
+
+
+def _pnp(points: Array, image: Array, method: int) -> list[Pose]:
+    try:
+        solutions = cv2.solvePnPGeneric(np.ascontiguousarray(points), image, np.eye(3), None, flags=method)
+    except cv2.error:  # it asserts on degenerate points
+        return []
+    poses = []
+    for rotation, shift in zip(solutions[1], solutions[2], strict=True):
+        R, t = cv2.Rodrigues(rotation)[0], np.asarray(shift, dtype=np.float64).ravel()
+        if np.all(np.isfinite(R)) and np.all(np.isfinite(t)):
+            poses.append(Pose(_CV_FROM_DEVICE @ R, _CV_FROM_DEVICE @ t))
+    return poses

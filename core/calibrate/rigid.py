@@ -1,0 +1,229 @@
+"""Whether a rig was rigid, and the one relative orientation that a free adjustment implies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtri
+
+from core.calibrate.adjust import Solved, solve_network, weighted_problem
+from core.calibrate.covariance import global_cofactors
+from core.calibrate.iterate import iterate
+from core.calibrate.options import DEFAULT, AdjustOptions
+from core.calibrate.problem import Problem, State, problem_of
+from core.errors import InputError
+from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
+from core.model import Network
+from core.progress import SILENT, Progress
+
+Array = NDArray[np.float64]
+
+ERROR_LEVEL = 0.001  # chance that a rigid rig is called loose
+
+
+@dataclass(frozen=True)
+class RigidityTest:
+    """Comparison of one relative orientation for all poses with a free one for each.
+
+    Attributes
+    ----------
+    statistic : float
+        Increase of vᵀPv by the constraint, per constraint, over the variance of unit weight without it; F distributed.
+    critical : float
+        What the statistic of a rigid rig exceeds once in a thousand experiments.
+    shift_rms_mm, turn_rms_mrad : float
+        Deviations of the poses' own relative orientations from their mean, noise included.
+    poses : int
+        Number of poses compared.
+    """
+
+    statistic: float
+    critical: float
+    shift_rms_mm: float
+    turn_rms_mrad: float
+    poses: int
+
+    @property
+    def rigid(self) -> bool:
+        """Whether nothing speaks against a rigid rig."""
+        return self.statistic <= self.critical
+
+    def __str__(self) -> str:
+        """Say the result in words."""
+        verdict = "the rig was rigid" if self.rigid else "the rig was not rigid"
+        return (
+            f"{verdict}: F = {self.statistic:.2f}, critical value {self.critical:.2f}; over {self.poses} poses the "
+            f"relative orientation scatters by {self.shift_rms_mm:.3g} mm and {self.turn_rms_mrad:.3g} mrad r.m.s."
+        )
+
+
+def rigidity_test(network: Network, *, options: AdjustOptions = DEFAULT, progress: Progress = SILENT) -> RigidityTest:
+    """Adjust a rigid network and say whether its rig was rigid.
+
+    Raises
+    ------
+    InputError
+        If no two devices share a pose.
+    AdjustmentError
+        If one of the adjustments fails.
+    """
+    solved, _ = solve_network(network, options, progress)
+    return rigidity_of(solved, solved.network.station_pose)
+
+
+def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILENT) -> RigidityTest:
+    """Compare a solution, rigid or free, with the other assumption; `groups` gives the pose of every station."""
+    rigid = weighted_problem(replace(solved.network, station_pose=tuple(groups)), solved.factors)
+    free = weighted_problem(replace(solved.network, station_pose=tuple(range(len(groups)))), solved.factors)
+    constraints = rigid.redundancy - free.redundancy
+    if constraints <= 0:
+        raise InputError("the network", "no two devices share several poses", "test rigs of at least two devices")
+    given_rigid = solved.problem.redundancy == rigid.redundancy
+    free_start = _freed(rigid, solved.state) if given_rigid else solved.state
+    free_solution = iterate(free, free_start, progress=progress)
+    rigid_start = solved.state if given_rigid else _bound(rigid, solved.state)
+    rigid_cost = iterate(rigid, rigid_start, progress=progress).equations.cost
+    variance = free_solution.equations.cost / free.redundancy
+    deviations = np.concatenate([_deviations(rigid, free_solution.state, d) for d in range(len(rigid.base))])
+    return RigidityTest(
+        statistic=(rigid_cost - free_solution.equations.cost) / constraints / variance,
+        critical=float(fdtri(constraints, free.redundancy, 1 - ERROR_LEVEL)),
+        shift_rms_mm=float(np.sqrt(np.mean(np.sum(deviations[:, 3:] ** 2, axis=1)))),
+        turn_rms_mrad=1e3 * float(np.sqrt(np.mean(np.sum(deviations[:, :3] ** 2, axis=1)))),
+        poses=len(deviations),
+    )
+
+
+def mean_relative_pose(solved: Solved, groups: Sequence[int], device: int) -> tuple[Pose, Array]:
+    """Weighted mean of a free adjustment's relative orientations of one device.
+
+    Parameters
+    ----------
+    solved : Solved
+        All stations free.
+    groups : sequence of int
+        The pose of every station, were the rig rigid.
+    device : int
+        Number of the device; the mean is relative to its base device.
+
+    Returns
+    -------
+    other_from_base : Pose
+    covariance : array, shape (9 D + 6, 9 D + 6)
+        Posterior, of all interior orientations (D devices) and the mean's rotation vector (rad, left perturbation)
+        and translation (mm).
+
+    Notes
+    -----
+    Each pose is weighted by the inverse of its own covariance; the mean's covariance is propagated from those of all
+    stations and interior orientations together, correlations included.
+    """
+    rigid = problem_of(replace(solved.network, station_pose=tuple(groups)))
+    free, state, inverse = solved.problem, solved.state, solved.inverse
+    pairs = _pairs(rigid, device)
+    samples = [_relative(state, a, b) for a, b in pairs]
+    parts = [_relative_derivatives(state, a, b, s) for (a, b), s in zip(pairs, samples, strict=True)]
+    weights = []
+    for (a, b), (Ma, Mb) in zip(pairs, parts, strict=True):
+        C = Ma @ inverse.C[a] + Mb @ inverse.C[b]
+        own = Ma @ inverse.Q_own[a] @ Ma.T + Mb @ inverse.Q_own[b] @ Mb.T
+        weights.append(np.linalg.inv(own + C @ inverse.Q @ C.T))
+    total = np.linalg.inv(np.sum(weights, axis=0))
+    mean = _plain_mean(samples)
+    for _ in range(3):
+        step = total @ np.sum([W @ _difference(s, mean) for W, s in zip(weights, samples, strict=True)], axis=0)
+        mean = Pose(matrix_from_rotation_vector(step[:3]) @ mean.rotation, mean.translation_mm + step[3:])
+    # the mean moves by L (reduced unknowns) and by the poses' own share, independent of each other
+    L, own = np.zeros((6, len(inverse.Q))), np.zeros((6, 6))
+    for (a, b), (Ma, Mb), W in zip(pairs, parts, weights, strict=True):
+        for station, M in ((a, total @ W @ Ma), (b, total @ W @ Mb)):
+            L -= M @ inverse.C[station]
+            own += M @ inverse.Q_own[station] @ M.T
+    D = 9 * len(free.device_names)
+    columns = free.columns[:, :9].ravel()
+    held = columns < 0
+    cross = np.where(held[:, None], 0.0, (inverse.Q @ L.T)[columns])
+    covariance = np.zeros((D + 6, D + 6))
+    covariance[:D, :D] = global_cofactors(free, inverse)[:D, :D]
+    covariance[:D, D:], covariance[D:, :D] = cross, cross.T
+    covariance[D:, D:] = L @ inverse.Q @ L.T + own
+    return mean, solved.variance * covariance
+
+
+def _pairs(rigid: Problem, device: int) -> list[tuple[int, int]]:
+    """Stations (of the base device, of this device) that share a pose."""
+    if rigid.base[device] == device:
+        return []
+    base = {
+        int(p): s
+        for s, (p, d) in enumerate(zip(rigid.station_pose, rigid.station_device, strict=True))
+        if d == rigid.base[device]
+    }
+    own = [s for s, d in enumerate(rigid.station_device) if d == device]
+    return [(base[int(rigid.station_pose[s])], s) for s in own if int(rigid.station_pose[s]) in base]
+
+
+def _relative(state: State, base: int, other: int) -> Pose:
+    R = state.pose_rotation[other] @ state.pose_rotation[base].T
+    return Pose(R, state.pose_shift[other] - R @ state.pose_shift[base])
+
+
+def _relative_derivatives(state: State, base: int, other: int, relative: Pose) -> tuple[Array, Array]:
+    """Derivatives of a relative orientation, shape (6, 6) each, with respect to the base's and the other's."""
+    R, arm = relative.rotation, relative.rotation @ state.pose_shift[base]
+    cross = np.array([[0.0, -arm[2], arm[1]], [arm[2], 0.0, -arm[0]], [-arm[1], arm[0], 0.0]])
+    M_base, M_other = np.zeros((6, 6)), np.eye(6)
+    M_base[:3, :3], M_base[3:, 3:], M_base[3:, :3] = -R, -R, -cross @ R
+    M_other[3:, :3] = cross
+    return M_base, M_other
+
+
+def _plain_mean(samples: Sequence[Pose]) -> Pose:
+    """Unweighted mean; the rotation's is the proper rotation nearest to the mean matrix."""
+    U, _, Vt = np.linalg.svd(np.mean([s.rotation for s in samples], axis=0))
+    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    return Pose(R, np.mean([s.translation_mm for s in samples], axis=0))
+
+
+def _difference(pose: Pose, mean: Pose) -> Array:
+    turn = rotation_vector_from_matrix(pose.rotation @ mean.rotation.T)
+    return np.concatenate([turn, pose.translation_mm - mean.translation_mm])
+
+
+def _deviations(rigid: Problem, state: State, device: int) -> Array:
+    """Differences of a device's relative orientations from their mean, shape (k, 6)."""
+    samples = [_relative(state, a, b) for a, b in _pairs(rigid, device)]
+    return np.array([_difference(s, _plain_mean(samples)) for s in samples]).reshape(-1, 6)
+
+
+def _freed(rigid: Problem, state: State) -> State:
+    """Every station's own pose from those of a rigid solution."""
+    S, T = state.relative_rotation[rigid.station_device], state.relative_shift[rigid.station_device]
+    R, t = state.pose_rotation[rigid.station_pose], state.pose_shift[rigid.station_pose]
+    one, zero = np.broadcast_to(np.eye(3), state.relative_rotation.shape), np.zeros_like(state.relative_shift)
+    return replace(
+        state,
+        relative_rotation=one.copy(),
+        relative_shift=zero,
+        pose_rotation=S @ R,
+        pose_shift=np.einsum("sij,sj->si", S, t) + T,
+    )
+
+
+def _bound(rigid: Problem, state: State) -> State:
+    """Mean relative orientations, and the base devices' poses, from those of a free solution."""
+    relative = [Pose() for _ in rigid.base]
+    for d in range(len(rigid.base)):
+        samples = [_relative(state, a, b) for a, b in _pairs(rigid, d)]
+        if samples:
+            relative[d] = _plain_mean(samples)
+    pose_rotation, pose_shift = np.empty((rigid.poses, 3, 3)), np.empty((rigid.poses, 3))
+    is_base = rigid.station_device == rigid.base[rigid.station_device]
+    for s in np.argsort(is_base, kind="stable"):  # a base device's own pose is written last
+        base = relative[rigid.station_device[s]].inverse() @ Pose(state.pose_rotation[s], state.pose_shift[s])
+        pose_rotation[rigid.station_pose[s]], pose_shift[rigid.station_pose[s]] = base.rotation, base.translation_mm
+    R, t = np.array([p.rotation for p in relative]), np.array([p.translation_mm for p in relative])
+    return replace(state, relative_rotation=R, relative_shift=t, pose_rotation=pose_rotation, pose_shift=pose_shift)

@@ -1,0 +1,184 @@
+"""Parts of a network: what can be adjusted, and what is named and left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import AdjustmentError, InputError
+from core.model import INTERIOR_NAMES, Network
+
+Bools = NDArray[np.bool_]
+
+LEAST_POINTS = 4  # that a free station must see: three leave up to four solutions
+
+
+def selected(network: Network, observations: Bools) -> Network:
+    """Keep those observations, shape (m,), and only the stations and points that still have some."""
+    stations = np.unique(network.observation_station[observations])
+    points = np.unique(network.observation_point[observations])
+    new_station = np.full(len(network.station_names), -1)
+    new_station[stations] = np.arange(len(stations))
+    new_point = np.full(len(network.point_names), -1)
+    new_point[points] = np.arange(len(points))
+    scale = network.scale
+    if scale is not None:
+        ends = int(new_point[scale.start]), int(new_point[scale.stop])
+        if min(ends) < 0:
+            lost = network.point_names[scale.start if ends[0] < 0 else scale.stop]
+            raise AdjustmentError(
+                f"point {lost}",
+                "an end of the measured distance is not determined by the images",
+                "observe it in at least two of them, or give another distance",
+            )
+        scale = replace(scale, start=ends[0], stop=ends[1])
+    return replace(
+        network,
+        station_names=tuple(network.station_names[s] for s in stations),
+        station_device=tuple(network.station_device[s] for s in stations),
+        station_pose=tuple(network.station_pose[s] for s in stations),
+        point_names=tuple(network.point_names[p] for p in points),
+        point_xyz_mm=network.point_xyz_mm[points],
+        observation_station=new_station[network.observation_station[observations]],
+        observation_point=new_point[network.observation_point[observations]],
+        observation_uv=network.observation_uv[observations],
+        observation_sigma=network.observation_sigma[observations],
+        scale=scale,
+    )
+
+
+def check_network(network: Network) -> None:
+    """Refuse a network whose numbers mean nothing.
+
+    Raises
+    ------
+    InputError
+        Naming the device, station, point or observation.
+    """
+    for name, device in network.devices.items():
+        unknown = [p for p in device.estimate if p not in INTERIOR_NAMES]
+        if unknown:
+            raise InputError(f"device {name}", f"estimate names {unknown[0]!r}", f"use {', '.join(INTERIOR_NAMES)}")
+    if len(network.observation_uv) == 0:
+        raise InputError("the network", "has no observations", "add image points")
+    bad = np.flatnonzero(~np.all(np.isfinite(network.point_xyz_mm), axis=1))
+    if len(bad):
+        raise InputError(
+            f"point {network.point_names[bad[0]]}", "has no approximate coordinates", "give x, y and z in mm"
+        )
+    key = network.observation_station * len(network.point_names) + network.observation_point
+    order = np.argsort(key, kind="stable")
+    twice = order[1:][np.diff(key[order]) == 0]
+    if len(twice):
+        raise InputError(
+            _observation(network, int(twice.min())), "is observed twice in this station", "keep one of the two"
+        )
+    seen = np.isfinite(network.observation_uv)
+    none = np.flatnonzero(~seen.any(axis=1))
+    if len(none):
+        raise InputError(_observation(network, int(none[0])), "has neither u nor v", "leave the observation out")
+    with np.errstate(invalid="ignore"):
+        odd = np.any(seen & ~((network.observation_sigma > 0) & np.isfinite(network.observation_sigma)), axis=1)
+    if odd.any():
+        first = int(np.argmax(odd))
+        raise InputError(
+            _observation(network, first), f"has sigma {network.observation_sigma[first].tolist()}", "give a sigma > 0"
+        )
+    scale = network.scale
+    if scale is not None and (scale.start == scale.stop or not (scale.length_mm > 0 and scale.sigma_mm > 0)):
+        raise InputError(
+            "the measured distance",
+            f"is {scale.length_mm} mm ± {scale.sigma_mm} mm from {network.point_names[scale.start]} "
+            f"to {network.point_names[scale.stop]}",
+            "give two different points, a length and a sigma above 0",
+        )
+
+
+def _observation(network: Network, row: int) -> str:
+    station, point = network.observation_station[row], network.observation_point[row]
+    return f"station {network.station_names[station]}, point {network.point_names[point]}"
+
+
+def adjustable(network: Network) -> tuple[Network, list[str]]:
+    """Leave out points seen from one place only and stations with too few points, until all can be adjusted.
+
+    Returns
+    -------
+    network : Network
+    warnings : list of str
+        Names of what was left out.
+
+    Raises
+    ------
+    AdjustmentError
+        If too little is left, or the rest falls into parts that share no points.
+    """
+    warnings = []
+    while True:
+        few = _weak_stations(network)
+        keep = ~np.isin(network.observation_station, few)
+        if len(few):
+            names = _listed([network.station_names[s] for s in few])
+            warnings.append(f"left out, fewer than {LEAST_POINTS} usable points: station {names}")
+        else:
+            single = _single_ray_points(network)
+            keep = ~np.isin(network.observation_point, single)
+            if len(single):
+                names = _listed([network.point_names[p] for p in single])
+                warnings.append(f"left out, not seen by two rays: point {names}")
+        if not keep.any():
+            raise AdjustmentError(
+                "the network",
+                "no point is seen by two rays from stations with enough points",
+                f"every station needs {LEAST_POINTS} points that another station sees too",
+            )
+        if keep.all():
+            _check_connected(network)
+            return network, warnings
+        network = selected(network, keep)
+
+
+def _weak_stations(network: Network) -> NDArray[np.int64]:
+    """Stations whose whole pose has fewer observed coordinates than four points give."""
+    seen = np.isfinite(network.observation_uv).sum(axis=1)
+    _, pose = np.unique(np.array(network.station_pose), return_inverse=True)
+    coordinates = np.bincount(pose[network.observation_station], seen)
+    return np.flatnonzero(coordinates[pose] < 2 * LEAST_POINTS)
+
+
+def _single_ray_points(network: Network) -> NDArray[np.int64]:
+    """Points with fewer than two stations or fewer than three observed coordinates."""
+    n = len(network.point_names)
+    stations = np.bincount(network.observation_point, minlength=n)
+    coordinates = np.bincount(network.observation_point, np.isfinite(network.observation_uv).sum(axis=1), minlength=n)
+    return np.flatnonzero((stations < 2) | (coordinates < 3))
+
+
+def _check_connected(network: Network) -> None:
+    """Refuse a network that falls into parts without common points."""
+    _, pose = np.unique(np.array(network.station_pose), return_inverse=True)
+    part = np.arange(len(network.point_names))
+    while True:  # every pose hands the least number among its points to all of them
+        lowest = np.full(pose.max() + 1, len(part))
+        np.minimum.at(lowest, pose[network.observation_station], part[network.observation_point])
+        spread = part.copy()
+        np.minimum.at(spread, network.observation_point, lowest[pose[network.observation_station]])
+        if np.array_equal(spread, part):
+            break
+        part = spread
+    if np.all(part == part[0]):
+        return
+    station_part = lowest[pose]
+    names = _listed([network.station_names[s] for s in np.flatnonzero(station_part != station_part[0])])
+    raise AdjustmentError(
+        f"station {names}",
+        "shares no points with the first station, directly or through others: the network is disconnected",
+        "add images that see points of both parts, or adjust the parts separately",
+    )
+
+
+def _listed(names: list[str], most: int = 8) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

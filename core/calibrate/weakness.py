@@ -1,0 +1,138 @@
+"""What makes a network weak, in words: parameters it does not determine, missing rolls, missing convergence."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.calibrate.equations import Equations
+from core.calibrate.normals import Inverse, SingularNormalsError
+from core.calibrate.problem import Problem, State
+from core.errors import AdjustmentError
+from core.model import INTERIOR_NAMES, Network
+
+Array = NDArray[np.float64]
+
+LEAST_STRENGTH = 1e-13  # share of a parameter's information that is its own, below which it is rounding
+HOPELESS = 0.1  # sigma of a parameter, as displacement at the image's edge over the image's radius: not estimated
+POOR = 0.01  # the same, to be warned of
+ROLL_CONCENTRATION = 0.9  # mean length of the doubled roll angles; 1 where all images have the same roll
+LEAST_CONVERGENCE_DEG = 20.0  # between the viewing directions of the images that differ most
+CONVERGENT_DEG = 10.0  # inclination to the mean direction at which an image counts as convergent
+LEAST_CONVERGENT = 3
+
+REMEDIES = {
+    "c": "add convergent images (inclined 30° and more) or depth in the field, or hold c",
+    "x0": "add images rolled by 90° about the viewing axis and convergent ones, or hold x0",
+    "y0": "add images rolled by 90° about the viewing axis and convergent ones, or hold y0",
+    "A1": "fill the images to their edges with points, or hold A1",
+    "A2": "fill the images to their edges with points, or hold A2",
+    "A3": "add images rolled by 90° about the viewing axis, or hold A3",
+    "A4": "add images rolled by 90° about the viewing axis, or hold A4",
+    "A5": "add convergent and rolled images, or hold A5",
+    "A6": "add convergent and rolled images, or hold A6",
+    "relative": "add poses that both devices see, at different inclinations",
+}
+
+
+def _effects(problem: Problem, state: State, equations: Equations) -> tuple[Array, list[str], list[str]]:
+    """For each global unknown its largest displacement in the image per unit, as a share of the image's radius.
+
+    Returns the shares, shape (globals,), the names ("cam.c") and the keys of the remedies.
+    """
+    shares = np.zeros(problem.globals)
+    names, keys = [""] * problem.globals, [""] * problem.globals
+    for d, columns in enumerate(problem.columns):
+        own = problem.device == d
+        if not own.any():
+            continue
+        seen = problem.root_weight[own] > 0
+        unit = 1.0 / np.where(seen, problem.root_weight[own], np.inf)  # whitened -> px
+        J = np.abs(equations.J[own]) * unit[..., None] * problem.raster[d, :2, None]
+        radius = float(np.max(np.hypot(*((problem.uv[own] - problem.raster[d, 2:]) * problem.raster[d, :2]).T)))
+        for j, name in enumerate((*INTERIOR_NAMES, "rx", "ry", "rz", "tx", "ty", "tz")):
+            if columns[j] >= 0:
+                shares[columns[j]] = J[:, :, j].max() / radius
+                names[columns[j]] = f"{problem.device_names[d]}.{name}"
+                keys[columns[j]] = name if j < 9 else "relative"
+    return shares, names, keys
+
+
+def check_estimable(problem: Problem, state: State, equations: Equations, inverse: Inverse) -> list[str]:
+    """Refuse parameters the network does not determine; return warnings of those it determines poorly.
+
+    Raises
+    ------
+    AdjustmentError
+        Naming the parameters, what their sigmas would be, and the remedy.
+    """
+    shares, names, keys = _effects(problem, state, equations)
+    variance = max(equations.cost / problem.redundancy, 1e-30)
+    sigma = np.sqrt(variance * np.maximum(np.diagonal(inverse.Q)[: problem.globals], 0.0))
+    effect = sigma * shares
+    lost = (effect > HOPELESS) | (inverse.strength < LEAST_STRENGTH)
+    if lost.any():
+        worst = _largest(effect, lost)
+        raise _not_estimable(
+            [names[k] for k in worst], keys[worst[0]], f"sigma {sigma[worst[0]]:.3g} for {names[worst[0]]}"
+        )
+    poor = _largest(effect, effect > POOR)
+    return [f"weakly determined: {names[k]}, sigma {sigma[k]:.3g}; {REMEDIES[keys[k]]}" for k in poor]
+
+
+def _largest(effect: Array, chosen: NDArray[np.bool_]) -> list[int]:
+    """Chosen parameters, the greatest effect first, those within a tenth of it."""
+    order = np.argsort(-effect)
+    return [int(k) for k in order if chosen[k] and effect[k] > 0.1 * effect[order[0]]]
+
+
+def _not_estimable(names: list[str], key: str, seen: str) -> AdjustmentError:
+    return AdjustmentError(
+        "the network", f"{' and '.join(names)} cannot be estimated from these images ({seen})", REMEDIES[key]
+    )
+
+
+def singular_error(network: Network, problem: Problem, state: State, error: SingularNormalsError) -> AdjustmentError:
+    """Name the parameter, the point or the station that singular normal equations leave undetermined."""
+    if error.pose is not None:
+        names = [network.station_names[s] for s in np.flatnonzero(problem.station_pose == error.pose)]
+        return AdjustmentError(
+            f"station {' / '.join(names)}", "its orientation is not determined by its points", "add points to it"
+        )
+    return AdjustmentError("the network", "singular", "?")
+
+
+def geometry_warnings(problem: Problem, state: State) -> list[str]:
+    """Warn of devices without rolled or without convergent images."""
+    warnings = []
+    for d, name in enumerate(problem.device_names):
+        poses = np.unique(problem.pose[problem.device == d])
+        if len(poses) == 0:
+            continue
+        R = state.relative_rotation[d] @ state.pose_rotation[poses]
+        estimated = {p for p, column in zip(INTERIOR_NAMES, problem.columns[d], strict=False) if column >= 0}
+        weak = [p for p in ("A3", "A4", "x0", "y0") if p in estimated]
+        if weak and _roll_concentration(R) > ROLL_CONCENTRATION:
+            warnings.append(
+                f"{name}: no images rolled by 90° about the viewing axis: {', '.join(weak)} are weak; add some"
+            )
+        directions = -R[:, 2, :]
+        mean = directions.mean(axis=0)
+        mean /= max(float(np.linalg.norm(mean)), 1e-12)
+        tilt = np.degrees(np.arccos(np.clip(directions @ mean, -1, 1)))
+        widest = float(np.degrees(np.arccos(np.clip(directions @ directions.T, -1, 1))).max())
+        count = int(np.count_nonzero(tilt > CONVERGENT_DEG))
+        if "c" in estimated and (widest < LEAST_CONVERGENCE_DEG or count < LEAST_CONVERGENT):
+            warnings.append(
+                f"{name}: only {count} of {len(poses)} images are inclined by more than {CONVERGENT_DEG:.0f}° to the "
+                f"mean viewing direction (widest angle {widest:.0f}°): c, x0, y0 are weak; add convergent images"
+            )
+    return warnings
+
+
+def _roll_concentration(R: Array) -> float:
+    """Mean resultant length of twice the roll angles about the viewing axis; opposite rolls count as the same."""
+    # the twist about Z of every rotation relative to the first: its quaternion's angle about that axis
+    relative = R @ R[0].T
+    roll = np.arctan2(relative[:, 1, 0] - relative[:, 0, 1], relative[:, 0, 0] + relative[:, 1, 1])
+    return float(np.abs(np.mean(np.exp(2j * roll))))
