@@ -1,1 +1,16 @@
-"""."""
+"""Decode: from the frames of a capture to projector coordinates with sigma and validity.
+
+absolute.py   `decode`: the order of things
+options.py    thresholds, and the flags that say why a pixel is invalid
+frames.py     checks and sorts the frames by what they tell
+plan.py       how the absolute coordinate of an axis follows from its frames, or why it does not
+tables.py     the least-squares and other linear combinations of frames, as tables
+noise.py      the noise of the grey values, from combinations of frames that show nothing else
+sample.py     noise, full scale and contrast of the bits, from a sample of the pixels
+kernel.py     the one compiled pass over the pixels
+"""
+
+from core.decode.absolute import decode
+from core.decode.options import DecodeOptions, Flag
+
+__all__ = ["DecodeOptions", "Flag", "decode"]

@@ -1,0 +1,122 @@
+"""Decoding: from the frames of a capture to projector coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from core.decode.frames import Image, SortedFrames, check_images, sort_frames
+from core.decode.kernel import decode_pixels
+from core.decode.options import DecodeOptions
+from core.decode.plan import plan_axis
+from core.decode.sample import check_duplicates, full_scale, limits_of, measure_fading, measure_noise, take_sample
+from core.decode.tables import AxisTable, Rows, axis_table, image_row, make_rows, no_axis
+from core.errors import InputError
+from core.model import PhaseMap
+from core.parallel import run_in_bands
+from core.patterns import Pattern
+from core.progress import SILENT, Progress
+
+BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
+
+
+def decode(
+    patterns: Sequence[Pattern],
+    images: Sequence[Image],
+    *,
+    lines: tuple[int, int] | None = None,
+    options: DecodeOptions = DecodeOptions(),
+    where: str = "capture",
+    progress: Progress = SILENT,
+) -> PhaseMap:
+    """Projector coordinates of every camera pixel, from whatever frames there are.
+
+    Parameters
+    ----------
+    patterns : sequence of Pattern
+        What the projector was meant to show, one for each image.
+    images : sequence of uint8 or uint16 arrays (H, W)
+        Grey values, in any order.
+    lines : (int, int), optional
+        Projector width and height in lines; unknown, the extent that the frames themselves tell apart.
+    options : DecodeOptions
+    where : str
+        What messages call the capture.
+    progress : Progress
+
+    Returns
+    -------
+    phase_map : PhaseMap
+        Coordinates in lines, the centre of the first line being 0; NaN where invalid, all NaN for an axis without
+        patterns. The modulation is the amplitude of the finest period's first harmonic, or half the contrast of a code
+        or light section; of two axes the smaller.
+
+    Raises
+    ------
+    InputError
+        When the frames do not fit together, or no absolute coordinate follows from them; names capture and axis.
+
+    Notes
+    -----
+    Phases are fitted by least squares over the steps. Where code and phase are combined, the cell's number gives the
+    order of the fringe; a pixel whose bits do not fit its coordinate is decided by the likelihood of all bits. With
+    several periods the coordinate is the mean of all, weighted by their variances.
+
+    Examples
+    --------
+    >>> from core.patterns import gray_and_phase, pattern_image
+    >>> patterns = gray_and_phase("x", 16, cell=4, periods=[8])
+    >>> images = [np.uint8(50 + 100 * pattern_image(p, 16, 2)) for p in patterns]
+    >>> decode(patterns, images, lines=(16, 2)).u[0, 3:7].round(2)
+    array([3., 4., 5., 6.], dtype=float32)
+    """
+    arrays = check_images(patterns, images, where)
+    progress(0.0, "reading the noise")
+    frames, tables, image_rows = _tables(tuple(patterns), lines, where)
+    sample = take_sample(arrays)
+    check_duplicates(frames, sample, where)
+    measured = [n for table in tables for n in (*table.phase_frames, *table.line_frames)]
+    saturation = full_scale(arrays, tuple(measured), sample, options)
+    noise = measure_noise(frames, sample, saturation, arrays)
+    limits = limits_of(noise, saturation, options)
+    tables = (measure_fading(tables[0], sample, noise), measure_fading(tables[1], sample, noise))
+
+    height, width = arrays[0].shape
+    place, sigma = np.empty((2, height * width), np.float32), np.empty((2, height * width), np.float32)
+    modulation, image = np.empty(height * width, np.float32), np.empty(height * width, np.float32)
+    flags = np.empty(height * width, np.uint8)
+    addresses = np.array([array.ctypes.data for array in arrays], np.uint64)
+
+    block = max(16, BLOCK // (width * len(arrays)))
+    for top in progress.over(range(0, height, block), "decoding from row {}"):
+
+        def band(first: int, last: int, top: int = top) -> None:
+            decode_pixels(
+                (top + first) * width, (top + last) * width, addresses, arrays[0].itemsize, limits, image_rows, tables,
+                place, sigma, modulation, image, flags,
+            )  # fmt: skip
+
+        run_in_bands(band, min(block, height - top))
+    shape = (height, width)
+    return PhaseMap(
+        *(a.reshape(shape) for a in (place[0], place[1], sigma[0], sigma[1], modulation, image)),
+        flags=flags.reshape(shape),
+    )
+
+
+@lru_cache(maxsize=16)
+def _tables(
+    patterns: tuple[Pattern, ...], lines: tuple[int, int] | None, where: str
+) -> tuple[SortedFrames, tuple[AxisTable, AxisTable], Rows]:
+    """Sort, plan and tabulate; the same for every capture of a sequence."""
+    frames = sort_frames(patterns)
+    if not frames.axes:
+        raise InputError(where, "no code, phase or line frames", "give the frames of at least one projector axis")
+    tables = []
+    for number, axis in enumerate(("x", "y")):
+        mine = frames.axes.get(axis)  # type: ignore[call-overload]
+        plan = plan_axis(mine, lines[number] if lines else None, where) if mine else None
+        tables.append(axis_table(plan, mine, frames) if plan and mine else no_axis())
+    return frames, (tables[0], tables[1]), make_rows([image_row(frames)])

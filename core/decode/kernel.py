@@ -1,0 +1,501 @@
+"""The decoder's one pass over the pixels: every frame read once, every result written once.
+
+Pixels are taken in tiles that stay in the cache. Within a tile each step runs over a row of pixels, which compiles to
+vector instructions; `decode_pixels` at the end shows the order. Everything called by it lives in this file, because
+compiled kernels are cached by the file of the outermost function. All arithmetic is in single precision.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import carray, njit, types
+from numba.extending import intrinsic
+
+from core.decode.options import Flag
+from core.decode.tables import CODE, NOTHING, SWEEP
+
+LOW, SATURATED, UNSURE = int(Flag.LOW_MODULATION), int(Flag.SATURATED), int(Flag.UNSURE)
+DISAGREEMENT, OUTSIDE, NO_U = int(Flag.DISAGREEMENT), int(Flag.OUTSIDE), int(Flag.NO_U)
+
+F = np.float32
+HALF, ONE, TWO_PI = F(0.5), F(1), F(2 * np.pi)
+TINY = F(1e-20)
+# arctan(z) / (2 pi z) on [0, 1] as a polynomial in z², least maximum error: 2.4e-8 turns in single precision
+C0, C1, C2, C3 = F(0.159154832), F(-0.0530461147), F(0.0317458808), F(-0.0221359655)
+C4, C5, C6, C7 = F(0.0153452922), F(-0.00889775623), F(0.00347895455), F(-0.000645133085)
+SIGMAS = F(4.5)  # a step that rounds is trusted when this many of its standard deviations stay below half a cycle
+NOISE_BIT = F(3.5)  # a bit nearer to its threshold, in standard deviations, is unsure
+GATE = F(0.4)  # cycles: phases that differ by more contradict each other
+EDGE = F(0.35)  # cells: how far from the edge of a cell code and phase may see it
+RAMP = F(1.0)  # lines over which a code's edge is assumed to be blurred, each side
+TAIL = F(0.12)  # part of a light section's height below which light is not counted
+RIVAL = F(0.5)  # part of its height another section may reach elsewhere
+TILE = 8192  # grey values in single precision per tile: what the first-level cache holds
+
+
+class Limits(NamedTuple):
+    """Noise ``var(g) = dark + shot g`` (grey values²) and thresholds."""
+
+    dark: np.float32
+    shot: np.float32
+    snr: np.float32
+    modulation: np.float32
+    saturation: np.float32
+    bit_margin: np.float32
+
+
+def _fast(function: Any) -> Any:
+    """Compile for vector instructions: no checks for division by zero, products and sums fused."""
+    return njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})(function)
+
+
+@intrinsic
+def _pointer(typing_context: Any, address: Any) -> Any:  # noqa: ARG001
+    """A pointer from an address, so that one compiled kernel takes any number of images without copying them."""
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return types.voidptr(types.uintp), build
+
+
+@_fast
+def _load(addresses, item_size, start, count, grey):  # type: ignore[no-untyped-def]
+    for f in range(len(addresses)):
+        row = grey[f]
+        if item_size == 1:
+            narrow = carray(_pointer(addresses[f] + np.uint64(start)), (count,), np.uint8)
+            for i in range(count):
+                row[i] = narrow[i]
+        else:
+            wide = carray(_pointer(addresses[f] + np.uint64(2 * start)), (count,), np.uint16)
+            for i in range(count):
+                row[i] = wide[i]
+
+
+@_fast
+def _combine(rows, grey, count, out):  # type: ignore[no-untyped-def]
+    """out = rows · grey, row by row."""
+    for r in range(len(rows.first) - 1):
+        target = out[r]
+        target[:count] = F(0)
+        for entry in range(rows.first[r], rows.first[r + 1]):
+            source, factor = grey[rows.column[entry]], rows.value[entry]
+            for i in range(count):
+                target[i] += factor * source[i]
+
+
+@_fast
+def _phases(table, values, limits, count, turns, variance, modulation, flags):  # type: ignore[no-untyped-def]
+    """Phase (turns), its variance (turns²) and modulation of every period; the finest period's modulation is kept."""
+    least = limits.snr * limits.snr * TWO_PI * TWO_PI
+    for j in range(len(table.period)):
+        mean, cosine, sine = values[2 + 3 * j], values[3 + 3 * j], values[4 + 3 * j]
+        turn, var = turns[j], variance[j]
+        cc, cs, ss = table.covariance[j, 0], table.covariance[j, 1], table.covariance[j, 2]
+        for i in range(count):
+            c, s = cosine[i], sine[i]
+            square = c * c + s * s + TINY
+            noise = limits.dark + limits.shot * mean[i]
+            v = noise * (cc * s * s - F(2) * cs * c * s + ss * c * c) / (square * square * TWO_PI * TWO_PI)
+            x, y = abs(c), abs(s)
+            low, high = min(x, y), max(x, y)
+            z = low / (high + TINY)
+            q = z * z
+            t = z * (C0 + q * (C1 + q * (C2 + q * (C3 + q * (C4 + q * (C5 + q * (C6 + q * C7)))))))
+            t = F(0.25) - t if y > x else t
+            t = HALF - t if c < F(0) else t
+            turn[i] = -t if s < F(0) else t
+            var[i] = v
+            amplitude = np.sqrt(square)
+            if j == 0:
+                modulation[i] = amplitude
+            weak = (not v * least <= ONE) or amplitude < limits.modulation
+            flags[i] |= LOW if weak else 0
+
+
+@_fast
+def _saturated(frames, grey, limits, count, flags):  # type: ignore[no-untyped-def]
+    for f in frames:
+        row = grey[f]
+        for i in range(count):
+            flags[i] |= SATURATED if row[i] >= limits.saturation else 0
+
+
+@_fast
+def _contrast(table, bits, limits, count, threshold, contrast, flags):  # type: ignore[no-untyped-def]
+    """Bits about their threshold (in place) and half the contrast between on and off."""
+    if not table.has_threshold:
+        threshold[:count] = F(0)
+        low, high = np.full(count, F(np.inf)), np.full(count, F(-np.inf))
+        for b in range(len(table.sign)):
+            row = bits[b]
+            for i in range(count):
+                value = -table.sign[b] * row[i]
+                low[i], high[i] = min(low[i], value), max(high[i], value)
+        for i in range(count):
+            threshold[i] = HALF * (low[i] + high[i])
+    if not table.has_contrast:
+        contrast[:count] = F(0)
+    for b in range(len(table.sign)):
+        row, sign = bits[b], table.sign[b]
+        for i in range(count):
+            row[i] += sign * threshold[i]
+        if not table.has_contrast:
+            for i in range(count):
+                contrast[i] = max(contrast[i], abs(row[i]))
+    least = limits.snr * limits.snr
+    for i in range(count):
+        noise = HALF * (limits.dark + limits.shot * threshold[i])
+        flags[i] |= LOW if contrast[i] < F(0) or contrast[i] * contrast[i] < least * noise else 0
+
+
+@_fast
+def _read_bits(table, bits, limits, count, threshold, contrast, word, unsure):  # type: ignore[no-untyped-def]
+    """The hard word of every pixel, most significant bit first, and a mask of its unsure bits."""
+    word[:count] = 0
+    unsure[:count] = 0
+    last = len(table.sign) - 1
+    for b in range(last + 1):
+        row, margin = bits[b], limits.bit_margin * table.fading[b]
+        noisy = NOISE_BIT * NOISE_BIT * table.spread[b]
+        mask = np.int32(1 << (last - b))
+        for i in range(count):
+            x = row[i]
+            near = margin * contrast[i]
+            doubt = x * x < max(near * near, noisy * (limits.dark + limits.shot * threshold[i]))
+            word[i] |= mask if x > F(0) else np.int32(0)
+            unsure[i] |= mask if doubt else np.int32(0)
+
+
+@_fast
+def _cell_of(gray, word):  # type: ignore[no-untyped-def]
+    """Number of the cell that carries a word."""
+    if gray:
+        word ^= word >> 1
+        word ^= word >> 2
+        word ^= word >> 4
+        word ^= word >> 8
+        word ^= word >> 16
+    return word
+
+
+@_fast
+def _word_of(gray, cell):  # type: ignore[no-untyped-def]
+    return cell ^ (cell >> 1) if gray else cell
+
+
+@_fast
+def _locate(table, turns, word, unsure, count, place, doubtful):  # type: ignore[no-untyped-def]
+    """Coordinate from the cell and the first combination of phases; mask of the bits that do not fit it.
+
+    A bit fits if it is as the coordinate's cell says, or belongs to the edge nearest to the coordinate.
+    """
+    gray, cell, phased = table.gray, table.cell, len(table.steps) > 0
+    period = table.step_period[0] if phased else ONE
+    top = np.int32((1 << len(table.sign)) - 1)
+    place[:count] = F(0)
+    if phased:
+        for j in range(len(table.period)):
+            factor, turn = table.steps[0, j], turns[j]
+            for i in range(count):
+                place[i] += factor * turn[i]
+    for i in range(count):
+        k = _cell_of(gray, word[i])
+        centre = (F(k) + HALF) * cell - HALF
+        if phased:
+            d = place[i] - (centre + HALF) / period
+            place[i] = centre + period * (d - np.rint(d))
+            y = (place[i] + HALF) / cell
+            edge = np.rint(y)
+            low = min(max(np.int32(edge) - np.int32(1), np.int32(0)), top)
+            high = min(max(np.int32(edge), np.int32(0)), top)
+            word_low, word_high = _word_of(gray, low), _word_of(gray, high)
+            flips = word_low ^ word_high
+            inside = word_high if y > edge else word_low
+            tolerated = flips if abs(y - edge) <= EDGE else np.int32(0)
+            doubtful[i] = ((word[i] ^ inside) & ~tolerated) | (unsure[i] & ~flips)
+        else:
+            place[i] = centre
+            # at the edge of a Gray cell one bit is unsure and either cell will do
+            doubtful[i] = unsure[i] & (unsure[i] - np.int32(1)) if gray else unsure[i]
+
+
+@_fast
+def _misfit(table, bits, i, contrast, u):  # type: ignore[no-untyped-def]
+    """Sum of squares of a pixel's bits (off -1, on 1) against those a coordinate predicts, and the least acceptable."""
+    y = (u + HALF) / table.cell
+    edge = np.rint(y)
+    top = (1 << len(table.sign)) - 1
+    low, high = min(max(int(edge) - 1, 0), top), min(max(int(edge), 0), top)
+    word_low, word_high = _word_of(table.gray, low), _word_of(table.gray, high)
+    across = (y - edge) * table.cell / min(RAMP, HALF * table.cell)
+    share = HALF + HALF * min(max(across, -ONE), ONE)
+    total, tolerance = F(0), ONE
+    for b in range(len(table.sign)):
+        shift = len(table.sign) - 1 - b
+        before, after = F((word_low >> shift) & 1), F((word_high >> shift) & 1)
+        x = bits[b, i] / (contrast * table.fading[b])
+        d = min(max(x, -ONE), ONE) - (F(2) * (before + (after - before) * share) - ONE)
+        total += d * d
+        if before != after:
+            tolerance += HALF
+    return total, tolerance
+
+
+@_fast
+def _most_likely(table, bits, i, contrast, word, unsure, turn):  # type: ignore[no-untyped-def]
+    """The coordinate whose predicted bits fit best, among the cells that the unsure bits leave open.
+
+    In Gray code each unsure bit may be wrong by itself. In binary code all bits below the most significant unsure one
+    change at the same edge: the cells on its two sides are 0111 and 1000. Returns the coordinate and whether it is
+    clearly the best.
+    """
+    bit_count, cell = len(table.sign), table.cell
+    phased = len(table.steps) > 0
+    period = table.step_period[0] if phased else cell
+    best, second, place, accepted = F(1e9), F(1e9), F(0), F(0)
+    for n in range(-1, bit_count if table.gray else 2):
+        candidate = word
+        if n >= 0 and table.gray:
+            if not (unsure >> n) & 1:
+                continue
+            candidate = word ^ (1 << n)
+        elif n >= 0:
+            if unsure == 0:
+                break
+            mask = 1
+            while mask * 2 <= unsure:
+                mask *= 2
+            prefix = word & ~(2 * mask - 1)
+            candidate = prefix | (mask - 1) if n == 0 else prefix | mask
+        centre = (F(_cell_of(table.gray, candidate)) + HALF) * cell - HALF
+        for side in range(-1, 2):
+            u = centre + F(side) * HALF * cell
+            if phased:
+                d = turn - (centre + HALF) / period
+                u = centre + period * (d - np.rint(d) + F(side))
+                if abs(u - centre) > cell:
+                    continue
+            if u < -ONE or u > table.lines:
+                continue
+            cost, tolerance = _misfit(table, bits, i, contrast, u)
+            distinct = abs(u - place) > (HALF * period if phased else F(1.25) * cell)
+            if cost < best:
+                second = best if distinct else second
+                best, place, accepted = cost, u, tolerance
+            elif distinct:
+                second = min(second, cost)
+    return place, best <= accepted and second - best >= HALF
+
+
+@_fast
+def _settle(table, bits, turns, contrast, word, unsure, doubtful, count, place, flags):  # type: ignore[no-untyped-def]
+    """Decide the doubtful pixels one by one."""
+    for i in range(count):
+        if doubtful[i] != 0 and flags[i] == 0:
+            turn = F(0)
+            if len(table.steps) > 0:
+                for j in range(len(table.period)):
+                    turn += table.steps[0, j] * turns[j, i]
+            place[i], clear = _most_likely(table, bits, i, contrast[i], word[i], unsure[i], turn)
+            if not clear:
+                flags[i] |= UNSURE if unsure[i] != 0 else DISAGREEMENT
+
+
+@_fast
+def _unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ignore[no-untyped-def]
+    """Sharpen the coordinate by one combination of phases after the other."""
+    for s in range(1 if table.start == CODE else 0, len(table.steps)):
+        psi[:count] = F(0)
+        noise[:count] = F(0)
+        for j in range(len(table.period)):
+            factor, error, turn, var = table.steps[s, j], table.step_error[s, j], turns[j], variance[j]
+            for i in range(count):
+                psi[i] += factor * turn[i]
+                noise[i] += error * var[i]
+        period, most = table.step_period[s], F(0.25) / (SIGMAS * SIGMAS)
+        for i in range(count):
+            d = psi[i] - (place[i] + HALF) / period
+            d -= np.rint(d)
+            place[i] += period * d
+            if s > 0:
+                flags[i] |= UNSURE if noise[i] > most else 0
+                flags[i] |= DISAGREEMENT if abs(d) > GATE else 0
+
+
+@_fast
+def _weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  # type: ignore[no-untyped-def]
+    """Mean of the coordinates by all periods, weighted by their variances."""
+    shift[:count] = F(0)
+    weight[:count] = F(0)
+    for j in range(len(table.period)):
+        period, turn, var = table.period[j], turns[j], variance[j]
+        for i in range(count):
+            d = turn[i] - (place[i] + HALF) / period
+            d -= np.rint(d)
+            w = ONE / (period * period * var[i] + TINY)
+            shift[i] += w * period * d
+            weight[i] += w
+            flags[i] |= DISAGREEMENT if abs(d) > GATE else 0
+    for i in range(count):
+        place[i] += shift[i] / weight[i]
+        sigma[i] = np.sqrt(ONE / weight[i])
+    if table.start != CODE:
+        # what lies beyond the projector is a whole number of the longest beat away from where it belongs
+        middle, beat = HALF * (table.lines - ONE), table.step_period[0]
+        for i in range(count):
+            place[i] += beat * np.rint((middle - place[i]) / beat)
+            flags[i] |= UNSURE if HALF * beat - abs(place[i] - middle) < F(4) * sigma[i] else 0
+
+
+@_fast
+def _sections(table, grey, limits, count, place, sigma, modulation, flags):  # type: ignore[no-untyped-def]
+    """Light sectioning: weighted centroid of the lit lines around the brightest."""
+    peak, where = np.full(count, F(-1)), np.zeros(count, F)
+    for n in range(len(table.line_frames)):
+        row, centre = grey[table.line_frames[n]], table.line_centre[n]
+        for i in range(count):
+            brighter = row[i] > peak[i]
+            peak[i] = row[i] if brighter else peak[i]
+            where[i] = centre if brighter else where[i]
+    dark, others, rival = np.zeros(count, F), np.zeros(count, F), np.zeros(count, F)
+    for n in range(len(table.line_frames)):
+        row, centre = grey[table.line_frames[n]], table.line_centre[n]
+        for i in range(count):
+            far = abs(centre - where[i]) > table.line_reach
+            dark[i] += row[i] if far else F(0)
+            others[i] += ONE if far else F(0)
+            rival[i] = max(rival[i], row[i]) if far else rival[i]
+    if table.black >= 0:
+        dark[:count] = grey[table.black, :count]
+    else:
+        for i in range(count):
+            dark[i] = dark[i] / others[i] if others[i] > F(0) else F(0)
+    total, moment, inertia, lit = np.zeros(count, F), np.zeros(count, F), np.zeros(count, F), np.zeros(count, F)
+    for n in range(len(table.line_frames)):
+        row, centre = grey[table.line_frames[n]], table.line_centre[n]
+        for i in range(count):
+            x = centre - where[i]
+            w = row[i] - dark[i] - TAIL * (peak[i] - dark[i])
+            w = w if abs(x) <= table.line_reach else F(0)
+            w = max(w, F(0))
+            noise = limits.dark + limits.shot * row[i] if w > F(0) else F(0)
+            total[i] += w
+            moment[i] += w * x
+            # of sum(noise (x - mean)²) the three parts
+            inertia[i] += noise * x * x
+            lit[i] += noise
+            sigma[i] = F(0)
+    for n in range(len(table.line_frames)):
+        row, centre = grey[table.line_frames[n]], table.line_centre[n]
+        for i in range(count):
+            x = centre - where[i]
+            bright = row[i] - dark[i] > TAIL * (peak[i] - dark[i]) and abs(x) <= table.line_reach
+            sigma[i] += (limits.dark + limits.shot * row[i]) * x if bright else F(0)
+    least = limits.snr + F(2)  # the brightest of some hundred frames is three standard deviations up by chance
+    for i in range(count):
+        mean = moment[i] / (total[i] + TINY)
+        square = inertia[i] - F(2) * mean * sigma[i] + mean * mean * lit[i]
+        height = peak[i] - dark[i]
+        place[i] = where[i] + mean
+        sigma[i] = np.sqrt(max(square, F(0))) / (total[i] + TINY)
+        modulation[i] = HALF * height
+        noise = limits.dark + limits.shot * dark[i]
+        weak = height * height < least * least * noise or HALF * height < limits.modulation
+        flags[i] |= LOW if weak else 0
+        flags[i] |= DISAGREEMENT if rival[i] - dark[i] > RIVAL * height else 0
+
+
+@_fast
+def _finish(table, axis, count, place, sigma, modulation, flags, u, s, m, every):  # type: ignore[no-untyped-def]
+    """Write one axis of a tile: coordinate and sigma, NaN where a flag is raised; the smaller modulation."""
+    missing = NO_U << axis
+    for i in range(count):
+        outside = place[i] < -HALF or place[i] > table.lines - HALF
+        flag = flags[i] | (OUTSIDE if outside and flags[i] == 0 else 0)
+        u[i] = place[i] if flag == 0 else F(np.nan)
+        s[i] = sigma[i] if flag == 0 else F(np.nan)
+        m[i] = min(m[i], modulation[i])
+        every[i] |= flag | missing if flag != 0 else 0
+
+
+@_fast
+def decode_pixels(start, stop, addresses, item_size, limits, image_rows, tables, place, sigma, modulation, image, flags):  # type: ignore[no-untyped-def]
+    """Decode pixels start to stop - 1.
+
+    Parameters
+    ----------
+    start, stop : int
+        Range of flat pixel numbers.
+    addresses : uint64 (n,)
+        Of the first grey value of every frame, each contiguous; `item_size` 1 or 2 bytes.
+    limits : Limits
+    image_rows : Rows
+        The evenly lit image; without entries the brightest frame is taken.
+    tables : (AxisTable, AxisTable)
+        Of axis x and y.
+    place, sigma : float32 (2, pixels)
+        Coordinates and their standard deviations in lines, written.
+    modulation, image : float32 (pixels,)
+        Grey values, written.
+    flags : uint8 (pixels,)
+        Written.
+    """
+    tile = max(64, min(512, TILE // len(addresses) // 16 * 16))
+    grey = np.empty((len(addresses), tile), F)
+    most = max(len(tables[0].rows.first), len(tables[1].rows.first))
+    values = np.empty((most, tile), F)
+    periods = max(len(tables[0].period), len(tables[1].period))
+    turns, variance = np.empty((periods, tile), F), np.empty((periods, tile), F)
+    u, s, m, one, two = np.empty((5, tile), F)
+    word, unsure, doubtful, flag, every = np.empty((5, tile), np.int32)
+    for first in range(start, stop, tile):
+        count = min(tile, stop - first)
+        _load(addresses, item_size, first, count, grey)
+        every[:count] = 0
+        smallest = modulation[first : first + count]
+        smallest[:] = F(np.inf)
+        for axis in range(2):
+            table = tables[axis]
+            if table.start == NOTHING:
+                place[axis, first : first + count] = F(np.nan)
+                sigma[axis, first : first + count] = F(np.nan)
+                every[:count] |= NO_U << axis
+                continue
+            flag[:count] = 0
+            _saturated(table.phase_frames, grey, limits, count, flag)
+            if table.start == SWEEP:
+                _saturated(table.line_frames, grey, limits, count, flag)
+                _sections(table, grey, limits, count, u, s, m, flag)
+            else:
+                _combine(table.rows, grey, count, values)
+                _phases(table, values, limits, count, turns, variance, m, flag)
+                u[:count] = HALF * (table.lines - ONE)
+                if table.start == CODE:
+                    bits = values[2 + 3 * len(table.period) :]
+                    _contrast(table, bits, limits, count, values[0], values[1], flag)
+                    _read_bits(table, bits, limits, count, values[0], values[1], word, unsure)
+                    _locate(table, turns, word, unsure, count, u, doubtful)
+                    _settle(table, bits, turns, values[1], word, unsure, doubtful, count, u, flag)
+                if len(table.period) > 0:
+                    _unwrap(table, turns, variance, count, u, one, two, flag)
+                    _weigh(table, turns, variance, count, u, one, two, s, flag)
+                else:
+                    s[:count] = table.cell / np.sqrt(F(12))
+                    m[:count] = values[1, :count]
+            here = slice(first, first + count)
+            _finish(table, axis, count, u, s, m, flag, place[axis, here], sigma[axis, here], smallest, every)
+        evenly = image[first : first + count]
+        evenly[:] = F(0)
+        if len(image_rows.value) > 0:
+            _combine(image_rows, grey, count, image[first : first + count].reshape(1, count))
+        else:
+            for f in range(len(addresses)):
+                row = grey[f]
+                for i in range(count):
+                    evenly[i] = max(evenly[i], row[i])
+        for i in range(count):
+            flags[first + i] = every[i]

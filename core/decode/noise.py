@@ -1,0 +1,158 @@
+"""The noise of the grey values, from the frames themselves.
+
+Some combinations of frames carry no signal whatever the scene is: the alternating sum of four phase steps, the
+difference between the means of two axes' steps, of a bit plus its inverse and the next. What they show is noise. Its
+variance is taken as ``var(g) = dark + shot g`` (read and quantisation noise, shot noise).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.decode.frames import Numbers, PhaseFrames, SortedFrames
+from core.decode.tables import Singles, fundamental
+
+Array = NDArray[np.float64]
+
+BINS = 12
+MEDIAN_OF_SQUARE = 0.45494  # of a normal deviate
+HARMONICS = (3, 5, 7)  # of a square wave, next to the first
+
+
+class Noise(NamedTuple):
+    """Variance of a grey value g: ``dark + shot g``, in grey values squared."""
+
+    dark: float
+    shot: float
+
+
+def contrasts(frames: SortedFrames, count: int) -> Array:
+    """Orthonormal combinations of `count` frames that show noise only, shape (n, count); n may be 0.
+
+    The most trustworthy kind that exists is used: repeated frames and more steps than unknowns; then, of scenes lit
+    evenly by different patterns (means of steps, bit plus inverse), the differences; then white and black as well.
+    """
+    phases = [phase for axis in frames.axes.values() for phase in axis.phases]
+    repeated = [_within(numbers, np.ones((len(numbers), 1)), count) for numbers in frames.duplicates]
+    redundant = [_within(phase.frames, _design(phase), count) for phase in phases]
+    found = np.vstack([np.zeros((0, count)), *repeated, *redundant])
+    if len(found):
+        return np.asarray(np.linalg.svd(found, full_matrices=False)[2][: np.linalg.matrix_rank(found)])
+    for white, black in (((), ()), (frames.white, frames.black)):
+        numbers, design = _joint(frames, phases, white, black)
+        found = _within(numbers, design, count)
+        if len(found):
+            return found
+    return np.zeros((0, count))
+
+
+def _design(phase: PhaseFrames) -> Array:
+    """Mean, first harmonic, and for square waves what else the steps show, one row per frame."""
+    parts = np.array([fundamental(pattern) for pattern in phase.patterns])
+    design = np.column_stack([np.ones(len(parts)), parts])
+    if phase.patterns[0].profile == "square":
+        angle = np.array([pattern.shift_rad for pattern in phase.patterns])
+        for harmonic in HARMONICS:
+            design = np.column_stack([design, np.cos(harmonic * angle), np.sin(harmonic * angle)])
+    return design
+
+
+def _joint(frames: SortedFrames, phases: list[PhaseFrames], white: Numbers, black: Numbers) -> tuple[Numbers, Array]:
+    """Frames of all kinds with the unknowns: ambient light, projector's light, and every pattern's own modulation."""
+    numbers: list[int] = []
+    parts: list[tuple[list[float], Array]] = []  # level of each frame about one half, own unknowns of the group
+    for phase in phases:
+        numbers += phase.frames
+        design = _design(phase)
+        parts.append((list(design[:, 1] - 0.5), design[:, 2:]))
+    for axis in frames.axes.values():
+        for code in axis.codes:
+            for bit in code.direct:
+                if bit in code.inverse:
+                    pair = [*code.direct[bit], *code.inverse[bit]]
+                    numbers += pair
+                    own = np.array([[1.0]] * len(code.direct[bit]) + [[-1.0]] * len(code.inverse[bit]))
+                    parts.append(([0.0] * len(pair), own))
+    for group, level in ((white, 0.5), (black, -0.5)):
+        if group:
+            numbers += group
+            parts.append(([level] * len(group), np.zeros((len(group), 0))))
+    width = 2 + sum(own.shape[1] for _, own in parts)
+    design, row, column = np.zeros((len(numbers), width)), 0, 2
+    for level, own in parts:
+        n, k = own.shape
+        design[row : row + n, 0] = 1
+        design[row : row + n, 1] = level
+        design[row : row + n, column : column + k] = own
+        row, column = row + n, column + k
+    return tuple(numbers), design
+
+
+def _within(numbers: Numbers, design: Array, count: int) -> Array:
+    """Orthonormal combinations of the numbered frames orthogonal to all columns of a design matrix."""
+    if not numbers:
+        return np.zeros((0, count))
+    left, values, _ = np.linalg.svd(design)
+    rank = int(np.sum(values > 1e-6 * values[0]))
+    found = np.zeros((len(numbers) - rank, count))
+    found[:, list(numbers)] = left[:, rank:].T
+    return found
+
+
+def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
+    """Fit the noise model to residuals of unit norm.
+
+    Parameters
+    ----------
+    residual : array (n,)
+        Combinations of grey values that should be zero; of unit norm, so their variance is that of a grey value.
+    level : array (n,)
+        Grey value at which each is taken: the mean of the frames, weighted by the squared coefficients.
+    quantum : float
+        Step of the grey values; the noise is never taken below quantum² / 12.
+    """
+    floor = quantum * quantum / 12
+    if len(residual) < BINS:
+        return Noise(floor, 0.0)
+    order = np.argsort(level)
+    square = np.square(residual[order])
+    variances, levels, counts = [], [], []
+    for part, where in zip(np.array_split(square, BINS), np.array_split(level[order], BINS), strict=True):
+        variances.append(_robust_variance(part, floor))
+        levels.append(float(where.mean()))
+        counts.append(len(part))
+    return _fit(np.array(variances), np.array(levels), np.array(counts), floor)
+
+
+def _robust_variance(square: Array, floor: float) -> float:
+    """Mean square without the outliers beyond four standard deviations."""
+    variance = max(float(np.median(square)) / MEDIAN_OF_SQUARE, floor)
+    for _ in range(3):
+        inner = square[square <= 16 * variance]
+        variance = max(float(inner.mean()), floor)
+    return variance
+
+
+def _fit(variance: Array, level: Array, count: Array, floor: float) -> Noise:
+    """Weighted straight line through variances, neither part negative."""
+    weight = count / np.square(variance)
+    mean_level, mean_variance = np.average(level, weights=weight), np.average(variance, weights=weight)
+    spread = np.average(np.square(level - mean_level), weights=weight)
+    if spread <= 1e-12:
+        return Noise(float(mean_variance), 0.0)
+    slope = np.average((level - mean_level) * (variance - mean_variance), weights=weight) / spread
+    dark = mean_variance - slope * mean_level
+    if slope <= 0:
+        return Noise(float(max(mean_variance, floor)), 0.0)
+    if dark < floor:
+        return Noise(floor, float(max((mean_variance - floor) / mean_level, 0.0)))
+    return Noise(float(dark), float(slope))
+
+
+def spatial_residual(rows: Singles) -> Array:
+    """Second differences along image rows, of unit norm, shape (n, W - 2): noise where the scene is smooth."""
+    g = np.asarray(rows, float)
+    return np.asarray((g[:, :-2] - 2 * g[:, 1:-1] + g[:, 2:]) / np.sqrt(6.0))

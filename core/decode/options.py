@@ -1,0 +1,48 @@
+"""What the caller may choose, and why a pixel can be invalid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+
+
+class Flag(IntFlag):
+    """Why a pixel has no coordinate, and which one it lacks; `PhaseMap.flags` holds these bits."""
+
+    LOW_MODULATION = 1
+    """Too little light from the projector compared with the noise."""
+    SATURATED = 2
+    """A phase step or the peak of a light section is at the sensor's full scale."""
+    UNSURE = 4
+    """Bits too close to their threshold, or phases too noisy, to settle the order of the fringe."""
+    DISAGREEMENT = 8
+    """Code and phase, or the phases of several periods, contradict each other."""
+    OUTSIDE = 16
+    """The coordinate is none of the projector's lines."""
+    NO_U = 64
+    """u is NaN."""
+    NO_V = 128
+    """v is NaN."""
+
+
+@dataclass(frozen=True)
+class DecodeOptions:
+    """Thresholds of the decoder.
+
+    Parameters
+    ----------
+    min_snr : float
+        Least modulation in units of its own standard deviation. At 5 one unlit pixel in 270,000 passes (exp(-12.5)).
+    min_modulation : float
+        Least modulation in grey values, besides `min_snr`.
+    bit_margin : float
+        A bit is unsure when it is nearer to its threshold than this part of half the contrast between on and off.
+    saturation : float, optional
+        Grey value from which a pixel counts as saturated; by default the container's largest value, or the largest
+        value seen in 16-bit files when that is the full scale of a sensor with fewer bits.
+    """
+
+    min_snr: float = 5.0
+    min_modulation: float = 0.0
+    bit_margin: float = 0.35
+    saturation: float | None = None

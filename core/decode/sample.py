@@ -1,0 +1,128 @@
+"""What a sample of the pixels tells before all are decoded: noise, full scale, the contrast of every bit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from core.decode.frames import Image, Numbers, SortedFrames
+from core.decode.kernel import Limits
+from core.decode.noise import Noise, contrasts, estimate_noise, spatial_residual
+from core.decode.options import DecodeOptions
+from core.decode.tables import AxisTable, Singles, image_row
+from core.errors import InputError
+
+SAMPLE = 6000  # pixels; the variance of one residual each is then known to 2 %
+CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
+
+
+def take_sample(images: Sequence[Image]) -> Singles:
+    """Grey values of pixels spread over the image, shape (frames, pixels)."""
+    height, width = images[0].shape
+    step = max(1, int(np.sqrt(height * width / SAMPLE)))
+    across = min(step, 4)  # neighbours share cache lines: rather fewer rows
+    down = max(1, min(height // 16, step * step // across))
+    return np.stack([image[down // 2 :: down, ::across].ravel() for image in images]).astype(np.float32)
+
+
+def check_duplicates(frames: SortedFrames, sample: Singles, where: str) -> None:
+    """Refuse frames of equal pattern that show different things.
+
+    Raises
+    ------
+    InputError
+        Naming the frames and by how much they differ.
+    """
+    low, high = np.percentile(sample, (1, 99))
+    for first, *others in frames.duplicates:
+        for other in others:
+            difference = float(np.mean(np.abs(sample[first] - sample[other])))
+            if difference > CONFLICT * float(high - low) / 2 and difference > 2:
+                seen = f"frames {first} and {other} have the same pattern but differ by {difference:.0f} grey values"
+                raise InputError(where, seen, "correct the pattern of one of them")
+
+
+def full_scale(images: Sequence[Image], numbers: Numbers, sample: Singles, options: DecodeOptions) -> float:
+    """Grey value from which a pixel is saturated."""
+    if options.saturation is not None:
+        return options.saturation
+    top = int(np.iinfo(images[0].dtype).max)
+    if top == 255 or not numbers:
+        return float(top)
+    step = int(quantum(sample))
+    highest = int(max(images[n].max() for n in numbers))
+    levels = highest // step + 1
+    sensor = levels >= 256 and levels & (levels - 1) == 0
+    return float(highest) if sensor else float(top - top % step)
+
+
+def quantum(sample: Singles) -> float:
+    """The step of the grey values: the power of two that divides all (12-bit data are often shifted to 16 bits)."""
+    bits = int(np.bitwise_or.reduce(sample.astype(np.int64), axis=None))
+    return float(bits & -bits) if bits else 1.0
+
+
+def measure_noise(frames: SortedFrames, sample: Singles, saturation: float, images: Sequence[Image]) -> Noise:
+    """Noise model from the redundancy of the frames, or where there is none from the scene's smoothness."""
+    found = contrasts(frames, len(sample))
+    step = quantum(sample)
+    lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
+    if len(found):
+        used = np.abs(found).max(axis=0) > 0
+        good = (sample[used] < saturation).all(axis=0)
+        g = sample[:, good]
+        residual, level = found.astype(np.float32) @ g, (found**2).astype(np.float32) @ g
+    elif lines:
+        # nearly all sections leave a pixel dark: the lower half of its values is the background
+        g = np.sort(sample[[*lines[0].frames]], axis=0)
+        middle = g[len(g) // 2]
+        residual, level = (g[: len(g) // 2] - middle), np.broadcast_to(middle, (len(g) // 2, len(middle)))
+    else:
+        residual, level = _smoothness(frames, images, saturation)
+    return estimate_noise(residual.ravel(), level.ravel(), step)
+
+
+def _smoothness(frames: SortedFrames, images: Sequence[Image], saturation: float) -> tuple[Singles, Singles]:
+    """Second differences along some rows of the evenly lit image, or of every frame, as residuals of one frame."""
+    height = images[0].shape[0]
+    rows = slice(height // 64, None, max(1, height // 32))
+    even = image_row(frames)
+    if even:
+        norm = np.sqrt(sum(value**2 for value in even.values()))
+        scale = sum(even.values())
+        parts = [sum(value * images[n][rows].astype(np.float32) for n, value in even.items())]
+        residual, level = spatial_residual(parts[0]) / norm, parts[0][:, 1:-1] / scale
+    else:
+        some = np.concatenate([image[rows].astype(np.float32) for image in images])
+        residual, level = spatial_residual(some), some[:, 1:-1]
+    good = level < saturation
+    return residual[good].astype(np.float32), level[good].astype(np.float32)
+
+
+def limits_of(noise: Noise, saturation: float, options: DecodeOptions) -> Limits:
+    """Pack the thresholds for the kernel."""
+    values = (noise.dark, noise.shot, options.min_snr, options.min_modulation, saturation, options.bit_margin)
+    return Limits(*(np.float32(value) for value in values))
+
+
+def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
+    """Set the contrast of every bit relative to the whole: fine bits fade where the projection is out of focus."""
+    bits = len(table.sign)
+    if bits == 0:
+        return table
+    dense = np.zeros((len(table.rows.first) - 1, len(sample)), np.float32)
+    row = np.repeat(np.arange(len(dense)), np.diff(table.rows.first))
+    dense[row, table.rows.column] = table.rows.value
+    values = dense @ sample
+    raw = values[-bits:]
+    shown = -np.where(table.sign == 0, -1, table.sign)[:, None] * raw
+    threshold = values[0] if table.has_threshold else (shown.max(axis=0) + shown.min(axis=0)) / 2
+    raw = np.abs(raw + table.sign[:, None] * threshold)
+    contrast = values[1] if table.has_contrast else raw.max(axis=0)
+    lit = contrast > 5 * np.sqrt(noise.dark + noise.shot * np.maximum(threshold, 0))
+    if lit.sum() < 100:
+        return table
+    # a triangle wave's mean is half its peak: only bits below that have faded
+    share = np.mean(raw[:, lit] / contrast[lit], axis=1)
+    return table._replace(fading=np.clip(1.5 * share, 0.2, 1.0).astype(np.float32))

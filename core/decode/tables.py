@@ -1,0 +1,275 @@
+"""From frames and plan to the small tables that drive the kernel.
+
+Most of decoding is linear in the grey values: means and quadratures of the phase steps (least squares), thresholds,
+the contrast of a code, the difference of a bit and its inverse, the evenly lit image. Each is one row of a sparse
+matrix over the frames, so one kernel serves every set of frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.decode.frames import AxisFrames, Numbers, PhaseFrames, SortedFrames
+from core.decode.plan import Plan, UsedCode
+from core.patterns import Phase, brightness
+
+Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Shorts = NDArray[np.int32]
+
+NOTHING, PHASES, CODE, SWEEP = 0, 1, 2, 3  # where an axis' coordinate starts
+NEGLIGIBLE = 1e-9
+
+
+class Rows(NamedTuple):
+    """Sparse rows over the frames: entries first[r] to first[r + 1] - 1 of column and value make row r."""
+
+    first: Shorts
+    column: Shorts
+    value: Singles
+
+
+class AxisTable(NamedTuple):
+    """What the kernel needs to know about one axis.
+
+    `rows` yields, in this order: threshold of the code, half its contrast, then mean, cosine and sine part of each
+    period, then every bit. `covariance` (J, 3) holds the cofactors (cc, cs, ss) of the quadratures, `period` (J,) lines.
+    `steps` (S, J) are the integer combinations of phases, `step_period` (S,) theirs, `step_error` (S, J) the squares
+    that propagate the phases' variances (cycles²) to what a step must round. Of each bit: `sign` times the threshold
+    is added, `spread` is its variance per frame's variance, `fading` its contrast relative to the coarse bits.
+    """
+
+    start: int
+    lines: np.float32
+    rows: Rows
+    has_threshold: bool
+    has_contrast: bool
+    covariance: Singles
+    period: Singles
+    steps: Singles
+    step_period: Singles
+    step_error: Singles
+    gray: bool
+    cell: np.float32
+    sign: Singles
+    spread: Singles
+    fading: Singles
+    phase_frames: Shorts
+    line_frames: Shorts
+    line_centre: Singles
+    line_reach: np.float32
+    black: int
+
+
+@dataclass(frozen=True)
+class PhaseFit:
+    """Least squares of one period: ``g = mean + c cos(phi) + s sin(phi)``, linear in the frames.
+
+    `frames` (K,), `solution` (3, K) gives mean, c and s; `cofactors` (3,) are (cc, cs, ss). `even` says that the mean
+    has no fringes: it is the scene lit evenly.
+    """
+
+    frames: Numbers
+    solution: Array
+    cofactors: tuple[float, float, float]
+    even: bool
+
+
+@lru_cache(maxsize=512)
+def fundamental(pattern: Phase) -> tuple[float, float, float]:
+    """Mean, cosine and sine part of the first harmonic of a phase pattern over the projector's lines.
+
+    A square wave is made of whole lines, so its edges and hence its first harmonic are not quite where `shift_rad` puts
+    them; what the lines really show counts. The phase is ``2 pi (i + 1/2) / P``.
+
+    Examples
+    --------
+    >>> mean, c, s = fundamental(Phase("x", 5, 4, 1, pi / 2, "square"))   # lines 0 and 1 of 5: centred on line 1/2
+    >>> round(mean, 3), round(float(np.degrees(np.arctan2(s, c))), 6)
+    (0.4, 72.0)
+    """
+    if pattern.profile == "sine":
+        return 0.5, 0.5 * float(np.cos(pattern.shift_rad)), 0.5 * float(np.sin(pattern.shift_rad))
+    cycles = np.arange(1, max(2, int(4096 / pattern.period)) + 1)
+    lengths = cycles * pattern.period
+    best = int(np.argmin(np.abs(lengths - np.round(lengths)).round(6)))
+    lines = np.arange(max(1, round(float(lengths[best]))))
+    light = brightness(pattern, lines)
+    wave = np.exp(2j * pi * (lines + 0.5) / pattern.period)
+    first = 2 * np.mean((light - light.mean()) * wave)
+    return float(light.mean()), float(first.real), float(first.imag)
+
+
+def fit_phase(phase: PhaseFrames, white: Numbers = (), black: Numbers = ()) -> PhaseFit:
+    """Least-squares solution for one period, any number of steps and any shifts.
+
+    Steps of unequal mean brightness (square waves of a few lines) need the contrast as a fourth unknown; the white
+    and black frames then help.
+    """
+    parts = np.array([fundamental(pattern) for pattern in phase.patterns])
+    scale = np.hypot(parts[:, 1], parts[:, 2]).mean()
+    count, frames = len(parts), phase.frames
+    design = np.column_stack([np.ones(count), parts[:, 1:] / scale])
+    even = np.ptp(parts[:, 0]) < 1e-3
+    if not even:
+        level = parts[:, 0] - 0.5
+        extra = [(1.0, 0.0, 0.0, 0.5)] * len(white) + [(1.0, 0.0, 0.0, -0.5)] * len(black)
+        wide = np.vstack([np.column_stack([design, level]), np.reshape(extra, (-1, 4))])
+        if np.linalg.matrix_rank(wide, tol=1e-3) == 4:
+            design, frames = wide, (*frames, *white, *black)
+    solution = np.linalg.pinv(design)[:3]
+    cofactors = solution @ solution.T
+    light = [brightness(p, np.arange(int(8 * phase.period) + 8)) for p in phase.patterns]
+    flat = bool(even and np.ptp(solution[0] @ np.array(light)) < 0.02)
+    return PhaseFit(frames, solution, (cofactors[1, 1], cofactors[1, 2], cofactors[2, 2]), flat)
+
+
+def make_rows(rows: Iterable[dict[int, float]]) -> Rows:
+    """Pack rows given as {frame: coefficient}."""
+    first, column, value = [0], [], []
+    for row in rows:
+        for frame, coefficient in sorted(row.items()):
+            if abs(coefficient) > NEGLIGIBLE:
+                column.append(frame)
+                value.append(coefficient)
+        first.append(len(column))
+    return Rows(np.array(first, np.int32), np.array(column, np.int32), np.array(value, np.float32))
+
+
+def mean_of(frames: Numbers, weight: float = 1.0) -> dict[int, float]:
+    """The row that averages frames."""
+    return dict.fromkeys(frames, weight / len(frames)) if frames else {}
+
+
+def add(*rows: dict[int, float]) -> dict[int, float]:
+    """The sum of rows."""
+    total: dict[int, float] = {}
+    for row in rows:
+        for frame, value in row.items():
+            total[frame] = total.get(frame, 0.0) + value
+    return total
+
+
+def image_row(frames: SortedFrames, use_white: bool = True) -> dict[int, float]:
+    """The row of the evenly lit image: white frames, means of steps, and bits plus inverses, each by its information.
+
+    Every such combination sees the ambient light and a known share of the projector's; the weights make the one of
+    least noise. Empty where no combination is even.
+    """
+    flat: list[tuple[dict[int, float], float]] = []  # combination of unit weight sum, projector's share
+    if frames.white and use_white:
+        flat.append((mean_of(frames.white), 1.0))
+    for axis in frames.axes.values():
+        for fit in (fit_phase(phase) for phase in axis.phases):
+            if fit.even:
+                flat.append((dict(zip(fit.frames, fit.solution[0], strict=True)), 0.5))
+        for code in axis.codes:
+            pairs = [(code.direct[bit], code.inverse[bit]) for bit in code.direct if bit in code.inverse]
+            flat += [(add(mean_of(direct, 0.5), mean_of(inverse, 0.5)), 0.5) for direct, inverse in pairs]
+    weights = [share / sum(value**2 for value in row.values()) for row, share in flat]
+    total = sum(weight * share for weight, (_, share) in zip(weights, flat, strict=True))
+    scaled = [{f: v * weight / total for f, v in row.items()} for weight, (row, _) in zip(weights, flat, strict=True)]
+    return add(*scaled)
+
+
+def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
+    """Make the tables of one axis."""
+    fits = [fit_phase(phase, frames.white, frames.black) for phase in axis.phases] if not plan.sweep else []
+    threshold, contrast = _threshold(plan.code, fits, frames)
+    rows = [threshold, contrast]
+    for fit in fits:
+        rows += [dict(zip(fit.frames, part, strict=True)) for part in fit.solution]
+    sign, spread = [], []
+    if plan.code is not None:
+        for direct, inverse in zip(plan.code.direct, plan.code.inverse, strict=True):
+            share = 0.5 if direct and inverse else 1.0
+            row = add(mean_of(direct, share), mean_of(inverse, -share))
+            rows.append(row)
+            sign.append(float(bool(inverse)) - float(bool(direct)))
+            spread.append(sum(v * v for v in row.values()) + (sign[-1] != 0) * sum(v * v for v in threshold.values()))
+    start = SWEEP if plan.sweep else CODE if plan.code else PHASES
+    steps, step_period, step_error = _steps(plan, np.array([phase.period for phase in axis.phases]))
+    lines = axis.lines if plan.sweep else None
+    return AxisTable(
+        start=start,
+        lines=np.float32(plan.lines),
+        rows=make_rows(rows),
+        has_threshold=bool(threshold),
+        has_contrast=bool(contrast),
+        covariance=np.array([fit.cofactors for fit in fits], np.float32).reshape(-1, 3),
+        period=np.array([phase.period for phase in axis.phases][: len(fits)], np.float32),
+        steps=steps,
+        step_period=step_period,
+        step_error=step_error,
+        gray=bool(plan.code and plan.code.gray),
+        cell=np.float32(plan.code.cell if plan.code else 1),
+        sign=np.array(sign, np.float32),
+        spread=np.array(spread, np.float32),
+        fading=np.ones(len(sign), np.float32),
+        phase_frames=np.array([n for phase in axis.phases for n in phase.frames] if fits else [], np.int32),
+        line_frames=np.array(lines.frames if lines else [], np.int32),
+        line_centre=np.array(lines.centre if lines else [], np.float32),
+        line_reach=np.float32(_reach(lines.centre, lines.width) if lines else 0),
+        black=frames.black[0] if frames.black else -1,
+    )
+
+
+def no_axis() -> AxisTable:
+    """Give the table of an axis without patterns."""
+    plan = Plan(1, None, ())
+    return axis_table(plan, AxisFrames("x", (), (), None), SortedFrames((), (), {}))._replace(start=NOTHING)
+
+
+def _threshold(
+    code: UsedCode | None, fits: Sequence[PhaseFit], frames: SortedFrames
+) -> tuple[dict[int, float], dict[int, float]]:
+    """Rows of the threshold between off and on, and of half their difference; empty where frames must tell."""
+    if code is None:
+        return {}, {}
+    if frames.white and frames.black:
+        return (
+            add(mean_of(frames.white, 0.5), mean_of(frames.black, 0.5)),
+            add(mean_of(frames.white, 0.5), mean_of(frames.black, -0.5)),
+        )
+    means = [dict(zip(fit.frames, fit.solution[0] / len(fits), strict=True)) for fit in fits]
+    pairs = [(d, i) for d, i in zip(code.direct, code.inverse, strict=True) if d and i]
+    if not means and pairs:
+        half = 0.5 / len(pairs)
+        means = [add(mean_of(direct, half), mean_of(inverse, half)) for direct, inverse in pairs]
+    if not means:
+        others = [fit_phase(phase) for axis in frames.axes.values() for phase in axis.phases]
+        means = [dict(zip(fit.frames, fit.solution[0] / len(others), strict=True)) for fit in others]
+    threshold = add(*means)
+    if not threshold:
+        return {}, {}
+    opposite = {frame: -value for frame, value in threshold.items()}
+    if frames.white:
+        return threshold, add(mean_of(frames.white), opposite)
+    if frames.black:
+        return threshold, add(threshold, mean_of(frames.black, -1.0))
+    return threshold, {}
+
+
+def _steps(plan: Plan, periods: Array) -> tuple[Singles, Singles, Singles]:
+    """Combinations, their periods and how the phases' variances enter what each step must round."""
+    vectors = np.array(plan.steps, float).reshape(len(plan.steps), -1)
+    if len(vectors) == 0:
+        empty = np.zeros((0, 0), np.float32)
+        return empty, np.zeros(0, np.float32), empty
+    beat = 1 / (vectors @ (1 / periods))
+    error = vectors.copy()
+    error[1:] -= (beat[:-1] / beat[1:])[:, None] * vectors[:-1]
+    return vectors.astype(np.float32), beat.astype(np.float32), (error**2).astype(np.float32)
+
+
+def _reach(centre: Sequence[float], width: int) -> float:
+    """How far from the brightest line's centre the light of a section may still be seen, in lines."""
+    pitch = float(np.median(np.diff(np.unique(centre)))) if len(set(centre)) > 1 else 1.0
+    return width + 2 * pitch + 3
