@@ -1,1 +1,26 @@
-"""."""
+"""From four picked targets to all visible ones: who is who, where exactly, and where the projector sees them.
+
+targets.py        `measure_targets`, the whole stage from top to bottom
+options.py        what an operator may choose
+board.py          the nominal testfield, checked, with everyone's neighbours
+picks.py          the operator's picks, checked and moved onto their dots
+blobs.py          everything in the image that could be a dot
+view.py           the approximate view of the board: pose and one radial parameter
+identify.py       from the picks to a lattice that all picks agree on
+grow.py           the lattice grows outwards, one confirmed target after the other
+profile.py        contour, blur, background and plateau of every dot
+faults.py         dots that must not be measured, and why
+centroid.py       weighted centroid, its covariance, the image's noise, the light's gradient
+eccentricity.py   the middle of an ellipse is not the image of the circle's centre
+projector.py      projector coordinates from the phase maps
+missing.py        why a target was not measured, in words
+kernels.py        the two loops over pixels
+"""
+
+from core.measure.eccentricity import eccentricity
+from core.measure.options import MeasureOptions
+from core.measure.picks import side_seen
+from core.measure.targets import measure_targets
+from core.measure.view import View
+
+__all__ = ["MeasureOptions", "View", "eccentricity", "measure_targets", "side_seen"]

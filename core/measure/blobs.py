@@ -1,0 +1,124 @@
+"""Everything in the image that could be a dot: local contrast, threshold, connected components.
+
+Works on an image reduced until the smallest dots are about six pixels wide: identification needs no more, and the
+centroid is taken in the full image later.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+SMALLEST_PX = 6.0  # diameter to which the smallest dots may be reduced
+
+
+@dataclass(frozen=True)
+class Blobs:
+    """Bright spots; one row per spot, in pixels of the full image."""
+
+    uv: Array  # (n, 2) grey-weighted centre
+    area_px: Array  # (n,)
+    cov_px2: Array  # (n, 2, 2) second moments of the spot's area
+    contrast: Array  # (n,) brightest value above the background
+    on_border: NDArray[np.bool_]  # (n,) reaches the image border
+
+
+def find_blobs(image: NDArray[np.float32], diameters_px: tuple[float, float], clicks_uv: Array) -> Blobs:
+    """Find bright spots no larger than the dots.
+
+    Parameters
+    ----------
+    image : float32, shape (H, W)
+        Dots bright.
+    diameters_px : tuple of float
+        Least and greatest diameter (along any direction) a dot may have.
+    clicks_uv : array, shape (k, 2)
+        Where dots are for certain: their contrast sets what is too faint to be one.
+    """
+    factor = int(np.clip(diameters_px[0] / SMALLEST_PX, 1, 16))
+    small = _reduced(image, factor)
+    size = diameters_px[1] / factor
+    # the opening is the background: nothing wider than the kernel stands out from it
+    contrast = small - cv2.morphologyEx(small, cv2.MORPH_OPEN, _square(1.5 * size + 2))
+    threshold = 0.5 * cv2.dilate(contrast, _square(size))
+    at = np.clip(np.rint((clicks_uv + 0.5) / factor - 0.5), 0, np.array(small.shape)[::-1] - 1).astype(int)
+    reach = int(np.ceil(size / 2)) + 1
+    typical = np.median(
+        [contrast[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1].max() for u, v in at]
+    )
+    faintest = max(0.1 * float(typical), 2.0 * float(np.median(contrast[::3, ::3])), 1e-6)
+    mask = (contrast > np.maximum(threshold, faintest)).astype(np.uint8)
+    return _components(mask, contrast, factor)
+
+
+def _reduced(image: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
+    """Means over factor × factor pixels; a light smoothing where nothing is reduced, against single noisy pixels."""
+    if factor == 1:
+        return np.asarray(cv2.GaussianBlur(image, (3, 3), 0.6))
+    height, width = image.shape
+    bottom, right = -height % factor, -width % factor
+    if bottom or right:
+        image = np.asarray(cv2.copyMakeBorder(image, 0, bottom, 0, right, cv2.BORDER_REPLICATE))
+    size = (image.shape[1] // factor, image.shape[0] // factor)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+
+
+def _square(size: float) -> NDArray[np.uint8]:
+    k = 2 * int(np.ceil(size / 2)) + 1
+    return np.ones((k, k), np.uint8)
+
+
+def _components(mask: NDArray[np.uint8], contrast: NDArray[np.float32], factor: int) -> Blobs:
+    """Moments of the connected parts of a mask."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
+    v, u = np.nonzero(mask)
+    label = labels[v, u]
+    weight = contrast[v, u].astype(np.float64)
+    area = np.bincount(label, minlength=count).astype(np.float64)
+    area[0] = 1.0
+    total = np.maximum(np.bincount(label, weight, minlength=count), 1e-12)
+    cu = np.bincount(label, weight * u, minlength=count) / total
+    cv = np.bincount(label, weight * v, minlength=count) / total
+    du, dv = u - cu[label], v - cv[label]
+    suu = np.bincount(label, du * du, minlength=count) / area + 1 / 12
+    svv = np.bincount(label, dv * dv, minlength=count) / area + 1 / 12
+    suv = np.bincount(label, du * dv, minlength=count) / area
+    peak = np.zeros(count)
+    np.maximum.at(peak, label, weight)
+    x, y, w, h = (stats[:, k] for k in range(4))
+    border = (x <= 0) | (y <= 0) | (x + w >= mask.shape[1]) | (y + h >= mask.shape[0])
+    cov = np.stack([np.stack([suu, suv], axis=1), np.stack([suv, svv], axis=1)], axis=1)
+    centre = (np.stack([cu, cv], axis=1) + 0.5) * factor - 0.5
+    return Blobs(centre[1:], area[1:] * factor**2, cov[1:] * factor**2, peak[1:], border[1:])
+
+
+def scale_and_roundness(blobs: Blobs, spot: NDArray[np.int64], ellipse: Array) -> tuple[Array, Array]:
+    """Compare spots with expected ellipses.
+
+    Parameters
+    ----------
+    blobs : Blobs
+    spot : int array, shape (...)
+        Which spots.
+    ellipse : array, shape (..., 2, 2) or broadcastable
+        Maps of the unit disc to the expected ellipses, px.
+
+    Returns
+    -------
+    scale : array, shape (...)
+        Diameter of the spot over the expected one, by area.
+    roundness : array, shape (...)
+        Ratio of the axes, at least 1, that is left when the expected ellipse is mapped back to a circle.
+    """
+    a, b, c, d = ellipse[..., 0, 0], ellipse[..., 0, 1], ellipse[..., 1, 0], ellipse[..., 1, 1]
+    det = a * d - b * c
+    scale = np.sqrt(blobs.area_px[spot] / (np.pi * np.abs(det)))
+    back = np.stack([np.stack([d, -b], -1), np.stack([-c, a], -1)], -2) / det[..., None, None]
+    cov = back @ blobs.cov_px2[spot] @ np.swapaxes(back, -1, -2)
+    half = (cov[..., 0, 0] + cov[..., 1, 1]) / 2
+    apart = np.hypot((cov[..., 0, 0] - cov[..., 1, 1]) / 2, cov[..., 0, 1])
+    return scale, np.sqrt((half + apart) / np.maximum(half - apart, 1e-12))

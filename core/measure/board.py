@@ -1,0 +1,94 @@
+"""The nominal testfield made ready for identification: checked, in its own plane, with who is whose neighbour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from core.errors import InputError
+from core.model import Testfield
+
+Array = NDArray[np.float64]
+NEIGHBOURS = 24  # the 5 x 5 surroundings of a target in a regular grid
+
+
+@dataclass(frozen=True)
+class Board:
+    """A testfield in a frame whose XY plane is the board's, with its neighbourhoods; one row per target."""
+
+    row: NDArray[np.int64]
+    col: NDArray[np.int64]
+    xyz_mm: Array  # (n, 3)
+    radius_mm: Array  # (n,)
+    spacing_mm: Array  # (n,) to the nearest other target
+    neighbours: NDArray[np.int64]  # (n, k) nearest first, the target itself left out
+    index: dict[tuple[int, int], int]
+    has_front: bool  # the nominal Z axis is the board's normal, so that its front and back can be told
+
+    def name(self, i: int) -> str:
+        """How target i is called in messages."""
+        return f"row {self.row[i]}, col {self.col[i]}"
+
+
+def board_from_testfield(field: Testfield, where: str = "testfield.csv") -> Board:
+    """Check a testfield and find the neighbours of every target.
+
+    Raises
+    ------
+    InputError
+        Fewer than 4 targets, a number that is not finite, a diameter of 0 or less, a (row, col) or a place given twice,
+        all targets on one line.
+    """
+    xyz, diameter = np.asarray(field.xyz_mm, np.float64), np.asarray(field.diameter_mm, np.float64)
+    n = len(field.row)
+    if n < 4:
+        raise InputError(where, f"{n} targets", "a testfield needs at least 4")
+    for i in range(n):
+        name = f"target row {field.row[i]}, col {field.col[i]}"
+        if not (np.all(np.isfinite(xyz[i])) and np.isfinite(diameter[i])):
+            raise InputError(
+                where, f"{name} has coordinates {xyz[i]} and diameter {diameter[i]}", "give finite numbers"
+            )
+        if diameter[i] <= 0:
+            raise InputError(where, f"{name} has diameter {diameter[i]} mm", "give the dot's diameter in mm")
+    index: dict[tuple[int, int], int] = {}
+    for i, key in enumerate(zip(field.row.tolist(), field.col.tolist(), strict=True)):
+        if key in index:
+            raise InputError(where, f"target row {key[0]}, col {key[1]} stands there twice", "remove one of the two")
+        index[key] = i
+    distance, order = cKDTree(xyz).query(xyz, k=min(NEIGHBOURS + 1, n))
+    overlap = np.flatnonzero(distance[:, 1] < 0.5 * diameter)
+    if len(overlap):
+        i, j = int(overlap[0]), int(order[overlap[0], 1])
+        raise InputError(
+            where,
+            f"targets row {field.row[i]}, col {field.col[i]} and row {field.row[j]}, col {field.col[j]} "
+            f"are {distance[i, 1]:.3g} mm apart and overlap",
+            "correct their coordinates",
+        )
+    flat, has_front = _in_its_plane(xyz, where)
+    return Board(
+        row=field.row,
+        col=field.col,
+        xyz_mm=flat,
+        radius_mm=diameter / 2,
+        spacing_mm=distance[:, 1],
+        neighbours=order[:, 1:],
+        index=index,
+        has_front=has_front,
+    )
+
+
+def _in_its_plane(xyz: Array, where: str) -> tuple[Array, bool]:
+    """Coordinates of a board turned so that its best plane is XY, and whether it lay so already (and stays as it is)."""
+    centred = xyz - xyz.mean(axis=0)
+    singular, axes = np.linalg.svd(centred, full_matrices=False)[1:]
+    if singular[1] < 1e-3 * singular[0]:
+        raise InputError(where, "all targets lie on one line", "identification needs a field, not a row")
+    normal = np.cross(axes[0], axes[1])
+    if abs(normal[2]) > 0.9:
+        return xyz, True
+    return centred @ np.stack([axes[0], np.cross(normal, axes[0]), normal], axis=1), False

@@ -1,0 +1,127 @@
+"""Weighted centroids with their covariance.
+
+Notes
+-----
+The weight of a pixel is ``w = ((I - B) / L - T)+`` with the background plane B under the dot, the relative brightness L
+of the light across it, and the threshold T = 15 % of the contrast (more where the noise asks for it), summed over a
+window that holds the whole blurred dot and no neighbour. The centroid ``m = sum(w x) / sum(w)`` has the covariance
+``sum(var_I (x - m)(x - m)') / sum(w)²`` over the pixels with weight; see Trinder (1989), *Precision of digital target
+location*. L matters: a disc of radius r under a light that changes by g per pixel has its grey centroid g r²/4 off.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from core.measure.kernels import weighted_moments
+from core.measure.profile import Profiles, on_rays
+
+Array = NDArray[np.float64]
+
+FLOOR_PX = 0.004  # sampling by square pixels, what is left of uneven light: measured on noise-free renderings
+MOST_THRESHOLD = 0.5
+
+
+def centroids(
+    image: NDArray[np.float32],
+    centre: Array,
+    ellipse: Array,
+    profile: Profiles,
+    light: Array,
+    noise: tuple[float, float],
+    threshold: float,
+) -> tuple[Array, Array]:
+    """Weighted centroids (m, 2) and covariances (m, 2, 2), px.
+
+    Parameters
+    ----------
+    image : float32, shape (H, W)
+        Dots bright.
+    centre, ellipse : array
+        Approximate centres (m, 2) and maps of the unit disc to the dots (m, 2, 2), px.
+    profile : Profiles
+    light : array, shape (m, 2)
+        Relative change of the light per px.
+    noise : tuple of float
+        Variance of a grey value I is ``noise[0] + noise[1] I``.
+    threshold : float
+        Share of the contrast where weights begin.
+    """
+    inverse = np.ascontiguousarray(np.linalg.inv(ellipse))
+    # the variance at background level, then its growth above it
+    at_background = np.maximum(noise[0] + noise[1] * profile.plane[:, 0], 0.0)
+    variance = np.ascontiguousarray(np.stack([at_background, np.full(len(centre), noise[1])], axis=1))
+    level = np.clip(3.0 * np.sqrt(at_background), threshold * profile.contrast, MOST_THRESHOLD * profile.contrast)
+    m, sums = centre.copy(), np.empty((len(centre), 6))
+    for _ in range(3):
+        plane = profile.plane.copy()
+        plane[:, 0] += np.sum(plane[:, 1:] * (m - centre), axis=1)
+        weighted_moments(image, m, inverse, profile.window, plane, np.ascontiguousarray(light), level, variance, sums)
+        with np.errstate(all="ignore"):
+            shift = sums[:, 1:3] / sums[:, :1]
+            m = m + shift
+            cov = sums[:, [3, 4, 4, 5]].reshape(-1, 2, 2) / sums[:, 0, None, None] ** 2
+    return m, cov + FLOOR_PX**2 * np.eye(2)
+
+
+def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbours: int = 14) -> Array:
+    """Relative change of the light per px at every dot, shape (m, 2).
+
+    Dark dots lie in a bright surrounding, which shows the light itself: pass the `background` plane (m, 3). For bright
+    dots it follows from the contrasts of the dots around (a plane through their logarithms): the gradient inside a
+    single dot is too noisy, and neighbours' prints differ at random.
+    """
+    if background is not None:
+        with np.errstate(all="ignore"):
+            gradient = background[:, 1:] / background[:, :1]
+        return np.clip(np.nan_to_num(gradient), -0.05, 0.05)
+    k = min(neighbours, len(uv))
+    if k < 6:
+        return np.zeros_like(uv)
+    distance, near = cKDTree(uv).query(uv, k=k)
+    scale = distance[:, -1:]
+    d = (uv[near] - uv[:, None, :]) / scale[..., None]
+    A = np.concatenate([np.ones((*near.shape, 1)), d], axis=2)
+    brightness = np.log(np.maximum(contrast, 1e-6))
+    y = brightness[near]
+    weight = (np.abs(y - np.median(y, axis=1, keepdims=True)) < 0.5).astype(np.float64)
+    N = np.einsum("mki,mk,mkj->mij", A, weight, A) + 0.01 * np.eye(3)
+    slope = np.linalg.solve(N, np.einsum("mki,mk,mk->mi", A, weight, y)[..., None])[:, 1:, 0]
+    return np.asarray(np.clip(slope / scale, -0.05, 0.05))
+
+
+def noise_model(image: NDArray[np.float32], centre: Array, ellipse: Array, profile: Profiles) -> tuple[float, float]:
+    """Variance of grey values as ``a + b I``, from second differences along rows in backgrounds and plateaus.
+
+    The second difference ``I(u-1) - 2 I(u) + I(u+1)`` of an even area has the variance 6 σ²; its median absolute value
+    forgives the few that touch an edge. Where no dot is large enough to have a plateau, b is 0.
+    """
+    minor = np.linalg.svd(ellipse, compute_uv=False)[:, 1]
+    ring = (profile.window * 1.05)[:, None] + np.array([0.0, 0.2, 0.4])
+    low = _second_differences(image, on_rays(centre, ellipse, ring[:, None, :]).reshape(-1, 2))
+    variance_low = _variance(low)
+    large = profile.gentle > 2.0
+    if not np.any(large):
+        return variance_low, 0.0
+    part = ((profile.gentle[large] - 1.0) / minor[large])[:, None] * np.array([0.5, 1.0])
+    high = _second_differences(image, on_rays(centre[large], ellipse[large], part[:, None, :]).reshape(-1, 2))
+    rise = float(np.median(profile.contrast[large]))
+    slope = (_variance(high) - variance_low) / max(rise, 1e-9)
+    return variance_low - slope * float(np.median(profile.plane[:, 0])), slope
+
+
+def _second_differences(image: NDArray[np.float32], uv: Array) -> Array:
+    uv = uv[np.all(np.isfinite(uv), axis=1)]
+    u, v = np.rint(uv).astype(int).T
+    ok = (u >= 1) & (v >= 0) & (u < image.shape[1] - 1) & (v < image.shape[0])
+    u, v = u[ok], v[ok]
+    return np.asarray(image[v, u - 1] - 2.0 * image[v, u] + image[v, u + 1], np.float64)
+
+
+def _variance(differences: Array) -> float:
+    if not len(differences):
+        return 0.0
+    rounding = 1 / 12 if np.all(differences == np.rint(differences)) else 0.0  # whole grey values
+    return max(float((1.4826 * np.median(np.abs(differences))) ** 2 / 6), rounding)

@@ -1,0 +1,51 @@
+"""Why the middle of an ellipse is not the image of the circle's centre, and by how much."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.geometry import distort, image_to_pixel
+from core.measure.view import View
+
+Array = NDArray[np.float64]
+
+
+def eccentricity(view: View, xyz_mm: Array, radius_mm: Array) -> Array:
+    """Centre of a circle's image minus the image of the circle's centre, shape (n, 2), px.
+
+    Parameters
+    ----------
+    view : View
+        The camera and its pose relative to the board.
+    xyz_mm : array, shape (n, 3)
+        Centres of circles that lie parallel to the board's XY plane.
+    radius_mm : array, shape (n,)
+
+    Notes
+    -----
+    With the homography H from the circle's plane (origin in its centre) to the image, the dual conic of the image is
+    ``H diag(r², r², -1) H'``; its last column is the ellipse's centre, the pole of the line at infinity. H's last
+    column is the image of the circle's centre. Exact; for a camera that looks at the circle's centre this is the closed
+    form ``c r² sin a cos a / (D² - r² sin² a)`` for a circle tilted by a at the distance D.
+
+    Examples
+    --------
+    >>> from core.geometry import Pose, matrix_from_axis_angle
+    >>> from core.model import DeviceSpec
+    >>> tilted = Pose(matrix_from_axis_angle([0, 1, 0], np.pi / 4), np.array([0.0, 0.0, -1000.0]))
+    >>> view = View(DeviceSpec(748, 576, (0.008, 0.008), 12.0), tilted)
+    >>> np.round(np.hypot(*eccentricity(view, np.zeros((1, 3)), np.array([2.5]))[0]), 4)
+    0.0047
+    """
+    R, c = view.camera_from_board.rotation, view.spec.nominal_c_mm
+    centre = view.camera_from_board.apply(xyz_mm)
+    image = np.diag([-c, -c, 1.0])
+    H = np.empty((len(xyz_mm), 3, 3))
+    H[:, :, :2] = image @ R[:, :2]
+    H[:, :, 2] = centre @ image.T
+    scale = np.stack([radius_mm**2, radius_mm**2, -np.ones(len(xyz_mm))], axis=1)
+    pole = np.einsum("nij,nj,nj->ni", H, scale, H[:, 2, :])
+    middle, point = pole[:, :2] / pole[:, 2:], H[:, :2, 2] / H[:, 2:, 2]
+    interior = view.interior
+    return image_to_pixel(view.spec, distort(interior, middle)) - image_to_pixel(view.spec, distort(interior, point))

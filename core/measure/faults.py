@@ -1,0 +1,96 @@
+"""Dots that must not be measured, and why: cut, covered, lit in part, disturbed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.measure.profile import Profiles, on_rays, sample_at
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+LIT = 0.45  # share of the dot's usual modulation below which a part of it counts as unlit
+
+
+def shape_faults(
+    image: Floats,
+    modulation: Floats,
+    uv: Array,
+    ellipse: Array,
+    profile: Profiles,
+    size: Array,
+    noise: tuple[float, float],
+    dark: bool,
+) -> list[str]:
+    """Say for every dot why its centroid cannot be trusted; empty where it can.
+
+    Parameters
+    ----------
+    image : float32, shape (H, W)
+        Dots bright.
+    modulation : float32, shape (H, W)
+        Grey values; shows where the projector's light ends.
+    uv, ellipse : array
+        Centroids (m, 2) and maps of the unit disc to the dots (m, 2, 2), px.
+    profile : Profiles
+    size : array, shape (m,)
+        Diameter over the nominal one.
+    noise : tuple of float
+        Variance of grey values, see `noise_model`.
+    dark : bool
+        Dots are darker than the board (their modulation is low; the board's around them tells).
+    """
+    minor = np.linalg.svd(ellipse, compute_uv=False)[:, 1]
+    with np.errstate(all="ignore"):
+        sigma = np.sqrt(np.maximum(noise[0] + noise[1] * (profile.plateau + profile.plane[:, 0]) / 2, 0.0))
+        relative = sigma / profile.contrast  # noise in units of the contrast
+        # an edge of blur s falls by 0.4 contrasts per s; three rays were averaged
+        edge_px = relative * np.maximum(profile.blur, 0.5) / 0.4 / np.sqrt(3)
+        usual = np.exp(np.nanmedian(np.log(size * profile.contour[:, 0])))
+        scale = size * profile.contour[:, 0] / usual
+        tilt = np.hypot(profile.contour[:, 3], profile.contour[:, 4]) / profile.contour[:, 0]
+    faults = [""] * len(uv)
+
+    def mark(bad: NDArray[np.bool_], text: str, *values: Array) -> None:
+        for k in np.flatnonzero(bad).tolist():
+            faults[k] = faults[k] or text.format(*(v[k] for v in values))
+
+    mark(_beyond_border(image, uv, ellipse, profile.window), "cut by the image border")
+    mark(_half_lit(modulation, uv, ellipse, profile, dark), "cut by the edge of the light")
+    mark(~(relative < 0.2), "no contrast: {:.1f} grey values", profile.contrast)
+    mark(~np.isfinite(profile.roughness), "its contour is open: covered, lit in part, or touched by something bright")
+    limit = 0.20 + 0.012 * minor + 5.0 * edge_px
+    mark(
+        ~(profile.roughness < limit),
+        "its contour is {:.2f} px off an ellipse: covered or lit in part",
+        profile.roughness,
+    )
+    limit = 0.10 + 0.008 * minor + 3.0 * edge_px
+    mark(~(profile.off_centre < limit), "its light is uneven: centroid {:.2f} px off the contour", profile.off_centre)
+    mark(~((scale > 0.85) & (scale < 1.18)), "its size is {:.2f} of its neighbours'", scale)
+    mark(~(tilt < 0.12 + 0.5 / minor), "it is not an ellipse of the expected shape")
+    mark(~(profile.inside < 0.3 + 5.0 * relative), "it is uneven inside: covered, lit in part, or glare")
+    mark(~(profile.outside < 0.3 + 5.0 * relative), "something as bright touches it")
+    return faults
+
+
+def _beyond_border(image: Floats, uv: Array, ellipse: Array, window: Array) -> NDArray[np.bool_]:
+    """Whether the window of a dot reaches out of the image."""
+    half = window[:, None] * np.linalg.norm(ellipse, axis=2)
+    limit = np.array([image.shape[1] - 1, image.shape[0] - 1])
+    return ~np.all((uv - half >= 0) & (uv + half <= limit), axis=1)
+
+
+def _half_lit(modulation: Floats, uv: Array, ellipse: Array, profile: Profiles, dark: bool) -> NDArray[np.bool_]:
+    """Whether the modulation drops within a dot (for dark dots: in the ring around it) as it does where light ends."""
+    if dark:
+        radius = np.stack([profile.window, profile.window + 0.15], axis=1)[:, None, :]
+    else:
+        radius = np.array([[[0.3, 0.6, 0.8]]])
+    value = np.nan_to_num(sample_at(modulation, on_rays(uv, ellipse, radius)))
+    along = value.mean(axis=2)
+    along = (along + np.roll(along, 1, axis=1) + np.roll(along, -1, axis=1)) / 3
+    usual = np.median(along, axis=1)
+    # captures without modulation (none decoded) say nothing about the light
+    return (along.min(axis=1) < LIT * usual) & (usual > 0)

@@ -1,0 +1,218 @@
+"""From a few identified targets to all that can be seen: the lattice grows outwards from what is known.
+
+Every step predicts a target from identified ones near it: the fitted view, plus what that view misses among the
+neighbours (lens distortion, bend of the board), carried on linearly. A spot becomes the target only if it is where the
+prediction says, alone there, and of the size, shape and contrast of its neighbours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from core.measure.blobs import Blobs, scale_and_roundness
+from core.measure.board import Board
+from core.measure.view import View, fit_view
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+ADJACENT = 8  # targets that count as next to one another
+NEAR_FEW, NEAR = 0.35, 0.25  # how far a dot may lie from its prediction, in target spacings, by 1-2 and 3+ neighbours
+CHOICES = 4  # spots looked at round a prediction
+
+
+@dataclass
+class Lattice:
+    """Which spot is which target, while it grows."""
+
+    board: Board
+    blobs: Blobs
+    view: View
+    blob: Ints  # (n,) spot of every target, -1 where none yet
+    reserved: dict[int, int] = field(default_factory=dict)  # spot -> the only target it may become (picks)
+    conflicts: dict[int, int] = field(default_factory=dict)  # picked spot -> another target that was predicted there
+    notes: dict[int, str] = field(default_factory=dict)  # target -> why no spot was accepted
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """(n,) which targets have a spot."""
+        return self.blob >= 0
+
+    def uv(self) -> Array:
+        """(n, 2) px of the spots, NaN where none."""
+        uv = np.full((len(self.blob), 2), np.nan)
+        uv[self.known] = self.blobs.uv[self.blob[self.known]]
+        return uv
+
+
+def grow(lattice: Lattice) -> None:
+    """Identify target after target until no further one can be."""
+    tree = cKDTree(lattice.blobs.uv)
+    adjacent = lattice.board.neighbours[:, :ADJACENT]
+    least = 1
+    while True:
+        _refit(lattice)
+        known = lattice.known
+        beside, around = known[adjacent].sum(axis=1), known[lattice.board.neighbours].sum(axis=1)
+        # next to what is known first; only when that is exhausted across a gap, and then from at least three
+        frontier = np.flatnonzero(~known & (beside >= min(least, known.sum())))
+        if not (len(frontier) and _extend(lattice, tree, frontier)):
+            if least == 2:
+                frontier = np.flatnonzero(~known & (beside >= 1))
+                if len(frontier) and _extend(lattice, tree, frontier):
+                    continue
+            frontier = np.flatnonzero(~known & (around >= 3))
+            if not (len(frontier) and _extend(lattice, tree, frontier)):
+                return
+        least = 2
+
+
+def predict(lattice: Lattice, targets: Ints) -> tuple[Array, Array, Ints]:
+    """Predict targets from identified neighbours.
+
+    Returns
+    -------
+    uv : array, shape (m, 2)
+        Pixels; NaN where the view cannot see the target.
+    jacobian : array, shape (m, 2, 2)
+        Pixels per mm on the board there.
+    support : int array, shape (m,)
+        Number of identified neighbours used.
+    """
+    board, near = lattice.board, lattice.board.neighbours[targets]
+    base = lattice.view.project(board.xyz_mm)
+    missed = np.nan_to_num(lattice.uv() - base)  # zero where unknown: its weight is zero too
+    offset = (board.xyz_mm[near, :2] - board.xyz_mm[targets, None, :2]) / board.spacing_mm[targets, None, None]
+    usable = lattice.known[near] & np.isfinite(base[near, 0])
+    weight = usable / (0.3 + np.sum(offset**2, axis=2)) ** 2
+    # weighted line fit of the missed part, slopes held near zero by a little so that few neighbours suffice
+    A = np.concatenate([np.ones((*near.shape, 1)), offset], axis=2)
+    N = np.einsum("mki,mk,mkj->mij", A, weight, A)
+    total = np.maximum(weight.sum(axis=1), 1e-12)
+    N[:, 0, 0] += 1e-9 * total + 1e-12
+    N[:, 1, 1] += 0.03 * total
+    N[:, 2, 2] += 0.03 * total
+    b = np.einsum("mki,mk,mkj->mij", A, weight, missed[near])
+    correction = np.linalg.solve(N, b)[:, 0, :]
+    return base[targets] + correction, lattice.view.jacobian(board.xyz_mm[targets]), usable.sum(axis=1)
+
+
+def misfits(lattice: Lattice, targets: Ints) -> tuple[Array, Ints]:
+    """How far identified targets lie from what their neighbours predict, in target spacings, and by how many."""
+    uv, jacobian, support = predict(lattice, targets)
+    return _on_board(lattice, targets, lattice.uv()[targets] - uv, jacobian), support
+
+
+def prune(lattice: Lattice) -> None:
+    """Take back identities that their neighbours, on all sides by now, do not confirm."""
+    least = min(3, len(lattice.blob) - 1)
+    while True:
+        targets = np.flatnonzero(lattice.known)
+        if not len(targets):
+            return
+        misfit, support = misfits(lattice, targets)
+        limit = np.clip(9.0 * np.median(misfit), 0.10, 0.20)
+        lonely = support < least
+        worst = int(np.argmax(misfit))
+        if np.any(lonely):
+            drop, why = targets[lonely], "ambiguous: too few identified targets around it to be sure"
+        elif misfit[worst] > limit:
+            drop = targets[worst : worst + 1]
+            why = f"ambiguous: {misfit[worst]:.2f} of a spacing off the place its neighbours predict"
+        else:
+            return
+        lattice.blob[drop] = -1
+        lattice.notes.update({int(t): why for t in drop})
+
+
+def _on_board(lattice: Lattice, targets: Ints, offset_px: Array, jacobian: Array) -> Array:
+    """Lengths of pixel offsets (m, ..., 2) on the board, in target spacings."""
+    with np.errstate(all="ignore"):
+        a, b, c, d = jacobian[:, 0, 0], jacobian[:, 0, 1], jacobian[:, 1, 0], jacobian[:, 1, 1]
+        inverse = np.stack([np.stack([d, -b], 1), np.stack([-c, a], 1)], 1) / (a * d - b * c)[:, None, None]
+    on_board = np.einsum("mij,m...j->m...i", inverse, offset_px)
+    spacing = lattice.board.spacing_mm[targets].reshape(-1, *[1] * (on_board.ndim - 2))
+    return np.asarray(np.sqrt(np.sum(on_board**2, axis=-1)) / spacing)
+
+
+def _refit(lattice: Lattice) -> None:
+    """Fit the view to everything identified, once that is more than the picks told."""
+    known = np.flatnonzero(lattice.known)
+    if len(known) < 6:
+        return
+    uv = lattice.blobs.uv[lattice.blob[known]]
+    view = fit_view(lattice.view, lattice.board.xyz_mm[known], uv, radial=len(known) >= 12, iterations=4)
+    if np.all(np.isfinite(view.project(lattice.board.xyz_mm[known]))):
+        lattice.view = view
+
+
+def _extend(lattice: Lattice, tree: cKDTree, frontier: Ints) -> bool:
+    """Try to identify the targets of the frontier; True if at least one was."""
+    uv, jacobian, support = predict(lattice, frontier)
+    sane = np.all(np.isfinite(uv), axis=1) & np.all(np.isfinite(jacobian), axis=(1, 2))
+    frontier, uv, jacobian, support = frontier[sane], uv[sane], jacobian[sane], support[sane]
+    if not len(frontier):
+        return False
+    choices = min(CHOICES, len(lattice.blobs.uv))
+    spot = tree.query(uv, k=choices)[1].reshape(len(frontier), choices)
+    distance = _on_board(lattice, frontier, lattice.blobs.uv[spot] - uv[:, None, :], jacobian)
+    tolerance = np.where(support >= 3, NEAR, NEAR_FEW)
+    alike, why = _alike(lattice, frontier, spot, jacobian)
+    within = distance < tolerance[:, None]
+    candidate = np.where(within & alike, distance, np.inf)
+    order = np.argsort(candidate, axis=1)
+    claims: dict[int, list[int]] = {}
+    for k, target in enumerate(frontier.tolist()):
+        first = candidate[k, order[k, 0]]
+        second = candidate[k, order[k, 1]] if choices > 1 else np.inf
+        if not np.isfinite(first):
+            lattice.notes[target] = why[k][int(np.argmin(distance[k]))] if np.any(within[k]) else ""
+        elif second < max(2.5 * first, 0.15):
+            lattice.notes[target] = "ambiguous: two dots near the predicted place"
+        else:
+            claims.setdefault(int(spot[k, order[k, 0]]), []).append(target)
+    return _settle(lattice, claims)
+
+
+def _settle(lattice: Lattice, claims: dict[int, list[int]]) -> bool:
+    """Give spots to the targets that claim them, unless two do or a pick says otherwise."""
+    taken = {int(b): t for t, b in enumerate(lattice.blob.tolist()) if b >= 0}
+    grown = False
+    for spot, targets in claims.items():
+        if spot in lattice.reserved and lattice.reserved[spot] not in targets:
+            lattice.conflicts[spot] = targets[0]
+        elif len(targets) > 1 or spot in taken:
+            lattice.notes.update({t: "ambiguous: one dot fits two targets" for t in targets})
+        else:
+            lattice.blob[targets[0]] = spot
+            lattice.notes.pop(targets[0], None)
+            grown = True
+    return grown
+
+
+def _alike(lattice: Lattice, frontier: Ints, spot: Ints, jacobian: Array) -> tuple[NDArray[np.bool_], list[list[str]]]:
+    """Whether spots (m, k) have the size, shape and contrast that their target (m,) should have; and why not."""
+    blobs, board = lattice.blobs, lattice.board
+    known = np.flatnonzero(lattice.known)
+    own = scale_and_roundness(blobs, lattice.blob[known], _ellipse(lattice, known))[0]
+    size, shape = scale_and_roundness(blobs, spot, jacobian[:, None] * board.radius_mm[frontier, None, None, None])
+    size = size / np.median(own)
+    near = lattice.board.neighbours[frontier]
+    contrast = np.where(lattice.known[near], blobs.contrast[lattice.blob[near]], np.nan)
+    typical = np.nanmedian(contrast, axis=1)  # the frontier has identified neighbours by definition
+    bright = blobs.contrast[spot] / typical[:, None]
+    why = np.full(spot.shape, "", dtype=object)
+    why[~((bright > 0.35) & (bright < 3.0))] = "its contrast is unlike its neighbours'"
+    why[~(shape < 1.8)] = "its shape is not the expected ellipse: covered or lit in part"
+    why[~((size > 0.6) & (size < 1.6))] = "its size is not the expected one: covered, lit in part or not a target"
+    why[blobs.on_border[spot]] = "cut by the image border"
+    return why == "", why.tolist()
+
+
+def _ellipse(lattice: Lattice, targets: Ints) -> Array:
+    """(m, 2, 2) px: the map of the unit disc to the image of each target's dot."""
+    return lattice.view.jacobian(lattice.board.xyz_mm[targets]) * lattice.board.radius_mm[targets, None, None]

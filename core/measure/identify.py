@@ -1,0 +1,166 @@
+"""From the picks to a lattice that all picks agree on, or the reason why there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import InputError
+from core.measure.blobs import Blobs
+from core.measure.board import Board
+from core.measure.grow import Lattice, grow, predict, prune
+from core.measure.picks import Picks
+from core.measure.view import View, first_view
+from core.model import DeviceSpec
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+REACHED = 0.3  # spacings within which a lattice must foretell a pick that it could not grow to
+
+
+def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots: Ints) -> Lattice:
+    """Grow the lattice from one pick and demand that it meets all others with the identities they were given.
+
+    Parameters
+    ----------
+    board, camera, blobs, picks
+    spots : int array, shape (k,)
+        The spot of every pick.
+
+    Raises
+    ------
+    InputError
+        The picks contradict the lattice of dots between them.
+    """
+    view = first_view(camera, board.xyz_mm[picks.target], blobs.uv[spots])
+    if view is None:
+        raise InputError(picks.where, "no view of the board has the picks where they are", "correct rows and columns")
+    middle = np.array([camera.width - 1, camera.height - 1]) / 2
+    starts = np.argsort(np.hypot(*(blobs.uv[spots] - middle).T))
+    tried: dict[int, Lattice] = {}
+    for start in starts.tolist():
+        lattice = _grown_from(board, blobs, view, picks, spots, [start])
+        tried[start] = lattice
+        if np.all(lattice.blob[picks.target] == spots):
+            break
+    else:
+        lattice = _bridged(tried, picks, spots)
+    prune(lattice)
+    _refuse_if_shifted(lattice, picks)
+    return lattice
+
+
+def _grown_from(board: Board, blobs: Blobs, view: View, picks: Picks, spots: Ints, starts: list[int]) -> Lattice:
+    """Grow from some of the picks; the spots of the others stay reserved for them."""
+    blob = np.full(len(board.row), -1)
+    blob[picks.target[starts]] = spots[starts]
+    reserved = dict(zip(spots.tolist(), picks.target.tolist(), strict=True))
+    lattice = Lattice(board, blobs, view, blob, reserved)
+    grow(lattice)
+    return lattice
+
+
+def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> Lattice:
+    """Join what grew apart, where the larger part foretells the other picks; else say which pick contradicts."""
+    board = next(iter(tried.values())).board
+    start = max(tried, key=lambda k: int(tried[k].known.sum()))
+    lattice = tried[start]
+    _refuse_contradiction(tried, picks, spots)
+    met = lattice.blob[picks.target] == spots
+    if lattice.known.sum() < 6 + np.count_nonzero(met):
+        seen = f"no lattice of dots continues {picks.name(board, start)} as the rows and columns of the picks say"
+        raise InputError(picks.where, seen, "correct the rows and columns of the picks")
+    joined = _grown_from(board, lattice.blobs, lattice.view, picks, spots, np.flatnonzero(met).tolist())
+    for k in np.flatnonzero(~met).tolist():
+        uv, jacobian, _ = predict(lattice, picks.target[k : k + 1])
+        offset = np.linalg.solve(jacobian[0], lattice.blobs.uv[spots[k]] - uv[0])
+        off = float(np.hypot(*offset)) / float(board.spacing_mm[picks.target[k]])
+        if not off < REACHED:
+            seen = f"{picks.name(board, k)} lies {off:.1f} target spacings from where the other picks expect it"
+            raise InputError(picks.where, seen, "correct its row and column, or pick targets with dots between them")
+        joined.blob[picks.target[k]] = spots[k]
+    grow(joined)
+    return joined
+
+
+def _refuse_contradiction(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> None:
+    """Raise if a lattice grown from one pick gives the dot of another pick a different identity."""
+    at = {int(spot): k for k, spot in enumerate(spots)}
+    against: dict[int, list[tuple[int, int]]] = {}
+    for start, lattice in tried.items():
+        for spot, target in lattice.conflicts.items():
+            against.setdefault(at[spot], []).append((start, target))
+    if not against:
+        return
+    board = next(iter(tried.values())).board
+    culprit = max(against, key=lambda k: len(against[k]))
+    start, target = against[culprit][0]
+    seen = f"{picks.name(board, culprit)} contradicts pick {start + 1}: counting dots from there it is {board.name(target)}"
+    raise InputError(picks.where, seen, "correct the row and column of the wrong one")
+
+
+def _refuse_if_shifted(lattice: Lattice, picks: Picks) -> None:
+    """Raise if dots go on beyond one edge of the testfield while targets are absent along another.
+
+    So it looks when all picks are wrong by the same rows or columns: each fits the others, and only the edges tell.
+    """
+    board = lattice.board
+    absent = beyond = 0
+    line = ""
+    for values, name in ((board.row, "row"), (board.col, "col")):
+        for edge, inner in _edges(values):
+            on = np.flatnonzero(values == edge)
+            absent = max(absent, _bare(lattice, on))
+            dots = _ghosts(lattice, on, inner, values)
+            if dots > beyond:
+                beyond, line = dots, f"{name} {edge}"
+    if absent >= 3 and beyond >= 3:
+        seen = f"{beyond} dots continue the lattice beyond {line}, while {absent} targets at another edge have no dot"
+        raise InputError(picks.where, seen, "correct the rows and columns of all picks: they look shifted")
+
+
+def _edges(values: Ints) -> list[tuple[int, int]]:
+    """(outermost, next inner) line at both ends."""
+    lines = np.unique(values)
+    return [(int(lines[0]), int(lines[1])), (int(lines[-1]), int(lines[-2]))] if len(lines) > 1 else []
+
+
+def _bare(lattice: Lattice, on: Ints) -> int:
+    """How many targets of an edge line lie inside the image among identified ones and have no spot at all."""
+    uv, jacobian, support = predict(lattice, on)
+    spec = lattice.view.spec
+    inside = np.all((uv > 0) & (uv < np.array([spec.width - 1, spec.height - 1])), axis=1) & (support >= 3)
+    near = _spots_at(lattice, uv, jacobian * lattice.board.spacing_mm[on, None, None])
+    return int(np.count_nonzero(inside & ~lattice.known[on] & ~near))
+
+
+def _ghosts(lattice: Lattice, on: Ints, inner: int, values: Ints) -> int:
+    """How many dots lie where a line of targets beyond the edge would be, in steps like the last one inside."""
+    board, other = lattice.board, lattice.board.col if values is lattice.board.row else lattice.board.row
+    inside = {int(other[i]): int(i) for i in np.flatnonzero(values == inner)}
+    pairs = [(int(i), inside[int(other[i])]) for i in on if int(other[i]) in inside]
+    pairs = [(i, j) for i, j in pairs if lattice.blob[i] >= 0 and lattice.blob[j] >= 0]
+    if not pairs:
+        return 0
+    edge, before = np.array(pairs).T
+    step = board.xyz_mm[edge] - board.xyz_mm[before]
+    seen = lattice.blobs.uv[lattice.blob[edge]]
+    ahead = lattice.view.project(board.xyz_mm[edge] + step) - lattice.view.project(board.xyz_mm[edge])
+    jacobian = lattice.view.jacobian(board.xyz_mm[edge] + step)
+    return int(np.count_nonzero(_spots_at(lattice, seen + ahead, jacobian * board.spacing_mm[edge, None, None], True)))
+
+
+def _spots_at(lattice: Lattice, uv: Array, unit: Array, alike: bool = False) -> NDArray[np.bool_]:
+    """Where a spot not identified yet lies within a fifth of a spacing; `alike`: of a target's usual area only."""
+    free = np.ones(len(lattice.blobs.uv), bool)
+    free[lattice.blob[lattice.known]] = False
+    if alike:
+        scale = np.sqrt(lattice.blobs.area_px[lattice.blob[lattice.known]])
+        own = np.sqrt(lattice.blobs.area_px)
+        free &= (own > 0.6 * scale.min()) & (own < 1.5 * scale.max())
+    found = np.zeros(len(uv), bool)
+    for k in range(len(uv)):
+        if np.all(np.isfinite(uv[k])) and np.all(np.isfinite(unit[k])):
+            away = np.linalg.solve(unit[k], (lattice.blobs.uv[free] - uv[k]).T)
+            found[k] = bool(np.any(np.hypot(*away) < 0.2))
+    return found

@@ -1,0 +1,78 @@
+"""The two loops over pixels: sampling between pixels, and weighted moments in the window of a dot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+jit: Callable[..., Any] = njit(cache=True, nogil=True)
+
+
+@jit
+def sample(image: NDArray[np.float32], uv: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    """Bilinear values of an image at points uv (n, 2), into out (n,); NaN outside and next to a NaN."""
+    height, width = image.shape
+    for k in range(uv.shape[0]):
+        u, v = uv[k, 0], uv[k, 1]
+        if not (u >= 0 and v >= 0 and u <= width - 1 and v <= height - 1):
+            out[k] = np.nan
+            continue
+        i, j = min(int(u), width - 2), min(int(v), height - 2)
+        a, b = u - i, v - j
+        top = (1 - a) * image[j, i] + a * image[j, i + 1]
+        bottom = (1 - a) * image[j + 1, i] + a * image[j + 1, i + 1]
+        out[k] = (1 - b) * top + b * bottom
+
+
+@jit
+def weighted_moments(
+    image: NDArray[np.float32],
+    centre: NDArray[np.float64],
+    inverse: NDArray[np.float64],
+    window: NDArray[np.float64],
+    plane: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    level: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    """Sums over the window of every dot with weight w = ((I - background) / light - level), where positive.
+
+    Per dot: `centre` (2) px, `inverse` (2, 2) the map from pixel offsets to the unit disc, `window` its radius in that
+    disc, `plane` (3) the background's value and slopes, `gradient` (2) the light's relative change per px, `level` the
+    threshold above the background, `noise` (2) the variance of a grey value as noise[0] + noise[1] (I - background).
+    `out` (6): sum of w, w du, w dv, then the noise's part in sum w du and w dv: variances uu, uv, vv.
+    """
+    height, width = image.shape
+    for k in range(centre.shape[0]):
+        a, b, c, d = inverse[k, 0, 0], inverse[k, 0, 1], inverse[k, 1, 0], inverse[k, 1, 1]
+        det = abs(a * d - b * c)
+        # the half sides of the ellipse's bounding box follow from the rows of the inverse map's inverse
+        ru = window[k] * np.sqrt(d * d + b * b) / det
+        rv = window[k] * np.sqrt(a * a + c * c) / det
+        u0, v0 = centre[k, 0], centre[k, 1]
+        limit = window[k] * window[k]
+        s0 = s1 = s2 = q0 = q1 = q2 = 0.0
+        for j in range(max(int(np.ceil(v0 - rv)), 0), min(int(np.floor(v0 + rv)), height - 1) + 1):
+            dv = j - v0
+            for i in range(max(int(np.ceil(u0 - ru)), 0), min(int(np.floor(u0 + ru)), width - 1) + 1):
+                du = i - u0
+                x, y = a * du + b * dv, c * du + d * dv
+                if x * x + y * y > limit:
+                    continue
+                above = image[j, i] - plane[k, 0] - plane[k, 1] * du - plane[k, 2] * dv
+                light = max(1.0 + gradient[k, 0] * du + gradient[k, 1] * dv, 0.1)
+                w = above / light - level[k]
+                if w > 0.0:
+                    s0 += w
+                    s1 += w * du
+                    s2 += w * dv
+                    var = max(noise[k, 0] + noise[k, 1] * above, 0.0) / (light * light)
+                    q0 += var * du * du
+                    q1 += var * du * dv
+                    q2 += var * dv * dv
+        out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = s0, s1, s2, q0, q1, q2

@@ -1,0 +1,66 @@
+"""Why a target was not measured, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.measure.grow import Lattice, predict
+from core.measure.profile import on_rays, sample_at
+from core.model import PhaseMap
+
+Array = NDArray[np.float64]
+
+
+def reasons(phase: PhaseMap, lattice: Lattice, faults: dict[int, str]) -> dict[int, str]:
+    """Reasons by target for all that are not measured.
+
+    Parameters
+    ----------
+    phase : PhaseMap
+        Tells where there was light.
+    lattice : Lattice
+        What was identified, with notes on what was not.
+    faults : dict
+        Identified targets (indices into the board) whose dots must not be used, and why.
+    """
+    unknown = np.flatnonzero(~lattice.known)
+    uv, jacobian, support = predict(lattice, unknown)
+    ellipse = jacobian * lattice.board.radius_mm[unknown, None, None]
+    height, width = phase.image.shape
+    dark = _darkness(phase, lattice)
+    result = dict(faults)
+    for k, target in enumerate(unknown.tolist()):
+        half = np.linalg.norm(ellipse[k], axis=1)
+        beyond = np.array([-0.5, -0.5]) - uv[k], uv[k] - np.array([width - 0.5, height - 0.5])
+        if not np.all(np.isfinite(uv[k])) or max(np.max(b - half) for b in beyond) > 0:
+            result[target] = "outside the image"
+        elif max(np.max(b + half) for b in beyond) > 0:
+            result[target] = "cut by the image border"
+        elif lattice.notes.get(target):
+            result[target] = lattice.notes[target]
+        elif _share_lit(phase, uv[k], ellipse[k], dark) < 0.5:
+            result[target] = "not lit"
+        elif support[k] == 0:
+            result[target] = "ambiguous: too far from all identified targets to be sure"
+        else:
+            result[target] = "no dot where its neighbours predict it: covered, or without contrast"
+    return dict(sorted(result.items()))
+
+
+def _darkness(phase: PhaseMap, lattice: Lattice) -> float:
+    """Grey value that a lit board exceeds: a third of the way up from black to the background at identified targets."""
+    known = np.flatnonzero(lattice.known)
+    if not len(known):
+        return 0.0
+    at = np.rint(lattice.blobs.uv[lattice.blob[known]]).astype(int)
+    at = np.clip(at, 0, np.array(phase.image.shape)[::-1] - 1)
+    return float(np.nanmedian(phase.image[at[:, 1], at[:, 0]])) / 3
+
+
+def _share_lit(phase: PhaseMap, uv: Array, ellipse: Array, dark: float) -> float:
+    """Share of a target's surroundings with a decoded phase or the brightness of a lit dot."""
+    at = on_rays(uv[None], ellipse[None], np.array([[[0.0, 0.5, 1.0, 1.5]]]))
+    decoded = np.isfinite(sample_at(phase.u, at)) | np.isfinite(sample_at(phase.v, at))
+    bright = sample_at(phase.image, at) > dark
+    return float(np.mean(decoded | bright))

@@ -1,0 +1,173 @@
+"""The operator's picks: checked against the testfield, the image and each other, then moved onto their dots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import InputError
+from core.measure.blobs import Blobs
+from core.measure.board import Board
+from core.model import Seed, Testfield
+
+Array = NDArray[np.float64]
+FLAT = 0.08  # triangles flatter than this (area over longest side squared) may turn over by lens distortion alone
+
+
+@dataclass(frozen=True)
+class Picks:
+    """Picks that passed the checks: targets of the board and where they were clicked."""
+
+    where: str
+    target: NDArray[np.int64]  # (k,)
+    uv: Array  # (k, 2) px as clicked
+    affine: Array  # (2, 2) px per mm, the best single linear map from the board to the image
+
+    def name(self, board: Board, k: int) -> str:
+        """How pick k is called in messages."""
+        return f"pick {k + 1} ({board.name(int(self.target[k]))}) at ({self.uv[k, 0]:.1f}, {self.uv[k, 1]:.1f}) px"
+
+
+def check_picks(
+    board: Board, seeds: Sequence[Seed], size: tuple[int, int], where: str, side: Literal["front", "back", "either"]
+) -> Picks:
+    """Refuse picks that cannot be right, whatever the image shows.
+
+    Parameters
+    ----------
+    board : Board
+    seeds : sequence of Seed
+    size : tuple of int
+        Width and height of the image, px.
+    where : str
+        The file the picks come from.
+    side : str
+        Side of the board that must be seen, see `MeasureOptions`.
+
+    Raises
+    ------
+    InputError
+        Fewer than 4 picks, a position that is not finite or outside the image, a target that the testfield does not
+        have, a target or place picked twice, picks on one line, swapped or mirrored picks.
+    """
+    if len(seeds) < 4:
+        raise InputError(where, f"{len(seeds)} picks", "pick 4 targets that do not lie on one line")
+    target = []
+    for k, s in enumerate(seeds):
+        name = f"pick {k + 1} (row {s.row}, col {s.col})"
+        if not (np.isfinite(s.u) and np.isfinite(s.v)):
+            raise InputError(where, f"{name} is at ({s.u}, {s.v}) px", "pick it again")
+        if not (-0.5 <= s.u <= size[0] - 0.5 and -0.5 <= s.v <= size[1] - 0.5):
+            seen = f"{name} is at ({s.u:.1f}, {s.v:.1f}) px, outside the image of {size[0]} x {size[1]} px"
+            raise InputError(where, seen, "pick a target inside the image")
+        if (s.row, s.col) not in board.index:
+            seen = f"{name} is not in the testfield, which has rows {_span(board.row)} and columns {_span(board.col)}"
+            raise InputError(where, seen, "correct its row and column")
+        target.append(board.index[s.row, s.col])
+    uv = np.array([[s.u, s.v] for s in seeds], np.float64)
+    for i, k in combinations(range(len(seeds)), 2):
+        if target[i] == target[k]:
+            seen = f"picks {i + 1} and {k + 1} are both on target {board.name(target[i])}"
+            raise InputError(where, seen, "give each pick a target of its own")
+        if np.hypot(*(uv[i] - uv[k])) < 1.0:
+            seen = f"picks {i + 1} and {k + 1} are at the same place ({uv[i, 0]:.1f}, {uv[i, 1]:.1f}) px"
+            raise InputError(where, seen, "pick two different dots")
+    picks = Picks(where, np.array(target), uv, _affine(board, np.array(target), uv, where))
+    _check_order(board, picks, side)
+    return picks
+
+
+def side_seen(testfield: Testfield, seeds: Sequence[Seed]) -> Literal["front", "back"]:
+    """From which side of the nominal coordinates' XY plane the picks show the board."""
+    index = testfield.index()
+    xy = np.array([testfield.xyz_mm[index[s.row, s.col]][:2] for s in seeds])
+    uv = np.array([[s.u, s.v] for s in seeds])
+    linear = np.linalg.lstsq(xy - xy.mean(axis=0), uv - uv.mean(axis=0), rcond=None)[0].T
+    return "front" if np.linalg.det(linear) < 0 else "back"  # v points down: a front view turns the order round
+
+
+def snap(board: Board, picks: Picks, blobs: Blobs) -> NDArray[np.int64]:
+    """Find the spot that each pick means: shape (k,), indices into `blobs`.
+
+    A click may be off by 0.4 of the distance between targets; among the spots within reach the nearest of about the
+    expected size is taken.
+
+    Raises
+    ------
+    InputError
+        No spot near a pick, or one spot for two picks.
+    """
+    least = np.linalg.svd(picks.affine, compute_uv=False)[1]
+    stretch = abs(np.linalg.det(picks.affine))
+    chosen: list[int] = []
+    for k, target in enumerate(picks.target):
+        reach = max(0.4 * board.spacing_mm[target] * least, 3.0)
+        distance = np.hypot(*(blobs.uv - picks.uv[k]).T)
+        size = np.log(blobs.area_px / (np.pi * board.radius_mm[target] ** 2 * stretch))
+        score = np.where((distance < reach) & (np.abs(size) < 1.6), distance / reach + 0.3 * np.abs(size), np.inf)
+        best = int(np.argmin(score)) if len(score) else -1
+        if best < 0 or not np.isfinite(score[best]):
+            seen = f"{picks.name(board, k)} has no dot of the expected size within {reach:.0f} px"
+            raise InputError(picks.where, seen, "pick the middle of a dot, or correct its row and column")
+        if best in chosen:
+            seen = f"{picks.name(board, chosen.index(best))} and {picks.name(board, k)} are on the same dot"
+            raise InputError(picks.where, seen, "pick two different dots")
+        chosen.append(best)
+    return np.array(chosen)
+
+
+def _span(values: NDArray[np.int64]) -> str:
+    return f"{values.min()} to {values.max()}"
+
+
+def _affine(board: Board, target: NDArray[np.int64], uv: Array, where: str) -> Array:
+    """Least-squares linear map (2, 2) from the board to the image, px per mm."""
+    xy = board.xyz_mm[target, :2]
+    centred = xy - xy.mean(axis=0)
+    if np.linalg.svd(centred, compute_uv=False)[1] < 0.3 * board.spacing_mm[target].min():
+        raise InputError(where, "all picks lie on one line of the testfield", "pick at least one target off that line")
+    linear = np.linalg.lstsq(centred, uv - uv.mean(axis=0), rcond=None)[0].T
+    long, short = np.linalg.svd(linear, compute_uv=False)
+    if short < 0.05 * long:
+        seen = "the picks lie on one line of the image, but not of the testfield"
+        raise InputError(where, seen, "correct the rows and columns of the picks")
+    return linear
+
+
+def _check_order(board: Board, picks: Picks, side: str) -> None:
+    """Refuse picks whose order round the board no camera can see."""
+    xy = board.xyz_mm[picks.target, :2]
+    turns = _turns(xy, picks.uv)
+    if np.any(turns > 0) and np.any(turns < 0):
+        for i, k in combinations(range(len(xy)), 2):
+            swapped = picks.uv.copy()
+            swapped[[i, k]] = swapped[[k, i]]
+            again = _turns(xy, swapped)
+            if abs(int(again.sum())) == np.count_nonzero(again):
+                seen = f"{picks.name(board, i)} and {picks.name(board, k)} look swapped: the picks cross over"
+                raise InputError(picks.where, seen, "correct their rows and columns")
+        raise InputError(picks.where, "the picks cross over: no view of the board has them in this order", "pick again")
+    seen_side = "front" if np.linalg.det(picks.affine) < 0 else "back"  # v points down: a front view turns round
+    if board.has_front and side not in ("either", seen_side):
+        seen = f"the picks are in mirrored order: they show the board from its {seen_side}"
+        raise InputError(picks.where, seen, "correct the rows and columns of the picks")
+
+
+def _turns(xy: Array, uv: Array) -> NDArray[np.int64]:
+    """For all triples: +1 where board and image turn the same way, -1 where opposite, 0 where too flat to tell."""
+    result = []
+    for triple in combinations(range(len(xy)), 3):
+        a, b = _turn(xy[list(triple)]), _turn(uv[list(triple)])
+        result.append(0 if abs(a) < FLAT or b == 0 else int(np.sign(a * b)))
+    return np.array(result)
+
+
+def _turn(p: Array) -> float:
+    """Signed area of a triangle over its longest side squared."""
+    a, b, c = p[1] - p[0], p[2] - p[0], p[2] - p[1]
+    return float(0.5 * (a[0] * b[1] - a[1] * b[0]) / max(a @ a, b @ b, c @ c))

@@ -1,0 +1,72 @@
+"""Projector coordinates of a target: the phase maps read at the image of its centre."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.measure.profile import on_rays, sample_at
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+JUMP_LINES = 0.5  # a value this far (and six sigma) off the rest of the dot is a decoding error, not a measurement
+
+
+def bilinear(values: Floats, sigma: Floats, uv: Array) -> tuple[Array, Array]:
+    """Interpolate a map at points (n, 2) px between its four pixels: values and sigmas (n,), NaN unless all are valid.
+
+    The four errors are independent, so that ``sigma² = sum(weight² sigma_i²)``: smaller than a pixel's own.
+    """
+    height, width = values.shape
+    inside = np.all((uv >= 0) & (uv <= np.array([width - 1, height - 1])), axis=1)
+    i, j = np.floor(np.where(inside[:, None], uv, 0.0)).astype(int).T
+    i, j = np.clip(i, 0, max(width - 2, 0)), np.clip(j, 0, max(height - 2, 0))
+    a, b = np.where(inside, uv[:, 0] - i, np.nan), np.where(inside, uv[:, 1] - j, np.nan)
+    total, variance = np.zeros(len(uv)), np.zeros(len(uv))
+    for du, dv, weight in ((0, 0, (1 - a) * (1 - b)), (1, 0, a * (1 - b)), (0, 1, (1 - a) * b), (1, 1, a * b)):
+        total += weight * values[j + dv, i + du]
+        variance += (weight * sigma[j + dv, i + du]) ** 2
+    return total, np.sqrt(variance)
+
+
+def plane_at(values: Floats, sigma: Floats, uv: Array, ellipse: Array) -> tuple[Array, Array]:
+    """Value and sigma (n,) at the middle of a weighted plane through all valid pixels of each dot's interior."""
+    result, spread = np.full(len(uv), np.nan), np.full(len(uv), np.nan)
+    height, width = values.shape
+    for k in np.flatnonzero(np.all(np.isfinite(uv), axis=1)).tolist():
+        half = np.abs(ellipse[k]).sum(axis=1) + 1
+        (u0, v0), (u1, v1) = np.floor(uv[k] - half).astype(int), np.ceil(uv[k] + half).astype(int)
+        v, u = np.mgrid[max(v0, 0) : min(v1, height - 1) + 1, max(u0, 0) : min(u1, width - 1) + 1]
+        d = np.stack([u.ravel(), v.ravel()], axis=1) - uv[k]
+        y, s = values[v, u].ravel().astype(np.float64), sigma[v, u].ravel().astype(np.float64)
+        within = np.sum(np.linalg.solve(ellipse[k], d.T) ** 2, axis=0) < 0.85**2
+        use = within & np.isfinite(y) & (s > 0)
+        A = np.concatenate([np.ones((len(d), 1)), d], axis=1)
+        for _ in range(3):
+            if np.count_nonzero(use) < 6:
+                break
+            N = (A[use] / s[use, None] ** 2).T @ A[use]
+            plane = np.linalg.solve(N, A[use].T @ (y[use] / s[use] ** 2))
+            result[k], spread[k] = plane[0], np.sqrt(np.linalg.inv(N)[0, 0])
+            again = within & (s > 0) & (np.abs(np.where(np.isfinite(y), y, np.inf) - A @ plane) < 5 * s + 0.05)
+            if np.array_equal(again, use):
+                break
+            use = again
+    return result, spread
+
+
+def refuse_jumps(values: Floats, uv: Array, ellipse: Array, found: Array, sigma: Array) -> NDArray[np.bool_]:
+    """Which values (n,) disagree with the rest of their dot by a decoding error.
+
+    Pairs of points opposite each other average to the value in the middle, whatever the slope; their median is immune
+    to a few wrong pixels. Where fewer than three pairs are valid nothing is refused.
+    """
+    around = sample_at(values, on_rays(uv, ellipse, np.array([[[0.3, 0.55]]])))  # (n, rays, 2)
+    half = around.shape[1] // 2
+    pairs = ((around[:, :half] + around[:, half:]) / 2).reshape(len(uv), -1)
+    enough = np.isfinite(pairs).sum(axis=1) >= 3
+    middle = np.full(len(uv), np.nan)
+    middle[enough] = np.nanmedian(pairs[enough], axis=1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(enough & (np.abs(found - middle) > JUMP_LINES + 6 * sigma))

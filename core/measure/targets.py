@@ -1,0 +1,183 @@
+"""From a phase map and four picks to all visible targets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import InputError
+from core.measure.blobs import find_blobs
+from core.measure.board import Board, board_from_testfield
+from core.measure.centroid import centroids, light_gradient, noise_model
+from core.measure.eccentricity import eccentricity
+from core.measure.faults import shape_faults
+from core.measure.grow import Lattice
+from core.measure.identify import identify
+from core.measure.missing import reasons
+from core.measure.options import MeasureOptions
+from core.measure.picks import check_picks, snap
+from core.measure.profile import Profiles, profiles
+from core.measure.projector import bilinear, plane_at, refuse_jumps
+from core.measure.view import View, fit_view
+from core.model import DeviceSpec, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
+from core.progress import SILENT, Progress
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Measured dots, faulty ones included; one row per dot."""
+
+    target: NDArray[np.int64]
+    uv: Array  # (m, 2) px, weighted centroid
+    cov: Array  # (m, 2, 2) px²
+    ellipse: Array  # (m, 2, 2) px, the unit disc's map to the dot
+    fault: list[str]  # why it must not be used, empty where it may
+
+
+def measure_targets(
+    phase: PhaseMap,
+    testfield: Testfield,
+    seeds: Sequence[Seed],
+    camera: DeviceSpec,
+    *,
+    capture: str = "",
+    options: MeasureOptions = MeasureOptions(),  # noqa: B008  frozen
+    progress: Progress = SILENT,
+) -> TargetSet:
+    """Identify and measure all visible targets of a testfield from a few that an operator picked.
+
+    Parameters
+    ----------
+    phase : PhaseMap
+        Dots are found in `image`, projector coordinates read from `u`, `v` and their sigmas.
+    testfield : Testfield
+        Nominal coordinates, good to a few mm.
+    seeds : sequence of Seed
+        At least 4 targets, not on one line, clicked within a fraction of their spacing.
+    camera : DeviceSpec
+        Its nominal focal length gives the view of the board, needed for prediction and eccentricity only.
+    capture : str
+        Name of the capture, for the result and for messages.
+    options : MeasureOptions
+    progress : Progress
+
+    Returns
+    -------
+    targets : TargetSet
+        Every target of the testfield is either measured or in `missing` with the reason.
+
+    Raises
+    ------
+    InputError
+        The testfield or the picks cannot be used: the message names the pick and what contradicts it.
+    """
+    board = board_from_testfield(testfield)
+    where = f"{capture}/picks.json" if capture else "picks.json"
+    image = _bright_dots(phase.image, testfield, camera, capture)
+    picks = check_picks(board, seeds, (camera.width, camera.height), where, options.side)
+    progress(0.0, "looking for dots")
+    blobs = find_blobs(image, _diameters(board, picks.affine), picks.uv)
+    spots = snap(board, picks, blobs)
+    progress(0.3, "identifying targets")
+    lattice = identify(board, camera, blobs, picks, spots)
+    progress(0.6, "measuring centroids")
+    dots = _measure_dots(image, phase.modulation, lattice, testfield.polarity == "black-on-white", options.threshold)
+    progress(0.9, "reading projector coordinates")
+    return _target_set(phase, lattice, dots, capture, options)
+
+
+def _bright_dots(image: Floats, testfield: Testfield, camera: DeviceSpec, capture: str) -> Floats:
+    """Give the image with dots bright, whatever the polarity, after a look at its size and values."""
+    where = capture or "image"
+    if image.shape != (camera.height, camera.width):
+        seen = f"the image has {image.shape[1]} x {image.shape[0]} px, the camera {camera.width} x {camera.height}"
+        raise InputError(where, seen, "correct the camera's size in the project")
+    values = np.ascontiguousarray(image, dtype=np.float32)
+    if not np.isfinite(np.dot(values.ravel(), values.ravel())):
+        valid = np.isfinite(values)
+        if not np.any(valid):
+            raise InputError(where, "the image has no finite grey value", "capture it again")
+        values = np.where(valid, values, values[valid].min())
+    return -values if testfield.polarity == "black-on-white" else values
+
+
+def _diameters(board: Board, affine: Array) -> tuple[float, float]:
+    """Least and greatest diameter in px that dots may have, with room for perspective across the field."""
+    long, short = np.linalg.svd(affine, compute_uv=False)
+    return 1.2 * short * float(board.radius_mm.min()), 3.2 * long * float(board.radius_mm.max())
+
+
+def _measure_dots(image: Floats, modulation: Floats, lattice: Lattice, dark: bool, threshold: float) -> Dots:
+    """Profiles and centroids of all identified dots."""
+    board = lattice.board
+    target = np.flatnonzero(lattice.known)
+    if not len(target):
+        return Dots(target, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2, 2)), [])
+    centre = lattice.blobs.uv[lattice.blob[target]]
+    nominal = lattice.view.jacobian(board.xyz_mm[target]) * board.radius_mm[target, None, None]
+    spacing = board.spacing_mm[target] / board.radius_mm[target]
+    first = profiles(image, centre, nominal, spacing)
+    # by now the size is known: again with rays that end where the contour is, from the centre it has
+    size = np.clip(np.nan_to_num(first.contour[:, 0], nan=1.0), 0.5, 2.0)
+    ellipse, spacing = nominal * size[:, None, None], spacing / size
+    centre, _ = centroids(image, centre, nominal, first, np.zeros_like(centre), (0.0, 0.0), threshold)
+    centre = np.where(np.isfinite(centre), centre, lattice.blobs.uv[lattice.blob[target]])
+    profile = profiles(image, centre, ellipse, spacing)
+    light = light_gradient(centre, profile.contrast, profile.plane if dark else None)
+    noise = noise_model(image, centre, ellipse, profile)
+    uv, cov = centroids(image, centre, ellipse, profile, light, noise, threshold)
+    profile = _recentred(profile, ellipse, uv - centre)
+    fault = shape_faults(image, modulation, uv, ellipse, profile, size, noise, dark)
+    return Dots(target, uv, cov, ellipse * profile.contour[:, 0, None, None], fault)
+
+
+def _recentred(profile: Profiles, ellipse: Array, shift: Array) -> Profiles:
+    """Refer the contour's centre to centroids that have moved by `shift` (m, 2) px."""
+    offset = np.einsum("mij,mj->mi", ellipse, profile.contour[:, 1:3]) - shift
+    return replace(profile, off_centre=np.linalg.norm(offset, axis=1))
+
+
+def _target_set(phase: PhaseMap, lattice: Lattice, dots: Dots, capture: str, options: MeasureOptions) -> TargetSet:
+    """Correct the eccentricity, read the projector coordinates, and tell why the rest is missing."""
+    board = lattice.board
+    good = np.array([not f for f in dots.fault], dtype=bool)
+    target, uv, ellipse = dots.target[good], dots.uv[good], dots.ellipse[good]
+    view = _final_view(lattice, target, uv)
+    shift = eccentricity(view, board.xyz_mm[target], board.radius_mm[target])
+    centre = uv - shift
+    projector, sigma = np.full((len(target), 2), np.nan), np.full((len(target), 2), np.nan)
+    for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
+        if options.projector == "plane":
+            projector[:, axis], sigma[:, axis] = plane_at(values, spread, centre, ellipse)
+        else:
+            projector[:, axis], sigma[:, axis] = bilinear(values, spread, centre)
+        wrong = refuse_jumps(values, centre, ellipse, projector[:, axis], sigma[:, axis])
+        projector[wrong, axis] = np.nan
+        sigma[~np.isfinite(projector[:, axis]), axis] = np.nan
+    faults = {int(t): f for t, f in zip(dots.target, dots.fault, strict=True) if f}
+    missing = reasons(phase, replace(lattice, view=view), faults)
+    return TargetSet(
+        capture=capture,
+        row=board.row[target],
+        col=board.col[target],
+        camera_uv=centre,
+        camera_cov=dots.cov[good],
+        projector_uv=projector,
+        projector_sigma=sigma,
+        eccentricity_px=shift,
+        diameter_px=2 * np.sqrt(np.abs(np.linalg.det(ellipse))),
+        missing=tuple(MissingTarget(int(board.row[i]), int(board.col[i]), why) for i, why in missing.items()),
+    )
+
+
+def _final_view(lattice: Lattice, target: NDArray[np.int64], uv: Array) -> View:
+    """The view fitted to the measured centroids, where there are enough."""
+    if len(target) < 6:
+        return lattice.view
+    return fit_view(lattice.view, lattice.board.xyz_mm[target], uv, radial=len(target) >= 12)

@@ -1,0 +1,127 @@
+"""How a capture sees the board: a pose with the nominal focal length and one radial parameter.
+
+Good enough to predict the neighbourhood of known targets and the eccentricity of circles; it calibrates nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core.geometry import Pose, matrix_from_rotation_vector, pixel_to_image, project
+from core.model import DeviceSpec, Interior
+
+Array = NDArray[np.float64]
+RADIAL_SIGMA = 0.1  # a lens rarely moves the corner of its image by more than a tenth of its radius
+
+
+@dataclass(frozen=True)
+class View:
+    """The camera (nominal c, no principal point, A1 alone, r0 = 0) and its pose relative to the board."""
+
+    spec: DeviceSpec
+    camera_from_board: Pose
+    a1: float = 0.0
+
+    @property
+    def interior(self) -> Interior:
+        """The approximate interior orientation."""
+        return Interior(self.spec.nominal_c_mm, a=(self.a1, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+    def project(self, xyz_mm: Array) -> Array:
+        """Pixels (n, 2) of board points (n, 3); NaN behind the camera or where the radial term has turned round."""
+        uv = project(self.spec, self.interior, xyz_mm, self.camera_from_board)
+        p = self.camera_from_board.apply(xyz_mm)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            r2 = np.sum((self.spec.nominal_c_mm * p[:, :2] / p[:, 2:]) ** 2, axis=1)
+        uv[1.0 + 3.0 * self.a1 * r2 < 0.2] = np.nan
+        return uv
+
+    def jacobian(self, xyz_mm: Array) -> Array:
+        """Pixels per mm on the board at points (n, 3): shape (n, 2, 2), columns along the board's X and Y."""
+        step = 0.01
+        x, y = np.array([step, 0, 0]), np.array([0, step, 0])
+        du = (self.project(xyz_mm + x) - self.project(xyz_mm - x)) / (2 * step)
+        dv = (self.project(xyz_mm + y) - self.project(xyz_mm - y)) / (2 * step)
+        return np.stack([du, dv], axis=2)
+
+
+def first_view(spec: DeviceSpec, xyz_mm: Array, uv: Array) -> View | None:
+    """View from at least 4 identified targets, None where no pose puts them in front of the camera."""
+    xy = pixel_to_image(spec, uv) / spec.nominal_c_mm
+    plane = np.ascontiguousarray(np.stack([xy[:, 0], -xy[:, 1]], axis=1))  # y down, looking along +Z
+    try:
+        found, turns, shifts, _ = cv2.solvePnPGeneric(
+            np.ascontiguousarray(xyz_mm), plane, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP
+        )
+    except cv2.error:
+        return None
+    flip = np.diag([1.0, -1.0, -1.0])
+    best: tuple[float, View] | None = None
+    for k in range(found):
+        R = flip @ matrix_from_rotation_vector(np.ravel(turns[k]))
+        view = fit_view(View(spec, Pose(R, flip @ np.ravel(shifts[k]))), xyz_mm, uv, radial=False)
+        error = float(np.sum((view.project(xyz_mm) - uv) ** 2))
+        if np.isfinite(error) and (best is None or error < best[0]):
+            best = error, view
+    return None if best is None else best[1]
+
+
+def fit_view(start: View, xyz_mm: Array, uv: Array, *, radial: bool, iterations: int = 8) -> View:
+    """Fit the pose (and A1, held near 0 by `RADIAL_SIGMA`) to identified targets by damped Gauss-Newton steps."""
+    spec, c = start.spec, start.spec.nominal_c_mm
+    measured = pixel_to_image(spec, uv)
+    pitch = float(np.mean(spec.pitch_mm))
+    corner2 = (spec.width * spec.pitch_mm[0] / 2) ** 2 + (spec.height * spec.pitch_mm[1] / 2) ** 2
+    prior = pitch * corner2 / RADIAL_SIGMA if radial else 1e12
+    view, cost, damping = start, np.inf, 1e-6
+    J = r = np.zeros(0)
+    step = np.zeros(7)
+    for _ in range(iterations):
+        R, t, a1 = view.camera_from_board.rotation, view.camera_from_board.translation_mm, view.a1
+        trial = view
+        if len(r):
+            turn = matrix_from_rotation_vector(step[:3])
+            trial = View(spec, Pose(turn @ R, t + step[3:6]), a1 + step[6] if radial else 0.0)
+        J_new, r_new = _linearised(trial, c, xyz_mm, measured)
+        new_cost = float(r_new @ r_new) + (prior * trial.a1) ** 2
+        if not np.isfinite(new_cost) or new_cost > cost * (1 + 1e-12):
+            damping *= 100
+        else:
+            done = cost - new_cost < 1e-10 * new_cost
+            view, cost, J, r, damping = trial, new_cost, J_new, r_new, damping / 10
+            if done:
+                break
+        if not len(r):
+            break
+        N = J.T @ J
+        N[6, 6] += prior**2
+        b = J.T @ r
+        b[6] -= prior**2 * view.a1
+        N[np.diag_indices(7)] *= 1 + damping
+        step = np.linalg.lstsq(N, b, rcond=1e-15)[0]
+    return view
+
+
+def _linearised(view: View, c: float, xyz_mm: Array, measured: Array) -> tuple[Array, Array]:
+    """Jacobian (2n, 7) by turn, shift and A1, and residuals (2n,), mm in the image."""
+    turned = xyz_mm @ view.camera_from_board.rotation.T
+    p = turned + view.camera_from_board.translation_mm
+    with np.errstate(all="ignore"):
+        z = np.where(p[:, 2] < 0, p[:, 2], np.nan)
+        x, y = -c * p[:, 0] / z, -c * p[:, 1] / z
+        zero = np.zeros_like(z)
+        gx = np.stack([-c / z, zero, c * p[:, 0] / z**2], axis=1)
+        gy = np.stack([zero, -c / z, c * p[:, 1] / z**2], axis=1)
+        r2 = x * x + y * y
+        a = view.a1
+        dx = (1 + a * (r2 + 2 * x * x))[:, None] * gx + (2 * a * x * y)[:, None] * gy
+        dy = (2 * a * x * y)[:, None] * gx + (1 + a * (r2 + 2 * y * y))[:, None] * gy
+        residual = measured - np.stack([x, y], axis=1) * (1 + a * r2)[:, None]
+    # d(turn x p) = turned x derivative, because the turn is applied from the left
+    rows_x = np.concatenate([np.cross(turned, dx), dx, (x * r2)[:, None]], axis=1)
+    rows_y = np.concatenate([np.cross(turned, dy), dy, (y * r2)[:, None]], axis=1)
+    return np.stack([rows_x, rows_y], axis=1).reshape(-1, 7), residual.reshape(-1)
