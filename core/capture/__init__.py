@@ -1,1 +1,29 @@
-"""."""
+"""Recording a sequence so that no frame can be stored under the name of a pattern it does not show.
+
+plan.py      what shall be recorded, as plain data
+run.py       the loop: show, wait, take, store; verify; take again
+store.py     shots on disk, the transcript, and how an interrupted capture resumes
+identity.py  which pattern a frame shows, told from the images alone
+quality.py   saturation, modulation, movement, the lamp
+finding.py   what a check found, in words and figures
+"""
+
+from core.capture.finding import Finding
+from core.capture.plan import Plan, describe, make_plan
+from core.capture.run import CaptureReport, Loop, run_capture, verify
+from core.capture.store import Status, Store, capture_status, open_store
+
+__all__ = [
+    "CaptureReport",
+    "Finding",
+    "Loop",
+    "Plan",
+    "Status",
+    "Store",
+    "capture_status",
+    "describe",
+    "make_plan",
+    "open_store",
+    "run_capture",
+    "verify",
+]

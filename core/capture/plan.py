@@ -1,0 +1,124 @@
+"""What a capture shall record, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import numpy as np
+
+from core.errors import InputError, PatternRefusedError
+from core.model import Project, Role
+from core.patterns import Code, Pattern, Phase, White, brightness, pattern_to_dict, reference_sequence
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The patterns of a capture in the order they are shown, and what the capture is for.
+
+    Before the first and after the last pattern the `guards` are shown: frames that are compared with each other to see
+    movement and the lamp's drift, and that are no part of the capture.
+    """
+
+    name: str
+    role: Role
+    patterns: tuple[Pattern, ...]
+    guards: tuple[Pattern, ...]
+    testfield: str | None = None
+    z_mm: float | None = None
+    angle_deg: float | None = None
+
+    @property
+    def shots(self) -> tuple[Pattern, ...]:
+        """Everything that is shown: guards, patterns, and the guards in reverse."""
+        return (*self.guards, *self.patterns, *self.guards[::-1])
+
+    @property
+    def own(self) -> range:
+        """Which shots are frames of the capture."""
+        return range(len(self.guards), len(self.guards) + len(self.patterns))
+
+    @property
+    def guard_pairs(self) -> list[tuple[int, int]]:
+        """Shots of the same guard, before and after."""
+        return [(i, len(self.shots) - 1 - i) for i in range(len(self.guards))]
+
+
+def make_plan(
+    project: Project,
+    name: str,
+    role: str,
+    *,
+    patterns: Sequence[Pattern] | None = None,
+    testfield: str | None = None,
+    z_mm: float | None = None,
+    angle_deg: float | None = None,
+) -> Plan:
+    """Plan a capture of a project; by default the reference sequence for the projector's size.
+
+    Raises
+    ------
+    InputError
+        For a name that is no folder name, an unknown role, a depth capture without its z, an empty sequence.
+    """
+    where = f"capture {name!r}"
+    if not name or name != name.strip() or name.startswith(".") or any(c in name for c in '/\\:*?"<>|'):
+        raise InputError("capture", f"name {name!r}", "use a plain folder name of letters, digits, - and _")
+    if role not in get_args(Role):
+        raise InputError(where, f"role {role!r}", f"use {', '.join(get_args(Role))}")
+    if role == "depth" and z_mm is None:
+        raise InputError(where, "role depth without z", "give the plate's position along its axis in mm")
+    for key, value in (("z_mm", z_mm), ("angle_deg", angle_deg)):
+        if value is not None and not np.isfinite(value):
+            raise InputError(where, f"{key} is {value}", "give a finite number")
+    if role in ("testfield", "depth") and testfield is None and (project.path / "testfield.csv").is_file():
+        testfield = "testfield.csv"
+    if testfield is not None and not (project.path / testfield).is_file():
+        raise InputError(project.path / testfield, "no such testfield", "give its path from the project's folder")
+    lines = project.projector.width, project.projector.height
+    chosen = tuple(reference_sequence(*lines) if patterns is None else patterns)
+    if not chosen:
+        raise InputError(where, "no patterns", "plan at least one")
+    return Plan(name, role, chosen, _guards(chosen, lines), testfield, z_mm, angle_deg)  # type: ignore[arg-type]
+
+
+def check_shown(plan: Plan, refusal: Any, projector: str) -> None:
+    """See that the projector can show everything before anything is shown.
+
+    Raises
+    ------
+    PatternRefusedError
+    """
+    for pattern in plan.shots:
+        if reason := refusal(pattern):
+            raise PatternRefusedError(projector, f"cannot show {describe(pattern)}", reason)
+
+
+def describe(pattern: Pattern) -> str:
+    """Name a pattern in words.
+
+    Examples
+    --------
+    >>> describe(Code("gray", "x", 3, 9, 2))
+    'gray bit 3 of 9 across columns'
+    """
+    along = "columns" if getattr(pattern, "axis", "x") == "x" else "rows"
+    if isinstance(pattern, Code):
+        return f"{'inverse ' * pattern.inverse}{pattern.kind} bit {pattern.bit} of {pattern.bits} across {along}"
+    if isinstance(pattern, Phase):
+        return f"{pattern.profile} step {pattern.step} of {pattern.steps}, period {pattern.period:g} across {along}"
+    data = pattern_to_dict(pattern)
+    return f"line {data['index']} of the {along}" if "index" in data else str(data["kind"])
+
+
+def _guards(patterns: Sequence[Pattern], lines: tuple[int, int]) -> tuple[Pattern, ...]:
+    """White shows the object's own movement and the lamp, the finest stripes its movement in depth."""
+
+    def changes(pattern: Pattern) -> int:
+        line = brightness(pattern, np.arange(lines[0 if getattr(pattern, "axis", "x") == "x" else 1]))
+        return int(np.count_nonzero(np.diff(line > 0.5)))
+
+    finest = max(patterns, key=changes)
+    white: tuple[Pattern, ...] = (White(),)
+    return white if changes(finest) == 0 else (*white, finest)

@@ -1,0 +1,180 @@
+"""The checks of a capture's light: saturation, modulation, movement, the lamp. Each returns one finding in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.capture.finding import Finding, Level
+from core.capture.plan import Plan
+from core.patterns import Black, Phase, White
+
+Array = NDArray[np.float64]
+SAMPLES = 40_000
+LIT = 0.01  # of the image must be lit by the projector
+MOVED_PX = 0.1  # a tenth of a pixel is ten times the centroid's precision
+MOVED_LINES = 0.15  # about what the phase of the reference rig resolves in a single pixel
+DRIFT = 0.02  # two per cent of light between first and last frame is a fifth of a phase step's noise
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """The grey values of all shots at some ten thousand pixels.
+
+    `grey` is (shots, n); `at` (2, n) holds the rows and columns of the pixels; `white`, `black` (n,) the brightest and
+    darkest light, `noise` the standard deviation of a grey value. `full` is the grey value of saturation.
+    """
+
+    grey: Array
+    at: NDArray[np.intp]
+    shape: tuple[int, int]
+    white: Array
+    black: Array
+    noise: float
+    full: int
+
+    @property
+    def lit(self) -> NDArray[np.bool_]:
+        """Which pixels the projector lights well enough to judge, (n,)."""
+        return self.white - self.black > max(10 * self.noise, 0.02 * self.full)
+
+
+def sample_grid(shape: tuple[int, int]) -> NDArray[np.intp]:
+    """Choose about `SAMPLES` pixels evenly over an image, shape (2, n) of rows and columns."""
+    stride = max(1.0, sqrt(shape[0] * shape[1] / SAMPLES))
+    rows, cols = (np.unique(np.arange(stride / 2, n, stride).astype(np.intp)) for n in shape)
+    grid = np.meshgrid(rows, cols, indexing="ij")
+    return np.stack([axis.ravel() for axis in grid])
+
+
+def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, int], full: int) -> Sampled:
+    """Find white, black and noise of the sampled pixels in a way that a few wrong shots cannot spoil.
+
+    White is the median of all white shots and of the 90 % level, black the darker of the black shot and the 10 %
+    level of all shots.
+    """
+    shots = plan.shots
+    own = grey[list(plan.own)]
+    high, low = np.quantile(own, [0.9, 0.1], axis=0)
+    whites = [grey[i] for i, pattern in enumerate(shots) if isinstance(pattern, White)]
+    blacks = [grey[i] for i, pattern in enumerate(shots) if isinstance(pattern, Black)]
+    white = np.median([*whites, high], axis=0) if whites else high
+    black = np.min([*blacks, low], axis=0)
+    noise = 1.0
+    if plan.guards:
+        noise = min(_noise(grey[first], grey[last]) for first, last in plan.guard_pairs)
+        bright = white - black > max(10 * noise, 0.02 * full)  # where the light is, the noise is greater
+        if bright.any():
+            noise = min(_noise(grey[first][bright], grey[last][bright]) for first, last in plan.guard_pairs)
+    return Sampled(grey, at, shape, white, black, max(noise, 0.3), full)  # 0.3: rounding to whole grey values
+
+
+def saturation(sampled: Sampled) -> Finding:
+    """See whether the brightest light exceeds what the camera can tell."""
+    lit = sampled.lit
+    if not lit.any():
+        return Finding("saturation", "good", "nothing is saturated")
+    share = float(np.mean(sampled.white[lit] >= sampled.full))
+    top = float(np.quantile(sampled.white[lit], 0.98)) / sampled.full
+    figures = {"saturated": share, "brightest": top}
+    if share > 0.002:
+        advice = "shorten the exposure or close the aperture"
+        return Finding("saturation", "warning", f"{share:.1%} of the lit pixels are saturated: {advice}", figures)
+    return Finding("saturation", "good", f"nothing is saturated, the brightest light uses {top:.0%} of range", figures)
+
+
+def modulation(plan: Plan, sampled: Sampled) -> Finding:
+    """See whether the projector lights the scene, and what its finest stripes are worth."""
+    lit, shots = sampled.lit, plan.shots
+    share = float(lit.mean())
+    if share < LIT:
+        text = (
+            f"only {share:.1%} of the image is lit by the projector: look whether its lamp is on, its lens is open "
+            "and the exposure is long enough"
+        )
+        return Finding("modulation", "bad", text, {"lit": share}, tuple(plan.own))
+    words, figures, level = [f"{share:.0%} of the image is lit"], {"lit": share}, "good"
+    for axis, along in (("x", "columns"), ("y", "rows")):
+        steps = [i for i in plan.own if isinstance(p := shots[i], Phase) and p.axis == axis]
+        if not steps:
+            continue
+        period = min(p.period for i in steps if isinstance(p := shots[i], Phase))
+        fine = [i for i in steps if isinstance(p := shots[i], Phase) and p.period == period]
+        swing = np.ptp(sampled.grey[fine][:, lit], axis=0) / 2
+        c = float(np.median(swing))
+        sigma = sampled.noise / max(sqrt(2) * c, 1e-9) * period / (2 * pi)
+        figures |= {f"modulation_{axis}": c, f"sigma_{axis}_lines": sigma}
+        words.append(f"stripes across {along}: modulation {c:.0f} grey values, {sigma:.2f} lines in one pixel")
+        if c < 5 * sampled.noise:
+            level = "warning"
+            words.append("which is little: focus, darken the room or expose longer")
+    return Finding("modulation", _level(level), "; ".join(words), figures)
+
+
+def lamp(plan: Plan, sampled: Sampled) -> Finding:
+    """Compare the light before and after."""
+    if not plan.guards or not sampled.lit.any():
+        return Finding("lamp", "good", "the lamp was not compared")
+    first, last = plan.guard_pairs[0]
+    before, after = sampled.grey[first][sampled.lit], sampled.grey[last][sampled.lit]
+    drift = float(np.median(after) / max(float(np.median(before)), 1e-9) - 1)
+    if abs(drift) > DRIFT:
+        text = f"the light changed by {drift:+.1%} during the capture: let the lamp warm up, keep daylight out"
+        return Finding("lamp", "warning", text, {"drift": drift})
+    return Finding("lamp", "good", f"the light changed by {drift:+.2%}", {"drift": drift})
+
+
+def movement(plan: Plan, first: list[Array], last: list[Array], noise: float) -> Finding:
+    """Compare the guards before and after, shape (H, W) each: white for the object, stripes for its depth.
+
+    The shift of the white image is estimated by least squares from its gradients; the stripes' movement from the
+    difference that noise does not explain.
+    """
+    if not first:
+        return Finding("movement", "good", "movement was not looked for: the sequence has no guards")
+    shift, sigma = _shift(first[0], last[0], noise)
+    figures = {"shift_px": shift, "shift_sigma_px": sigma}
+    lines = 0.0
+    if len(first) > 1:
+        stripes = float(np.std(first[1] - np.median(first[1] / np.maximum(first[0], 1)) * first[0]))
+        gain = float(np.sum(first[1] * last[1]) / max(float(np.sum(first[1] ** 2)), 1e-9))
+        rest = last[1] - gain * first[1]
+        excess = sqrt(max(float(np.mean(rest**2)) - 2.2 * noise**2, 0.0))
+        pattern = plan.guards[1]
+        period = pattern.period if isinstance(pattern, Phase) else 4.0 * getattr(pattern, "cell", 1)
+        lines = excess / max(stripes, 1e-9) * period / (2 * pi)
+        figures["stripes_lines"] = lines
+    if (shift > MOVED_PX and shift > 5 * sigma) or lines > MOVED_LINES:
+        text = (
+            f"the scene moved between first and last frame (image {shift:.2f} px, stripes {lines:.2f} lines): "
+            "fasten camera, projector and object, and capture again"
+        )
+        return Finding("movement", "warning", text, figures)
+    return Finding("movement", "good", f"nothing moved (image {shift:.3f} px, stripes {lines:.2f} lines)", figures)
+
+
+def _noise(a: Array, b: Array) -> float:
+    """Standard deviation of a grey value from two shots of the same light, whatever the lamp did between."""
+    gain = float(np.median(b)) / max(float(np.median(a)), 1e-9)
+    difference = b - gain * a
+    return float(1.4826 * np.median(np.abs(difference - np.median(difference))) / sqrt(1 + gain**2))
+
+
+def _shift(a: Array, b: Array, noise: float) -> tuple[float, float]:
+    """Estimate how far image b is shifted against a, px, and the standard deviation of that, px."""
+    gain = float(np.median(b)) / max(float(np.median(a)), 1e-9)
+    smooth = (a[1:-1, 1:-1] + (b / max(gain, 1e-9))[1:-1, 1:-1]) / 2
+    gy, gx = np.gradient(smooth)
+    d = (b / max(gain, 1e-9) - a)[1:-1, 1:-1]
+    N = np.array([[np.sum(gx * gx), np.sum(gx * gy)], [np.sum(gx * gy), np.sum(gy * gy)]])
+    N += np.eye(2) * 1e-9 * max(float(np.trace(N)), 1.0)
+    shift = -np.linalg.solve(N, np.array([np.sum(gx * d), np.sum(gy * d)]))
+    sigma = sqrt(2) * noise / sqrt(max(float(np.linalg.eigvalsh(N)[0]), 1e-9))
+    return float(np.hypot(*shift)), sigma
+
+
+def _level(text: str) -> Level:
+    return "warning" if text == "warning" else "good"

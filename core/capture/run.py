@@ -1,0 +1,262 @@
+"""The loop: show, wait until the light is steady, take, store; verify every frame; take again what is wrong."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.capture.finding import Finding
+from core.capture.identity import identity
+from core.capture.plan import Plan, check_shown, describe, make_plan
+from core.capture.quality import lamp, modulation, movement, sample_grid, saturation, summarise
+from core.capture.store import Store, open_store
+from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
+from core.errors import DeviceError, InputError, PatternRefusedError
+from core.model import Project
+from core.patterns import Pattern
+from core.progress import SILENT, Progress
+from core.project import write_json
+
+ROUNDS = 4  # times that wrong frames are taken again before the capture is given up
+TRIES = 3  # at one frame, when the camera does not deliver
+
+
+@dataclass(frozen=True)
+class CaptureReport:
+    """How a capture went."""
+
+    folder: Path
+    frames: int
+    findings: tuple[Finding, ...]
+    retakes: int
+    seconds: float
+    resumed: int = 0  # frames that an interrupted run had taken before
+
+    @property
+    def words(self) -> list[str]:
+        """The findings in words, warnings first."""
+        order = {"bad": 0, "warning": 1, "good": 2}
+        return [finding.text for finding in sorted(self.findings, key=lambda f: order[f.level])]
+
+
+def run_capture(
+    project: Project,
+    name: str,
+    role: str,
+    projector_url: str,
+    camera_url: str,
+    *,
+    patterns: Sequence[Pattern] | None = None,
+    z_mm: float | None = None,
+    angle_deg: float | None = None,
+    testfield: str | None = None,
+    progress: Progress = SILENT,
+) -> CaptureReport:
+    """Record one sequence into ``captures/NAME`` of a project, or go on with one that was interrupted.
+
+    Parameters
+    ----------
+    project : Project
+    name : str
+        The new capture's folder.
+    role : str
+        One of `core.model.Role`.
+    projector_url, camera_url : str
+        As `core.devices.open_projector` and `open_camera` take them.
+    patterns : sequence of Pattern, optional
+        Without it the sequence that the projector is made for, else the reference sequence of its size.
+    z_mm, angle_deg, testfield
+        As capture.json holds them; the testfield is a path from the project.
+
+    Raises
+    ------
+    InputError
+        Before anything is written: bad URLs, names, roles, sizes.
+    DeviceError
+        If a device fails, or frames still do not show what they claim after `ROUNDS` rounds. What was taken stays on
+        disk and the same call goes on with it.
+    """
+    make_plan(project, name, role, patterns=patterns, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)
+    notes: list[tuple[str, str]] = []
+
+    def note(who: str, what: str) -> None:
+        notes.append((who, what))
+
+    with closing(open_projector(projector_url, note)) as projector, closing(open_camera(camera_url, note)) as camera:
+        _check_sizes(project, projector, camera)
+        chosen = patterns if patterns is not None else projector.sequence
+        plan = make_plan(project, name, role, patterns=chosen, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)
+        plan = replace(plan, guards=tuple(g for g in plan.guards if projector.refusal(g) is None))
+        check_shown(plan, projector.refusal, projector.name)
+        store = open_store(project.path / "captures" / name, plan)
+        loop = Loop(store, projector, camera, notes)
+        report = loop.run(progress)
+    _list_in_project(project, name)
+    return report
+
+
+class Loop:
+    """One capture being taken: the store, the two devices, and the projector's settle time as far as it is known."""
+
+    def __init__(
+        self, store: Store, projector: Projector, camera: Camera, notes: list[tuple[str, str]] | None = None
+    ) -> None:
+        self.store, self.projector, self.camera = store, projector, camera
+        self.plan: Plan = store.plan
+        self.settle_s = projector.settle_s
+        self.notes = notes if notes is not None else []
+        self._loaded = False
+
+    def run(self, progress: Progress = SILENT) -> CaptureReport:
+        """Take what is missing, verify everything, take wrong frames again, and finish.
+
+        Raises
+        ------
+        DeviceError
+        """
+        start, resumed, retakes = time.monotonic(), len(self.store.shots), 0
+        whole_again = False
+        for attempt in range(ROUNDS + 1):
+            missing = [i for i in range(len(self.plan.shots)) if i not in self.store.shots]
+            retakes += len(missing) if attempt else 0
+            for i in progress.part(0.9 * attempt / (attempt + 1), 0.9).over(missing, "frame {}"):
+                self._take(i)
+            findings = verify(self.store, (self.projector.size[0], self.projector.size[1]))
+            wrong = sorted({i for f in findings if f.level == "bad" for i in f.shots})
+            moved = next((f for f in findings if f.check == "movement" and f.level != "good"), None)
+            if not wrong and moved and not whole_again:
+                wrong, whole_again = list(range(len(self.plan.shots))), True
+                self.store.drop(wrong, moved.text)
+                continue
+            if not wrong:
+                self._write_notes()
+                self.store.finish(findings, time.monotonic() - start, retakes)
+                progress(1.0, "verified")
+                own = len(self.plan.patterns)
+                return CaptureReport(
+                    self.store.folder, own, tuple(findings), retakes, time.monotonic() - start, resumed
+                )
+            reasons = "; ".join(f.text for f in findings if f.level == "bad")
+            self.store.drop(wrong, reasons)
+            self.settle_s = min(2 * self.settle_s + 0.005, 1.0)  # perhaps the light was not steady yet
+            self._loaded = False  # perhaps what the device has stored is not what was sent
+        raise DeviceError(
+            self.store.folder,
+            f"after {ROUNDS} further tries {reasons}",
+            "check the projector's settle time, its cable and the camera's trigger; then start the same capture again",
+        )
+
+    def _take(self, planned: int) -> None:
+        """Show, wait until steady, expose, store."""
+        pattern = self.plan.shots[planned]
+        for attempt in range(TRIES):
+            try:
+                self._show(planned)
+                wait_until(time.monotonic() + self.settle_s)
+                image = self.camera.grab()
+                break
+            except PatternRefusedError:
+                raise
+            except DeviceError as error:
+                self.store.note("failed", planned=planned, reason=str(error))
+                self._loaded = False
+                if attempt + 1 == TRIES:
+                    self._write_notes()
+                    raise
+        self._write_notes()
+        self._check_image(image, pattern)
+        self.store.keep(planned, image)
+
+    def _show(self, planned: int) -> None:
+        shots = self.plan.shots
+        if self.projector.capacity < len(shots):
+            self.projector.show(shots[planned])
+            return
+        if not self._loaded:
+            self.projector.load(shots)
+            self._loaded = True
+        self.projector.step(planned)
+
+    def _check_image(self, image: Image, pattern: Pattern) -> None:
+        known = next(iter(self.store.shots), None)
+        expected = self.store.read(known).shape if known is not None and len(self.store.shots) == 1 else None
+        if image.pixels.ndim != 2 or (expected is not None and image.pixels.shape != expected):
+            raise DeviceError(
+                self.camera.name,
+                f"an image of shape {image.pixels.shape} for {describe(pattern)}",
+                "set the camera to one size and to grey values for the whole capture",
+            )
+
+    def _write_notes(self) -> None:
+        for who, what in self.notes:
+            self.store.note("device", who=who, what=what)
+        self.notes.clear()
+
+
+def verify(store: Store, lines: tuple[int, int]) -> list[Finding]:
+    """Read all shots back from disk and run every check on them.
+
+    Parameters
+    ----------
+    store : Store
+        With every planned shot taken.
+    lines : (int, int)
+        The projector's columns and rows.
+    """
+    plan = store.plan
+    at: NDArray[np.intp] | None = None
+    grey: list[Any] = []
+    for i in range(len(plan.shots)):
+        pixels = store.read(i)
+        if at is None:
+            at, shape = sample_grid(pixels.shape), pixels.shape
+        if pixels.shape != shape:
+            raise DeviceError(
+                store.folder / store.shots[i].file,
+                f"{pixels.shape[1]}x{pixels.shape[0]} px among frames of {shape[1]}x{shape[0]} px",
+                "remove the capture's folder and set the camera to one size",
+            )
+        grey.append(pixels[at[0], at[1]].astype(np.float64))
+    assert at is not None  # a plan has at least one shot
+    full = (1 << store.shots[0].bits) - 1
+    sampled = summarise(plan, np.array(grey), at, shape, full)
+    before = [store.read(i).astype(np.float64) for i, _ in plan.guard_pairs]
+    after = [store.read(i).astype(np.float64) for _, i in plan.guard_pairs]
+    return [
+        *identity(plan, sampled, lines),
+        modulation(plan, sampled),
+        saturation(sampled),
+        lamp(plan, sampled),
+        movement(plan, before, after, sampled.noise),
+    ]
+
+
+def _check_sizes(project: Project, projector: Projector, camera: Camera) -> None:
+    for device, spec, size, unit in (
+        ("projector", project.projector, projector.size, "lines"),
+        ("camera", project.camera, camera.size, "px"),
+    ):
+        if size is not None and tuple(size) != (spec.width, spec.height):
+            raise InputError(
+                project.path / "project.json",
+                f"{device} is {spec.width}x{spec.height}, the device has {size[0]}x{size[1]} {unit}",
+                f"correct the {device} in project.json or connect the device it describes",
+            )
+
+
+def _list_in_project(project: Project, name: str) -> None:
+    """Add the capture to project.json, whatever else has been added there meanwhile."""
+    path = project.path / "project.json"
+    entry = f"captures/{name}"
+    data = json.loads(path.read_text(encoding="utf-8-sig"))
+    if entry not in data.setdefault("captures", []):
+        data["captures"].append(entry)
+        write_json(path, data)

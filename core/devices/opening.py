@@ -1,0 +1,97 @@
+"""From a URL to a device."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from weakref import WeakValueDictionary
+
+from core.devices.address import Address, parse_address
+from core.devices.faults import CAMERA_FAULTS, parse_faults
+from core.devices.protocol import Camera, Note, Projector, no_note
+from core.devices.scene import FlatScene, Scene
+from core.devices.stored import FolderCamera, ReplayScene
+from core.devices.virtual import Stage, VirtualCamera, VirtualProjector
+from core.errors import InputError
+
+PROJECTOR_KINDS = {
+    "virtual": "virtual:SCENE, a scene of the virtual bench such as virtual:quick?pose=3, or virtual:flat",
+    "replay": "replay:FOLDER, a stored capture",
+}
+CAMERA_KINDS = {
+    "virtual": "virtual:SCENE, together with a virtual projector of the same scene",
+    "replay": "replay:FOLDER, together with a replaying projector",
+    "folder": "folder:FOLDER, images that another program writes",
+}
+_SCENE_OPTIONS = ("pose", "shot", "seed")
+_stages: WeakValueDictionary[str, Stage] = WeakValueDictionary()
+
+
+def open_projector(url: str, note: Note = no_note) -> Projector:
+    """Open the projector that a URL names.
+
+    Parameters
+    ----------
+    url : str
+        One of `PROJECTOR_KINDS`.
+    note : callable
+        Receives what the device does beside what it was asked: retries, reconnections.
+
+    Raises
+    ------
+    InputError
+        If the URL is wrong; it lists what is allowed.
+    DeviceError
+        If the device does not answer.
+    """
+    address = parse_address(url)
+    match address.kind:
+        case "virtual" | "replay":
+            stage = open_stage(address)
+            settle_s = address.real("settle_ms", 0.0, 0.0, 10_000.0) / 1000
+            capacity = address.integer("capacity", 256, 0, 100_000)
+            address.finish()
+            return VirtualProjector(stage, settle_s, capacity)
+    raise _unknown(address, "projector", PROJECTOR_KINDS)
+
+
+def open_camera(url: str, note: Note = no_note) -> Camera:
+    """Open the camera that a URL names, one of `CAMERA_KINDS`; otherwise as `open_projector`."""
+    address = parse_address(url)
+    match address.kind:
+        case "virtual" | "replay":
+            stage = open_stage(address)
+            faults = parse_faults(address.text("faults", ""), CAMERA_FAULTS, url, address.integer("fault_seed", 0))
+            exposure_s = address.real("exposure_ms", 0.0, 0.0, 60_000.0) / 1000
+            address.finish()
+            return VirtualCamera(stage, exposure_s, faults)
+        case "folder":
+            bits = address.integer("bits", 0, 0, 16)
+            address.finish()
+            return FolderCamera(Path(address.place), bits)
+    raise _unknown(address, "camera", CAMERA_KINDS)
+
+
+def open_stage(address: Address) -> Stage:
+    """Give the stage of a scene; projector and camera that name the same scene share it while either is open."""
+    chosen = [address.options.get(name) for name in _SCENE_OPTIONS]
+    address.asked.update(_SCENE_OPTIONS)
+    seed = address.integer("seed", 0)
+    key = repr((address.kind, address.place, chosen))
+    stage = _stages.get(key)
+    if stage is None:
+        stage = _stages[key] = Stage(_scene(address, seed), seed)
+    return stage
+
+
+def _scene(address: Address, seed: int) -> Scene:
+    if address.kind == "replay":
+        return ReplayScene(Path(address.place))
+    if address.place == "flat":
+        return FlatScene()
+    from core.devices.benchscene import bench_scene  # the bench compiles its kernels: only on demand
+
+    return bench_scene(address, seed)
+
+
+def _unknown(address: Address, what: str, kinds: dict[str, str]) -> InputError:
+    return InputError(address.url, f"no {what} of kind {address.kind!r}", "use " + "; ".join(kinds.values()))

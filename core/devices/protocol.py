@@ -1,0 +1,123 @@
+"""What a projector and a camera promise to whoever captures with them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
+
+from core.patterns import Pattern, Phase
+
+Pixels = NDArray[Any]  # (H, W), uint8 or uint16
+Note = Callable[[str, str], None]  # who, what: a device tells the transcript what it did beside the asked
+
+
+def no_note(who: str, what: str) -> None:
+    """Drop what a device tells."""
+
+
+@dataclass(frozen=True)
+class Image:
+    """One exposure: grey values of shape (H, W), of which the lowest `bits` bits are used.
+
+    `time_s` is the time of `time.monotonic` at which the exposure began; where the device cannot tell, at which the
+    image arrived.
+    """
+
+    pixels: Pixels
+    bits: int
+    time_s: float
+
+    @property
+    def full(self) -> int:
+        """The grey value at which the sensor is saturated."""
+        return (1 << self.bits) - 1
+
+
+class Projector(Protocol):
+    """Something that shows patterns.
+
+    `show`, `load` and `step` return once the device has acknowledged and within a bounded time, or raise `DeviceError`
+    saying what to check. From then on the light is steady after `settle_s`.
+    """
+
+    name: str
+    settle_s: float
+    capacity: int  # how many patterns `load` takes; 0: patterns are sent one by one
+    sequence: tuple[Pattern, ...] | None  # the one it is made for; None: the reference sequence of its size
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and rows, in lines."""
+        ...
+
+    def refusal(self, pattern: Pattern) -> str | None:
+        """Why this pattern cannot be shown, in words; None if it can."""
+        ...
+
+    def show(self, pattern: Pattern) -> None:
+        """Show one pattern.
+
+        Raises
+        ------
+        PatternRefusedError, DeviceError
+        """
+        ...
+
+    def load(self, patterns: Sequence[Pattern]) -> None:
+        """Store a sequence in the device; nothing is shown yet."""
+        ...
+
+    def step(self, index: int) -> None:
+        """Show pattern `index` of the loaded sequence."""
+        ...
+
+    def close(self) -> None:
+        """Let the device go; a second call does nothing."""
+        ...
+
+
+class Camera(Protocol):
+    """Something that takes images."""
+
+    name: str
+
+    @property
+    def bits(self) -> int:
+        """How many bits of a grey value are used."""
+        ...
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """Width and height in px; None where the device cannot tell before its first image."""
+        ...
+
+    def grab(self, timeout_s: float = 5.0) -> Image:
+        """Take one image whose exposure begins after the call, never one that waited in a buffer.
+
+        Raises
+        ------
+        DeviceError
+            When no image has come within the time.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let the device go; a second call does nothing."""
+        ...
+
+
+def refuse_grey(pattern: Pattern) -> str | None:
+    """Say why a device of lines that are on or off cannot show a pattern."""
+    if isinstance(pattern, Phase) and pattern.profile == "sine":
+        return 'it shows black or white only, and the pattern has profile "sine": use "square"'
+    return None
+
+
+def wait_until(moment_s: float) -> None:
+    """Sleep until a moment of `time.monotonic`; never shorter, whatever the clock's grain."""
+    while (rest := moment_s - time.monotonic()) > 0:
+        time.sleep(rest)

@@ -1,0 +1,120 @@
+"""Images that are files: a replayed capture, and a folder that another program fills."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from core.devices.protocol import Image, Pixels
+from core.devices.scene import Lines
+from core.errors import DeviceError, InputError, PatternRefusedError
+from core.patterns import Pattern
+from core.project import find_project, read_capture, read_image, read_project
+
+_ENDINGS = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
+
+
+class ReplayScene:
+    """The frames of a capture: lit by a pattern, the scene looks as it did in the frame of that pattern."""
+
+    def __init__(self, folder: Path) -> None:
+        capture = read_capture(folder)
+        self.folder = folder
+        self._frames = {frame.pattern: frame.path for frame in capture.frames}
+        self.sequence = tuple(frame.pattern for frame in capture.frames)
+        first = read_image(capture.frames[0].path)
+        self.camera_size = (first.shape[1], first.shape[0])
+        self.bits = 8 * first.dtype.itemsize
+        project = find_project(folder)
+        if project is None:
+            raise InputError(folder, "a capture outside any project", "replay a capture inside its project folder")
+        spec = read_project(project).projector
+        self.projector_size = (spec.width, spec.height)
+
+    def refusal(self, pattern: Pattern) -> str | None:
+        """Why a pattern cannot be replayed."""
+        return None if pattern in self._frames else f"the capture {self.folder.name} holds no frame of this pattern"
+
+    def frame(self, pattern: Pattern, seed: int) -> Pixels:
+        """Read the frame of a pattern; a pattern that was not captured is refused."""
+        path = self._frames.get(pattern)
+        if path is None:
+            raise PatternRefusedError(self.folder, f"pattern {pattern.kind}", "replay only what was captured")
+        return read_image(path)
+
+    def frame_lines(self, columns: Lines, rows: Lines, seed: int) -> Pixels:
+        """Refuse: a replay knows patterns only."""
+        raise DeviceError(self.folder, "asked for single lines", "replay with a replay projector")
+
+
+class FolderCamera:
+    """Any camera whose program writes its images into a folder: each new file is one image.
+
+    Parameters
+    ----------
+    folder : Path
+    bits : int
+        How many bits of a grey value the camera uses; 0: all that the file has.
+    quiet_s : float
+        A file is complete when its size has not changed for this time and it can be read.
+    """
+
+    def __init__(self, folder: Path, bits: int = 0, quiet_s: float = 0.05) -> None:
+        if not folder.is_dir():
+            raise InputError(folder, "no such folder", "give the folder that the camera's program writes into")
+        self.name, self.folder, self.quiet_s = f"folder camera {folder}", folder, quiet_s
+        self._bits = bits
+        self._size: tuple[int, int] | None = None
+        self._seen = self._list()
+
+    @property
+    def bits(self) -> int:
+        """How many bits of a grey value are used."""
+        return self._bits or 8
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """Width and height of the images so far."""
+        return self._size
+
+    def grab(self, timeout_s: float = 5.0) -> Image:
+        """Wait for a file that was not there before this call, and read it once it is complete."""
+        self._seen |= self._list()
+        end = time.monotonic() + timeout_s
+        while time.monotonic() < end:
+            fresh = sorted(self._list() - self._seen)
+            if fresh and (pixels := self._read(fresh[0], end)) is not None:
+                self._seen.add(fresh[0])
+                self._size = (pixels.shape[1], pixels.shape[0])
+                self._bits = self._bits or 8 * pixels.dtype.itemsize
+                return Image(pixels, self._bits, time.monotonic())
+            time.sleep(self.quiet_s / 5)
+        raise DeviceError(
+            self.name, f"no new image within {timeout_s:g} s", "release the camera, or look where its program writes"
+        )
+
+    def close(self) -> None:
+        """Nothing to let go."""
+
+    def _list(self) -> set[Path]:
+        return {p for p in self.folder.iterdir() if p.suffix.lower() in _ENDINGS and not p.name.startswith(".")}
+
+    def _read(self, path: Path, end: float) -> Pixels | None:
+        """Read a file that has stopped growing; None if it cannot be read in time."""
+        size, since = -1, time.monotonic()
+        while time.monotonic() < end:
+            try:
+                now = path.stat().st_size
+            except OSError:
+                return None
+            if now != size:
+                size, since = now, time.monotonic()
+            elif now and time.monotonic() - since >= self.quiet_s:
+                try:
+                    return np.asarray(read_image(path))
+                except InputError:
+                    since = time.monotonic()  # perhaps not complete yet
+            time.sleep(self.quiet_s / 5)
+        return None

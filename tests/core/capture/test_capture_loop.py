@@ -1,0 +1,160 @@
+"""The loop on virtual devices: right frames, wrong frames taken again, interruptions."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.capture import capture_status, run_capture
+from core.devices import open_camera
+from core.devices.scene import FlatScene
+from core.errors import Cancelled, DeviceError, InputError
+from core.model import DeviceSpec, Project
+from core.patterns import Phase, White, gray_and_phase, reference_sequence
+from core.progress import Progress
+from core.project import read_capture, read_image, read_project, write_project
+
+FLAT = "virtual:flat"
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Project:
+    write_project(tmp_path, "t", DeviceSpec(96, 72, (0.01, 0.01), 12.0), DeviceSpec(64, 64, (0.09, 0.09), 100.0))
+    return read_project(tmp_path)
+
+
+def truly_shows(folder: Path) -> bool:
+    """Whether every listed frame is, up to noise, the image of its pattern."""
+    scene = FlatScene(noise=0.0)
+    return all(
+        np.abs(read_image(f.path).astype(float) - scene.frame(f.pattern, 0)).mean() < 1.5
+        for f in read_capture(folder).frames
+    )
+
+
+def test_a_capture_holds_the_reference_sequence_in_order(project: Project) -> None:
+    report = run_capture(project, "a", "object", FLAT, FLAT)
+    capture = read_capture(report.folder)
+    assert [f.pattern for f in capture.frames] == reference_sequence(64, 64)
+    assert truly_shows(report.folder)
+    assert report.retakes == 0
+    assert all(f.level == "good" for f in report.findings)
+    assert read_project(project.path).captures == (report.folder,)
+    assert capture_status(report.folder).state == "complete"
+
+
+@pytest.mark.parametrize("shot", range(24))
+@pytest.mark.parametrize("fault", ["stale-frame", "torn-frame", "no-frame"])
+def test_a_camera_fault_at_any_frame_is_mended(project: Project, fault: str, shot: int) -> None:
+    report = run_capture(project, "a", "object", FLAT, f"{FLAT}?faults={fault}@{shot}")
+    assert truly_shows(report.folder)
+
+
+def test_a_camera_that_always_lies_gives_an_error_and_no_frame_is_listed(project: Project) -> None:
+    with pytest.raises(DeviceError, match="further tries"):
+        run_capture(project, "a", "object", FLAT, f"{FLAT}?faults=stale-frame:1")
+    assert json.loads((project.path / "captures/a/capture.json").read_text())["frames"] == []
+    assert read_project(project.path).captures == ()
+
+
+def test_an_interrupted_capture_says_what_is_missing_and_goes_on_there(project: Project) -> None:
+    calls = []
+
+    def cancelled() -> bool:
+        calls.append(1)
+        return len(calls) > 10
+
+    with pytest.raises(Cancelled):
+        run_capture(project, "a", "object", FLAT, FLAT, progress=Progress(cancelled=cancelled))
+    status = capture_status(project.path / "captures/a")
+    assert 0 < status.taken < 20
+    assert status.missing == tuple(range(status.taken, 20))
+    assert f"{status.taken} of 20" in str(status)
+    report = run_capture(project, "a", "object", FLAT, FLAT)
+    assert report.resumed == status.taken + 2  # and the two guards before
+    assert truly_shows(report.folder)
+
+
+def test_an_interrupted_capture_is_not_continued_with_another_plan(project: Project) -> None:
+    with pytest.raises(DeviceError):
+        run_capture(project, "a", "object", FLAT, f"{FLAT}?faults=no-frame:1")
+    with pytest.raises(InputError, match="another plan"):
+        run_capture(project, "a", "plane", FLAT, FLAT)
+
+
+def test_a_complete_capture_is_never_overwritten(project: Project) -> None:
+    run_capture(project, "a", "object", FLAT, FLAT)
+    with pytest.raises(InputError, match="complete"):
+        run_capture(project, "a", "object", FLAT, FLAT)
+
+
+def test_a_replayed_capture_is_the_capture(project: Project) -> None:
+    first = run_capture(project, "a", "object", FLAT, FLAT)
+    url = f"replay:{first.folder}"
+    second = run_capture(project, "b", "object", url, url)
+    for a, b in zip(read_capture(first.folder).frames, read_capture(second.folder).frames, strict=True):
+        assert a.pattern == b.pattern
+        assert np.array_equal(read_image(a.path), read_image(b.path))
+
+
+def test_grey_patterns_and_a_sequence_of_ones_own_can_be_captured(project: Project) -> None:
+    patterns = [*gray_and_phase("x", 64, cell=8, periods=[16.0, 64.0]), White()]
+    report = run_capture(project, "a", "object", FLAT, FLAT, patterns=patterns)
+    assert truly_shows(report.folder)
+    assert any(isinstance(f.pattern, Phase) for f in read_capture(report.folder).frames)
+
+
+def test_a_sequence_that_repeats_nothing_is_captured_with_a_warning(project: Project) -> None:
+    patterns = gray_and_phase("x", 64, cell=1, periods=[])
+    report = run_capture(project, "a", "object", FLAT, FLAT, patterns=patterns)
+    assert any(f.level == "warning" and "inverse frames" in f.text for f in report.findings)
+
+
+def test_movement_makes_the_capture_again_and_is_reported_when_it_goes_on(project: Project) -> None:
+    camera = open_camera(FLAT)  # keeps the stage alive
+    still = camera.stage.scene
+    step = {"n": 0}
+
+    class Drifting(FlatScene):
+        def frame(self, pattern, seed):
+            step["n"] += 1
+            return FlatScene(shift_px=0.04 * step["n"]).frame(pattern, seed)
+
+    camera.stage.scene = Drifting()
+    try:
+        report = run_capture(project, "a", "object", FLAT, FLAT)
+    finally:
+        camera.stage.scene = still
+    assert any(f.check == "movement" and f.level == "warning" and "moved" in f.text for f in report.findings)
+
+
+def test_the_transcript_tells_every_shot_with_its_time(project: Project) -> None:
+    report = run_capture(project, "a", "object", FLAT, f"{FLAT}?faults=torn-frame@9")
+    lines = [json.loads(line) for line in (report.folder / "transcript.jsonl").read_text().splitlines()]
+    shots = [e for e in lines if e["event"] == "shot"]
+    times = [e["exposed"] for e in shots]
+    assert len(shots) == 24 + report.retakes
+    assert times == sorted(times)
+    assert any(e["event"] == "rejected" for e in lines)
+
+
+@pytest.mark.parametrize(
+    ("change", "seen"),
+    [
+        ({"name": "../a"}, "name"),
+        ({"name": ""}, "name"),
+        ({"role": "dance"}, "dance"),
+        ({"role": "depth"}, "without z"),
+        ({"z_mm": float("nan")}, "z_mm"),
+        ({"testfield": "none.csv"}, "no such testfield"),
+        ({"projector_url": "virtual:quick"}, "projector is 64x64"),
+        ({"camera_url": "virtual:quick"}, "camera is 96x72"),
+        ({"patterns": []}, "no patterns"),
+    ],
+)
+def test_a_wrong_request_writes_nothing(project: Project, change: dict, seen: str) -> None:
+    wanted = {"name": "a", "role": "object", "projector_url": FLAT, "camera_url": FLAT, **change}
+    with pytest.raises(InputError, match=seen):
+        run_capture(project, **wanted)
+    assert not (project.path / "captures").exists()
