@@ -1,0 +1,76 @@
+"""The summary's sentences carry the figures, the warnings and what is missing."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from core.report import ReportData, summary
+from core.report.words import highlights
+
+
+def test_findings_name_the_figures(data, evaluations):
+    text = " ".join(summary(data).findings)
+    assert "96 image points of 8 stations to 12 object points in 5 iterations: σ0 = 1.050" in text
+    assert "0.28 and 0.24 µm (x and y) in the image of the camera" in text
+    assert "17 of 17 parameters" in text  # 18 less the one held fixed
+    assert "it covers 50% of the image" in text  # 215424 of 748 · 576 pixels
+    rms = sorted(e.rms_mm for e in evaluations if e.method == "photogrammetric")
+    assert f"photogrammetric method: {rms[0]:.3f} to {rms[1]:.3f} mm" in text
+    assert "published for these angles: 0.031 to 0.040 mm" in text
+    assert "7 of 4327 valid pixels were left out" in text  # 4 · 1080 + 7
+
+
+def test_warnings_of_all_calibrations_are_told_once(data):
+    assert summary(data).warnings == (
+        "Network: no images rolled by 90°: A3 and x0 are weak",
+        "Depth calibration: sparse",
+    )
+
+
+def test_normalised_errors_are_judged_against_truth(data):
+    # one of 17 errors is 1.5 sigma, the others are zero
+    assert f"r.m.s. of {np.sqrt(1.5**2 / 17):.2f}" in " ".join(summary(data).findings)
+
+
+@pytest.mark.parametrize(
+    ("left_out", "said"),
+    [
+        (("adjustment", "photogrammetric"), "There is no photogrammetric calibration"),
+        (("adjustment",), "The adjustment itself was not kept"),
+        (("depth",), "There is no polynomial depth calibration"),
+        (("evaluations",), "No plane was evaluated"),
+    ],
+)
+def test_missing_parts_are_named(data, left_out, said):
+    empty = {name: () if name == "evaluations" else None for name in left_out}
+    missing = summary(dataclasses.replace(data, **empty)).missing
+    assert any(said in text for text in missing)
+    assert summary(data).missing == ()
+
+
+def test_a_plane_that_one_method_did_not_evaluate_is_named(data, evaluations):
+    text = summary(dataclasses.replace(data, evaluations=evaluations[:3])).missing
+    assert text == ("plane-15 was not evaluated by the polynomial method.",)
+
+
+def test_figures_that_do_not_exist_are_dashes(data, evaluations):
+    """One axis only: no residuals in y; a plane without a single pixel."""
+    camera = dataclasses.replace(data.photogrammetric.camera, residual_rms_um=(0.3, float("nan")))
+    nothing = dataclasses.replace(evaluations[0], n=0, rms_mm=float("nan"), max_mm=float("nan"))
+    changed = dataclasses.replace(
+        data,
+        photogrammetric=dataclasses.replace(data.photogrammetric, camera=camera, sigma0=float("nan")),
+        evaluations=(nothing,),
+    )
+    text = " ".join(summary(changed).findings)
+    assert "nan" not in text
+    assert "0.30 and – µm" in text
+    assert "no pixel could be evaluated" in text
+    assert not any("nan" in h.value for h in highlights(changed))
+
+
+def test_empty_report_says_what_is_missing(project):
+    result = summary(ReportData(project))
+    assert result.findings == ()
+    assert len(result.missing) == 3
