@@ -16,8 +16,9 @@ def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
     ``xyz`` (H, W, 3) in mm in the camera's frame, NaN where invalid; ``sigma`` (H, W, 3) in mm, photogrammetric method
     only; ``sigma_depth`` (H, W) in mm, of Z from phase noise alone.
     """
-    arrays: dict[str, Any] = {"xyz": cloud.xyz_mm, "sigma": cloud.sigma_mm, "sigma_depth": cloud.sigma_depth_mm}
-    np.savez(file, **{name: np.asarray(a, np.float32) for name, a in arrays.items() if a is not None})
+    arrays = {"xyz": cloud.xyz_mm, "sigma": cloud.sigma_mm, "sigma_depth": cloud.sigma_depth_mm}
+    stored: dict[str, Any] = {name: np.asarray(a, np.float32) for name, a in arrays.items() if a is not None}
+    np.savez(file, **stored)
 
 
 def write_ply(file: BinaryIO, cloud: PointCloud, image: NDArray[Any] | None = None) -> int:

@@ -22,7 +22,7 @@ from core.reconstruct.system import System, prepare
 MOST_STEPS = 12
 SETTLED_LINES = 1e-3  # a step this small leaves an error of the order of its square
 LEAST_VARIANCE = 1e-8  # lines², so that a sigma of 0 has a weight
-WEAK_AXIS = 0.02  # an axis with less of the other's depth resolution cannot serve alone
+WEAK_AXIS = 0.1  # an axis with less than this share of the other's depth resolution cannot serve alone
 
 
 def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> PointCloud:
@@ -59,15 +59,14 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> Point
     xyz = np.empty((height, width, 3), np.float32)
     sigma = np.empty((height, width, 3), np.float32)
     sigma_depth = np.empty((height, width), np.float32)
-    table = system.q2_variance["uv" if other else lead]
-    depths = system.nodes[2]
+    table = system.tables[lead + (other or "")]
     device = (*system.matrix.ravel().tolist(), *system.vector.tolist(), *system.radial)
-    spread = _column_weights(width, len(system.nodes[1]))
+    spread = _column_weights(width, table.q2_variance.shape[1])
 
     def band(start: int, stop: int) -> None:
         _intersect_rows(
             first, first_sigma, first_line, second, second_sigma, second_line, other is not None,
-            system.rays, device, table, float(depths[0]), float(depths[1] - depths[0]), *spread,
+            system.rays, device, table.q2_variance, table.nodes_per_line, *spread,
             xyz, sigma, sigma_depth, start, stop,
         )  # fmt: skip
 
@@ -179,8 +178,8 @@ def _step_two(u, sigma_u, line_u, v, sigma_v, line_v, device, X, Y, W, q, sigma_
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
-def _end_row(rays, q, sigma_q, last, mw, W, nodes, first, gap, left, share, xyz, sigma, sigma_depth):  # type: ignore[no-untyped-def]
-    """Points and sigmas of a row from the inverse depths; `nodes` (columns, depths, 3) is the table at this row."""
+def _end_row(u, rays, q, sigma_q, last, mw, W, nodes, per_line, left, share, xyz, sigma, sigma_depth):  # type: ignore[no-untyped-def]
+    """Points and sigmas of a row from the inverse depths; `nodes` (columns, lines, 3) is the table at this row."""
     most = nodes.shape[1] - 2
     for c in range(q.shape[0]):
         if not (last[c] <= SETTLED_LINES and q[c] > 0 and W[c] + mw * q[c] > 0):
@@ -193,7 +192,7 @@ def _end_row(rays, q, sigma_q, last, mw, W, nodes, first, gap, left, share, xyz,
         dx, dy = np.float64(rays[c, 0]), np.float64(rays[c, 1])
         xyz[c, 0], xyz[c, 1], xyz[c, 2] = dx * s, dy * s, -s
         sigma_depth[c] = noise
-        k = min(max((q[c] - first) / gap, 0.0), most + 1.0)
+        k = min(max(np.float64(u[c]) * per_line, 0.0), most + 1.0)
         i = min(int(k), most)
         k -= i
         j, t = left[c], share[c]
@@ -206,7 +205,7 @@ def _end_row(rays, q, sigma_q, last, mw, W, nodes, first, gap, left, share, xyz,
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _intersect_rows(  # type: ignore[no-untyped-def]
-    u, sigma_u, line_u, v, sigma_v, line_v, both, rays, device, table, first, gap, left, share,
+    u, sigma_u, line_u, v, sigma_v, line_v, both, rays, device, table, per_line, left, share,
     xyz, sigma, sigma_depth, start, stop,
 ):  # fmt: skip
     """Intersect rows start to stop - 1."""
@@ -227,5 +226,18 @@ def _intersect_rows(  # type: ignore[no-untyped-def]
         i = min(int(height), table.shape[0] - 2)
         nodes = (1 - (height - i)) * table[i] + (height - i) * table[i + 1]
         _end_row(
-            rays[r], q, sigma_q, last, device[11], W, nodes, first, gap, left, share, xyz[r], sigma[r], sigma_depth[r]
+            u[r],
+            rays[r],
+            q,
+            sigma_q,
+            last,
+            device[11],
+            W,
+            nodes,
+            per_line,
+            left,
+            share,
+            xyz[r],
+            sigma[r],
+            sigma_depth[r],
         )

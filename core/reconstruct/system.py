@@ -7,18 +7,37 @@ linear in q, which is why everything here is written in q.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
 from core.model import Array, DeviceSpec, Floats, Interior, PhotogrammetricCalibration
 from core.reconstruct.rays import camera_rays
 
 PARAMETERS = 24
-NODES = (17, 17, 12)  # rows, columns, inverse depths of the sigma table
+NODES = (17, 17, 13)  # rows, columns, projector coordinates of the sigma table
 DEPTH_LIMITS = (0.05, 100.0)  # depths tried for the table, in units of the base
+MARGIN = 0.15  # nodes this far outside the raster still serve: more than the distance of two nodes
+
+
+@dataclass(frozen=True)
+class SigmaTable:
+    """What the calibration's covariance does to a point.
+
+    Attributes
+    ----------
+    q2_variance : array, shape (rows, columns, lines, 3)
+        Variance of X q² at nodes spread evenly over the camera's image and the leading projector coordinate.
+    nodes_per_line : float
+        By which a projector coordinate becomes a place in the table.
+    """
+
+    q2_variance: Array
+    nodes_per_line: float
 
 
 @dataclass(frozen=True)
@@ -37,11 +56,9 @@ class System:
         (k0, kx, ky): the projector coordinate is k0 + kx x' + ky y', with (x', y') the image after radial and
         decentring parameters, without principal point; affine parameters, principal point and pitch are in the three.
     slopes : tuple of float
-        Root mean square of |du/dq| and |dv/dq| over the common field of view (lines mm).
-    nodes : tuple of arrays
-        Rows, columns (px) and inverse depths (1/mm) of the sigma table.
-    q2_variance : dict of axes to array, shape (rows, columns, depths, 3)
-        Variance of X q² that comes from the calibration's covariance, when "u", "v" or "uv" are observed.
+        Root mean square of du/d(ln q) and dv/d(ln q) over the common field of view (lines).
+    tables : dict of str to SigmaTable
+        For the observed axes, the leading one first: "u", "v", "uv", "vu".
     """
 
     rays: Floats
@@ -51,8 +68,7 @@ class System:
     line_u: tuple[float, float, float]
     line_v: tuple[float, float, float]
     slopes: tuple[float, float]
-    nodes: tuple[Array, Array, Array]
-    q2_variance: dict[str, Array]
+    tables: dict[str, SigmaTable]
 
 
 def prepare(calibration: PhotogrammetricCalibration) -> System:
@@ -83,7 +99,7 @@ def _prepare(
     affine = np.array([[1 + a3, a4], [a4, 1 - a3]]) / np.array([[spec.pitch_mm[0]], [-spec.pitch_mm[1]]])
     zero = affine @ (interior.x0_mm, interior.y0_mm) + ((spec.width - 1) / 2, (spec.height - 1) / 2)
     K = np.array([interior.c_mm, interior.c_mm, -1.0])
-    nodes, slopes, variances = _tabulate(camera, projector, pose, np.frombuffer(covariance).reshape(PARAMETERS, -1))
+    slopes, tables = _tabulate(camera, projector, pose, np.frombuffer(covariance).reshape(PARAMETERS, -1))
     return System(
         rays=camera_rays(*camera),
         matrix=K[:, None] * pose.rotation,
@@ -92,83 +108,115 @@ def _prepare(
         line_u=(float(zero[0]), float(affine[0, 0]), float(affine[0, 1])),
         line_v=(float(zero[1]), float(affine[1, 0]), float(affine[1, 1])),
         slopes=slopes,
-        nodes=nodes,
-        q2_variance=variances,
+        tables=tables,
     )
 
 
 def _tabulate(
     camera: tuple[DeviceSpec, Interior], projector: tuple[DeviceSpec, Interior], pose: Pose, covariance: Array
-) -> tuple[tuple[Array, Array, Array], tuple[float, float], dict[str, Array]]:
+) -> tuple[tuple[float, float], dict[str, SigmaTable]]:
     """Propagate the covariance at the nodes of a coarse grid over the common field of view.
 
     The sigma that comes from the calibration varies slowly over image and depth, so a table costs nothing in accuracy
-    and a factor of a hundred in time. ``X q²`` is tabulated because its variance hardly depends on q.
+    and saves a factor of a hundred in time. ``X q²`` is tabulated because its variance hardly depends on q.
     """
-    base_mm = float(np.linalg.norm(pose.translation_mm))
+    spec = projector[0]
     rows = np.linspace(0, camera[0].height - 1, NODES[0])
     columns = np.linspace(0, camera[0].width - 1, NODES[1])
     uv = np.stack(np.meshgrid(columns, rows), axis=-1)
-    tried = np.geomspace(1 / DEPTH_LIMITS[1], 1 / DEPTH_LIMITS[0], 200) / max(base_mm, 1e-3)
-    inside = _lit(projector[0], _projected(projector, pose, ray_directions(*camera, uv), tried))
-    seen = tried[inside.any(axis=(0, 1))] if inside.any() else tried
-    inverse_depths = np.linspace(seen[0], seen[-1], NODES[2])
-    slope, derivatives, rays = _derivatives(camera, projector, pose, uv, inverse_depths, covariance)
-    lit = _lit(projector[0], _projected(projector, pose, rays, inverse_depths))
-    common = slope[lit] if lit.any() else slope[np.isfinite(slope).all(axis=-1)]
-    rms = np.sqrt(np.mean(common**2, axis=0)) if len(common) else np.zeros(2)
-    variances = {
-        axes: _variance(slope, derivatives, rays, inverse_depths, covariance, use)
-        for axes, use in (("u", (1.0, 0.0)), ("v", (0.0, 1.0)), ("uv", (1.0, 1.0)))
-    }
-    return (rows, columns, inverse_depths), (float(rms[0]), float(rms[1])), variances
+    rays = ray_directions(*camera, uv)
+    base_mm = max(float(np.linalg.norm(pose.translation_mm)), 1e-3)
+    tried = np.geomspace(1 / DEPTH_LIMITS[1], 1 / DEPTH_LIMITS[0], 200) / base_mm
+    q = np.broadcast_to(tried, (*rays.shape[:2], len(tried)))
+    lines = _projected(projector, pose, rays, q)
+    # without distortion: far outside the raster its polynomials fold back into it
+    a = projector[1].a
+    plain = replace(projector[1], a=(0.0, 0.0, a[2], a[3], 0.0, 0.0))
+    pinhole = _projected((spec, plain), pose, rays, q)
+    slopes = _slopes(spec, pinhole, tried)
+    lit = _lit(spec, pinhole, MARGIN)
+    tables = {}
+    for axes, lead, weights in (
+        ("u", 0, (1.0, 0.0)),
+        ("v", 1, (0.0, 1.0)),
+        ("uv", 0, (1.0, 1.0)),
+        ("vu", 1, (1.0, 1.0)),
+    ):
+        end = (spec.width, spec.height)[lead] - 1
+        nodes = np.linspace(0, end, NODES[2])
+        q = _inverse_depths(np.where(lit, lines[..., lead], np.nan), tried, nodes)
+        variance = _variance(camera, projector, pose, uv, q, covariance, weights)
+        tables[axes] = SigmaTable(_filled(variance), (NODES[2] - 1) / end)
+    return slopes, tables
 
 
-def _projected(projector: tuple[DeviceSpec, Interior], pose: Pose, rays: Array, inverse_depths: Array) -> Array:
-    """Projector coordinates (rows, columns, depths, 2) of the rays (rows, columns, 3) at the inverse depths."""
-    points = rays[..., None, :] / inverse_depths[:, None]
-    return project(*projector, points, pose)
+def _projected(projector: tuple[DeviceSpec, Interior], pose: Pose, rays: Array, q: Array) -> Array:
+    """Projector coordinates (rows, columns, k, 2) of rays (rows, columns, 3) at inverse depths q (rows, columns, k)."""
+    return project(*projector, rays[..., None, :] / q[..., None], pose)
 
 
-def _lit(spec: DeviceSpec, uv: Array) -> Array:
+def _lit(spec: DeviceSpec, uv: Array, margin: float) -> NDArray[np.bool_]:
+    """Whether projector coordinates lie in the raster enlarged by a share of its size."""
+    size = np.array([spec.width - 1, spec.height - 1])
     with np.errstate(invalid="ignore"):
-        return np.all((uv >= 0) & (uv <= (spec.width - 1, spec.height - 1)), axis=-1)
+        return np.asarray(np.all((uv >= -margin * size) & (uv <= (1 + margin) * size), axis=-1))
 
 
-def _derivatives(
+def _slopes(spec: DeviceSpec, lines: Array, q: Array) -> tuple[float, float]:
+    """Root mean square of du/d(ln q) and dv/d(ln q) over the common field of view."""
+    steps = np.diff(lines, axis=2) / np.diff(np.log(q))[:, None]
+    inside = _lit(spec, lines, 0.0)
+    both = inside[..., 1:] & inside[..., :-1]
+    rms = np.sqrt(np.mean(steps[both] ** 2, axis=0)) if both.any() else np.ones(2)
+    return float(rms[0]), float(rms[1])
+
+
+def _inverse_depths(lines: Array, tried: Array, nodes: Array) -> Array:
+    """Inverse depth at which each ray has the projector coordinates `nodes`, NaN where it never has one."""
+    q = np.full((*lines.shape[:2], len(nodes)), np.nan)
+    for index in np.ndindex(lines.shape[:2]):
+        known = np.isfinite(lines[index])
+        if np.count_nonzero(known) > 1:
+            found, at = lines[index][known], tried[known]
+            order = np.argsort(found)
+            q[index] = np.interp(nodes, found[order], at[order], left=np.nan, right=np.nan)
+    return q
+
+
+def _variance(
     camera: tuple[DeviceSpec, Interior],
     projector: tuple[DeviceSpec, Interior],
     pose: Pose,
     uv: Array,
-    inverse_depths: Array,
+    q: Array,
     covariance: Array,
-) -> tuple[Array, list[tuple[int, Array, Array]], Array]:
-    """Central differences of the projector coordinates by q and by every uncertain parameter.
+    weights: tuple[float, float],
+) -> Array:
+    """Variance of X q², shape (rows, columns, k, 3): q = argmin Σ w (observed - f(q, p))² moves with the parameters p.
 
-    Returns
-    -------
-    slope : array, shape (rows, columns, depths, 2)
-        d(u, v)/dq, lines mm.
-    derivatives : list of (parameter, d(u, v)/dp, d(ray)/dp)
-        For the parameters that have a variance.
-    rays : array, shape (rows, columns, 3)
+    ``dq/dp = -Σ w J df/dp / Σ w J²`` with ``J = df/dq``, and ``d(X q²)/dp = q dd/dp - d dq/dp`` for the viewing
+    direction d; the derivatives are central differences, over a sigma for the parameters.
     """
+    uncertain = np.flatnonzero(np.diag(covariance) > 0)
+    if not len(uncertain):
+        return np.zeros((*q.shape, 3))
     rays = ray_directions(*camera, uv)
-    h = inverse_depths[0] * 1e-4
-    slope = (
-        _projected(projector, pose, rays, inverse_depths + h) - _projected(projector, pose, rays, inverse_depths - h)
-    ) / (2 * h)
-    derivatives = []
-    for p in np.flatnonzero(np.diag(covariance) > 0):
+    h = 1e-4 * q
+    J = (_projected(projector, pose, rays, q + h) - _projected(projector, pose, rays, q - h)) / (2 * h[..., None])
+    information = np.sum(weights * J**2, axis=-1)
+    columns = []
+    for p in uncertain:
         step = float(np.sqrt(covariance[p, p]))
         ends = []
         for sign in (1, -1):
             moved = _moved(camera, projector, pose, int(p), sign * step)
             ray = ray_directions(*moved[0], uv)
-            ends.append((_projected(moved[1], moved[2], ray, inverse_depths), ray))
-        (f1, d1), (f2, d2) = ends
-        derivatives.append((int(p), (f1 - f2) / (2 * step), (d1 - d2) / (2 * step)))
-    return slope, derivatives, rays
+            ends.append((_projected(moved[1], moved[2], ray, q), ray))
+        df, dray = ((one - other) / (2 * step) for one, other in zip(*ends, strict=True))
+        dq = -np.sum(weights * J * df, axis=-1) / information
+        columns.append(q[..., None] * dray[:, :, None, :] - rays[:, :, None, :] * dq[..., None])
+    G = np.stack(columns, axis=-1)
+    return np.asarray(np.einsum("...ki,ij,...kj->...k", G, covariance[np.ix_(uncertain, uncertain)], G, optimize=True))
 
 
 def _moved(
@@ -183,35 +231,10 @@ def _moved(
     return (camera[0], cam), (projector[0], proj), Pose(turned, pose.translation_mm + change[21:24])
 
 
-def _variance(
-    slope: Array,
-    derivatives: list[tuple[int, Array, Array]],
-    rays: Array,
-    inverse_depths: Array,
-    covariance: Array,
-    weights: tuple[float, float],
-) -> Array:
-    """Variance of X q², shape (rows, columns, depths, 3): q = argmin Σ w (observed - f(q, p))² moves with p."""
-    if not derivatives:
-        return np.zeros((*slope.shape[:3], 3))
-    information = np.sum(weights * slope**2, axis=-1)
-    columns = []
-    with np.errstate(all="ignore"):
-        for _, df, dray in derivatives:
-            dq = -np.sum(weights * slope * df, axis=-1) / information
-            columns.append(inverse_depths[:, None] * dray[:, :, None, :] - rays[:, :, None, :] * dq[..., None])
-        G = np.stack(columns, axis=-1)
-        index = [p for p, _, _ in derivatives]
-        variance = np.einsum("...ki,ij,...kj->...k", G, covariance[np.ix_(index, index)], G, optimize=True)
-    return _filled(variance)
-
-
 def _filled(table: Array) -> Array:
-    """Carry the nearest depth's value to nodes that no point can have (behind the projector)."""
+    """Carry the nearest known value to nodes that no point can have."""
     known = np.isfinite(table).all(axis=-1)
     if known.all() or not known.any():
-        return np.nan_to_num(table, nan=np.nan, posinf=np.nan)
-    from scipy.ndimage import distance_transform_edt
-
+        return table
     nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
     return np.asarray(table[tuple(nearest)])
