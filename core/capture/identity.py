@@ -35,12 +35,16 @@ _LEAVE_ONE = 600  # pixels for the search of the wrong frame
 
 @dataclass(frozen=True)
 class _Fit:
-    """The frames of one axis: their numbers, normalised values (k, n) and the possible ones (k, m) for lines (m,)."""
+    """The frames of one axis: their numbers, normalised values (k, n) and the possible ones (k, m) for lines (m,).
+
+    Shots of the same pattern share its `weight` (k,).
+    """
 
     shots: tuple[int, ...]
     values: Array
     possible: Array
     lines: Array
+    weight: Array
 
 
 def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
@@ -70,8 +74,10 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
     for axis, count in (("x", lines[0]), ("y", lines[1])):
         shots = tuple(i for i, p in enumerate(plan.shots) if getattr(p, "axis", None) == axis)
         if shots:
-            possible, at = dictionary([plan.shots[i] for i in shots], axis, count)  # type: ignore[arg-type]
-            fit = _Fit(shots, values[list(shots)], possible, at)
+            patterns = [plan.shots[i] for i in shots]
+            possible, at = dictionary(patterns, axis, count)  # type: ignore[arg-type]
+            weight = np.array([1 / patterns.count(p) for p in patterns], np.float32)
+            fit = _Fit(shots, values[list(shots)], possible, at, weight)
             findings.append(_axis(plan, fit, tolerance, sampled.at[:, lit], sampled.shape, count))
     return findings
 
@@ -108,8 +114,9 @@ def _plain(plan: Plan, values: Array) -> Finding:
 
 def _axis(plan: Plan, fit: _Fit, tolerance: Array, at: NDArray[np.intp], shape: tuple[int, int], count: int) -> Finding:
     k, along = len(fit.shots), "columns" if getattr(plan.shots[fit.shots[0]], "axis", "x") == "x" else "rows"
-    limit = CONTRADICTION + 2 * k * tolerance**2
-    cost, best = _nearest(fit.values, fit.possible)
+    limit = max(CONTRADICTION, 0.01 * float(fit.weight.sum())) + 2 * k * tolerance**2
+    root = np.sqrt(fit.weight)[:, None]
+    cost, best = _nearest(root * fit.values, root * fit.possible)
     bad = cost > limit
     share = float(bad.mean())
     place = _local(bad, at, shape) or _local_lines(bad, fit.lines[best], count, along)
@@ -165,7 +172,7 @@ def _as_blurred(fit: _Fit, best: NDArray[np.intp]) -> _Fit:
     m = fit.possible.shape[1] // len(BLURS_LINES)
     used = np.bincount(best // m, minlength=len(BLURS_LINES)) > 0.05 * len(best)
     keep = np.repeat(used, m)
-    return _Fit(fit.shots, fit.values, fit.possible[:, keep], fit.lines[keep])
+    return _Fit(fit.shots, fit.values, fit.possible[:, keep], fit.lines[keep], fit.weight)
 
 
 def _leave_one_out(fit: _Fit, few: NDArray[np.intp], limit: Array) -> _LeftOut:
@@ -175,11 +182,11 @@ def _leave_one_out(fit: _Fit, few: NDArray[np.intp], limit: Array) -> _LeftOut:
     those that make it dark, or the reverse.
     """
     result = _LeftOut([], [], [], [])
-    values = fit.values[:, few]
-    whole = np.sum(fit.possible**2, axis=0)[None, :] - 2 * (values.T @ fit.possible)
-    whole += np.sum(values**2, axis=0)[:, None]
-    for seen, possible in zip(values, fit.possible, strict=True):
-        distance = whole - (seen[:, None] - possible[None, :]) ** 2
+    values, weight = fit.values[:, few], fit.weight[:, None]
+    whole = np.sum(weight * fit.possible**2, axis=0)[None, :] - 2 * ((weight * values).T @ fit.possible)
+    whole += np.sum(weight * values**2, axis=0)[:, None]
+    for seen, possible, own in zip(values, fit.possible, fit.weight, strict=True):
+        distance = whole - own * (seen[:, None] - possible[None, :]) ** 2
         best = np.argmin(distance, axis=1)
         bright, dark = (
             np.min(distance[:, chosen], axis=1, initial=np.inf) for chosen in (possible > 0.5, possible <= 0.5)

@@ -10,7 +10,7 @@ import numpy as np
 
 from core.errors import InputError, PatternRefusedError
 from core.model import Project, Role
-from core.patterns import Code, Pattern, Phase, White, brightness, pattern_to_dict, reference_sequence
+from core.patterns import Black, Code, Pattern, Phase, White, brightness, pattern_to_dict, reference_sequence
 
 
 @dataclass(frozen=True)
@@ -113,12 +113,19 @@ def describe(pattern: Pattern) -> str:
 
 
 def _guards(patterns: Sequence[Pattern], lines: tuple[int, int]) -> tuple[Pattern, ...]:
-    """White shows the object's own movement and the lamp, the finest stripes its movement in depth."""
+    """White shows the object's own movement and the lamp, the finest stripes its movement in depth.
+
+    Black is added where the sequence has none: what is dark must be known to tell what is bright.
+    """
 
     def changes(pattern: Pattern) -> int:
         line = brightness(pattern, np.arange(lines[0 if getattr(pattern, "axis", "x") == "x" else 1]))
         return int(np.count_nonzero(np.diff(line > 0.5)))
 
     finest = max(patterns, key=changes)
-    white: tuple[Pattern, ...] = (White(),)
-    return white if changes(finest) == 0 else (*white, finest)
+    guards: list[Pattern] = [White()]
+    if changes(finest):
+        guards.append(finest)
+    if Black() not in patterns:
+        guards.append(Black())
+    return tuple(guards)

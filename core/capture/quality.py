@@ -65,10 +65,11 @@ def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, i
     black = np.min([*blacks, low], axis=0)
     noise = 1.0
     if plan.guards:
-        noise = min(_noise(grey[first], grey[last]) for first, last in plan.guard_pairs)
+        pairs = [pair for pair in plan.guard_pairs if not isinstance(shots[pair[0]], Black)]
+        noise = min((_noise(grey[first], grey[last]) for first, last in pairs), default=1.0)
         bright = white - black > max(10 * noise, 0.02 * full)  # where the light is, the noise is greater
         if bright.any():
-            noise = min(_noise(grey[first][bright], grey[last][bright]) for first, last in plan.guard_pairs)
+            noise = min((_noise(grey[first][bright], grey[last][bright]) for first, last in pairs), default=1.0)
     return Sampled(grey, at, shape, white, black, max(noise, 0.3), full)  # 0.3: rounding to whole grey values
 
 
@@ -138,7 +139,7 @@ def movement(plan: Plan, first: list[Array], last: list[Array], noise: float) ->
     shift, sigma = _shift(first[0], last[0], noise)
     figures = {"shift_px": shift, "shift_sigma_px": sigma}
     lines = 0.0
-    if len(first) > 1:
+    if len(first) > 1 and not isinstance(plan.guards[1], Black):
         stripes = float(np.std(first[1] - np.median(first[1] / np.maximum(first[0], 1)) * first[0]))
         gain = float(np.sum(first[1] * last[1]) / max(float(np.sum(first[1] ** 2)), 1e-9))
         rest = last[1] - gain * first[1]

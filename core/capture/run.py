@@ -144,7 +144,7 @@ class Loop:
                 return CaptureReport(
                     self.store.folder, own, tuple(findings), retakes, time.monotonic() - start, resumed
                 )
-            reasons = "; ".join(f.text for f in findings if f.level == "bad")
+            reasons = "; ".join(f.text for f in findings if f.level == "bad" or f is moved)
             self.store.drop(wrong, reasons)
             self.settle_s = min(2 * self.settle_s + 0.005, 1.0)  # perhaps the light was not steady yet
             self._loaded = False  # perhaps what the device has stored is not what was sent

@@ -102,7 +102,7 @@ def test_a_camera_that_delivers_nothing_says_so_within_the_time_given(bed: Bed) 
     bed.stop()
     time.sleep(0.1)
     start = time.monotonic()
-    with pytest.raises(DeviceError, match="no (new )?image within"):
+    with pytest.raises(DeviceError, match=r"no (new )?image within"):
         bed.camera.grab(timeout_s=0.2)
     assert time.monotonic() - start < 2.0
 

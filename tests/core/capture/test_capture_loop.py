@@ -119,7 +119,7 @@ def test_movement_makes_the_capture_again_and_is_reported_when_it_goes_on(projec
     class Drifting(FlatScene):
         def frame(self, pattern, seed):
             step["n"] += 1
-            return FlatScene(shift_px=0.04 * step["n"]).frame(pattern, seed)
+            return FlatScene(shift_px=0.012 * step["n"]).frame(pattern, seed)
 
     camera.stage.scene = Drifting()
     try:
