@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from core.bench.faults import FAULTS, Fault, displaced
+from core.bench.faults import displaced, fault
 from core.bench.render import Exposure, Prepared, expose, prepare
 from core.bench.rig import Rig
 from core.bench.scene import BLACK, Block, Board, Scene, Sphere, board_as_made, nominal_testfield, random_form
@@ -136,11 +136,11 @@ class Experiment:
         self, shot: Shot, fault_names: Sequence[str] = (), *, progress: Progress = SILENT
     ) -> list[tuple[Pattern, Image]]:
         """Take the frames of one capture, with any faults switched on: patterns as listed, images as they arrive."""
-        wrong = [_fault(name) for name in fault_names]
+        wrong = [fault(name) for name in fault_names]
         rig, scene = self.rig, shot.scene
-        for fault in wrong:
-            rig = fault.rig(rig)
-            scene = fault.scene(scene, np.random.default_rng([self.seed, shot.stream, 7]))
+        for each in wrong:
+            rig = each.rig(rig)
+            scene = each.scene(scene, np.random.default_rng([self.seed, shot.stream, 7]))
         before = after = prepare(rig, scene)
         moved = np.array([f.moved_mm for f in wrong]).reshape(-1, 3).sum(axis=0)
         if np.any(moved):
@@ -153,19 +153,13 @@ class Experiment:
             exposures.append(Exposure(before if part < 0.5 else after, pattern, lamp, room))
         images = expose(exposures, [self.seed, shot.stream], progress=progress)
         order = list(range(len(images)))
-        for fault in wrong:
-            order = [order[k] for k in fault.order(len(images))]
+        for each in wrong:
+            order = [order[k] for k in each.order(len(images))]
         return [(pattern, images[k]) for pattern, k in zip(shot.patterns, order, strict=True)]
 
     def prepared(self, name: str) -> Prepared:
         """Prepare the rig before the scene of a capture."""
         return prepare(self.rig, self.shot(name).scene)
-
-
-def _fault(name: str) -> Fault:
-    if name not in FAULTS:
-        raise InputError("fault", f"no fault {name!r}", f"choose among {', '.join(FAULTS)}")
-    return FAULTS[name]
 
 
 def build(plan: Plan, seed: int) -> Experiment:

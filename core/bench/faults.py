@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from core.bench.rig import Rig
 from core.bench.scene import Scene
+from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector
 
 T = TypeVar("T")
@@ -115,6 +116,19 @@ FAULTS = {
 def faults() -> tuple[str, ...]:
     """Names of the faults that can be switched on."""
     return tuple(FAULTS)
+
+
+def fault(name: str) -> Fault:
+    """Look up a fault.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    if name not in FAULTS:
+        raise InputError("fault", f"no fault {name!r}", f"choose among {', '.join(FAULTS)}")
+    return FAULTS[name]
 
 
 def displaced(scene: Scene, by_mm: ArrayLike) -> Scene:

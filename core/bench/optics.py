@@ -19,7 +19,6 @@ Floats = NDArray[np.float32]
 
 DEFOCUS_STEP = 0.02  # of |Z_focus / Z - 1| from one tabulated width to the next
 WIDTHS = 16
-_REACH = 7  # lines on either side that still shine into a place
 
 
 @dataclass(frozen=True)
@@ -89,11 +88,12 @@ def blurred_lines(lines: ArrayLike, aperture_lines: float, sigmas_lines: Array) 
     table : array, shape (k, (n + 2 PAD) PER_LINE)
         Entry j belongs to the coordinate ``j / PER_LINE - PAD``.
     """
-    b = np.pad(np.asarray(lines, np.float64), PAD + _REACH)
-    windows = sliding_window_view(b, 2 * _REACH + 1)  # (n + 2 PAD, 15)
+    reach = int(np.ceil(1 + 5.5 * np.max(sigmas_lines)))  # lines on either side that still shine into a place
+    b = np.pad(np.asarray(lines, np.float64), PAD + reach)
+    windows = sliding_window_view(b, 2 * reach + 1)  # (n + 2 PAD, 2 reach + 1)
     fraction = np.arange(PER_LINE) / PER_LINE
-    offset = fraction[None, :] - np.arange(-_REACH, _REACH + 1)[:, None]
-    kernel = line_response(offset[None], aperture_lines, sigmas_lines[:, None, None])  # (k, 15, PER_LINE)
+    offset = fraction[None, :] - np.arange(-reach, reach + 1)[:, None]
+    kernel = line_response(offset[None], aperture_lines, sigmas_lines[:, None, None])  # (k, 2 reach + 1, PER_LINE)
     return np.asarray(windows @ kernel).reshape(len(sigmas_lines), -1)
 
 

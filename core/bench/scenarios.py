@@ -82,6 +82,7 @@ def _quick() -> Plan:
         Lcd(blur_lines=0.55),
         Lens(blur_px=0.4),
         Sensor(white_level=110.0, offset=6.0, read_noise=1.5, shot_gain=0.02, jitter_px=0.01),
+        subsamples=2,
     )
     return Plan(
         "quick",

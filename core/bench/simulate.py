@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from core.bench.experiment import Experiment, Shot
+from core.bench.faults import fault
 from core.bench.scenarios import experiment
 from core.bench.truth import true_targets
 from core.errors import InputError
@@ -56,7 +57,11 @@ def simulate(
         Without project.json, which is written last.
     """
     e = experiment(scenario, seed)
-    wrong = {e.shot(name).name: tuple(names) for name, names in (faults or {}).items()}
+    wrong = faults or {}
+    for name, fault_names in wrong.items():
+        e.shot(name)
+        for fault_name in fault_names:
+            fault(fault_name)
     out = Path(out)
     if (out / "project.json").exists():
         raise InputError(out, "holds a project already", "choose a new folder or remove that one")
