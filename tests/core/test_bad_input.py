@@ -1,0 +1,177 @@
+"""Bad input: one line that names the file and the value, exit code 2, and nothing written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from core.cli import main
+
+Edit = Callable[..., None]
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+@pytest.fixture
+def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Run a command that must be refused; give its one line."""
+
+    def run(*arguments: object) -> str:
+        before = files_of(tmp_path)
+        assert main([str(a) for a in arguments]) == 2
+        told = capsys.readouterr().err
+        assert len(told.splitlines()) == 1, told
+        assert files_of(tmp_path) == before
+        return told
+
+    return run
+
+
+def frames(capture: Path) -> list[dict[str, Any]]:
+    return json.loads((capture / "capture.json").read_text())["frames"]
+
+
+def without(capture: Path, **pattern: Any) -> list[dict[str, Any]]:
+    """The frames of a capture but those whose pattern has all these values."""
+    kept = [f for f in frames(capture) if any(f["pattern"].get(k) != v for k, v in pattern.items())]
+    assert len(kept) < len(frames(capture))
+    return kept
+
+
+def test_a_missing_frame(quick: Path, refused: Callable[..., str]) -> None:
+    (quick / "captures/plane+00/003.png").unlink()
+    assert "003.png" in refused("decode", quick / "captures/plane+00", "--out", quick / "f.npz")
+
+
+def test_frames_of_different_sizes(quick: Path, refused: Callable[..., str]) -> None:
+    path = quick / "captures/testfield-02/005.png"
+    cv2.imwrite(str(path), np.zeros((10, 12), np.uint8))
+    told = refused("calibrate", quick)
+    assert "005.png" in told
+    assert "12x10" in told
+
+
+def test_a_truncated_png(quick: Path, refused: Callable[..., str]) -> None:
+    path = quick / "captures/testfield-07/011.png"
+    path.write_bytes(path.read_bytes()[:2000])
+    assert "testfield-07/011.png" in refused("calibrate", quick)
+
+
+def test_an_unknown_pattern_kind(quick: Path, refused: Callable[..., str], edit_json: Edit) -> None:
+    capture = quick / "captures/plane+00"
+    edit_json(capture / "capture.json", frames=[{"file": "000.png", "pattern": {"kind": "moire"}}])
+    assert "'moire'" in refused("decode", capture, "--out", quick / "f.npz")
+
+
+def test_a_code_with_too_few_bits(quick: Path, refused: Callable[..., str], edit_json: Edit) -> None:
+    capture = quick / "captures/plane+00"
+    edit_json(capture / "capture.json", frames=without(capture, kind="gray", axis="x", bit=0))
+    told = refused("decode", capture, "--out", quick / "f.npz")
+    assert "plane+00" in told
+
+
+@pytest.mark.parametrize("steps", [3, 2])
+def test_too_few_phase_steps(quick: Path, refused: Callable[..., str], edit_json: Edit, steps: int) -> None:
+    capture = quick / "captures/plane+00"
+    kept = frames(capture)
+    for step in range(steps, 4):
+        kept = [f for f in kept if (f["pattern"].get("axis"), f["pattern"].get("step")) != ("x", step)]
+    edit_json(capture / "capture.json", frames=kept)
+    if steps == 2:
+        assert "plane+00" in refused("decode", capture, "--out", quick / "f.npz")
+    else:  # three steps are enough
+        assert main(["decode", str(capture), "--out", str(quick / "f.npz")]) == 0
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda seeds: [*seeds[:3], {**seeds[3], "row": seeds[0]["row"], "col": seeds[0]["col"]}],  # one name twice
+        lambda seeds: [*seeds[:3], {**seeds[3], "u": seeds[0]["u"], "v": seeds[0]["v"]}],  # one dot twice
+        lambda seeds: [*seeds[:3], {**seeds[3], "u": 5000.0}],  # outside the image
+        lambda seeds: [*seeds[:3], {**seeds[3], "row": 99}],  # not on the board
+        lambda seeds: seeds[:3],
+        lambda seeds: [seeds[1], seeds[0], *seeds[2:]][:2] + seeds[2:3],
+        lambda seeds: [{**seeds[0], "col": seeds[0]["col"] + 1}, *seeds[1:]],  # one column beside
+        lambda seeds: [
+            {**s, "row": t["row"], "col": t["col"]}
+            for s, t in zip(seeds, [seeds[1], seeds[0], *seeds[2:]], strict=True)
+        ],
+    ],
+)
+def test_picks_that_contradict(
+    quick: Path, refused: Callable[..., str], edit_json: Edit, change: Callable[..., Any]
+) -> None:
+    picks = quick / "captures/testfield-03/picks.json"
+    seeds = json.loads(picks.read_text())["seeds"]
+    edit_json(picks, seeds=change(seeds))
+    told = refused("measure", quick)
+    assert "testfield-03" in told
+
+
+def test_nan_in_the_picks(quick: Path, refused: Callable[..., str]) -> None:
+    picks = quick / "captures/testfield-01/picks.json"
+    data = json.loads(picks.read_text())
+    data["seeds"][2]["u"] = float("nan")
+    picks.write_text(json.dumps(data))
+    assert "seed 2: u is nan" in refused("measure", quick)
+
+
+def test_duplicate_targets(quick: Path, refused: Callable[..., str]) -> None:
+    field = quick / "testfield.csv"
+    field.write_text(field.read_text() + field.read_text().splitlines()[-1] + "\n")
+    assert "testfield.csv: line" in refused("calibrate", quick)
+
+
+@pytest.mark.parametrize("command", ["measure", "calibrate", "evaluate", "report"])
+def test_an_empty_folder(tmp_path: Path, refused: Callable[..., str], command: str) -> None:
+    assert "project.json" in refused(command, tmp_path)
+
+
+def test_an_empty_network(tmp_path: Path, refused: Callable[..., str]) -> None:
+    assert "network.json" in refused("adjust", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("command", "file"), [("calibrate", "project.json"), ("calibrate", "captures/testfield-04/capture.json")]
+)
+def test_a_foreign_version(quick: Path, refused: Callable[..., str], edit_json: Edit, command: str, file: str) -> None:
+    edit_json(quick / file, version=7)
+    told = refused(command, quick)
+    assert file in told
+    assert "version is 7" in told
+
+
+def test_no_captures_to_calibrate_from(quick: Path, refused: Callable[..., str], edit_json: Edit) -> None:
+    edit_json(quick / "project.json", captures=[])
+    for method in ("photogrammetric", "polynomial", "all"):
+        refused("calibrate", quick, "--method", method)
+
+
+def test_no_calibration_yet(quick: Path, refused: Callable[..., str]) -> None:
+    assert "calibrate" in refused("evaluate", quick)
+    assert "calibrate" in refused("reconstruct", quick, "plane+00", "--out", quick / "f.ply")
+
+
+def test_an_unknown_capture_scenario_or_ending(calibrated: Path, refused: Callable[..., str]) -> None:
+    assert "'plane+99'" in refused("reconstruct", calibrated, "plane+99", "--out", calibrated / "f.ply")
+    assert "'.xyzzy'" in refused("reconstruct", calibrated, "plane+00", "--out", calibrated / "f.xyzzy")
+    assert "'wonderland'" in refused("simulate", calibrated / "new", "--scenario", "wonderland")
+
+
+def test_a_folder_with_something_in_it_is_not_overwritten(quick: Path, refused: Callable[..., str]) -> None:
+    refused("simulate", quick, "--scenario", "quick")
+    refused("demo", quick, "--scenario", "quick")
+
+
+def test_wrong_arguments(refused: Callable[..., str]) -> None:
+    assert "frobnicate" in refused("frobnicate")
+    assert "--out" in refused("decode", "somewhere")

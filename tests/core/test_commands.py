@@ -1,0 +1,137 @@
+"""The commands on a small experiment: the figures they write, and how close these are to the bench's truth."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core.cli import main
+
+
+def run(*arguments: object, tmp_path: Path) -> dict[str, Any]:
+    """Run a command that must succeed, and read its figures."""
+    out = tmp_path / "figures.json"
+    assert main([*(str(a) for a in arguments), "--json", str(out)]) == 0
+    return json.loads(out.read_text())
+
+
+@pytest.fixture(scope="module")
+def calibration(quick_original: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    import shutil
+
+    folder = tmp_path_factory.mktemp("commands")
+    shutil.copytree(quick_original, folder / "quick")
+    return run("calibrate", folder / "quick", tmp_path=folder)
+
+
+def test_calibrate_finds_the_true_rig_within_its_sigmas(
+    calibration: dict[str, Any], quick_truth: dict[str, Any]
+) -> None:
+    deviations = []
+    for device in ("camera", "projector"):
+        found, true = calibration["photogrammetric"][device], quick_truth[device]
+        assert found["r0_mm"] == pytest.approx(true["r0_mm"])
+        for name in ("c_mm", "x0_mm", "y0_mm", "A1", "A2", "A3", "A4", "A5", "A6"):
+            deviations.append((found[name]["value"] - true[name]) / found[name]["sigma"])
+    # 18 correlated normal deviates: a root mean square of 2 has a probability below 1e-6 if they were independent
+    assert np.sqrt(np.mean(np.square(deviations))) < 2.0
+
+
+def test_calibrate_writes_the_figures_of_the_format(calibration: dict[str, Any]) -> None:
+    found = calibration["photogrammetric"]
+    assert found["stations"] == 2 * 8
+    assert found["image_points"] == found["camera"]["image_points"] + found["projector"]["image_points"]
+    assert len(found["camera"]["residual_rms_um"]) == 2
+    assert len(found["object_sigma_rms_um"]) == 3
+    R = np.array(found["projector_from_camera"]["rotation"])
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+    depth = calibration["polynomial"]
+    assert len(depth["depths_mm"]) == 5
+    assert {"degree", "residual_rms_mm", "valid_pixels"} <= set(depth)
+
+
+def test_evaluate_reports_every_plane_by_every_method(calibrated: Path, tmp_path: Path) -> None:
+    planes = run("evaluate", calibrated, tmp_path=tmp_path)["planes"]
+    names = {f.name for f in (calibrated / "captures").iterdir() if f.name.startswith("plane")}
+    assert {(p["capture"], p["method"]) for p in planes} == {
+        (name, method) for name in names for method in ("photogrammetric", "polynomial")
+    }
+    for plane in planes:
+        assert plane["min_mm"] < 0 < plane["rms_mm"] < plane["max_mm"]
+        assert plane["max_mm"] >= -plane["min_mm"]
+        assert plane["excluded"] == 0 or plane["excluded_rule"]
+        if plane["method"] == "photogrammetric":
+            # noise of the phase explains the deviations: the bench's planes are flat to a few µm
+            assert plane["rms_mm"] == pytest.approx(plane["predicted_rms_mm"], rel=0.25)
+
+
+def test_decode_writes_the_arrays_of_the_format(quick: Path, tmp_path: Path) -> None:
+    out = tmp_path / "phase.npz"
+    run("decode", quick / "captures/plane+00", "--out", out, tmp_path=tmp_path)
+    with np.load(out) as stored:
+        shape = stored["u"].shape
+        for name in ("u", "v", "sigma_u", "sigma_v", "modulation"):
+            assert stored[name].shape == shape
+            assert stored[name].dtype == np.float32
+        assert np.isfinite(stored["u"]).mean() > 0.2
+
+
+def test_a_capture_decodes_without_a_project(quick: Path, tmp_path: Path) -> None:
+    capture = (quick / "captures/plane+00").rename(tmp_path / "alone")
+    run("decode", capture, "--out", tmp_path / "phase.npz", tmp_path=tmp_path)
+
+
+def test_measure_tells_every_target_or_why_not(quick: Path, tmp_path: Path) -> None:
+    captures = run("measure", quick, tmp_path=tmp_path)["captures"]
+    field = [c for c in captures if c["capture"].startswith("testfield")]
+    assert len(field) == 8
+    for capture in field:
+        found = {(t["row"], t["col"]) for t in capture["targets"]}
+        missing = {(m["row"], m["col"]) for m in capture["missing"] if m["reason"]}
+        assert len(found) + len(missing) == len(found | missing) == 7 * 9
+
+
+@pytest.mark.parametrize("ending", ["npz", "ply"])
+@pytest.mark.parametrize("method", ["photogrammetric", "polynomial"])
+def test_reconstruct_writes_points(calibrated: Path, tmp_path: Path, method: str, ending: str) -> None:
+    out = tmp_path / f"cloud.{ending}"
+    points = run("reconstruct", calibrated, "plane+00", "--method", method, "--out", out, tmp_path=tmp_path)["points"]
+    assert points > 1000
+    if ending == "npz":
+        with np.load(out) as stored:
+            assert stored["xyz"].shape[2] == 3
+            assert np.isfinite(stored["xyz"][..., 2]).sum() == points
+            assert ("sigma" in stored.files) == (method == "photogrammetric")
+    else:
+        assert f"element vertex {points}\n".encode() in out.read_bytes()[:2000]
+
+
+def test_report_writes_html_and_pdf(calibrated: Path, tmp_path: Path) -> None:
+    paths = run("report", calibrated, "--out", tmp_path / "report", tmp_path=tmp_path)
+    assert "<table" in Path(paths["html"]).read_text(encoding="utf-8")
+    assert Path(paths["pdf"]).read_bytes().startswith(b"%PDF")
+
+
+def test_the_demo_runs_from_an_empty_folder_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for _ in range(2):
+        figures = run("demo", tmp_path / "demo", "--scenario", "quick", tmp_path=tmp_path)
+        assert set(figures) == {"photogrammetric", "polynomial", "planes"}
+    assert "Table 3" in capsys.readouterr().out
+
+
+def test_the_same_seed_gives_the_same_project(quick_original: Path, tmp_path: Path) -> None:
+    run("simulate", tmp_path / "again", "--scenario", "quick", "--seed", 3, tmp_path=tmp_path)
+    for file in quick_original.rglob("*.png"):
+        assert (tmp_path / "again" / file.relative_to(quick_original)).read_bytes() == file.read_bytes()
+
+
+def test_the_module_is_the_command(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-m", "core", "decode", str(tmp_path)], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
