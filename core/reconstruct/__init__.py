@@ -2,7 +2,8 @@
 
 * `points` dispatches: `reconstruct` is the stage;
 * `intersect` forward intersection by the photogrammetric calibration, from 4 or 3 observations;
-* `system` what of a photogrammetric calibration is prepared once: camera rays, projection along a ray, sigma table;
+* `system` what of a photogrammetric calibration is prepared once: camera rays and projection along a ray;
+* `sigma_table` what the calibration's covariance does to a point;
 * `lookup` depth by the polynomial or the table of every pixel;
 * `rays` the viewing directions of all camera pixels;
 * `export` the NPZ and PLY files.

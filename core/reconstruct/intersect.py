@@ -15,9 +15,9 @@ import numpy as np
 from numba import njit
 
 from core.errors import InputError
-from core.model import Floats, PhaseMap, PhotogrammetricCalibration, PointCloud
+from core.model import PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
-from core.reconstruct.system import System, prepare
+from core.reconstruct.system import System, prepare, sigma_table
 
 MOST_STEPS = 12
 SETTLED_LINES = 1e-3  # a step this small leaves an error of the order of its square
@@ -59,7 +59,7 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> Point
     xyz = np.empty((height, width, 3), np.float32)
     sigma = np.empty((height, width, 3), np.float32)
     sigma_depth = np.empty((height, width), np.float32)
-    table = system.tables[lead + (other or "")]
+    table = sigma_table(calibration, lead + (other or ""))
     device = (*system.matrix.ravel().tolist(), *system.vector.tolist(), *system.radial)
     spread = _column_weights(width, table.q2_variance.shape[1])
 
@@ -88,8 +88,16 @@ def _axes(phase: PhaseMap, system: System) -> tuple[str, str | None]:
     return lead, decoded[1] if len(decoded) == 2 else None
 
 
-def _any_finite(values: Floats) -> bool:
-    return any(bool(np.isfinite(row).any()) for row in values)
+@njit(cache=True, nogil=True)
+def _any_finite(values):  # type: ignore[no-untyped-def]
+    """Whether there is a finite value; stops at the first one."""
+    for r in range(values.shape[0]):
+        found = False
+        for c in range(values.shape[1]):
+            found |= np.isfinite(values[r, c])
+        if found:
+            return True
+    return False
 
 
 def _column_weights(width: int, nodes: int) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,177 @@
+"""What the calibration's covariance does to a point, on a coarse grid over the common field of view.
+
+The sigma that comes from the calibration varies slowly over image and depth, so a table costs nothing in accuracy and
+saves a factor of a hundred in time. ``X q²`` is tabulated (q the inverse depth, see `system`), because its variance
+hardly depends on q.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
+from core.model import Array, DeviceSpec, Interior
+
+PARAMETERS = 24
+NODES = (17, 17, 13)  # rows, columns, projector coordinates
+DEPTH_LIMITS = (0.05, 100.0)  # depths tried, in units of the base
+MARGIN = 0.15  # nodes this far outside the raster still serve: more than the distance of two nodes
+
+
+@dataclass(frozen=True)
+class Devices:
+    """Camera and projector with their specifications, and how they stand to each other."""
+
+    camera: tuple[DeviceSpec, Interior]
+    projector: tuple[DeviceSpec, Interior]
+    projector_from_camera: Pose
+
+
+@dataclass(frozen=True)
+class SigmaTable:
+    """What the calibration's covariance does to a point.
+
+    Attributes
+    ----------
+    q2_variance : array, shape (rows, columns, lines, 3)
+        Variance of X q² at nodes spread evenly over the camera's image and the leading projector coordinate.
+    nodes_per_line : float
+        By which a projector coordinate becomes a place in the table.
+    """
+
+    q2_variance: Array
+    nodes_per_line: float
+
+
+def depth_slopes(devices: Devices) -> tuple[float, float]:
+    """Root mean square of du/d(ln q) and dv/d(ln q), in lines, over the common field of view; (1, 1) without one."""
+    uv = _camera_nodes(devices)[::4, ::4]
+    rays = ray_directions(*devices.camera, uv)
+    tried = _tried(devices)
+    lines = _pinhole(devices, rays, tried)
+    steps = np.diff(lines, axis=2) / np.diff(np.log(tried))[:, None]
+    inside = _lit(devices.projector[0], lines, 0.0)
+    both = inside[..., 1:] & inside[..., :-1]
+    rms = np.sqrt(np.mean(steps[both] ** 2, axis=0)) if both.any() else np.ones(2)
+    return float(rms[0]), float(rms[1])
+
+
+def make_table(devices: Devices, covariance: Array, axes: str) -> SigmaTable:
+    """Propagate the covariance at the nodes.
+
+    Parameters
+    ----------
+    devices : Devices
+    covariance : array, shape (24, 24)
+        In the order of `PhotogrammetricCalibration.covariance`.
+    axes : str
+        The observed projector coordinates, the leading one first; they count with equal weight.
+    """
+    spec = devices.projector[0]
+    lead = "uv".index(axes[0])
+    end = (spec.width, spec.height)[lead] - 1
+    uv = _camera_nodes(devices)
+    if not np.diag(covariance).any():
+        return SigmaTable(np.zeros((*NODES, 3)), (NODES[2] - 1) / end)
+    rays = ray_directions(*devices.camera, uv)
+    tried = _tried(devices)
+    lit = _lit(spec, _pinhole(devices, rays, tried), MARGIN)
+    lines = _projected(devices, rays, np.broadcast_to(tried, (*rays.shape[:2], len(tried))))[..., lead]
+    q = _inverse_depths(np.where(lit, lines, np.nan), tried, np.linspace(0, end, NODES[2]))
+    weights = np.array([float("u" in axes), float("v" in axes)])
+    return SigmaTable(_filled(_variance(devices, uv, q, covariance, weights)), (NODES[2] - 1) / end)
+
+
+def _camera_nodes(devices: Devices) -> Array:
+    spec = devices.camera[0]
+    rows, columns = np.linspace(0, spec.height - 1, NODES[0]), np.linspace(0, spec.width - 1, NODES[1])
+    return np.stack(np.meshgrid(columns, rows), axis=-1)
+
+
+def _tried(devices: Devices) -> Array:
+    """Inverse depths (1/mm) that span whatever the rig may see."""
+    base_mm = max(float(np.linalg.norm(devices.projector_from_camera.translation_mm)), 1e-3)
+    return np.geomspace(1 / DEPTH_LIMITS[1], 1 / DEPTH_LIMITS[0], 200) / base_mm
+
+
+def _projected(devices: Devices, rays: Array, q: Array) -> Array:
+    """Projector coordinates (rows, columns, k, 2) of rays (rows, columns, 3) at inverse depths q (rows, columns, k)."""
+    return project(*devices.projector, rays[..., None, :] / q[..., None], devices.projector_from_camera)
+
+
+def _pinhole(devices: Devices, rays: Array, tried: Array) -> Array:
+    """The same without distortion, whose polynomials fold back into the raster far outside of it."""
+    spec, interior = devices.projector
+    plain = replace(interior, a=(0.0, 0.0, interior.a[2], interior.a[3], 0.0, 0.0))
+    q = np.broadcast_to(tried, (*rays.shape[:2], len(tried)))
+    return _projected(replace(devices, projector=(spec, plain)), rays, q)
+
+
+def _lit(spec: DeviceSpec, uv: Array, margin: float) -> NDArray[np.bool_]:
+    """Whether projector coordinates lie in the raster enlarged by a share of its size."""
+    size = np.array([spec.width - 1, spec.height - 1])
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.all((uv >= -margin * size) & (uv <= (1 + margin) * size), axis=-1))
+
+
+def _inverse_depths(lines: Array, tried: Array, nodes: Array) -> Array:
+    """Inverse depth at which each ray has the projector coordinates `nodes`, NaN where it never has one."""
+    q = np.full((*lines.shape[:2], len(nodes)), np.nan)
+    for index in np.ndindex(lines.shape[:2]):
+        known = np.isfinite(lines[index])
+        if np.count_nonzero(known) > 1:
+            found, at = lines[index][known], tried[known]
+            order = np.argsort(found)
+            q[index] = np.interp(nodes, found[order], at[order], left=np.nan, right=np.nan)
+    return q
+
+
+def _variance(devices: Devices, uv: Array, q: Array, covariance: Array, weights: Array) -> Array:
+    """Variance of X q², shape (rows, columns, k, 3): q = argmin Σ w (observed - f(q, p))² moves with the parameters p.
+
+    ``dq/dp = -Σ w J df/dp / Σ w J²`` with ``J = df/dq``, and ``d(X q²)/dp = q dd/dp - d dq/dp`` for the viewing
+    direction d; the derivatives are central differences, over a sigma for the parameters.
+    """
+    uncertain = np.flatnonzero(np.diag(covariance) > 0)
+    rays = ray_directions(*devices.camera, uv)
+    h = 1e-4 * q
+    J = (_projected(devices, rays, q + h) - _projected(devices, rays, q - h)) / (2 * h[..., None])
+    information = np.sum(weights * J**2, axis=-1)
+    columns = []
+    for p in uncertain:
+        step = float(np.sqrt(covariance[p, p]))
+        ends = []
+        for sign in (1, -1):
+            moved = _moved(devices, int(p), sign * step)
+            ray = ray_directions(*moved.camera, uv)
+            ends.append((_projected(moved, ray, q), ray))
+        df, dray = ((one - other) / (2 * step) for one, other in zip(*ends, strict=True))
+        dq = -np.sum(weights * J * df, axis=-1) / information
+        columns.append(q[..., None] * dray[:, :, None, :] - rays[:, :, None, :] * dq[..., None])
+    G = np.stack(columns, axis=-1)
+    return np.asarray(np.sum((G @ covariance[np.ix_(uncertain, uncertain)]) * G, axis=-1))
+
+
+def _moved(devices: Devices, parameter: int, step: float) -> Devices:
+    """Change one of the 24 parameters in the order of `PhotogrammetricCalibration.covariance`."""
+    change = np.zeros(PARAMETERS)
+    change[parameter] = step
+    (camera, inner), (projector, outer), pose = devices.camera, devices.projector, devices.projector_from_camera
+    return Devices(
+        (camera, Interior.from_vector(inner.vector + change[:9], inner.r0_mm)),
+        (projector, Interior.from_vector(outer.vector + change[9:18], outer.r0_mm)),
+        Pose(matrix_from_rotation_vector(change[18:21]) @ pose.rotation, pose.translation_mm + change[21:24]),
+    )
+
+
+def _filled(table: Array) -> Array:
+    """Carry the nearest known value to nodes that no point can have."""
+    known = np.isfinite(table).all(axis=-1)
+    if known.all() or not known.any():
+        return table
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(table[tuple(nearest)])
