@@ -76,7 +76,7 @@ def _components(mask: NDArray[np.uint8], contrast: NDArray[np.float32], factor: 
     """Moments of the connected parts of a mask."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
     v, u = np.nonzero(mask)
-    label = labels[v, u]
+    label = np.asarray(labels[v, u], np.int64)
     weight = contrast[v, u].astype(np.float64)
     area = np.bincount(label, minlength=count).astype(np.float64)
     area[0] = 1.0

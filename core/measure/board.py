@@ -83,7 +83,7 @@ def board_from_testfield(field: Testfield, where: str = "testfield.csv") -> Boar
 
 
 def _in_its_plane(xyz: Array, where: str) -> tuple[Array, bool]:
-    """Coordinates of a board turned so that its best plane is XY, and whether it lay so already (and stays as it is)."""
+    """Coordinates of a board turned so that its best plane is XY, and whether it lay so already."""
     centred = xyz - xyz.mean(axis=0)
     singular, axes = np.linalg.svd(centred, full_matrices=False)[1:]
     if singular[1] < 1e-3 * singular[0]:

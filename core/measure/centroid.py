@@ -3,7 +3,7 @@
 Notes
 -----
 The weight of a pixel is ``w = ((I - B) / L - T)+`` with the background plane B under the dot, the relative brightness L
-of the light across it, and the threshold T = 15 % of the contrast (more where the noise asks for it), summed over a
+of the light across it, and the threshold T, summed over a
 window that holds the whole blurred dot and no neighbour. The centroid ``m = sum(w x) / sum(w)`` has the covariance
 ``sum(var_I (x - m)(x - m)') / sum(w)²`` over the pixels with weight; see Trinder (1989), *Precision of digital target
 location*. L matters: a disc of radius r under a light that changes by g per pixel has its grey centroid g r²/4 off.
@@ -17,10 +17,11 @@ from scipy.spatial import cKDTree
 
 from core.measure.kernels import weighted_moments
 from core.measure.profile import Profiles, on_rays
+from core.measure.robust import inverse_2x2, normal_equations
 
 Array = NDArray[np.float64]
 
-FLOOR_PX = 0.004  # sampling by square pixels, what is left of uneven light: measured on noise-free renderings
+FLOOR = 0.025  # px² per px of diameter: what square pixels leave on noise-free renderings, 0.002 px at 12 px diameter
 MOST_THRESHOLD = 0.5
 
 
@@ -49,7 +50,7 @@ def centroids(
     threshold : float
         Share of the contrast where weights begin.
     """
-    inverse = np.ascontiguousarray(np.linalg.inv(ellipse))
+    inverse = np.ascontiguousarray(inverse_2x2(ellipse))
     # the variance at background level, then its growth above it
     at_background = np.maximum(noise[0] + noise[1] * profile.plane[:, 0], 0.0)
     variance = np.ascontiguousarray(np.stack([at_background, np.full(len(centre), noise[1])], axis=1))
@@ -63,7 +64,8 @@ def centroids(
             shift = sums[:, 1:3] / sums[:, :1]
             m = m + shift
             cov = sums[:, [3, 4, 4, 5]].reshape(-1, 2, 2) / sums[:, 0, None, None] ** 2
-    return m, cov + FLOOR_PX**2 * np.eye(2)
+    diameter = 2.0 * np.sqrt(np.abs(np.linalg.det(ellipse)))
+    return m, cov + ((FLOOR / diameter) ** 2)[:, None, None] * np.eye(2)
 
 
 def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbours: int = 14) -> Array:
@@ -87,8 +89,8 @@ def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbo
     brightness = np.log(np.maximum(contrast, 1e-6))
     y = brightness[near]
     weight = (np.abs(y - np.median(y, axis=1, keepdims=True)) < 0.5).astype(np.float64)
-    N = np.einsum("mki,mk,mkj->mij", A, weight, A) + 0.01 * np.eye(3)
-    slope = np.linalg.solve(N, np.einsum("mki,mk,mk->mi", A, weight, y)[..., None])[:, 1:, 0]
+    N, b = normal_equations(A, weight, y[..., None])
+    slope = np.linalg.solve(N + 0.01 * np.eye(3), b)[:, 1:, 0]
     return np.asarray(np.clip(slope / scale, -0.05, 0.05))
 
 
@@ -121,7 +123,12 @@ def _second_differences(image: NDArray[np.float32], uv: Array) -> Array:
 
 
 def _variance(differences: Array) -> float:
+    """Variance of a pixel from second differences, with a few outliers clipped at three sigma."""
     if not len(differences):
         return 0.0
     rounding = 1 / 12 if np.all(differences == np.rint(differences)) else 0.0  # whole grey values
-    return max(float((1.4826 * np.median(np.abs(differences))) ** 2 / 6), rounding)
+    square = differences**2
+    spread = 2.2 * float(np.median(square))  # the median of a squared Gaussian is 0.455 of its variance
+    for _ in range(3):  # the median of whole numbers is coarse: go on with means
+        spread = float(np.mean(square[square <= 9 * spread + 1e-12])) / 0.973
+    return max(spread / 6, rounding)

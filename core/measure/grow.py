@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from core.measure.blobs import Blobs, scale_and_roundness
 from core.measure.board import Board
+from core.measure.robust import inverse_2x2, normal_equations, row_median
 from core.measure.view import View, fit_view
 
 Array = NDArray[np.float64]
@@ -36,6 +37,7 @@ class Lattice:
     reserved: dict[int, int] = field(default_factory=dict)  # spot -> the only target it may become (picks)
     conflicts: dict[int, int] = field(default_factory=dict)  # picked spot -> another target that was predicted there
     notes: dict[int, str] = field(default_factory=dict)  # target -> why no spot was accepted
+    fitted: int = 4  # how many targets the view was fitted to
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -91,12 +93,11 @@ def predict(lattice: Lattice, targets: Ints) -> tuple[Array, Array, Ints]:
     weight = usable / (0.3 + np.sum(offset**2, axis=2)) ** 2
     # weighted line fit of the missed part, slopes held near zero by a little so that few neighbours suffice
     A = np.concatenate([np.ones((*near.shape, 1)), offset], axis=2)
-    N = np.einsum("mki,mk,mkj->mij", A, weight, A)
+    N, b = normal_equations(A, weight, missed[near])
     total = np.maximum(weight.sum(axis=1), 1e-12)
     N[:, 0, 0] += 1e-9 * total + 1e-12
     N[:, 1, 1] += 0.03 * total
     N[:, 2, 2] += 0.03 * total
-    b = np.einsum("mki,mk,mkj->mij", A, weight, missed[near])
     correction = np.linalg.solve(N, b)[:, 0, :]
     return base[targets] + correction, lattice.view.jacobian(board.xyz_mm[targets]), usable.sum(axis=1)
 
@@ -131,10 +132,7 @@ def prune(lattice: Lattice) -> None:
 
 def _on_board(lattice: Lattice, targets: Ints, offset_px: Array, jacobian: Array) -> Array:
     """Lengths of pixel offsets (m, ..., 2) on the board, in target spacings."""
-    with np.errstate(all="ignore"):
-        a, b, c, d = jacobian[:, 0, 0], jacobian[:, 0, 1], jacobian[:, 1, 0], jacobian[:, 1, 1]
-        inverse = np.stack([np.stack([d, -b], 1), np.stack([-c, a], 1)], 1) / (a * d - b * c)[:, None, None]
-    on_board = np.einsum("mij,m...j->m...i", inverse, offset_px)
+    on_board = np.einsum("mij,m...j->m...i", inverse_2x2(jacobian), offset_px)
     spacing = lattice.board.spacing_mm[targets].reshape(-1, *[1] * (on_board.ndim - 2))
     return np.asarray(np.sqrt(np.sum(on_board**2, axis=-1)) / spacing)
 
@@ -142,10 +140,11 @@ def _on_board(lattice: Lattice, targets: Ints, offset_px: Array, jacobian: Array
 def _refit(lattice: Lattice) -> None:
     """Fit the view to everything identified, once that is more than the picks told."""
     known = np.flatnonzero(lattice.known)
-    if len(known) < 6:
+    if len(known) < 1.4 * lattice.fitted:
         return
     uv = lattice.blobs.uv[lattice.blob[known]]
     view = fit_view(lattice.view, lattice.board.xyz_mm[known], uv, radial=len(known) >= 12, iterations=4)
+    lattice.fitted = len(known)
     if np.all(np.isfinite(view.project(lattice.board.xyz_mm[known]))):
         lattice.view = view
 
@@ -186,7 +185,7 @@ def _settle(lattice: Lattice, claims: dict[int, list[int]]) -> bool:
         if spot in lattice.reserved and lattice.reserved[spot] not in targets:
             lattice.conflicts[spot] = targets[0]
         elif len(targets) > 1 or spot in taken:
-            lattice.notes.update({t: "ambiguous: one dot fits two targets" for t in targets})
+            lattice.notes.update(dict.fromkeys(targets, "ambiguous: one dot fits two targets"))
         else:
             lattice.blob[targets[0]] = spot
             lattice.notes.pop(targets[0], None)
@@ -203,7 +202,7 @@ def _alike(lattice: Lattice, frontier: Ints, spot: Ints, jacobian: Array) -> tup
     size = size / np.median(own)
     near = lattice.board.neighbours[frontier]
     contrast = np.where(lattice.known[near], blobs.contrast[lattice.blob[near]], np.nan)
-    typical = np.nanmedian(contrast, axis=1)  # the frontier has identified neighbours by definition
+    typical = row_median(contrast)  # the frontier has identified neighbours by definition
     bright = blobs.contrast[spot] / typical[:, None]
     why = np.full(spot.shape, "", dtype=object)
     why[~((bright > 0.35) & (bright < 3.0))] = "its contrast is unlike its neighbours'"

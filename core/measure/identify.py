@@ -95,7 +95,8 @@ def _refuse_contradiction(tried: dict[int, Lattice], picks: Picks, spots: Ints) 
     board = next(iter(tried.values())).board
     culprit = max(against, key=lambda k: len(against[k]))
     start, target = against[culprit][0]
-    seen = f"{picks.name(board, culprit)} contradicts pick {start + 1}: counting dots from there it is {board.name(target)}"
+    right = f"counting dots from there it is {board.name(target)}"
+    seen = f"{picks.name(board, culprit)} contradicts pick {start + 1}: {right}"
     raise InputError(picks.where, seen, "correct the row and column of the wrong one")
 
 

@@ -25,4 +25,4 @@ class MeasureOptions:
 
     projector: Literal["bilinear", "plane"] = "bilinear"
     side: Literal["front", "back", "either"] = "front"
-    threshold: float = 0.15
+    threshold: float = 0.05

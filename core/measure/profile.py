@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.kernels import sample
+from core.measure.robust import normal_equations, row_median
 
 Array = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ class Profiles:
 
 def on_rays(centre: Array, ellipse: Array, radius: Array) -> Array:
     """Pixels (m, RAYS, k, 2) at `radius` (m, RAYS, k) or (m, 1, k) in the unit disc along the rays of every dot."""
-    ray = np.einsum("mij,rj->mri", ellipse, DIRECTIONS)
+    ray = DIRECTIONS @ np.swapaxes(ellipse, 1, 2)
     return np.asarray(centre[:, None, None, :] + radius[..., None] * ray[:, :, None, :])
 
 
@@ -72,10 +73,10 @@ def profiles(image: NDArray[np.float32], centre: Array, ellipse: Array, spacing:
     spacing : array, shape (m,)
         Distance of the nearest other target over the dot's radius.
     """
-    along = np.linalg.norm(np.einsum("mij,rj->mri", ellipse, DIRECTIONS), axis=2)  # (m, rays) px
+    along = np.linalg.norm(DIRECTIONS @ np.swapaxes(ellipse, 1, 2), axis=2)  # (m, rays) px
     minor = along.min(axis=1)
     inner = sample_at(image, on_rays(centre, ellipse, np.array([0.0, 0.15, 0.3, 0.45])[None, None, :]))
-    plateau = _median(inner.reshape(len(centre), -1))
+    plateau = row_median(inner.reshape(len(centre), -1))
     far = np.clip(1.0 + 4.0 / minor, 1.0, spacing / 2)
     plane = _background(image, centre, ellipse, far, spacing)
 
@@ -87,7 +88,7 @@ def profiles(image: NDArray[np.float32], centre: Array, ellipse: Array, spacing:
     share = _share(value, at, centre, plane, plateau)
     crossing, closed = _crossing(share, radius)
     contour = crossing @ FIT.T
-    blur = _blur(np.nanmedian(np.where(np.isfinite(share), share, 0.0), axis=1), offset)
+    blur = _blur(np.median(np.where(np.isfinite(share), share, 0.0), axis=1), offset)
 
     window = np.minimum(contour[:, 0] + (3.0 * blur + 1.0) / minor, np.maximum(spacing / 2, 1.0 + 1.0 / minor))
     window = np.where(np.isfinite(window), window, far)
@@ -115,12 +116,6 @@ def profiles(image: NDArray[np.float32], centre: Array, ellipse: Array, spacing:
     )
 
 
-def _median(values: Array) -> Array:
-    """Row medians that ignore NaN, and are NaN without a warning where a row has nothing else."""
-    empty = ~np.any(np.isfinite(values), axis=1)
-    return np.where(empty, np.nan, np.nanmedian(np.where(empty[:, None], 0.0, values), axis=1))
-
-
 def _share(value: Array, at: Array, centre: Array, plane: Array, plateau: Array) -> Array:
     """Grey values as shares of the contrast: 0 background, 1 plateau."""
     d = at - centre[:, None, None, :]
@@ -131,21 +126,22 @@ def _share(value: Array, at: Array, centre: Array, plane: Array, plateau: Array)
 
 def _background(image: NDArray[np.float32], centre: Array, ellipse: Array, start: Array, spacing: Array) -> Array:
     """Robust plane (m, 3) through the ring between the dot's blur and that of its neighbours."""
-    stop = np.maximum(np.minimum(start + 1.0, spacing - start), start + 0.15)
+    minor = np.linalg.svd(ellipse, compute_uv=False)[:, 1]
+    stop = np.maximum(np.minimum(start + np.maximum(1.0, 5.0 / minor), spacing - start), start + 0.15)
     radius = start[:, None] + (stop - start)[:, None] * np.linspace(0, 1, 5)
     at = on_rays(centre, ellipse, radius[:, None, :])
     value = sample_at(image, at).reshape(len(centre), -1)
     d = (at - centre[:, None, None, :]).reshape(len(centre), -1, 2)
     A = np.concatenate([np.ones((*value.shape, 1)), d], axis=2)
     usable = np.isfinite(value)
-    model = _median(value)[:, None]
+    model = row_median(value)[:, None]
     plane = np.zeros((len(centre), 3))
     for _ in range(3):
         off = np.abs(np.where(usable, value - model, np.nan))
-        weight = usable & (off <= 3.5 * 1.4826 * _median(off)[:, None] + 1e-6)
-        N = np.einsum("mki,mk,mkj->mij", A, weight, A) + 1e-9 * np.eye(3)
-        plane = np.linalg.solve(N, np.einsum("mki,mk->mi", A, np.where(weight, value, 0.0))[..., None])[..., 0]
-        model = np.einsum("mki,mi->mk", A, plane)
+        weight = usable & (off <= 3.5 * 1.4826 * row_median(off)[:, None] + 1e-6)
+        N, b = normal_equations(A, weight, np.where(weight, value, 0.0)[..., None])
+        plane = np.linalg.solve(N + 1e-9 * np.eye(3), b)[..., 0]
+        model = (A @ plane[..., None])[..., 0]
     return plane
 
 

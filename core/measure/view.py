@@ -78,7 +78,7 @@ def fit_view(start: View, xyz_mm: Array, uv: Array, *, radial: bool, iterations:
     corner2 = (spec.width * spec.pitch_mm[0] / 2) ** 2 + (spec.height * spec.pitch_mm[1] / 2) ** 2
     prior = pitch * corner2 / RADIAL_SIGMA if radial else 1e12
     view, cost, damping = start, np.inf, 1e-6
-    J = r = np.zeros(0)
+    J, r = np.zeros((0, 7)), np.zeros(0)
     step = np.zeros(7)
     for _ in range(iterations):
         R, t, a1 = view.camera_from_board.rotation, view.camera_from_board.translation_mm, view.a1
@@ -102,7 +102,7 @@ def fit_view(start: View, xyz_mm: Array, uv: Array, *, radial: bool, iterations:
         b = J.T @ r
         b[6] -= prior**2 * view.a1
         N[np.diag_indices(7)] *= 1 + damping
-        step = np.linalg.lstsq(N, b, rcond=1e-15)[0]
+        step = np.linalg.solve(N, b)
     return view
 
 
@@ -122,6 +122,7 @@ def _linearised(view: View, c: float, xyz_mm: Array, measured: Array) -> tuple[A
         dy = (2 * a * x * y)[:, None] * gx + (1 + a * (r2 + 2 * y * y))[:, None] * gy
         residual = measured - np.stack([x, y], axis=1) * (1 + a * r2)[:, None]
     # d(turn x p) = turned x derivative, because the turn is applied from the left
-    rows_x = np.concatenate([np.cross(turned, dx), dx, (x * r2)[:, None]], axis=1)
-    rows_y = np.concatenate([np.cross(turned, dy), dy, (y * r2)[:, None]], axis=1)
-    return np.stack([rows_x, rows_y], axis=1).reshape(-1, 7), residual.reshape(-1)
+    J = np.empty((len(z), 2, 7))
+    for row, d, radial in ((0, dx, x * r2), (1, dy, y * r2)):
+        J[:, row, :3], J[:, row, 3:6], J[:, row, 6] = np.cross(turned, d), d, radial
+    return J.reshape(-1, 7), residual.reshape(-1)
