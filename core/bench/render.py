@@ -97,7 +97,18 @@ def lines_of(pattern: Pattern, rig: Rig) -> tuple[Array, Array]:
 
 
 def prepare(rig: Rig, scene: Scene) -> Prepared:
-    """Cast all rays of a rig before a scene."""
+    """Cast all rays of a rig before a scene.
+
+    Examples
+    --------
+    >>> from core.bench import experiment
+    >>> from core.patterns import Black, White
+    >>> e = experiment("quick")
+    >>> prepared = prepare(e.rig, e.shot("plane+00").scene)
+    >>> white, black = prepared.frame(White(), seed=1), prepared.frame(Black(), seed=2)
+    >>> white.shape, white.dtype, bool(white.mean() > 4 * black.mean())
+    ((240, 320), dtype('uint8'), True)
+    """
     samples, _ = cast(rig, scene, rig.subsamples)
     weights = pixel_weights(rig.subsamples, rig.lens.blur_px)
     margin = (weights.size - rig.subsamples) // 2
