@@ -184,6 +184,6 @@ def experiment(name: str = "paper", seed: int = 0) -> Experiment:
     --------
     >>> e = experiment("paper")
     >>> len(e.shots), e.shots[0].name, len(e.shots[0].patterns)
-    (39, 'testfield-01', 28)
+    (37, 'testfield-01', 28)
     """
     return build(plan(name), seed)
