@@ -12,7 +12,8 @@ from core.decode.kernel import decode_pixels
 from core.decode.options import DecodeOptions
 from core.decode.plan import plan_axis
 from core.decode.sample import check_duplicates, full_scale, limits_of, measure_fading, measure_noise, take_sample
-from core.decode.tables import AxisTable, Rows, axis_table, image_row, make_rows, no_axis
+from core.decode.sections import decode_sections
+from core.decode.tables import SWEEP, AxisTable, Rows, axis_table, image_row, make_rows, no_axis
 from core.errors import InputError
 from core.model import PhaseMap
 from core.parallel import run_in_bands
@@ -87,16 +88,20 @@ def decode(
     place, sigma = np.empty((2, height * width), np.float32), np.empty((2, height * width), np.float32)
     modulation, image = np.empty(height * width, np.float32), np.empty(height * width, np.float32)
     flags = np.empty(height * width, np.uint8)
+    swept = {n for table in tables for n in table.line_frames}
+    plain = np.array([n for n in range(len(arrays)) if n not in swept], np.int32)
     addresses = np.array([array.ctypes.data for array in arrays], np.uint64)
 
     block = max(16, BLOCK // (width * len(arrays)))
     for top in progress.over(range(0, height, block), "decoding from row {}"):
 
         def band(first: int, last: int, top: int = top) -> None:
-            decode_pixels(
-                (top + first) * width, (top + last) * width, addresses, arrays[0].itemsize, limits, image_rows, tables,
-                place, sigma, modulation, image, flags,
-            )  # fmt: skip
+            common = ((top + first) * width, (top + last) * width, addresses, arrays[0].itemsize, limits)
+            out = (place, sigma, modulation, image, flags)
+            decode_pixels(*common, image_rows, plain, tables, *out)
+            for axis, table in enumerate(tables):
+                if table.start == SWEEP:
+                    decode_sections(*common, table, axis, *out)
 
         run_in_bands(band, min(block, height - top))
     shape = (height, width)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import carray, njit, types
-from numba.extending import intrinsic
+from numba import carray, njit
 
+from core.decode.memory import pointer
 from core.decode.options import Flag
 from core.decode.tables import CODE, NOTHING, SWEEP
 
@@ -30,9 +30,7 @@ NOISE_BIT = F(3.5)  # a bit nearer to its threshold, in standard deviations, is 
 GATE = F(0.4)  # cycles: phases that differ by more contradict each other
 EDGE = F(0.35)  # cells: how far from the edge of a cell code and phase may see it
 RAMP = F(1.0)  # lines over which a code's edge is assumed to be blurred, each side
-TAIL = F(0.12)  # part of a light section's height below which light is not counted
-RIVAL = F(0.5)  # part of its height another section may reach elsewhere
-TILE = 8192  # grey values in single precision per tile: what the first-level cache holds
+TILE = 512  # pixels taken together: long enough to read every frame in runs, short enough for the cache
 
 
 class Limits(NamedTuple):
@@ -51,40 +49,27 @@ def _fast(function: Any) -> Any:
     return njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})(function)
 
 
-@intrinsic
-def _pointer(typing_context: Any, address: Any) -> Any:  # noqa: ARG001
-    """A pointer from an address, so that one compiled kernel takes any number of images without copying them."""
-
-    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-    return types.voidptr(types.uintp), build
+@_fast
+def _add(address, item_size, start, count, factor, out):  # type: ignore[no-untyped-def]
+    """out += factor * grey values of one frame."""
+    if item_size == 1:
+        narrow = carray(pointer(address + np.uint64(start)), (count,), np.uint8)
+        for i in range(count):
+            out[i] += factor * F(narrow[i])
+    else:
+        wide = carray(pointer(address + np.uint64(2 * start)), (count,), np.uint16)
+        for i in range(count):
+            out[i] += factor * F(wide[i])
 
 
 @_fast
-def _load(addresses, item_size, start, count, grey):  # type: ignore[no-untyped-def]
-    for f in range(len(addresses)):
-        row = grey[f]
-        if item_size == 1:
-            narrow = carray(_pointer(addresses[f] + np.uint64(start)), (count,), np.uint8)
-            for i in range(count):
-                row[i] = narrow[i]
-        else:
-            wide = carray(_pointer(addresses[f] + np.uint64(2 * start)), (count,), np.uint16)
-            for i in range(count):
-                row[i] = wide[i]
-
-
-@_fast
-def _combine(rows, grey, count, out):  # type: ignore[no-untyped-def]
-    """out = rows · grey, row by row."""
+def _combine(rows, addresses, item_size, start, count, out):  # type: ignore[no-untyped-def]
+    """out = rows · frames, row by row."""
     for r in range(len(rows.first) - 1):
         target = out[r]
         target[:count] = F(0)
         for entry in range(rows.first[r], rows.first[r + 1]):
-            source, factor = grey[rows.column[entry]], rows.value[entry]
-            for i in range(count):
-                target[i] += factor * source[i]
+            _add(addresses[rows.column[entry]], item_size, start, count, rows.value[entry], target)
 
 
 @_fast
@@ -117,38 +102,45 @@ def _phases(table, values, limits, count, turns, variance, modulation, flags):  
 
 
 @_fast
-def _saturated(frames, grey, limits, count, flags):  # type: ignore[no-untyped-def]
+def _brightest(frames, addresses, item_size, start, count, out):  # type: ignore[no-untyped-def]
+    """out = the largest grey value of some frames."""
+    out[:count] = F(0)
     for f in frames:
-        row = grey[f]
-        for i in range(count):
-            flags[i] |= SATURATED if row[i] >= limits.saturation else 0
+        if item_size == 1:
+            narrow = carray(pointer(addresses[f] + np.uint64(start)), (count,), np.uint8)
+            for i in range(count):
+                out[i] = max(out[i], F(narrow[i]))
+        else:
+            wide = carray(pointer(addresses[f] + np.uint64(2 * start)), (count,), np.uint16)
+            for i in range(count):
+                out[i] = max(out[i], F(wide[i]))
 
 
 @_fast
 def _contrast(table, bits, limits, count, threshold, contrast, flags):  # type: ignore[no-untyped-def]
     """Bits about their threshold (in place) and half the contrast between on and off."""
+    last = len(table.sign)
     if not table.has_threshold:
-        threshold[:count] = F(0)
         low, high = np.full(count, F(np.inf)), np.full(count, F(-np.inf))
-        for b in range(len(table.sign)):
-            row = bits[b]
+        for b in range(last):
+            row, sign = bits[b], -table.sign[b]
             for i in range(count):
-                value = -table.sign[b] * row[i]
-                low[i], high[i] = min(low[i], value), max(high[i], value)
+                low[i], high[i] = min(low[i], sign * row[i]), max(high[i], sign * row[i])
         for i in range(count):
             threshold[i] = HALF * (low[i] + high[i])
-    if not table.has_contrast:
-        contrast[:count] = F(0)
-    for b in range(len(table.sign)):
+    for b in range(last):
         row, sign = bits[b], table.sign[b]
         for i in range(count):
             row[i] += sign * threshold[i]
-        if not table.has_contrast:
+    if not table.has_contrast:
+        contrast[:count] = F(0)
+        for b in range(last):
+            row = bits[b]
             for i in range(count):
                 contrast[i] = max(contrast[i], abs(row[i]))
-    least = limits.snr * limits.snr
+    least = HALF * limits.snr * limits.snr
     for i in range(count):
-        noise = HALF * (limits.dark + limits.shot * threshold[i])
+        noise = limits.dark + limits.shot * threshold[i]
         flags[i] |= LOW if contrast[i] < F(0) or contrast[i] * contrast[i] < least * noise else 0
 
 
@@ -163,8 +155,7 @@ def _read_bits(table, bits, limits, count, threshold, contrast, word, unsure):  
         noisy = NOISE_BIT * NOISE_BIT * table.spread[b]
         mask = np.int32(1 << (last - b))
         for i in range(count):
-            x = row[i]
-            near = margin * contrast[i]
+            x, near = row[i], margin * contrast[i]
             doubt = x * x < max(near * near, noisy * (limits.dark + limits.shot * threshold[i]))
             word[i] |= mask if x > F(0) else np.int32(0)
             unsure[i] |= mask if doubt else np.int32(0)
@@ -191,7 +182,8 @@ def _word_of(gray, cell):  # type: ignore[no-untyped-def]
 def _locate(table, turns, word, unsure, count, place, doubtful):  # type: ignore[no-untyped-def]
     """Coordinate from the cell and the first combination of phases; mask of the bits that do not fit it.
 
-    A bit fits if it is as the coordinate's cell says, or belongs to the edge nearest to the coordinate.
+    A bit fits if it is as the coordinate's cell says, or belongs to the edge nearest to the coordinate. Where code
+    stands alone, one bit of a Gray word may be unsure: at the edge of a cell either side will do.
     """
     gray, cell, phased = table.gray, table.cell, len(table.steps) > 0
     period = table.step_period[0] if phased else ONE
@@ -219,7 +211,6 @@ def _locate(table, turns, word, unsure, count, place, doubtful):  # type: ignore
             doubtful[i] = ((word[i] ^ inside) & ~tolerated) | (unsure[i] & ~flips)
         else:
             place[i] = centre
-            # at the edge of a Gray cell one bit is unsure and either cell will do
             doubtful[i] = unsure[i] & (unsure[i] - np.int32(1)) if gray else unsure[i]
 
 
@@ -294,8 +285,14 @@ def _most_likely(table, bits, i, contrast, word, unsure, turn):  # type: ignore[
 @_fast
 def _settle(table, bits, turns, contrast, word, unsure, doubtful, count, place, flags):  # type: ignore[no-untyped-def]
     """Decide the doubtful pixels one by one."""
+    anything = 0
     for i in range(count):
-        if doubtful[i] != 0 and flags[i] == 0:
+        doubtful[i] = doubtful[i] if flags[i] == 0 else np.int32(0)
+        anything |= doubtful[i]
+    if anything == 0:
+        return
+    for i in range(count):
+        if doubtful[i] != 0:
             turn = F(0)
             if len(table.steps) > 0:
                 for j in range(len(table.period)):
@@ -329,20 +326,24 @@ def _unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: i
 @_fast
 def _weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  # type: ignore[no-untyped-def]
     """Mean of the coordinates by all periods, weighted by their variances."""
-    shift[:count] = F(0)
-    weight[:count] = F(0)
-    for j in range(len(table.period)):
-        period, turn, var = table.period[j], turns[j], variance[j]
+    if len(table.period) == 1:
         for i in range(count):
-            d = turn[i] - (place[i] + HALF) / period
-            d -= np.rint(d)
-            w = ONE / (period * period * var[i] + TINY)
-            shift[i] += w * period * d
-            weight[i] += w
-            flags[i] |= DISAGREEMENT if abs(d) > GATE else 0
-    for i in range(count):
-        place[i] += shift[i] / weight[i]
-        sigma[i] = np.sqrt(ONE / weight[i])
+            sigma[i] = table.period[0] * np.sqrt(variance[0, i])
+    else:
+        shift[:count] = F(0)
+        weight[:count] = F(0)
+        for j in range(len(table.period)):
+            period, turn, var = table.period[j], turns[j], variance[j]
+            for i in range(count):
+                d = turn[i] - (place[i] + HALF) / period
+                d -= np.rint(d)
+                w = ONE / (period * period * var[i] + TINY)
+                shift[i] += w * period * d
+                weight[i] += w
+                flags[i] |= DISAGREEMENT if abs(d) > GATE else 0
+        for i in range(count):
+            place[i] += shift[i] / weight[i]
+            sigma[i] = np.sqrt(ONE / weight[i])
     if table.start != CODE:
         # what lies beyond the projector is a whole number of the longest beat away from where it belongs
         middle, beat = HALF * (table.lines - ONE), table.step_period[0]
@@ -352,78 +353,22 @@ def _weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  
 
 
 @_fast
-def _sections(table, grey, limits, count, place, sigma, modulation, flags):  # type: ignore[no-untyped-def]
-    """Light sectioning: weighted centroid of the lit lines around the brightest."""
-    peak, where = np.full(count, F(-1)), np.zeros(count, F)
-    for n in range(len(table.line_frames)):
-        row, centre = grey[table.line_frames[n]], table.line_centre[n]
-        for i in range(count):
-            brighter = row[i] > peak[i]
-            peak[i] = row[i] if brighter else peak[i]
-            where[i] = centre if brighter else where[i]
-    dark, others, rival = np.zeros(count, F), np.zeros(count, F), np.zeros(count, F)
-    for n in range(len(table.line_frames)):
-        row, centre = grey[table.line_frames[n]], table.line_centre[n]
-        for i in range(count):
-            far = abs(centre - where[i]) > table.line_reach
-            dark[i] += row[i] if far else F(0)
-            others[i] += ONE if far else F(0)
-            rival[i] = max(rival[i], row[i]) if far else rival[i]
-    if table.black >= 0:
-        dark[:count] = grey[table.black, :count]
-    else:
-        for i in range(count):
-            dark[i] = dark[i] / others[i] if others[i] > F(0) else F(0)
-    total, moment, inertia, lit = np.zeros(count, F), np.zeros(count, F), np.zeros(count, F), np.zeros(count, F)
-    for n in range(len(table.line_frames)):
-        row, centre = grey[table.line_frames[n]], table.line_centre[n]
-        for i in range(count):
-            x = centre - where[i]
-            w = row[i] - dark[i] - TAIL * (peak[i] - dark[i])
-            w = w if abs(x) <= table.line_reach else F(0)
-            w = max(w, F(0))
-            noise = limits.dark + limits.shot * row[i] if w > F(0) else F(0)
-            total[i] += w
-            moment[i] += w * x
-            # of sum(noise (x - mean)²) the three parts
-            inertia[i] += noise * x * x
-            lit[i] += noise
-            sigma[i] = F(0)
-    for n in range(len(table.line_frames)):
-        row, centre = grey[table.line_frames[n]], table.line_centre[n]
-        for i in range(count):
-            x = centre - where[i]
-            bright = row[i] - dark[i] > TAIL * (peak[i] - dark[i]) and abs(x) <= table.line_reach
-            sigma[i] += (limits.dark + limits.shot * row[i]) * x if bright else F(0)
-    least = limits.snr + F(2)  # the brightest of some hundred frames is three standard deviations up by chance
-    for i in range(count):
-        mean = moment[i] / (total[i] + TINY)
-        square = inertia[i] - F(2) * mean * sigma[i] + mean * mean * lit[i]
-        height = peak[i] - dark[i]
-        place[i] = where[i] + mean
-        sigma[i] = np.sqrt(max(square, F(0))) / (total[i] + TINY)
-        modulation[i] = HALF * height
-        noise = limits.dark + limits.shot * dark[i]
-        weak = height * height < least * least * noise or HALF * height < limits.modulation
-        flags[i] |= LOW if weak else 0
-        flags[i] |= DISAGREEMENT if rival[i] - dark[i] > RIVAL * height else 0
-
-
-@_fast
-def _finish(table, axis, count, place, sigma, modulation, flags, u, s, m, every):  # type: ignore[no-untyped-def]
+def _finish(table, axis, first, count, place, sigma, modulation, flags, u, s, m, every):  # type: ignore[no-untyped-def]
     """Write one axis of a tile: coordinate and sigma, NaN where a flag is raised; the smaller modulation."""
     missing = NO_U << axis
     for i in range(count):
         outside = place[i] < -HALF or place[i] > table.lines - HALF
         flag = flags[i] | (OUTSIDE if outside and flags[i] == 0 else 0)
-        u[i] = place[i] if flag == 0 else F(np.nan)
-        s[i] = sigma[i] if flag == 0 else F(np.nan)
-        m[i] = min(m[i], modulation[i])
+        u[first + i] = place[i] if flag == 0 else F(np.nan)
+        s[first + i] = sigma[i] if flag == 0 else F(np.nan)
+        m[first + i] = min(m[first + i], modulation[i])
         every[i] |= flag | missing if flag != 0 else 0
 
 
 @_fast
-def decode_pixels(start, stop, addresses, item_size, limits, image_rows, tables, place, sigma, modulation, image, flags):  # type: ignore[no-untyped-def]
+def decode_pixels(
+    start, stop, addresses, item_size, limits, image_rows, plain, tables, place, sigma, modulation, image, flags
+):  # type: ignore[no-untyped-def]
     """Decode pixels start to stop - 1.
 
     Parameters
@@ -434,7 +379,7 @@ def decode_pixels(start, stop, addresses, item_size, limits, image_rows, tables,
         Of the first grey value of every frame, each contiguous; `item_size` 1 or 2 bytes.
     limits : Limits
     image_rows : Rows
-        The evenly lit image; without entries the brightest frame is taken.
+        The evenly lit image; without entries the brightest of the frames `plain`, int32 (k,), is taken.
     tables : (AxisTable, AxisTable)
         Of axis x and y.
     place, sigma : float32 (2, pixels)
@@ -444,58 +389,48 @@ def decode_pixels(start, stop, addresses, item_size, limits, image_rows, tables,
     flags : uint8 (pixels,)
         Written.
     """
-    tile = max(64, min(512, TILE // len(addresses) // 16 * 16))
-    grey = np.empty((len(addresses), tile), F)
     most = max(len(tables[0].rows.first), len(tables[1].rows.first))
-    values = np.empty((most, tile), F)
     periods = max(len(tables[0].period), len(tables[1].period))
-    turns, variance = np.empty((periods, tile), F), np.empty((periods, tile), F)
-    u, s, m, one, two = np.empty((5, tile), F)
-    word, unsure, doubtful, flag, every = np.empty((5, tile), np.int32)
-    for first in range(start, stop, tile):
-        count = min(tile, stop - first)
-        _load(addresses, item_size, first, count, grey)
+    values, turns, variance = np.empty((most, TILE), F), np.empty((periods, TILE), F), np.empty((periods, TILE), F)
+    u, s, m, one, two = np.empty(TILE, F), np.empty(TILE, F), np.empty(TILE, F), np.empty(TILE, F), np.empty(TILE, F)
+    word, unsure, doubtful = np.empty(TILE, np.int32), np.empty(TILE, np.int32), np.empty(TILE, np.int32)
+    flag, every = np.empty(TILE, np.int32), np.empty(TILE, np.int32)
+    for first in range(start, stop, TILE):
+        count = min(TILE, stop - first)
         every[:count] = 0
-        smallest = modulation[first : first + count]
-        smallest[:] = F(np.inf)
+        modulation[first : first + count] = F(np.inf)
         for axis in range(2):
             table = tables[axis]
             if table.start == NOTHING:
                 place[axis, first : first + count] = F(np.nan)
                 sigma[axis, first : first + count] = F(np.nan)
-                every[:count] |= NO_U << axis
-                continue
-            flag[:count] = 0
-            _saturated(table.phase_frames, grey, limits, count, flag)
-            if table.start == SWEEP:
-                _saturated(table.line_frames, grey, limits, count, flag)
-                _sections(table, grey, limits, count, u, s, m, flag)
-            else:
-                _combine(table.rows, grey, count, values)
-                _phases(table, values, limits, count, turns, variance, m, flag)
-                u[:count] = HALF * (table.lines - ONE)
-                if table.start == CODE:
-                    bits = values[2 + 3 * len(table.period) :]
-                    _contrast(table, bits, limits, count, values[0], values[1], flag)
-                    _read_bits(table, bits, limits, count, values[0], values[1], word, unsure)
-                    _locate(table, turns, word, unsure, count, u, doubtful)
-                    _settle(table, bits, turns, values[1], word, unsure, doubtful, count, u, flag)
-                if len(table.period) > 0:
-                    _unwrap(table, turns, variance, count, u, one, two, flag)
-                    _weigh(table, turns, variance, count, u, one, two, s, flag)
-                else:
-                    s[:count] = table.cell / np.sqrt(F(12))
-                    m[:count] = values[1, :count]
-            here = slice(first, first + count)
-            _finish(table, axis, count, u, s, m, flag, place[axis, here], sigma[axis, here], smallest, every)
-        evenly = image[first : first + count]
-        evenly[:] = F(0)
-        if len(image_rows.value) > 0:
-            _combine(image_rows, grey, count, image[first : first + count].reshape(1, count))
-        else:
-            for f in range(len(addresses)):
-                row = grey[f]
                 for i in range(count):
-                    evenly[i] = max(evenly[i], row[i])
+                    every[i] |= NO_U << axis
+            if table.start == NOTHING or table.start == SWEEP:
+                continue
+            _combine(table.rows, addresses, item_size, first, count, values)
+            _brightest(table.phase_frames, addresses, item_size, first, count, one)
+            for i in range(count):
+                flag[i] = SATURATED if one[i] >= limits.saturation else 0
+            _phases(table, values, limits, count, turns, variance, m, flag)
+            u[:count] = HALF * (table.lines - ONE)
+            if table.start == CODE:
+                bits = values[2 + 3 * len(table.period) :]
+                _contrast(table, bits, limits, count, values[0], values[1], flag)
+                _read_bits(table, bits, limits, count, values[0], values[1], word, unsure)
+                _locate(table, turns, word, unsure, count, u, doubtful)
+                _settle(table, bits, turns, values[1], word, unsure, doubtful, count, u, flag)
+            if len(table.period) > 0:
+                _unwrap(table, turns, variance, count, u, one, two, flag)
+                _weigh(table, turns, variance, count, u, one, two, s, flag)
+            else:
+                s[:count] = table.cell / np.sqrt(F(12))
+                m[:count] = values[1, :count]
+            _finish(table, axis, first, count, u, s, m, flag, place[axis], sigma[axis], modulation, every)
+        if len(image_rows.value) > 0:
+            _combine(image_rows, addresses, item_size, first, count, values)
+            image[first : first + count] = values[0, :count]
+        else:
+            _brightest(plain, addresses, item_size, first, count, image[first : first + count])
         for i in range(count):
             flags[first + i] = every[i]

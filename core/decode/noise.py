@@ -17,7 +17,9 @@ from core.decode.tables import Singles, fundamental
 
 Array = NDArray[np.float64]
 
-BINS = 12
+BINS = 12  # of grey values
+LEAST = 50  # residuals in a bin that tell a variance
+TINY = 1e-12
 MEDIAN_OF_SQUARE = 0.45494  # of a normal deviate
 HARMONICS = (3, 5, 7)  # of a square wave, next to the first
 
@@ -117,13 +119,17 @@ def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
     floor = quantum * quantum / 12
     if len(residual) < BINS:
         return Noise(floor, 0.0)
-    order = np.argsort(level)
-    square = np.square(residual[order])
+    square, low, high = np.square(residual), float(level.min()), float(level.max())
+    number = ((level - low) * ((BINS - 0.001) / max(high - low, TINY))).astype(np.int8)
     variances, levels, counts = [], [], []
-    for part, where in zip(np.array_split(square, BINS), np.array_split(level[order], BINS), strict=True):
-        variances.append(_robust_variance(part, floor))
-        levels.append(float(where.mean()))
-        counts.append(len(part))
+    for inside in (number == b for b in range(BINS)):
+        if np.count_nonzero(inside) >= LEAST:
+            part = square[inside]
+            variances.append(_robust_variance(part, floor))
+            levels.append(float(level[inside].mean()))
+            counts.append(len(part))
+    if not counts:
+        return Noise(_robust_variance(square, floor), 0.0)
     return _fit(np.array(variances), np.array(levels), np.array(counts), floor)
 
 

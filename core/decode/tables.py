@@ -259,10 +259,10 @@ def _threshold(
 
 def _steps(plan: Plan, periods: Array) -> tuple[Singles, Singles, Singles]:
     """Combinations, their periods and how the phases' variances enter what each step must round."""
-    vectors = np.array(plan.steps, float).reshape(len(plan.steps), -1)
-    if len(vectors) == 0:
+    if not plan.steps:
         empty = np.zeros((0, 0), np.float32)
         return empty, np.zeros(0, np.float32), empty
+    vectors = np.array(plan.steps, float)
     beat = 1 / (vectors @ (1 / periods))
     error = vectors.copy()
     error[1:] -= (beat[:-1] / beat[1:])[:, None] * vectors[:-1]

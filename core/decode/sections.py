@@ -1,0 +1,144 @@
+"""Light sectioning: the centroid of the lit lines, pixel by pixel, over a sweep of line frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import carray, njit
+
+from core.decode.memory import pointer
+from core.decode.options import Flag
+
+LOW, SATURATED, NO_U = int(Flag.LOW_MODULATION), int(Flag.SATURATED), int(Flag.NO_U)
+DISAGREEMENT, OUTSIDE = int(Flag.DISAGREEMENT), int(Flag.OUTSIDE)
+
+F = np.float32
+HALF, ONE, TINY = F(0.5), F(1), F(1e-20)
+TAIL = F(0.12)  # part of a section's height below which light is not counted
+RIVAL = F(0.5)  # part of its height that light may reach far from the section
+CHANCE = F(2)  # the brightest of some hundred frames is so many standard deviations higher by chance alone
+FAST = {"contract", "nsz", "arcp"}
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def decode_sections(start, stop, addresses, item_size, limits, table, axis, place, sigma, modulation, image, flags):  # type: ignore[no-untyped-def]
+    """Decode the axis of a sweep for pixels start to stop - 1.
+
+    Parameters
+    ----------
+    start, stop : int
+        Range of flat pixel numbers.
+    addresses : uint64 (n,)
+        Of the first grey value of every frame, each contiguous; `item_size` 1 or 2 bytes.
+    limits : Limits
+    table : AxisTable
+    axis : int
+        0 for u, 1 for v.
+    place, sigma : float32 (2, pixels)
+        Coordinates and their standard deviations in lines; the row of this axis is written.
+    modulation, image : float32 (pixels,)
+        Grey values; lowered to this axis' modulation, raised to the brightest of its frames.
+    flags : uint8 (pixels,)
+        This axis' reasons are added.
+
+    Notes
+    -----
+    ``u = sum(w x) / sum(w)`` over lines x near the brightest, with ``w = max(g - T, 0)`` and T at `TAIL` of the
+    section's height above the background; ``var(u) = sum((x - u)² var(g)) / sum(w)²`` over the lines that count.
+    """
+    frames, centres = table.line_frames, table.line_centre
+    tile = max(64, min(512, 65536 // len(frames) // 16 * 16))
+    grey = np.empty((len(frames), tile), F)
+    sums = np.empty((7, tile), F)
+    for first in range(start, stop, tile):
+        count = min(tile, stop - first)
+        _load(frames, addresses, item_size, first, count, grey)
+        peak, where, dark = sums[0], sums[1], sums[2]
+        _find_peak(centres, grey, count, peak, where)
+        rival, others = sums[3], sums[4]
+        _background(centres, table.line_reach, grey, count, where, dark, rival, others)
+        if table.black >= 0:
+            _load(np.array([table.black], np.int32), addresses, item_size, first, count, sums[2:3])
+        least = limits.snr + CHANCE
+        total, moment, noise0, noise1, noise2 = sums[4], sums[5], sums[6], np.zeros(count, F), np.zeros(count, F)
+        _moments(
+            centres, table.line_reach, limits, grey, count, peak, where, dark, total, moment, noise0, noise1, noise2
+        )
+        for i in range(count):
+            height = peak[i] - dark[i]
+            mean = moment[i] / (total[i] + TINY)
+            u = where[i] + mean
+            variance = noise2[i] - F(2) * mean * noise1[i] + mean * mean * noise0[i]
+            weak = height < F(0) or height * height < least * least * (limits.dark + limits.shot * dark[i])
+            flag = LOW if weak or HALF * height < limits.modulation else 0
+            flag |= SATURATED if peak[i] >= limits.saturation else 0
+            flag |= DISAGREEMENT if rival[i] - dark[i] > RIVAL * height else 0
+            flag |= OUTSIDE if flag == 0 and (u < -HALF or u > table.lines - HALF) else 0
+            place[axis, first + i] = u if flag == 0 else F(np.nan)
+            sigma[axis, first + i] = np.sqrt(max(variance, F(0))) / (total[i] + TINY) if flag == 0 else F(np.nan)
+            modulation[first + i] = min(modulation[first + i], HALF * height)
+            image[first + i] = max(image[first + i], peak[i])
+            flags[first + i] |= flag | (NO_U << axis) if flag != 0 else 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _load(frames, addresses, item_size, start, count, grey):  # type: ignore[no-untyped-def]
+    for n in range(len(frames)):
+        row = grey[n]
+        if item_size == 1:
+            narrow = carray(pointer(addresses[frames[n]] + np.uint64(start)), (count,), np.uint8)
+            for i in range(count):
+                row[i] = narrow[i]
+        else:
+            wide = carray(pointer(addresses[frames[n]] + np.uint64(2 * start)), (count,), np.uint16)
+            for i in range(count):
+                row[i] = wide[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _find_peak(centres, grey, count, peak, where):  # type: ignore[no-untyped-def]
+    """Grey value and line of the brightest frame."""
+    peak[:count] = F(-1)
+    where[:count] = F(0)
+    for n in range(len(centres)):
+        row, centre = grey[n], centres[n]
+        for i in range(count):
+            brighter = row[i] > peak[i]
+            peak[i] = row[i] if brighter else peak[i]
+            where[i] = centre if brighter else where[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _background(centres, reach, grey, count, where, dark, rival, others):  # type: ignore[no-untyped-def]
+    """Mean and maximum of the frames far from the brightest; of all but zero frames where none is far."""
+    dark[:count] = F(0)
+    rival[:count] = F(0)
+    others[:count] = F(0)
+    for n in range(len(centres)):
+        row, centre = grey[n], centres[n]
+        for i in range(count):
+            far = abs(centre - where[i]) > reach
+            dark[i] += row[i] if far else F(0)
+            others[i] += ONE if far else F(0)
+            rival[i] = max(rival[i], row[i]) if far else rival[i]
+    for i in range(count):
+        dark[i] = dark[i] / others[i] if others[i] > F(0) else F(0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _moments(centres, reach, limits, grey, count, peak, where, dark, total, moment, noise0, noise1, noise2):  # type: ignore[no-untyped-def]
+    """Sums of weights and of weights times distance, and of the noise times distance to the power of 0, 1, 2."""
+    for sums in (total, moment, noise0, noise1, noise2):
+        sums[:count] = F(0)
+    for n in range(len(centres)):
+        row, centre = grey[n], centres[n]
+        for i in range(count):
+            x = centre - where[i]
+            w = row[i] - dark[i] - TAIL * (peak[i] - dark[i])
+            counts = w > F(0) and abs(x) <= reach
+            w = w if counts else F(0)
+            noise = limits.dark + limits.shot * row[i] if counts else F(0)
+            total[i] += w
+            moment[i] += w * x
+            noise0[i] += noise
+            noise1[i] += noise * x
+            noise2[i] += noise * x * x
