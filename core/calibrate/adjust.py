@@ -12,13 +12,13 @@ from core.calibrate.covariance import global_cofactors, point_cofactors, redunda
 from core.calibrate.datum import aligned
 from core.calibrate.equations import Equations, linearise
 from core.calibrate.initial import initial_state
-from core.calibrate.iterate import iterate
+from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import Inverse, SingularNormalsError, invert
 from core.calibrate.options import DEFAULT, AdjustOptions
 from core.calibrate.problem import Problem, State, problem_of, reweighted, station_orientations
 from core.calibrate.selection import adjustable, check_network, selected
 from core.calibrate.snooping import gross_errors, normalised_residuals, outlier_warning
-from core.calibrate.weakness import check_estimable, geometry_warnings, singular_error
+from core.calibrate.weakness import check_estimable, geometry_warnings, singular_error, unsolved_error
 from core.errors import AdjustmentError
 from core.geometry import Pose
 from core.model import INTERIOR_NAMES, AdjustedDevice, Adjustment, Interior, Network
@@ -104,7 +104,7 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
             f"{rejected} of {rejected + len(solved.problem.point)} observations rejected as gross errors "
             f"(normalised residual above {options.reject_beyond:g})"
         )
-    warnings += check_estimable(solved.problem, solved.state, solved.equations, solved.inverse)
+    warnings += check_estimable(network, solved.problem, solved.state, solved.equations, solved.inverse)
     warnings += geometry_warnings(solved.problem, solved.state)
     warnings += outlier_warning(
         solved.network,
@@ -160,7 +160,9 @@ def _solve(network: Network, problem: Problem, state: State, options: AdjustOpti
             equations = linearise(weighted, state)
             inverse = invert(weighted, state, equations)
         except SingularNormalsError as error:
-            raise singular_error(network, weighted, state, error) from None
+            raise singular_error(network, weighted, state, linearise(weighted, state), error) from None
+        except NotConvergedError as error:
+            raise unsolved_error(network, weighted, error.solution) from None
         convergence = convergence or solution.convergence
         numbers = redundancy_numbers(weighted, equations, inverse)
         solved = Solved(network, weighted, state, equations, inverse, numbers, convergence, dict(factors))

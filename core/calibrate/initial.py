@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.equations import linearise
-from core.calibrate.normals import SingularNormalsError, assemble, solve
+from core.calibrate.normals import SingularNormalsError, assemble, solve_normals
 from core.calibrate.problem import Problem, State, Step, moved, problem_of, reweighted
 from core.calibrate.resection import resect
 from core.errors import AdjustmentError
@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 MAIN_PARAMETERS = ("c", "x0", "y0", "A1")
 LEAST_POINTS = 4  # that fix one station's pose without ambiguity
 ROUNDS = 4
+PRIOR = 0.03  # how far nominal values may be off, as a share of the focal length and of the image's half diagonal
+INDEPENDENT = 8
 
 
 def initial_state(network: Network, problem: Problem) -> State:
@@ -156,7 +158,7 @@ def _improved_stations(network: Network, stations: list[int]) -> State:
             best = np.where(better, costs, best)
         if not changed:
             break
-        state = _improved_together(problem, state)
+        state = _improved_together(problem, state, interior)
         best = _absolute_sums(problem, state)
     return state
 
@@ -225,25 +227,41 @@ def _refined(problem: Problem, state: State, iterations: int = 6) -> State:
     return state
 
 
-def _improved_together(problem: Problem, state: State, iterations: int = 12) -> State:
-    """Poses and main interior parameters improved together, wrong points softened."""
+def _improved_together(problem: Problem, state: State, nominal: Array, iterations: int = 15) -> State:
+    """Poses and main interior parameters improved together, wrong points softened, weak parameters kept near nominal.
+
+    The misfit is mostly the points' approximation, which is alike for neighbouring points: a pose counts like
+    `INDEPENDENT` observations of that misfit against the nominal values with sigmas `PRIOR`.
+    """
     if problem.globals == 0:
         return _refined(problem, state)
-    nominal = state.interior[:, 0]
+    # radial: its displacement at the edge of the image, as a share of that radius
+    radius = np.hypot(problem.raster[:, 0] * problem.raster[:, 2], problem.raster[:, 1] * problem.raster[:, 3])
+    sigma = np.full_like(nominal, np.inf)
+    sigma[:, 0], sigma[:, 1:3], sigma[:, 3] = PRIOR * nominal[:, 0], PRIOR * radius[:, None], PRIOR / radius**2
+    places, free = problem.columns[:, :9], problem.columns[:, :9] >= 0
     damping = 1e-3
     for _ in range(iterations):
         soft = _softened(problem, state)
         equations = linearise(soft, state)
+        unit = equations.cost / (INDEPENDENT * problem.poses)
+        normals = assemble(soft, equations)
+        weight = (unit / sigma**2)[free]
+        normals.N[places[free], places[free]] += weight
+        normals.b[places[free]] += weight * (nominal - state.interior)[free]
         try:
-            step = solve(soft, state, equations, damping)
+            step = solve_normals(soft, state, normals, damping)
         except SingularNormalsError:
             damping *= 100
             continue
         trial = moved(soft, state, step)
-        ratio = trial.interior[:, 0] / nominal
-        if np.all((ratio > 0.4) & (ratio < 2.5)) and linearise(soft, trial).cost < equations.cost:
+        before, after = (
+            e.cost + float(np.sum(weight * (nominal - s.interior)[free] ** 2))
+            for e, s in ((equations, state), (linearise(soft, trial), trial))
+        )
+        if after < before:
             state, damping = trial, damping / 10
-            if step.gain < 1e-4 * equations.cost:
+            if step.gain < 1e-4 * before:
                 break
         else:
             damping *= 10

@@ -9,10 +9,14 @@ import numpy as np
 from core.calibrate.equations import Equations, linearise
 from core.calibrate.normals import SingularNormalsError, solve
 from core.calibrate.problem import Problem, State, Step, moved
-from core.errors import AdjustmentError
 from core.progress import SILENT, Progress
 
 ROUNDING_GAIN = 1e-18  # a decrease of vᵀPv below this is rounding, even for observations without noise
+SHORTEST = 1 / 100  # part of a step that is still tried
+SHORTEST_WELCOME = 1 / 5  # a step that must be shortened more calls for damping
+LEAST_DAMPING = 1e-8
+ROUNDING_SHARE = 1e-13  # so is a decrease by this share of it, once it has been added up over all observations
+ROUNDING_STALL = 1e-9  # and this, where no part of the step lowers it
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,14 @@ class Solution:
         return len(self.convergence) - 1
 
 
+class NotConvergedError(Exception):
+    """The iterations ended without a solution; `solution` is where they stood."""
+
+    def __init__(self, solution: Solution) -> None:
+        super().__init__(solution)
+        self.solution = solution
+
+
 def iterate(
     problem: Problem,
     state: State,
@@ -43,8 +55,7 @@ def iterate(
 
     Raises
     ------
-    AdjustmentError
-        If it does not converge.
+    NotConvergedError
     SingularNormalsError
         If the observations do not determine the unknowns.
     """
@@ -54,40 +65,43 @@ def iterate(
     for iteration in range(max_iterations):
         progress(iteration / max_iterations, f"iteration {iteration + 1}")
         step, damping = _solvable_step(problem, state, equations, damping)
-        trial = moved(problem, state, step)
-        trial_equations = linearise(problem, trial)
-        limit = tolerance**2 * equations.cost / max(problem.redundancy, 1)
-        if damping == 0 and step.gain <= max(limit, ROUNDING_GAIN):
-            if trial_equations.cost <= equations.cost * (1 + 1e-9) + ROUNDING_GAIN:
-                state, equations = trial, trial_equations
-            return Solution(state, equations, (*convergence, equations.cost))
-        if trial_equations.cost < equations.cost and _plausible(trial):
+        limit = max(tolerance**2 / max(problem.redundancy, 1), ROUNDING_SHARE) * equations.cost
+        last = damping == 0 and step.gain <= max(limit, ROUNDING_GAIN)
+        share, trial, trial_equations = _shortened(problem, state, equations, step)
+        # where vᵀPv no longer falls, all that is left to gain is the rounding of its own sum
+        last = last or (damping == 0 and share == 0 and step.gain < ROUNDING_STALL * equations.cost)
+        if share > 0:
             state, equations = trial, trial_equations
-            damping = damping / 10 if damping > 1e-5 else 0.0
-        else:
-            damping = max(10 * damping, 1e-4)
         convergence.append(equations.cost)
-        if damping > 1e12:
+        if last:
+            return Solution(state, equations, tuple(convergence))
+        if share == 1:
+            damping = damping / 10 if damping > LEAST_DAMPING else 0.0
+        elif share < SHORTEST_WELCOME:
+            damping = max(30 * damping, LEAST_DAMPING)
+        if damping > 1e9:
             break
-    raise AdjustmentError(
-        "the adjustment",
-        f"does not converge: after {len(convergence) - 1} iterations the weighted sum of squares is "
-        f"{convergence[-1]:.4g} (from {convergence[0]:.4g})",
-        "check the nominal focal lengths, the approximate points and the identities of the observed points",
-    )
+    raise NotConvergedError(Solution(state, equations, tuple(convergence)))
+
+
+def _shortened(problem: Problem, state: State, equations: Equations, step: Step) -> tuple[float, State, Equations]:
+    """Take a step, or the half, quarter ... of it that lowers vᵀPv; the share taken is 0 if none does."""
+    share = 1.0
+    while share > SHORTEST:
+        part = Step(share * step.z, share * step.pose, share * step.xyz, step.gain)
+        trial = moved(problem, state, part)
+        if np.all(trial.interior[:, 0] > 0):  # no focal length runs through zero
+            trial_equations = linearise(problem, trial)
+            if trial_equations.cost < equations.cost:
+                return share, trial, trial_equations
+        share /= 2
+    return 0.0, state, equations
 
 
 def _solvable_step(problem: Problem, state: State, equations: Equations, damping: float) -> tuple[Step, float]:
     """Step, with damping raised until the normals can be factorised far from the solution."""
-    for attempt in (damping, max(damping, 1e-3)):
-        try:
-            return solve(problem, state, equations, attempt), attempt
-        except SingularNormalsError:
-            if attempt > 0 and attempt == max(damping, 1e-3):
-                raise
-    raise AssertionError("the last attempt returns or raises")
-
-
-def _plausible(state: State) -> bool:
-    """Whether no focal length has run through zero."""
-    return bool(np.all(state.interior[:, 0] > 0))
+    try:
+        return solve(problem, state, equations, damping), damping
+    except SingularNormalsError:
+        raised = max(100 * damping, 1e-4)
+        return solve(problem, state, equations, raised), raised

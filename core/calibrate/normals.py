@@ -217,7 +217,16 @@ def solve(problem: Problem, state: State, equations: Equations, damping: float =
     ------
     SingularNormalsError
     """
-    normals = assemble(problem, equations)
+    return solve_normals(problem, state, assemble(problem, equations), damping)
+
+
+def solve_normals(problem: Problem, state: State, normals: Normals, damping: float = 0.0) -> Step:
+    """Solve assembled normal equations.
+
+    Raises
+    ------
+    SingularNormalsError
+    """
     reduced = reduce(problem, state, normals, damping)
     dz = reduced.scale * sla.cho_solve((reduced.factor, True), reduced.scale * reduced.b, check_finite=False)
     right = normals.b_pose - np.einsum("piu,u->pi", normals.N_mixed, dz)

@@ -11,9 +11,12 @@ from scipy.special import fdtri
 
 from core.calibrate.adjust import Solved, solve_network, weighted_problem
 from core.calibrate.covariance import global_cofactors
-from core.calibrate.iterate import iterate
+from core.calibrate.equations import linearise
+from core.calibrate.iterate import NotConvergedError, Solution, iterate
+from core.calibrate.normals import SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
 from core.calibrate.problem import Problem, State, problem_of
+from core.calibrate.weakness import singular_error, unsolved_error
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
 from core.model import Network
@@ -83,9 +86,9 @@ def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILE
         raise InputError("the network", "no two devices share several poses", "test rigs of at least two devices")
     given_rigid = solved.problem.redundancy == rigid.redundancy
     free_start = _freed(rigid, solved.state) if given_rigid else solved.state
-    free_solution = iterate(free, free_start, progress=progress)
+    free_solution = _solution(solved.network, free, free_start, progress)
     rigid_start = solved.state if given_rigid else _bound(rigid, solved.state)
-    rigid_cost = iterate(rigid, rigid_start, progress=progress).equations.cost
+    rigid_cost = _solution(solved.network, rigid, rigid_start, progress).equations.cost
     variance = free_solution.equations.cost / free.redundancy
     deviations = np.concatenate([_deviations(rigid, free_solution.state, d) for d in range(len(rigid.base))])
     return RigidityTest(
@@ -95,6 +98,15 @@ def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILE
         turn_rms_mrad=1e3 * float(np.sqrt(np.mean(np.sum(deviations[:, :3] ** 2, axis=1)))),
         poses=len(deviations),
     )
+
+
+def _solution(network: Network, problem: Problem, state: State, progress: Progress) -> Solution:
+    try:
+        return iterate(problem, state, progress=progress)
+    except SingularNormalsError as error:
+        raise singular_error(network, problem, state, linearise(problem, state), error) from None
+    except NotConvergedError as error:
+        raise unsolved_error(network, problem, error.solution) from None
 
 
 def mean_relative_pose(solved: Solved, groups: Sequence[int], device: int) -> tuple[Pose, Array]:

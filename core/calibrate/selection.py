@@ -116,17 +116,20 @@ def adjustable(network: Network) -> tuple[Network, list[str]]:
         If too little is left, or the rest falls into parts that share no points.
     """
     warnings = []
+    if len(np.unique(network.observation_station)) < len(network.station_names):
+        unused = np.setdiff1d(np.arange(len(network.station_names)), network.observation_station)
+        warnings.append(f"left out, no observations: station {listed([network.station_names[s] for s in unused])}")
     while True:
-        few = _weak_stations(network)
+        few, single = _weak_stations(network), np.empty(0, np.int64)
         keep = ~np.isin(network.observation_station, few)
         if len(few):
-            names = _listed([network.station_names[s] for s in few])
+            names = listed([network.station_names[s] for s in few])
             warnings.append(f"left out, fewer than {LEAST_POINTS} usable points: station {names}")
         else:
             single = _single_ray_points(network)
             keep = ~np.isin(network.observation_point, single)
             if len(single):
-                names = _listed([network.point_names[p] for p in single])
+                names = listed([network.point_names[p] for p in single])
                 warnings.append(f"left out, not seen by two rays: point {names}")
         if not keep.any():
             raise AdjustmentError(
@@ -134,7 +137,7 @@ def adjustable(network: Network) -> tuple[Network, list[str]]:
                 "no point is seen by two rays from stations with enough points",
                 f"every station needs {LEAST_POINTS} points that another station sees too",
             )
-        if keep.all():
+        if keep.all() and not len(few) and not len(single):
             _check_connected(network)
             return network, warnings
         network = selected(network, keep)
@@ -171,7 +174,7 @@ def _check_connected(network: Network) -> None:
     if np.all(part == part[0]):
         return
     station_part = lowest[pose]
-    names = _listed([network.station_names[s] for s in np.flatnonzero(station_part != station_part[0])])
+    names = listed([network.station_names[s] for s in np.flatnonzero(station_part != station_part[0])])
     raise AdjustmentError(
         f"station {names}",
         "shares no points with the first station, directly or through others: the network is disconnected",
@@ -179,6 +182,7 @@ def _check_connected(network: Network) -> None:
     )
 
 
-def _listed(names: list[str], most: int = 8) -> str:
+def listed(names: list[str], most: int = 8) -> str:
+    """Join names for a message, the first few of many."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more

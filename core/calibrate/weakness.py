@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.equations import Equations
-from core.calibrate.normals import Inverse, SingularNormalsError
+from core.calibrate.iterate import Solution
+from core.calibrate.normals import Inverse, SingularNormalsError, invert
 from core.calibrate.problem import Problem, State
+from core.calibrate.selection import listed
 from core.errors import AdjustmentError
 from core.model import INTERIOR_NAMES, Network
 
@@ -35,7 +37,7 @@ REMEDIES = {
 }
 
 
-def _effects(problem: Problem, state: State, equations: Equations) -> tuple[Array, list[str], list[str]]:
+def _effects(problem: Problem, equations: Equations) -> tuple[Array, list[str], list[str]]:
     """For each global unknown its largest displacement in the image per unit, as a share of the image's radius.
 
     Returns the shares, shape (globals,), the names ("cam.c") and the keys of the remedies.
@@ -58,48 +60,107 @@ def _effects(problem: Problem, state: State, equations: Equations) -> tuple[Arra
     return shares, names, keys
 
 
-def check_estimable(problem: Problem, state: State, equations: Equations, inverse: Inverse) -> list[str]:
-    """Refuse parameters the network does not determine; return warnings of those it determines poorly.
+def check_estimable(
+    network: Network, problem: Problem, state: State, equations: Equations, inverse: Inverse
+) -> list[str]:
+    """Refuse what the network does not determine; return warnings of what it determines poorly.
 
     Raises
     ------
     AdjustmentError
-        Naming the parameters, what their sigmas would be, and the remedy.
+        Naming the parameters or points, what their sigmas would be, and the remedy.
     """
-    shares, names, keys = _effects(problem, state, equations)
     variance = max(equations.cost / problem.redundancy, 1e-30)
-    sigma = np.sqrt(variance * np.maximum(np.diagonal(inverse.Q)[: problem.globals], 0.0))
+    return _poor_parameters(problem, equations, inverse, variance) + _poor_points(
+        network, problem, state, inverse, variance
+    )
+
+
+def _poor_parameters(problem: Problem, equations: Equations, inverse: Inverse, variance: float) -> list[str]:
+    shares, names, keys = _effects(problem, equations)
+    sigma = np.sqrt(variance * np.abs(np.diagonal(inverse.Q)[: problem.globals]))
     effect = sigma * shares
-    lost = (effect > HOPELESS) | (inverse.strength < LEAST_STRENGTH)
+    lost = (effect > HOPELESS) | ~(inverse.strength > LEAST_STRENGTH)
     if lost.any():
         worst = _largest(effect, lost)
-        raise _not_estimable(
-            [names[k] for k in worst], keys[worst[0]], f"sigma {sigma[worst[0]]:.3g} for {names[worst[0]]}"
-        )
+        seen = f"sigma {sigma[worst[0]]:.3g} for {names[worst[0]]}"
+        raise _not_estimable([names[k] for k in worst], keys[worst[0]], seen)
     poor = _largest(effect, effect > POOR)
     return [f"weakly determined: {names[k]}, sigma {sigma[k]:.3g}; {REMEDIES[keys[k]]}" for k in poor]
+
+
+def _poor_points(network: Network, problem: Problem, state: State, inverse: Inverse, variance: float) -> list[str]:
+    squares = variance * np.abs(np.diagonal(inverse.Q)[problem.globals :].reshape(-1, 3)).sum(axis=1)
+    sigma, extent = np.sqrt(squares), float(np.linalg.norm(np.ptp(state.xyz, axis=0)))
+    order = np.argsort(-sigma)
+    lost = [network.point_names[i] for i in order if sigma[i] > HOPELESS * extent]
+    if lost:
+        raise AdjustmentError(
+            f"point {listed(lost)}",
+            f"cannot be determined from these images (sigma {sigma[order[0]]:.3g} mm)",
+            "add an image from another direction, or leave it out",
+        )
+    poor = [i for i in order if sigma[i] > POOR * extent and sigma[i] > 5 * np.median(sigma)]
+    if not poor:
+        return []
+    names = listed([f"{network.point_names[i]} ({sigma[i]:.3g} mm)" for i in poor])
+    return [f"weakly determined: point {names}; add images from other directions"]
 
 
 def _largest(effect: Array, chosen: NDArray[np.bool_]) -> list[int]:
     """Chosen parameters, the greatest effect first, those within a tenth of it."""
     order = np.argsort(-effect)
-    return [int(k) for k in order if chosen[k] and effect[k] > 0.1 * effect[order[0]]]
+    picked = [int(k) for k in order if chosen[k]]
+    return [k for k in picked if effect[k] >= 0.1 * effect[picked[0]]]
 
 
 def _not_estimable(names: list[str], key: str, seen: str) -> AdjustmentError:
     return AdjustmentError(
-        "the network", f"{' and '.join(names)} cannot be estimated from these images ({seen})", REMEDIES[key]
+        "the network", f"{listed(names)} cannot be estimated from these images ({seen})", REMEDIES[key]
     )
 
 
-def singular_error(network: Network, problem: Problem, state: State, error: SingularNormalsError) -> AdjustmentError:
-    """Name the parameter, the point or the station that singular normal equations leave undetermined."""
+def singular_error(
+    network: Network, problem: Problem, state: State, equations: Equations, error: SingularNormalsError
+) -> AdjustmentError:
+    """Name the station, the parameters or the points that singular normal equations leave undetermined."""
     if error.pose is not None:
         names = [network.station_names[s] for s in np.flatnonzero(problem.station_pose == error.pose)]
         return AdjustmentError(
             f"station {' / '.join(names)}", "its orientation is not determined by its points", "add points to it"
         )
-    return AdjustmentError("the network", "singular", "?")
+    assert error.direction is not None
+    G = problem.globals
+    shares, names, keys = _effects(problem, equations)
+    effect = np.abs(error.direction[:G]) * shares
+    extent = float(np.linalg.norm(np.ptp(state.xyz, axis=0)))
+    shift = np.linalg.norm(error.direction[G:].reshape(-1, 3), axis=1) / extent
+    if effect.max(initial=0.0) > 0.05 * shift.max(initial=0.0):
+        worst = _largest(effect, effect > 0)
+        return _not_estimable([names[k] for k in worst], keys[worst[0]], "the normal equations are singular")
+    lost = [network.point_names[i] for i in np.argsort(-shift) if shift[i] > 0.3 * shift.max()]
+    return AdjustmentError(
+        f"point {listed(lost)}",
+        "can be moved without any observation noticing",
+        "add images that tie these points to the others, or leave them out",
+    )
+
+
+def unsolved_error(network: Network, problem: Problem, solution: Solution) -> AdjustmentError:
+    """Why the iterations did not converge: what is not determined where they ended, or else their course."""
+    try:
+        inverse = invert(problem, solution.state, solution.equations)
+        _poor_parameters(problem, solution.equations, inverse, 1.0)
+    except SingularNormalsError as error:
+        return singular_error(network, problem, solution.state, solution.equations, error)
+    except AdjustmentError as error:
+        return error
+    course = solution.convergence
+    return AdjustmentError(
+        "the adjustment",
+        f"does not converge: weighted sum of squares {course[0]:.4g}, after {len(course) - 1} iterations {course[-1]:.4g}",
+        "check the nominal focal lengths, the approximate points and the identities of the observed points",
+    )
 
 
 def geometry_warnings(problem: Problem, state: State) -> list[str]:

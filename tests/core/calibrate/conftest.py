@@ -84,6 +84,7 @@ def simulated_network(
     rolled: bool = True,
     tilt_deg: float = 32.0,
     depth_mm: float = 3.0,
+    approximation_mm: float | None = None,
     sigma_px: dict[str, float] | None = None,
     noise: float = 1.0,
     camera: DeviceSpec = CAMERA,
@@ -95,9 +96,14 @@ def simulated_network(
     extent_mm: float = 250.0,
     camera_poses_given: list[Pose] | None = None,
 ) -> Simulated:
-    """Board before camera and projector; `noise` multiplies the noise drawn, not the sigmas told."""
+    """Board before camera and projector; `noise` multiplies the noise drawn, not the sigmas told.
+
+    The approximate points are a flat board, or with `approximation_mm` the true ones with errors of that size.
+    """
     rng = np.random.default_rng(seed)
     nominal, truth = board(rows, cols, extent_mm, depth_mm, rng)
+    if approximation_mm is not None:
+        nominal = truth + rng.normal(scale=approximation_mm, size=truth.shape)
     sigma = {"camera": 0.02, "projector": 0.03} | (sigma_px or {})
     specs, interiors = (
         {"camera": camera, "projector": projector},
