@@ -172,15 +172,16 @@ def build(plan: Plan, seed: int) -> Experiment:
     )
     plate = _plate_as_made(plate_nominal, plan, rng)
     table = Board((200.0, 200.0), random_form(rng, (120.0, 120.0), plan.table_flat_mm))
-    shots = [*_field_shots(plan, made, rng), *(depth := _depth_shots(plan, plate, rng))[0]]
-    shots += [*_plane_shots(plan, table, rng), *(_object_shots(plan) if plan.objects else [])]
+    fields = _field_shots(plan, made, rng)
+    depths, depth_true_mm = _depth_shots(plan, plate, rng)
+    shots = [*fields, *depths, *_plane_shots(plan, table, rng), *(_object_shots(plan) if plan.objects else [])]
     return Experiment(
         plan,
         seed,
         {TESTFIELD: field_nominal, PLATE: plate_nominal},
-        _measured_scale(plan, made, rng),
+        _measured_scale(plan, fields, rng),
         tuple(replace(shot, stream=k, seeds=_picks(plan.rig, shot, rng)) for k, shot in enumerate(shots)),
-        depth[1],
+        depth_true_mm,
     )
 
 
@@ -189,12 +190,19 @@ def _plate_as_made(nominal: Testfield, plan: Plan, rng: np.random.Generator) -> 
     return replace(dots, half_size_mm=plan.plate_half_mm)
 
 
-def _measured_scale(plan: Plan, board: Board, rng: np.random.Generator) -> ScaleBar:
-    rows, cols = plan.field[:2]
-    ends = (rows - 1, 0), (0, cols - 1)
-    assert board.targets is not None
-    index = board.targets.index()
-    a, b = (board.targets.xyz_mm[index[end]] for end in ends)
+def _measured_scale(plan: Plan, shots: Sequence[Shot], rng: np.random.Generator) -> ScaleBar:
+    """Measure a diagonal of the field, its ends as far out as the captures see them at least three times."""
+    board = shots[0].scene.board.targets
+    assert board is not None
+    seen = np.sum([true_targets(plan.rig, shot.scene).visible for shot in shots], axis=0)
+    index, (rows, cols) = board.index(), plan.field[:2]
+    for k in range(min(rows, cols) // 2):
+        rising = (rows - 1 - k, k), (k, cols - 1 - k)
+        falling = (k, k), (rows - 1 - k, cols - 1 - k)
+        ends = max((rising, falling), key=lambda pair: min(seen[index[end]] for end in pair))
+        if min(seen[index[end]] for end in ends) >= 3:
+            break
+    a, b = (board.xyz_mm[index[end]] for end in ends)
     length = float(np.linalg.norm(b - a)) + rng.normal() * plan.scale_sigma_mm
     return ScaleBar(ends[0], ends[1], round(length, 4), plan.scale_sigma_mm)
 

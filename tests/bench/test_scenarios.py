@@ -197,3 +197,14 @@ def test_the_modern_rig_stores_twelve_bits_as_they_are():
     assert len({q.period for q in p.sequence("plane") if q.kind == "phase"}) == 2
     assert any(getattr(q, "inverse", False) for q in p.sequence("plane"))
     assert all(getattr(q, "axis", "x") == "x" for q in p.sequence("depth"))
+
+
+@pytest.mark.parametrize("name", ["paper", "modern", "quick"])
+def test_the_ends_of_the_scale_are_seen_in_several_captures(name):
+    e = experiment(name, 0)
+    fields = [true_targets(e.rig, s.scene) for s in by_role(e, "testfield")]
+    for row, col in (e.scale.start, e.scale.stop):
+        assert sum(bool(t.visible[(t.row == row) & (t.col == col)][0]) for t in fields) >= 3
+    nominal = e.testfields["testfield.csv"]
+    a, b = (nominal.xyz_mm[nominal.index()[end]] for end in (e.scale.start, e.scale.stop))
+    assert np.linalg.norm(a - b) > 0.6 * np.linalg.norm(np.ptp(nominal.xyz_mm, axis=0))
