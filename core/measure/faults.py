@@ -10,6 +10,7 @@ from core.measure.profile import Profiles, on_rays, sample_at
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
+EVEN = 0.06  # deviations in units of the contrast that a clean dot may show inside and around it
 LIT = 0.45  # share of the dot's usual modulation below which a part of it counts as unlit
 
 
@@ -60,18 +61,18 @@ def shape_faults(
     mark(_half_lit(modulation, uv, ellipse, profile, dark), "cut by the edge of the light")
     mark(~(relative < 0.2), "no contrast: {:.1f} grey values", profile.contrast)
     mark(~np.isfinite(profile.roughness), "its contour is open: covered, lit in part, or touched by something bright")
-    limit = 0.20 + 0.012 * minor + 5.0 * edge_px
+    limit = 0.07 + 0.008 * minor + 2.0 * edge_px
     mark(
         ~(profile.roughness < limit),
         "its contour is {:.2f} px off an ellipse: covered or lit in part",
         profile.roughness,
     )
-    limit = 0.10 + 0.008 * minor + 3.0 * edge_px
+    limit = 0.03 + 0.005 * minor + 1.0 * edge_px
     mark(~(profile.off_centre < limit), "its light is uneven: centroid {:.2f} px off the contour", profile.off_centre)
     mark(~((scale > 0.85) & (scale < 1.18)), "its size is {:.2f} of its neighbours'", scale)
     mark(~(tilt < 0.12 + 0.5 / minor), "it is not an ellipse of the expected shape")
-    mark(~(profile.inside < 0.3 + 5.0 * relative), "it is uneven inside: covered, lit in part, or glare")
-    mark(~(profile.outside < 0.3 + 5.0 * relative), "something as bright touches it")
+    mark(~(profile.inside < EVEN + 4.0 * relative), "it is uneven inside: covered, lit in part, or glare")
+    mark(~(profile.outside < EVEN + 4.0 * relative), "something as bright touches it")
     return faults
 
 

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 RAYS = 24
 STEPS = 25
+FOOT = 0.25  # share of the contrast at which a second contour shows what is too dim for the one at one half
 ANGLES = np.arange(RAYS) * (2 * np.pi / RAYS)
 DIRECTIONS = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
 # contour radius over the angle: size, centre, tilt
@@ -34,7 +35,7 @@ class Profiles:
     blur: Array  # (m,) sigma of the edge
     contour: Array  # (m, 5) harmonics of the contour's radius in the unit disc
     window: Array  # (m,) radius in the unit disc that holds the whole blurred dot and no neighbour
-    roughness: Array  # (m,) largest distance of the contour (3 rays averaged) from its ellipse; NaN where it is open
+    roughness: Array  # (m,) largest distance of the contour (3 rays averaged) from its ellipse, at half and at a quarter; NaN: open
     off_centre: Array  # (m,) distance of the contour's centre from the given centre
     inside: Array  # (m,) largest deviation from the plateau inside, in units of the contrast
     outside: Array  # (m,) brightest disturbance within the window but off the dot, in units of the contrast
@@ -86,7 +87,8 @@ def profiles(image: NDArray[np.float32], centre: Array, ellipse: Array, spacing:
     at = on_rays(centre, ellipse, radius)
     value = sample_at(image, at)
     share = _share(value, at, centre, plane, plateau)
-    crossing, closed = _crossing(share, radius)
+    crossing, closed = _crossing(share, radius, 0.5)
+    foot, _ = _crossing(share, radius, FOOT)
     contour = crossing @ FIT.T
     blur = _blur(np.median(np.where(np.isfinite(share), share, 0.0), axis=1), offset)
 
@@ -94,8 +96,7 @@ def profiles(image: NDArray[np.float32], centre: Array, ellipse: Array, spacing:
     window = np.where(np.isfinite(window), window, far)
     plane = _background(image, centre, ellipse, window, spacing)
     share = _share(value, at, centre, plane, plateau)
-    rough = (crossing - contour @ HARMONICS.T) * along
-    rough = (rough + np.roll(rough, 1, axis=1) + np.roll(rough, -1, axis=1)) / 3
+    rough = np.maximum(_roughness(crossing, along), _roughness(foot, along))
     soft = (2.5 * blur + 0.7)[:, None, None] / along[:, :, None]
     edge = (contour @ HARMONICS.T)[:, :, None]
     is_out = (radius > edge + soft) & (radius < window[:, None, None])
@@ -108,7 +109,7 @@ def profiles(image: NDArray[np.float32], centre: Array, ellipse: Array, spacing:
         blur=blur,
         contour=contour,
         window=window,
-        roughness=np.where(closed, np.abs(rough).max(axis=1), np.nan),
+        roughness=np.where(closed, rough, np.nan),
         off_centre=np.linalg.norm(np.einsum("mij,mj->mi", ellipse, contour[:, 1:3]), axis=1),
         inside=np.max(np.where(deep, np.abs(within - 1.0), 0.0), axis=(1, 2)),
         outside=np.max(np.where(is_out, share, 0.0), axis=(1, 2)),
@@ -145,16 +146,22 @@ def _background(image: NDArray[np.float32], centre: Array, ellipse: Array, start
     return plane
 
 
-def _crossing(share: Array, radius: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Unit-disc radius (m, rays) where each ray first falls below one half, and whether all rays of a dot do."""
-    below = ~(share >= 0.5)
+def _roughness(crossing: Array, along: Array) -> Array:
+    """Largest distance (m,) in px, 3 rays averaged, of a contour (m, rays) from the ellipse fitted to it."""
+    off = (crossing - crossing @ FIT.T @ HARMONICS.T) * along
+    return np.asarray(np.abs(off + np.roll(off, 1, axis=1) + np.roll(off, -1, axis=1)).max(axis=1) / 3)
+
+
+def _crossing(share: Array, radius: Array, level: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Unit-disc radius (m, rays) where each ray first falls below a level, and whether all rays of a dot do."""
+    below = ~(share >= level)
     first = np.argmax(below, axis=2)
     found = np.any(below, axis=2) & (first > 0)
     k = np.maximum(first, 1)[..., None]
     high, low = (np.take_along_axis(share, i, 2)[..., 0] for i in (k - 1, k))
     near, far = (np.take_along_axis(radius, i, 2)[..., 0] for i in (k - 1, k))
     with np.errstate(all="ignore"):
-        crossing = near + (far - near) * (high - 0.5) / (high - low)
+        crossing = near + (far - near) * (high - level) / (high - low)
     return np.where(found & np.isfinite(crossing), crossing, 1.0), np.all(found & np.isfinite(crossing), axis=1)
 
 
