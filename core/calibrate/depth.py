@@ -148,7 +148,7 @@ def calibrate_depth(
         degree=options.degree,
         coefficients=curves.coefficients,
         u_range=u_range,
-        residual_rms_mm=float(np.sqrt(np.sum(curves.squares[good]) / max(np.sum(curves.count[good]), 1))),
+        residual_rms_mm=_rms(curves, good),
         valid_pixels=int(np.count_nonzero(good)),
         camera_spec=camera,
         camera=oriented.interior,
@@ -230,6 +230,10 @@ def _mean_sigma(sigmas: Sequence[Floats]) -> Floats:
         total += np.where(known, sigma, 0) ** 2
         count += known
     return np.asarray(np.sqrt(total / np.maximum(count, 1)), np.float32)
+
+
+def _rms(curves: Curves, good: NDArray[np.bool_]) -> float:
+    return float(np.sqrt(curves.squares[good].sum(dtype=np.float64) / max(int(curves.count[good].sum()), 1)))
 
 
 def _usable(curves: Curves, sigma: Floats, travel_mm: float) -> tuple[NDArray[np.bool_], list[str]]:

@@ -1,9 +1,9 @@
 """The camera's orientation from the targets of the depth plate itself.
 
-The plate's targets are known in the plate's frame, and the plate moves by known amounts along one axis. Adjusted are the
-camera's interior orientation, the plate's pose at z = 0 and the direction of the axis. Plates that stay parallel show
-some of it poorly (a principal point and a small turn of the camera look nearly alike), so the interior orientation
-enters with the loose knowledge one has of any camera. Where that knowledge decides, the result says so.
+The plate's targets are known in the plate's frame, and the plate moves by known amounts along one axis. Adjusted are
+the camera's interior orientation, the plate's pose at z = 0 and the direction of the axis. Plates that stay parallel
+show some of it poorly (a principal point and a small turn of the camera look nearly alike), so the interior
+orientation enters with the loose knowledge one has of any camera. Where that knowledge decides, the result says so.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LEAST_TARGETS = 4
 TO_OPENCV = np.diag([1.0, -1.0, -1.0])  # X right, Y down, looking along +Z
 ASSUMED_DISTANCE = 50.0  # focal lengths, where nothing tells the distance: 0.6 m with a 12 mm lens
 POORLY_KNOWN = 0.7  # share of the prior sigma above which the observations have hardly spoken
-AXIS_PRIOR_RAD = 0.05  # the plate's axis is about perpendicular to the plate
+AXIS_PRIOR_RAD = 0.02  # the plate's axis is perpendicular to the plate as well as one mounts it
 
 
 @dataclass(frozen=True)

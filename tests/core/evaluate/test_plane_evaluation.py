@@ -1,0 +1,80 @@
+"""The figures of one plane capture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.errors import StripeError
+from core.evaluate import evaluate_plane
+from core.model import PhaseMap, PointCloud
+
+H, W = 60, 80
+
+
+def _phase() -> PhaseMap:
+    u = np.ones((H, W), np.float32)
+    return PhaseMap(u, u.copy(), u, u, u, u, np.zeros((H, W), np.uint8))
+
+
+def _cloud(noise_mm: float = 0.0, tilt_deg: float = 0.0, seed: int = 1) -> PointCloud:
+    """A plane through (0, 0, -600) seen by a pinhole camera, with noise along the rays, sigma in Z."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.linspace(-0.3, 0.3, W), np.linspace(0.2, -0.2, H))
+    rays = np.stack([x, y, -np.ones((H, W))], axis=-1)
+    normal = np.array([np.sin(np.radians(tilt_deg)), 0, np.cos(np.radians(tilt_deg))])
+    s = -600 * normal[2] / (rays @ normal) + rng.normal(0, noise_mm, (H, W))
+    return PointCloud((rays * s[..., None]).astype(np.float32), None, np.full((H, W), noise_mm, np.float32))
+
+
+def test_a_perfect_plane_deviates_by_nothing_but_rounding() -> None:
+    result = evaluate_plane(_phase(), _cloud(), capture="p", angle_deg=0, method="photogrammetric")
+    assert result.n == H * W
+    assert result.rms_mm < 3e-5  # float32 at 600 mm
+    assert (result.excluded, result.excluded_rule) == (0, "")
+    np.testing.assert_allclose(result.plane, [0, 0, 1, -600], atol=1e-4)
+
+
+@pytest.mark.parametrize("tilt", [0, -15, 45])
+def test_noise_along_the_rays_is_predicted(tilt: float) -> None:
+    result = evaluate_plane(_phase(), _cloud(0.05, tilt), capture="p", angle_deg=tilt, method="polynomial")
+    # 4800 points: the r.m.s. has a standard deviation of 1 %
+    assert result.rms_mm == pytest.approx(result.predicted_rms_mm, rel=0.035)
+    assert result.predicted_rms_mm is not None
+
+
+def test_figures_describe_the_deviations() -> None:
+    cloud = _cloud()
+    cloud.xyz_mm[10, 10, 2] += 1.0
+    cloud.xyz_mm[50, 70, 2] -= 2.0
+    result = evaluate_plane(_phase(), cloud, capture="p", angle_deg=None, method="polynomial")
+    assert result.max_mm == pytest.approx(2.0, abs=0.01)  # the largest absolute one
+    assert result.min_mm == pytest.approx(-2.0, abs=0.01)
+    assert np.nanargmin(result.deviation_mm) == 50 * W + 70
+    assert result.rms_mm == pytest.approx(np.sqrt(5 / (H * W)), rel=0.01)
+    assert result.rms_mm == pytest.approx(np.sqrt(np.mean(result.deviation_mm.astype(float) ** 2)))
+
+
+def test_every_decoded_pixel_without_point_is_counted_with_the_rule() -> None:
+    phase, cloud = _phase(), _cloud()
+    cloud.xyz_mm[:5] = np.nan
+    phase.u[0] = phase.v[0] = np.nan  # not decoded: not excluded either
+    phase.u[1] = np.nan  # only v decoded
+    result = evaluate_plane(phase, cloud, capture="p", angle_deg=0, method="polynomial")
+    assert result.n == (H - 5) * W
+    assert result.excluded == 4 * W
+    assert f"{3 * W} outside the calibrated depths" in result.excluded_rule
+    assert f"{W} the projector coordinate that gives the depth was not decoded" in result.excluded_rule
+    assert np.isnan(result.deviation_mm[:5]).all()
+
+
+def test_points_without_sigma_have_no_prediction() -> None:
+    cloud = PointCloud(_cloud().xyz_mm)
+    result = evaluate_plane(_phase(), cloud, capture="p", angle_deg=0, method="photogrammetric")
+    assert result.predicted_rms_mm is None
+
+
+def test_a_capture_without_points_is_refused_by_name() -> None:
+    cloud = PointCloud(np.full((H, W, 3), np.nan, np.float32))
+    with pytest.raises(StripeError, match=r"plane\+10: 0 valid points"):
+        evaluate_plane(_phase(), cloud, capture="plane+10", angle_deg=10, method="photogrammetric")
