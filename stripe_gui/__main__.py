@@ -1,0 +1,96 @@
+"""The desktop program: `stripe-gui [PROJECT]`."""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import os
+import socket
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Start the program; give the exit code, 2 where it cannot be started here."""
+    options = _parser().parse_args(arguments)
+    if options.tour is not None:
+        os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+    problem = display_problem(os.environ, sys.platform)
+    if problem:
+        print(f"stripe-gui: {problem}", file=sys.stderr)
+        return 2
+    try:
+        from stripe_gui.app import Program, make_application
+    except ImportError as error:
+        print(f"stripe-gui: {_import_problem(error)}", file=sys.stderr)
+        return 2
+    if options.tour is not None:
+        from stripe_gui.tour import tour
+
+        return tour(options.tour, options.project)
+    program = Program(make_application())
+    program.watch_faults()
+    program.window.show()
+    if options.project is not None:
+        program.window.open_path(options.project)
+    return program.app.exec()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="stripe-gui", description="Calibrate and judge stripe projectors, in a window. Without one: stripe-core."
+    )
+    parser.add_argument("project", nargs="?", type=Path, metavar="PROJECT", help="a project folder to open")
+    parser.add_argument("--tour", type=Path, metavar="DIR", help="write a picture of every page and end")
+    return parser
+
+
+def display_problem(environment: Mapping[str, str], platform: str) -> str:
+    """Say why no window can be shown here, empty if one can: Qt itself would abort the process."""
+    if environment.get("QT_QPA_PLATFORM") or not platform.startswith("linux"):
+        return ""
+    elsewhere = "; the command `stripe-core` does the same work without a window"
+    wayland, x11 = environment.get("WAYLAND_DISPLAY", ""), environment.get("DISPLAY", "")
+    if wayland and (Path(environment.get("XDG_RUNTIME_DIR", "/")) / wayland).exists():
+        return ""
+    if not x11:
+        return "there is no display (DISPLAY and WAYLAND_DISPLAY are not set)" + elsewhere
+    if not _x11_answers(x11):
+        return f"the display {x11!r} does not answer" + elsewhere
+    try:
+        ctypes.CDLL("libxcb-cursor.so.0")
+    except OSError:
+        return "Qt needs a library that is not here: sudo apt-get install libxcb-cursor0" + elsewhere
+    return ""
+
+
+def _x11_answers(display: str) -> bool:
+    """Whether something listens where DISPLAY points ("[host]:number[.screen]")."""
+    host, _, rest = display.rpartition(":")
+    number = rest.split(".")[0]
+    if not number.isdigit():
+        return False
+    try:
+        if host in ("", "unix"):
+            for name in (f"\0/tmp/.X11-unix/X{number}", f"/tmp/.X11-unix/X{number}"):
+                with socket.socket(socket.AF_UNIX) as link:
+                    link.settimeout(2)
+                    if link.connect_ex(name) == 0:
+                        return True
+            return False
+        with socket.create_connection((host, 6000 + int(number)), timeout=2):
+            return True
+    except OSError:
+        return False
+
+
+def _import_problem(error: ImportError) -> str:
+    if (error.name or "").split(".")[0] in ("PySide6", "pyqtgraph", "shiboken6") and "cannot open" not in str(error):
+        return f"{error}; install the window's packages: pip install 'stripe-workbench[gui]'"
+    libraries = "libgl1 libegl1 libxkbcommon0 libfontconfig1 libglib2.0-0 libdbus-1-3"
+    return f"{error}; on Debian and Ubuntu: sudo apt-get install {libraries}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

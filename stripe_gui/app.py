@@ -1,0 +1,107 @@
+"""The application: Qt set up the same everywhere, the workbench, and the window over it."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from types import TracebackType
+
+from PySide6.QtCore import QLibraryInfo, QLocale, QObject, Qt, QTranslator
+from PySide6.QtGui import QFont, QFontDatabase, QIcon
+from PySide6.QtWidgets import QApplication
+
+from stripe_gui import theme
+from stripe_gui.assets import asset
+from stripe_gui.main_window import MainWindow
+from stripe_gui.workbench import Workbench
+
+FONT_PT = 9.5
+
+
+def make_application(arguments: Sequence[str] = ("stripe-gui",)) -> QApplication:
+    """Give the QApplication with its style, font and icon."""
+    made = QApplication.instance()
+    app = made if isinstance(made, QApplication) else QApplication(list(arguments))
+    app.setApplicationName("stripe-gui")
+    app.setApplicationDisplayName("")
+    app.setOrganizationName("stripe-workbench")
+    app.setDesktopFileName("stripe-workbench")
+    app.setStyle("Fusion")
+    app.setWindowIcon(QIcon(str(asset("icons", "program.svg"))))
+    families: list[str] = []
+    for file in ("DejaVuSans.ttf", "DejaVuSans-Bold.ttf"):
+        number = QFontDatabase.addApplicationFont(str(asset("fonts", file)))
+        families += QFontDatabase.applicationFontFamilies(number)
+    font = QFont(families[:1] or ["sans-serif"])
+    font.setPointSizeF(FONT_PT)
+    app.setFont(font)
+    return app
+
+
+class Program(QObject):
+    """Owns the workbench and the window; changes appearance and language."""
+
+    def __init__(self, app: QApplication, bench: Workbench | None = None) -> None:
+        super().__init__()
+        self.app = app
+        self.bench = bench or Workbench()
+        self._translators: list[QTranslator] = []
+        self.show_theme(self.bench.settings.text("theme", "system"))
+        self.load_language(self.bench.settings.text("language", "") or _desktop_language())
+        self.window = MainWindow(self.bench)
+        self.bench.theme_wanted.connect(self.choose_theme)
+        # queued: the window that is replaced must not be at work in its own menu
+        self.bench.language_wanted.connect(self.choose_language, Qt.ConnectionType.QueuedConnection)
+
+    def choose_theme(self, choice: str) -> None:
+        """Change the appearance and remember it."""
+        self.bench.settings.set("theme", choice)
+        self.show_theme(choice)
+
+    def show_theme(self, choice: str) -> None:
+        """Change the appearance."""
+        theme.apply(self.app, theme.resolve(choice))
+
+    def choose_language(self, language: str) -> None:
+        """Change the language and remember it: a new window takes the old one's place."""
+        self.load_language(language)
+        old = self.window
+        old.remember()
+        self.window = MainWindow(self.bench)
+        self.window.show_page(old.page.id)
+        if old.isVisible():
+            self.window.show()
+        old.hide()
+        old.deleteLater()
+
+    def load_language(self, language: str) -> None:
+        """Load the texts of a language: ours and Qt's own."""
+        self.bench.settings.set("language", language)
+        for translator in self._translators:
+            self.app.removeTranslator(translator)
+        self._translators = []
+        places = [
+            ("stripe", str(asset("translations"))),
+            ("qtbase", QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)),
+        ]
+        for name, folder in places if language != "en" else ():
+            translator = QTranslator(self)
+            if translator.load(f"{name}_{language}", folder):
+                self.app.installTranslator(translator)
+                self._translators.append(translator)
+        QLocale.setDefault(QLocale(QLocale.Language.C))  # numbers as in the report: a point, no grouping
+
+    def watch_faults(self) -> None:
+        """Tell faults of the program in a notice instead of only on the terminal."""
+        sys.excepthook = self._fault
+
+    def _fault(self, kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        text = "".join(traceback.format_exception(kind, error, trace))
+        print(text, file=sys.stderr)
+        if isinstance(error, Exception):
+            self.bench.report_error(error, text)
+
+
+def _desktop_language() -> str:
+    return "de" if QLocale.system().language() == QLocale.Language.German else "en"

@@ -1,0 +1,189 @@
+"""The program's own actions; wizards bring theirs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QCoreApplication, QUrl
+from PySide6.QtGui import QDesktopServices
+
+from stripe_gui import theme
+from stripe_gui.actions import Action, project_idle, project_open
+from stripe_gui.presenters.status import STAGES, stage_name
+from stripe_gui.workbench import Workbench
+
+translate = QCoreApplication.translate
+
+
+def menu_titles() -> dict[str, str]:
+    """Give the menus in their order."""
+    return {
+        "file": translate("Menus", "&Project"),
+        "go": translate("Menus", "&Go"),
+        "run": translate("Menus", "&Run"),
+        "tools": translate("Menus", "&Tools"),
+        "view": translate("Menus", "&View"),
+        "help": translate("Menus", "&Help"),
+    }
+
+
+def program_actions() -> list[Action]:
+    """Give the actions that need no more than the workbench."""
+    return [*_file_actions(), *_go_actions(), *_view_actions()]
+
+
+def _file_actions() -> list[Action]:
+    return [
+        Action(
+            "file.open",
+            translate("Actions", "&Open project…"),
+            open_project,
+            "Ctrl+O",
+            "open",
+            translate("Actions", "Go on with a project, or look at captures from another rig."),
+        ),
+        Action(
+            "file.demo",
+            translate("Actions", "&Demo experiment…"),
+            make_demo,
+            "Ctrl+D",
+            "demo",
+            translate("Actions", "Let the virtual bench record an experiment, calibrate it and judge it."),
+            enabled_when=lambda bench: not bench.jobs.busy,
+        ),
+        Action(
+            "file.folder",
+            translate("Actions", "Show project &folder"),
+            lambda bench: _show_in_files(bench.session.folder.path),
+            "Ctrl+Shift+F",
+            "folder",
+            translate("Actions", "Open the project's folder in the file manager."),
+            1,
+            project_open,
+        ),
+        Action(
+            "file.refresh",
+            translate("Actions", "&Look for changes"),
+            lambda bench: bench.refresh(),
+            "Ctrl+R",
+            "refresh",
+            translate("Actions", "Read the project's files again."),
+            1,
+            project_open,
+        ),
+        Action(
+            "file.close",
+            translate("Actions", "&Close project"),
+            close_project,
+            "Ctrl+W",
+            "close",
+            translate("Actions", "Back to the start page; every step is saved already."),
+            2,
+            project_idle,
+        ),
+    ]
+
+
+def _go_actions() -> list[Action]:
+    pages = [("start", translate("Actions", "Start page"), "Ctrl+0", "home")]
+    pages += [(stage, stage_name(stage), f"Ctrl+{i}", stage) for i, stage in enumerate(STAGES, 1)]
+    return [
+        Action(
+            f"go.{page}",
+            text,
+            lambda bench, page=page: bench.show_page(page),
+            keys,
+            icon,
+            translate("Actions", "Open this page."),
+            0 if page == "start" else 1,
+            (lambda _: True) if page == "start" else project_open,
+        )
+        for page, text, keys, icon in pages
+    ]
+
+
+def _view_actions() -> list[Action]:
+    return [
+        Action(
+            "view.dark",
+            translate("Actions", "&Dark appearance"),
+            lambda bench: bench.theme_wanted.emit("light" if theme.current().name == "dark" else "dark"),
+            "Ctrl+Shift+D",
+            "theme",
+            translate("Actions", "Switch between light and dark."),
+            checked_when=lambda _: theme.current().name == "dark",
+        ),
+        Action(
+            "view.system",
+            translate("Actions", "Appearance of the &desktop"),
+            lambda bench: bench.theme_wanted.emit("system"),
+            "Ctrl+Shift+A",
+            "",
+            translate("Actions", "Follow the desktop in light and dark."),
+            checked_when=lambda bench: bench.settings.text("theme", "system") == "system",
+        ),
+        Action(
+            "view.english",
+            "&English",
+            lambda bench: bench.language_wanted.emit("en"),
+            "Ctrl+Shift+E",
+            "language",
+            "Show the program in English.",
+            1,
+            checked_when=lambda bench: bench.settings.text("language", "en") == "en",
+        ),
+        Action(
+            "view.german",
+            "&Deutsch",
+            lambda bench: bench.language_wanted.emit("de"),
+            "Ctrl+Shift+G",
+            "language",
+            "Das Programm auf Deutsch zeigen.",
+            1,
+            checked_when=lambda bench: bench.settings.text("language", "en") == "de",
+        ),
+    ]
+
+
+def open_project(bench: Workbench) -> None:
+    """Ask for a project folder and open it."""
+    recent = bench.settings.recent()
+    start = recent[0].parent if recent else Path.home()
+    title = translate("Actions", "Open a project: the folder with project.json")
+    folder = bench.dialogs.open_folder(None, title, start)
+    if folder is not None:
+        bench.open_project(folder)
+
+
+def make_demo(bench: Workbench) -> None:
+    """Ask where to, run the whole experiment in the background, and open what came out."""
+    from core.demo import run_demo
+
+    title = translate("Actions", "Choose a new or empty folder for the demo experiment")
+    folder = bench.dialogs.open_folder(None, title, Path.home())
+    if folder is None:
+        return
+
+    def done(_: object) -> None:
+        if bench.open_project(folder, "evaluate"):
+            bench.notify(
+                "success", translate("Actions", "The demo experiment is complete; every stage shows its part.")
+            )
+
+    bench.jobs.run(
+        translate("Actions", "Demo experiment"),
+        run_demo,
+        folder,
+        on_done=done,
+        on_failed=lambda failure: bench.report_error(failure.error, failure.trace),
+    )
+
+
+def close_project(bench: Workbench) -> None:
+    """Close the project and go to the start page."""
+    bench.session.close()
+    bench.show_page("start")
+
+
+def _show_in_files(folder: Path) -> None:
+    QDesktopServices.openUrl(QUrl.fromLocalFile(str(folder)))

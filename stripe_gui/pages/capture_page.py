@@ -1,0 +1,99 @@
+"""The captures of the project and the frames in them."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QListWidget, QListWidgetItem, QSplitter
+
+from stripe_gui.pages.page import Page
+from stripe_gui.presenters.capture import FrameView, load_frame, pattern_text
+from stripe_gui.widgets.capture_list import CaptureList
+from stripe_gui.widgets.image_view import ImageView
+from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.workbench import Workbench
+
+
+class CapturePage(Page):
+    """What was recorded: captures to the left, their frames to the right, the chosen frame between."""
+
+    id = "capture"
+    action_ids = ("capture.new",)
+
+    def __init__(self, bench: Workbench) -> None:
+        super().__init__(
+            bench,
+            self.tr("Capture"),
+            self.tr("The sequences of stripe images in this project, frame by frame."),
+        )
+        self.captures = CaptureList(bench.session)
+        self.frames = QListWidget()
+        self.frames.setAccessibleName(self.tr("Frames of the capture"))
+        self.frames.setMinimumWidth(210)
+        self.frames.setMaximumWidth(300)
+        self.frames.currentItemChanged.connect(self._load)
+        self.view = ImageView(self.tr("Frame"))
+        self.figures = label(" ", "muted")
+        self.empty = label(self.tr("This project has no captures yet."), "muted")
+        fit = button(self.tr("Whole image"), self.view.fit, "fit", flat=True)
+        middle = column(row(self.figures, None, fit), self.view)
+        split = QSplitter(Qt.Orientation.Horizontal)
+        split.addWidget(boxed(column(label(self.tr("Captures"), "heading"), self.captures, spacing=8)))
+        split.addWidget(boxed(middle))
+        split.addWidget(boxed(column(label(self.tr("Frames"), "heading"), self.frames, spacing=8)))
+        split.setStretchFactor(1, 1)
+        split.setChildrenCollapsible(False)
+        split.setHandleWidth(14)
+        self.body.addWidget(self.empty)
+        self.body.addWidget(split, 1)
+        bench.session.capture_changed.connect(self._capture_changed)
+
+    def refresh(self) -> None:
+        """Show the captures as they are now."""
+        self.captures.refresh()
+        self.empty.setVisible(self.captures.count() == 0)
+        self._list_frames()
+
+    def _capture_changed(self) -> None:
+        if self.isVisible():  # else it is refreshed when it comes to the front
+            self._list_frames()
+
+    def _list_frames(self) -> None:
+        entry = self.session.capture
+        at = max(self.frames.currentRow(), 0)
+        self.frames.blockSignals(True)
+        self.frames.clear()
+        if entry is not None and entry.capture is not None:
+            for frame in entry.capture.frames:
+                item = QListWidgetItem(f"{frame.path.name}\n{pattern_text(frame.pattern)}")
+                item.setData(Qt.ItemDataRole.UserRole, str(frame.path))
+                self.frames.addItem(item)
+        self.frames.setCurrentRow(min(at, self.frames.count() - 1))
+        self.frames.blockSignals(False)
+        self._load(self.frames.currentItem())
+
+    def _load(self, item: QListWidgetItem | None, _previous: QListWidgetItem | None = None) -> None:
+        entry = self.session.capture
+        if item is None or entry is None or entry.capture is None:
+            self.view.set_image(None)
+            problem = str(entry.error) if entry is not None and entry.error else " "
+            self.figures.setText(problem)
+            return
+        frame = entry.capture.frames[self.frames.row(item)]
+        self.bench.views.run(
+            frame.path.name,
+            load_frame,
+            frame.path,
+            on_done=self._show,
+            on_failed=lambda failure: self._fail(failure.error),
+        )
+
+    def _show(self, frame: FrameView) -> None:
+        self.view.set_image(frame.image, (0.0, frame.white), unit="")
+        height, width = frame.image.shape
+        text = self.tr("{w} × {h} px, {bits} bit   mean {mean:.1f}   clipped {clipped:.2f} %")
+        bits = round(frame.white + 1).bit_length() - 1
+        self.figures.setText(text.format(w=width, h=height, bits=bits, mean=frame.mean, clipped=frame.clipped_percent))
+
+    def _fail(self, error: BaseException) -> None:
+        self.view.set_image(None)
+        self.figures.setText(str(error))

@@ -1,0 +1,81 @@
+"""What all pages share: a title, a line that says what the page is for, buttons, and showing the project anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from PySide6.QtGui import QAction
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+
+from stripe_gui.widgets.layout import MARGIN, SPACE, button, label
+from stripe_gui.workbench import Workbench
+
+
+class Page(QWidget):
+    """One page of the window.
+
+    A subclass sets `id` (a stage's word for a stage's page) and `action_ids`, fills `self.body` in its constructor and
+    shows the project in `refresh`, which is called when the page comes to the front and whenever files have changed
+    while it is there.
+    """
+
+    id = ""
+    action_ids: tuple[str, ...] = ()  # of actions, such as those of wizards, that get a button where they exist
+
+    def __init__(self, bench: Workbench, title: str, purpose: str) -> None:
+        super().__init__()
+        self.bench = bench
+        self.session = bench.session
+        self.setAccessibleName(title)
+        self.heading = label(title, "title")
+        self.purpose = label(purpose, "muted", wrap=True)
+        self.purpose.setMinimumWidth(200)
+        self._buttons = QHBoxLayout()
+        self._buttons.setSpacing(8)
+        words = QVBoxLayout()
+        words.setSpacing(4)
+        words.addWidget(self.heading)
+        words.addWidget(self.purpose)
+        top = QHBoxLayout()
+        top.setSpacing(SPACE * 2)
+        top.addLayout(words, 1)
+        top.addLayout(self._buttons)
+        self.body = QVBoxLayout()
+        self.body.setSpacing(SPACE)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(MARGIN, 16, MARGIN, 16)
+        layout.setSpacing(16)
+        layout.addLayout(top)
+        layout.addLayout(self.body, 1)
+
+    def add_button(
+        self, text: str, slot: Callable[[], object], icon: str = "", *, primary: bool = False
+    ) -> QPushButton:
+        """Add a button beside the title."""
+        made = button(text, slot, icon, primary=primary)
+        self._buttons.addWidget(made)
+        return made
+
+    def add_action_button(self, action: QAction, icon: str = "") -> QPushButton:
+        """Add a button that runs an action and follows its state; the window calls it for each of `action_ids`."""
+        made = button(action.text().replace("&", ""), action.trigger, icon)
+        made.setIcon(action.icon())
+        made.setToolTip(action.toolTip())
+        made.setEnabled(action.isEnabled())
+        action.enabledChanged.connect(made.setEnabled)
+        self._buttons.insertWidget(0, made)
+        return made
+
+    def refresh(self) -> None:
+        """Show the project as it is now."""
+
+    def run(self) -> None:
+        """Do this stage's work (the action "Run this stage"); pages without any do nothing."""
+
+    def can_run(self) -> bool:
+        """Say whether `run` would do something now."""
+        return False
+
+    def settle(self) -> bool:
+        """Say whether nothing is on its way into the page any more (for pictures of it)."""
+        return not self.bench.views.busy

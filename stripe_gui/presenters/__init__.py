@@ -1,0 +1,8 @@
+"""What the pages show, computed from the project folder each time; no widgets, no state of their own.
+
+folder.py     the project on disk: captures and results, read once per version of their files
+status.py     the seven stages: done, out of date, to do, failed with the reason
+failures.py   what a stage failed with, kept in the project until it succeeds
+work.py       what the stages' buttons run: pipeline functions that take a project and a progress
+start.py, capture.py, decode.py, measure.py, calibrate.py, reconstruct.py, evaluate.py, report.py   one per page
+"""

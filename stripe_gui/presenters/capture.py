@@ -1,0 +1,100 @@
+"""The captures of a project in words, and one frame of them as an image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QCoreApplication
+
+from core.patterns import Black, Code, Line, Pattern, Phase, White
+from core.progress import SILENT, Progress
+from core.project import read_image
+from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
+
+translate = QCoreApplication.translate
+
+
+@dataclass(frozen=True)
+class CaptureRow:
+    """A capture in a list; `problem` says why it cannot be used, empty if it can."""
+
+    name: str
+    role: str
+    summary: str
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class FrameView:
+    """One frame, ready to be shown between 0 and `white` grey values."""
+
+    image: NDArray
+    white: float
+    clipped_percent: float
+    mean: float
+
+
+def role_name(role: str) -> str:
+    """Give a role in the operator's language."""
+    return {
+        "testfield": translate("Capture", "testfield"),
+        "depth": translate("Capture", "plate at a depth"),
+        "plane": translate("Capture", "plane-table"),
+        "object": translate("Capture", "object"),
+    }.get(role, role)
+
+
+def capture_rows(folder: ProjectFolder) -> list[CaptureRow]:
+    """Describe every capture of a project."""
+    return [_row(entry) for entry in folder.captures()]
+
+
+def _row(entry: CaptureEntry) -> CaptureRow:
+    capture = entry.capture
+    if capture is None:
+        return CaptureRow(entry.name, "", translate("Capture", "cannot be read"), str(entry.error))
+    parts = [role_name(capture.role)]
+    if capture.z_mm is not None:
+        parts.append(f"{capture.z_mm:+g} mm")
+    if capture.angle_deg is not None:
+        parts.append(f"{capture.angle_deg:+g}°")
+    if capture.testfield is not None and capture.role == "testfield":
+        picks = translate("Capture", "{n} picks") if capture.seeds else translate("Capture", "no picks yet")
+        parts.append(picks.format(n=len(capture.seeds)))
+    return CaptureRow(entry.name, capture.role, ", ".join(parts))
+
+
+def pattern_text(pattern: Pattern) -> str:
+    """Say in a few words what the projector showed."""
+    match pattern:
+        case White():
+            return translate("Capture", "white")
+        case Black():
+            return translate("Capture", "black")
+        case Code():
+            name = translate("Capture", "Gray code") if pattern.kind == "gray" else translate("Capture", "binary code")
+            inverse = translate("Capture", ", inverse") if pattern.inverse else ""
+            text = translate("Capture", "{name} {axis}, bit {bit} of {bits}{inverse}")
+            return text.format(name=name, axis=pattern.axis, bit=pattern.bit + 1, bits=pattern.bits, inverse=inverse)
+        case Phase():
+            text = translate("Capture", "phase {axis}, period {period:g}, step {step} of {steps}")
+            return text.format(axis=pattern.axis, period=pattern.period, step=pattern.step + 1, steps=pattern.steps)
+        case Line():
+            return translate("Capture", "line {axis} {index}").format(axis=pattern.axis, index=pattern.index)
+
+
+def load_frame(path: Path, progress: Progress = SILENT) -> FrameView:
+    """Read one frame and what the operator wants to know about it.
+
+    The white level is the least full scale of 8, 10, 12, 14 or 16 bit that holds the brightest pixel; clipped pixels
+    have the very value of that full scale.
+    """
+    progress.check()
+    image = read_image(path)
+    top = int(image.max())
+    white = next(2**bits - 1 for bits in (8, 10, 12, 14, 16) if top < 2**bits)
+    clipped = float(np.mean(image == white)) * 100
+    return FrameView(image, float(white), clipped, float(image.mean()))

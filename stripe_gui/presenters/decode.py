@@ -1,0 +1,157 @@
+"""The maps that decoding gives, with the levels they are shown between, and what is wrong at a pixel."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QCoreApplication
+
+from core.decode import Flag
+from core.model import DeviceSpec, PhaseMap
+from core.report import Number, Table
+from stripe_gui.presenters.folder import CaptureEntry
+
+translate = QCoreApplication.translate
+KINDS = ("u", "v", "modulation", "sigma_u", "sigma_v", "image", "flags")
+
+
+@dataclass(frozen=True)
+class MapView:
+    """A map ready to be shown."""
+
+    image: NDArray
+    levels: tuple[float, float]
+    scale: str
+    unit: str
+    digits: int
+
+
+def kind_name(kind: str) -> str:
+    """Give a map's name in the operator's language."""
+    return {
+        "u": translate("Decode", "Projector u (columns)"),
+        "v": translate("Decode", "Projector v (rows)"),
+        "modulation": translate("Decode", "Modulation"),
+        "sigma_u": translate("Decode", "σ of u"),
+        "sigma_v": translate("Decode", "σ of v"),
+        "image": translate("Decode", "Evenly lit image"),
+        "flags": translate("Decode", "Validity"),
+    }[kind]
+
+
+def kinds_of(phase: PhaseMap) -> list[str]:
+    """Give the maps that a capture has: an axis without patterns has none."""
+    empty = {axis for axis in ("u", "v") if not np.isfinite(getattr(phase, axis)).any()}
+    return [kind for kind in KINDS if kind.removeprefix("sigma_") not in empty]
+
+
+def map_view(phase: PhaseMap, kind: str, projector: DeviceSpec | None) -> MapView:
+    """Choose levels that depend on the device, or are round, so that captures can be compared by eye."""
+    lines = translate("Decode", "lines")
+    grey = translate("Decode", "grey")
+    image = getattr(phase, kind)
+    if kind in ("u", "v"):
+        count = (projector.width if kind == "u" else projector.height) if projector else np.nanmax(image) + 1
+        return MapView(image, (0.0, float(count) - 1), "map", lines, 3)
+    if kind.startswith("sigma"):
+        return MapView(image, (0.0, _round_up(_percentile(image, 98))), "map", lines, 4)
+    if kind == "flags":
+        valid = (phase.flags == 0).astype(np.float32)
+        return MapView(valid, (0.0, 1.0), "grey", "", 0)
+    return MapView(
+        image, (0.0, _round_up(_percentile(image, 99.5))), "map" if kind == "modulation" else "grey", grey, 1
+    )
+
+
+def pixel_text(phase: PhaseMap, u: int, v: int) -> str:
+    """Say all that is known of a pixel: coordinates with sigma, modulation, or why it is invalid."""
+    parts = []
+    for name, values, sigma in (("u", phase.u, phase.sigma_u), ("v", phase.v, phase.sigma_v)):
+        if np.isfinite(values[v, u]):
+            parts.append(f"{name}ₚ {values[v, u]:.3f} ± {sigma[v, u]:.3f}")
+    flags = int(phase.flags[v, u])
+    if flags:
+        parts.append(translate("Decode", "invalid: {why}").format(why=", ".join(flag_words(flags))))
+    return "   ".join(parts)
+
+
+def flag_words(flags: int) -> list[str]:
+    """Name the reasons in a pixel's flags."""
+    return [flag.name.lower().replace("_", " ") for flag in Flag if flag.name and flag.value and flags & flag.value]
+
+
+def figures_table(phase: PhaseMap) -> Table:
+    """Sum a decoded capture up."""
+    count = phase.u.size
+    rows = []
+    for name, values, sigma in (("u", phase.u, phase.sigma_u), ("v", phase.v, phase.sigma_v)):
+        valid = np.isfinite(values)
+        if valid.any():
+            text = translate("Decode", "{axis} valid").format(axis=name)
+            rows.append((text, Number(100 * np.count_nonzero(valid) / count, ".2f"), "%"))
+            text = translate("Decode", "σ of {axis}, median").format(axis=name)
+            rows.append((text, Number(float(np.median(sigma[valid])), ".4f"), translate("Decode", "lines")))
+    lit = phase.flags == 0
+    if lit.any():
+        rows.append(
+            (
+                translate("Decode", "modulation, median"),
+                Number(float(np.median(phase.modulation[lit])), ".1f"),
+                translate("Decode", "grey"),
+            )
+        )
+    for flag in Flag:
+        share = 100 * np.count_nonzero(phase.flags & flag.value) / count if flag.value else 0.0
+        if share > 0:
+            rows.append((flag_words(flag.value)[0], Number(share, ".2f"), "%"))
+    columns = (translate("Decode", "quantity"), translate("Decode", "value"), translate("Decode", "unit"))
+    return Table("", columns, tuple(rows))
+
+
+class PhaseCache:
+    """The maps looked at last, up to a limit of memory."""
+
+    def __init__(self, limit_bytes: int = 400_000_000) -> None:
+        self._limit = limit_bytes
+        self._kept: OrderedDict[tuple[Path, int], PhaseMap] = OrderedDict()
+
+    def get(self, entry: CaptureEntry) -> PhaseMap | None:
+        """Give a capture's maps if they are here and the capture has not changed."""
+        key = (entry.folder, entry.changed_ns)
+        if key in self._kept:
+            self._kept.move_to_end(key)
+        return self._kept.get(key)
+
+    def put(self, entry: CaptureEntry, phase: PhaseMap) -> None:
+        """Keep a capture's maps; the ones not looked at for longest go."""
+        self._kept[entry.folder, entry.changed_ns] = phase
+        while len(self._kept) > 1 and sum(map(_size, self._kept.values())) > self._limit:
+            self._kept.popitem(last=False)
+
+
+def _size(phase: PhaseMap) -> int:
+    maps = (phase.u, phase.v, phase.sigma_u, phase.sigma_v, phase.modulation, phase.image, phase.flags)
+    return sum(m.nbytes for m in maps)
+
+
+def _percentile(image: NDArray, percent: float) -> float:
+    finite = image[np.isfinite(image)]
+    return float(np.percentile(finite, percent)) if finite.size else 1.0
+
+
+def _round_up(value: float) -> float:
+    """Give the next 1, 2, 2.5 or 5 times a power of ten.
+
+    Examples
+    --------
+    >>> _round_up(0.043), _round_up(160)
+    (0.05, 200.0)
+    """
+    if not value > 0:
+        return 1.0
+    size = 10.0 ** np.floor(np.log10(value))
+    return float(next(m * size for m in (1, 2, 2.5, 5, 10) if m * size >= value * (1 - 1e-9)))

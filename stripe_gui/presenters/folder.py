@@ -1,0 +1,134 @@
+"""The project on disk: captures and results, read once per version of their files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from core.errors import StripeError
+from core.model import Capture, Project
+from core.project import load_archive, read_capture, read_project
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class CaptureEntry:
+    """One capture that project.json lists: read, or the error that says why not.
+
+    Attributes
+    ----------
+    changed_ns : int
+        When the newest of its files was written; 0 where it could not be read.
+    """
+
+    folder: Path
+    capture: Capture | None
+    error: StripeError | None
+    changed_ns: int
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.folder.name
+
+    @property
+    def role(self) -> str:
+        """The role, empty where the capture cannot be read."""
+        return self.capture.role if self.capture else ""
+
+
+class ProjectFolder:
+    """A project folder as it is now: ask again after something was written.
+
+    Raises
+    ------
+    InputError
+        If project.json cannot be used.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = Path(path)
+        self._read: dict[Path, tuple[Any, Any]] = {}  # file -> (its version, what it held)
+        self._project = read_project(self.path)
+        self._project_version = version(self.path / "project.json")
+
+    @property
+    def project(self) -> Project:
+        """The rig and the list of captures."""
+        now = version(self.path / "project.json")
+        if now != self._project_version:
+            self._project, self._project_version = read_project(self.path), now
+        return self._project
+
+    def captures(self) -> list[CaptureEntry]:
+        """Give every listed capture, in the project's order."""
+        boards = self._boards()
+        return [self._entry(folder, boards) for folder in self.project.captures]
+
+    def of_role(self, *roles: str) -> list[CaptureEntry]:
+        """Give the readable captures of some roles."""
+        return [entry for entry in self.captures() if entry.role in roles]
+
+    def entry(self, name: str) -> CaptureEntry | None:
+        """Give the capture of a name."""
+        boards = self._boards()
+        return next((self._entry(folder, boards) for folder in self.project.captures if folder.name == name), None)
+
+    def result_file(self, name: str) -> Path:
+        """Where a result is kept."""
+        return self.path / "results" / name
+
+    def result(self, name: str, kind: type[T]) -> T | None:
+        """Give a result, None where it was not computed.
+
+        Raises
+        ------
+        InputError
+            If the file is damaged.
+        """
+        path = self.result_file(name)
+        now = version(path)
+        if now is None:
+            return None
+        kept = self._read.get(path)
+        if kept is None or kept[0] != now:
+            kept = (now, load_archive(path, kind))
+            self._read[path] = kept
+        return kept[1]
+
+    def _boards(self) -> tuple[Any, ...]:
+        """Versions of the testfields: a capture names one of the project's CSV files."""
+        return tuple(version(path) for path in sorted(self.path.glob("*.csv")))
+
+    def _entry(self, folder: Path, boards: tuple[Any, ...]) -> CaptureEntry:
+        now = (version(folder / "capture.json"), version(folder / "picks.json"), boards)
+        kept = self._read.get(folder)
+        if kept is None or kept[0] != now:
+            try:
+                kept = (now, read_capture(folder, self.project))
+            except StripeError as error:
+                kept = (now, error)
+            self._read[folder] = kept
+        if isinstance(kept[1], StripeError):
+            return CaptureEntry(folder, None, kept[1], 0)
+        capture: Capture = kept[1]
+        files = [*(frame.path for frame in capture.frames), folder / "capture.json", folder / "picks.json"]
+        times = [v[0] for v in (*map(version, files), *(boards if capture.testfield else ())) if v]
+        return CaptureEntry(folder, capture, None, max(times))
+
+
+def version(path: Path) -> tuple[int, int] | None:
+    """Tell one content of a file from another: time of writing in ns, and size; None where there is no file."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_mtime_ns, stat.st_size
+
+
+def written_ns(path: Path) -> int | None:
+    """When a file was written; None where there is none."""
+    found = version(path)
+    return found[0] if found else None

@@ -1,0 +1,274 @@
+"""The seven stages of a project: done, out of date, to do, or failed with the reason.
+
+Nothing here is stored: a result counts as done while it is newer than everything it was computed from. A later stage
+that has a current result speaks for the stages before it that it runs itself (calibrating decodes and measures).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+from PySide6.QtCore import QCoreApplication
+
+from core.errors import StripeError
+from core.model import Adjustment, DeviceSpec, PhotogrammetricCalibration
+from stripe_gui.presenters.failures import StageFailure, read_failures
+from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder, written_ns
+
+STAGES = ("capture", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
+translate = QCoreApplication.translate
+
+
+class State(Enum):
+    """Where a stage stands."""
+
+    DONE = "done"
+    STALE = "stale"
+    TODO = "todo"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class StageStatus:
+    """One stage: its state and why, in a sentence."""
+
+    stage: str
+    state: State
+    reason: str
+    failure: StageFailure | None = None
+
+
+def stage_name(stage: str) -> str:
+    """Give the stage's word in the operator's language."""
+    return {
+        "capture": translate("Stages", "Capture"),
+        "decode": translate("Stages", "Decode"),
+        "measure": translate("Stages", "Measure"),
+        "calibrate": translate("Stages", "Calibrate"),
+        "reconstruct": translate("Stages", "Reconstruct"),
+        "evaluate": translate("Stages", "Evaluate"),
+        "report": translate("Stages", "Report"),
+    }[stage]
+
+
+def state_word(state: State) -> str:
+    """Give the state's word in the operator's language."""
+    return {
+        State.DONE: translate("Stages", "done"),
+        State.STALE: translate("Stages", "out of date"),
+        State.TODO: translate("Stages", "to do"),
+        State.FAILED: translate("Stages", "failed"),
+    }[state]
+
+
+def stage_statuses(folder: ProjectFolder) -> dict[str, StageStatus]:
+    """Compute the state of every stage from the files."""
+    facts = _Facts(folder)
+    states = {
+        "capture": _capture(facts),
+        "calibrate": _calibrate(facts),
+    }
+    states["evaluate"] = _evaluate(facts, states["calibrate"])
+    states["measure"] = _measure(facts, states["calibrate"])
+    states["decode"] = _decode(facts, states)
+    states["reconstruct"] = _reconstruct(facts, states)
+    states["report"] = _report(facts, states)
+    failures = read_failures(folder.path)
+    return {stage: _with_failure(states[stage], failures.get(stage), facts) for stage in STAGES}
+
+
+class _Facts:
+    """What the folder holds, looked up once."""
+
+    def __init__(self, folder: ProjectFolder) -> None:
+        self.folder = folder
+        self.entries = folder.captures()
+        self.readable = [e for e in self.entries if e.capture]
+        self.boards = [e for e in self.readable if e.role in ("testfield", "depth") and e.capture.testfield]
+        self.fields = [e for e in self.readable if e.role == "testfield"]
+        self.picked = [e for e in self.fields if e.capture.seeds]
+        self.plates = [e for e in self.readable if e.role == "depth"]
+        self.planes = [e for e in self.readable if e.role == "plane"]
+        names = ("targets", "photogrammetric", "polynomial", "evaluation")
+        self.written = {name: written_ns(folder.result_file(f"{name}.npz")) for name in names}
+        self.report = written_ns(folder.result_file("report/report.html"))
+        self.newest = newest(self.readable)
+
+
+def newest(entries: Iterable[CaptureEntry]) -> int:
+    """When the last of these captures' files was written."""
+    return max((e.changed_ns for e in entries), default=0)
+
+
+def _capture(facts: _Facts) -> StageStatus:
+    unreadable = [e for e in facts.entries if e.error]
+    if unreadable:
+        error = unreadable[0].error
+        failure = StageFailure(f"{error.where}: {error.seen}", error.remedy, "", 0)
+        return StageStatus("capture", State.FAILED, str(error), failure)
+    if not facts.entries:
+        return StageStatus("capture", State.TODO, translate("Stages", "no captures yet"))
+    return StageStatus("capture", State.DONE, translate("Stages", "{n} captures").format(n=len(facts.entries)))
+
+
+def _decode(facts: _Facts, states: dict[str, StageStatus]) -> StageStatus:
+    if not facts.readable:
+        return StageStatus("decode", State.TODO, translate("Stages", "needs captures"))
+    kept = decoded_captures(facts.folder.path)
+    covered = {name for name, entry in kept.items() if not entry.get("error")}
+    current = {e.name for e in facts.readable if e.name in covered and kept[e.name]["changed_ns"] == e.changed_ns}
+    if states["measure"].state is State.DONE:  # measuring and evaluating decode what they need
+        current |= {e.name for e in facts.boards}
+    if states["calibrate"].state is State.DONE:
+        current |= {e.name for e in (*facts.picked, *facts.plates)}
+    if states["evaluate"].state is State.DONE:
+        current |= {e.name for e in facts.planes}
+    needed = {e.name for e in facts.readable if e.role != "object"} or {e.name for e in facts.readable}
+    count = len(current & needed)
+    if needed <= current:
+        return StageStatus("decode", State.DONE, translate("Stages", "{n} captures decoded").format(n=count))
+    if any(name in needed for name in covered - current):
+        return StageStatus("decode", State.STALE, translate("Stages", "captures changed after decoding"))
+    text = translate("Stages", "{n} of {m} captures decoded").format(n=count, m=len(needed))
+    return StageStatus("decode", State.TODO, text)
+
+
+def _measure(facts: _Facts, calibrate: StageStatus) -> StageStatus:
+    if not facts.fields:
+        return StageStatus("measure", State.TODO, translate("Stages", "needs testfield captures"))
+    unpicked = len(facts.fields) - len(facts.picked)
+    if unpicked:
+        text = translate("Stages", "targets to pick in {n} of {m} captures")
+        return StageStatus("measure", State.TODO, text.format(n=unpicked, m=len(facts.fields)))
+    written = facts.written["targets"]
+    if written is not None and written >= newest(facts.boards):
+        return StageStatus(
+            "measure", State.DONE, translate("Stages", "targets of {n} captures").format(n=len(facts.fields))
+        )
+    if calibrate.state is State.DONE and facts.written["photogrammetric"]:
+        return StageStatus("measure", State.DONE, translate("Stages", "measured while calibrating"))
+    if written is not None:
+        return StageStatus("measure", State.STALE, translate("Stages", "captures or picks changed after measuring"))
+    return StageStatus("measure", State.TODO, translate("Stages", "picked, not measured yet"))
+
+
+def _calibrate(facts: _Facts) -> StageStatus:
+    inputs = {"photogrammetric": facts.picked, "polynomial": facts.plates}
+    wanted = [m for m, entries in inputs.items() if entries]
+    if not wanted and not any(facts.written[m] for m in inputs):
+        text = translate("Stages", "needs picked testfields or plates at known depths")
+        return StageStatus("calibrate", State.TODO, text)
+    absent = [m for m in wanted if facts.written[m] is None]
+    if absent:
+        return StageStatus("calibrate", State.TODO, translate("Stages", "ready to run"))
+    for method, entries in inputs.items():
+        written = facts.written[method]
+        if written is not None and written < newest(entries):
+            return StageStatus("calibrate", State.STALE, translate("Stages", "captures or picks changed since"))
+    if _rig_changed(facts.folder):
+        return StageStatus("calibrate", State.STALE, translate("Stages", "the rig or its scale changed since"))
+    done = [m for m in inputs if facts.written[m]]
+    text = translate("Stages", "both methods") if len(done) == 2 else method_name(done[0])
+    return StageStatus("calibrate", State.DONE, text)
+
+
+def _reconstruct(facts: _Facts, states: dict[str, StageStatus]) -> StageStatus:
+    calibrated = _last_calibration(facts)
+    if calibrated is None:
+        return StageStatus("reconstruct", State.TODO, translate("Stages", "needs a calibration"))
+    clouds = sorted(facts.folder.result_file("points").glob("*.*"))
+    stale = states["calibrate"].state is State.STALE or any((written_ns(c) or 0) < calibrated for c in clouds)
+    if clouds and stale:
+        return StageStatus("reconstruct", State.STALE, translate("Stages", "calibrated anew since"))
+    if clouds:
+        return StageStatus("reconstruct", State.DONE, translate("Stages", "{n} point clouds").format(n=len(clouds)))
+    if states["evaluate"].state is State.DONE:
+        return StageStatus("reconstruct", State.DONE, translate("Stages", "planes, while evaluating"))
+    return StageStatus("reconstruct", State.TODO, translate("Stages", "ready to run"))
+
+
+def _evaluate(facts: _Facts, calibrate: StageStatus) -> StageStatus:
+    written, calibrated = facts.written["evaluation"], _last_calibration(facts)
+    if written is None:
+        if not facts.planes:
+            return StageStatus("evaluate", State.TODO, translate("Stages", "needs plane captures"))
+        ready = calibrated is not None
+        text = translate("Stages", "ready to run") if ready else translate("Stages", "needs a calibration")
+        return StageStatus("evaluate", State.TODO, text)
+    if calibrate.state is State.STALE:
+        return StageStatus("evaluate", State.STALE, translate("Stages", "the calibration is out of date"))
+    if calibrated is not None and calibrated > written:
+        return StageStatus("evaluate", State.STALE, translate("Stages", "calibrated anew since"))
+    if newest(facts.planes) > written:
+        return StageStatus("evaluate", State.STALE, translate("Stages", "plane captures changed since"))
+    return StageStatus("evaluate", State.DONE, translate("Stages", "{n} planes").format(n=len(facts.planes)))
+
+
+def _report(facts: _Facts, states: dict[str, StageStatus]) -> StageStatus:
+    calibrated = _last_calibration(facts)
+    if facts.report is None:
+        ready = calibrated is not None
+        text = translate("Stages", "ready to run") if ready else translate("Stages", "needs a calibration")
+        return StageStatus("report", State.TODO, text)
+    if State.STALE in (states["calibrate"].state, states["evaluate"].state):
+        return StageStatus("report", State.STALE, translate("Stages", "a stage before it is out of date"))
+    if max(calibrated or 0, facts.written["evaluation"] or 0) > facts.report:
+        return StageStatus("report", State.STALE, translate("Stages", "results changed since"))
+    return StageStatus("report", State.DONE, translate("Stages", "HTML and PDF"))
+
+
+def _with_failure(status: StageStatus, failure: StageFailure | None, facts: _Facts) -> StageStatus:
+    """Tell a failure of the last run, unless what the stage reads has changed since or its result is there."""
+    if failure is None or status.state is State.DONE or failure.at_ns < facts.newest:
+        return status
+    return StageStatus(status.stage, State.FAILED, failure.happened, failure)
+
+
+def _last_calibration(facts: _Facts) -> int | None:
+    times = [t for t in (facts.written["photogrammetric"], facts.written["polynomial"]) if t is not None]
+    return max(times) if times else None
+
+
+def _rig_changed(folder: ProjectFolder) -> bool:
+    """Whether project.json now describes another rig than the one that was calibrated."""
+    written = written_ns(folder.result_file("photogrammetric.npz"))
+    if written is None or (written_ns(folder.path / "project.json") or 0) <= written:
+        return False
+    try:
+        calibration = folder.result("photogrammetric.npz", PhotogrammetricCalibration)
+        adjustment = folder.result("adjustment.npz", Adjustment)
+    except StripeError:
+        return True
+    project = folder.project
+    pairs = [(calibration.camera.spec, project.camera), (calibration.projector.spec, project.projector)]
+    if any(_raster(a) != _raster(b) for a, b in pairs):
+        return True
+    used = adjustment.network.scale if adjustment else None
+    lengths = [bar and (bar.length_mm, bar.sigma_mm) for bar in (used, project.scale)]
+    return adjustment is not None and lengths[0] != lengths[1]
+
+
+def _raster(spec: DeviceSpec) -> tuple[float, ...]:
+    return (spec.width, spec.height, *spec.pitch_mm, spec.nominal_c_mm)
+
+
+def method_name(method: str) -> str:
+    """Give the calibration method's name in the operator's language."""
+    names = {
+        "photogrammetric": translate("Stages", "photogrammetric"),
+        "polynomial": translate("Stages", "polynomial"),
+    }
+    return names.get(method, method)
+
+
+def decoded_captures(folder: Path) -> dict[str, dict]:
+    """Read which captures were decoded and what came out, by name."""
+    try:
+        stored = json.loads((folder / "results" / "decode.json").read_text(encoding="utf-8"))
+        return {str(name): dict(entry) for name, entry in stored["captures"].items()}
+    except (OSError, ValueError, KeyError, AttributeError, TypeError):
+        return {}

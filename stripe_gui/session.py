@@ -1,0 +1,105 @@
+"""The one object that owns the open project."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal
+
+from core.errors import InputError
+from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
+from stripe_gui.presenters.status import StageStatus, stage_statuses
+from stripe_gui.settings import Settings
+
+
+class Session(QObject):
+    """The open project, the capture the operator looks at, and the state of the stages.
+
+    Everything shown is read from the folder; call `refresh` after something was written there.
+    """
+
+    project_changed = Signal()  # another project was opened, or it was closed
+    refreshed = Signal()  # files of the project may have changed: show them anew
+    capture_changed = Signal(str)  # another capture was chosen
+
+    def __init__(self, settings: Settings, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.settings = settings
+        self._folder: ProjectFolder | None = None
+        self._capture = ""
+        self._statuses: dict[str, StageStatus] = {}
+
+    @property
+    def folder(self) -> ProjectFolder | None:
+        """The open project's folder."""
+        return self._folder
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a project is open."""
+        return self._folder is not None
+
+    @property
+    def statuses(self) -> dict[str, StageStatus]:
+        """State of every stage as of the last refresh; empty without a project."""
+        return self._statuses
+
+    def open(self, path: Path) -> None:
+        """Open the project in a folder (or of its project.json).
+
+        Raises
+        ------
+        InputError
+            If there is no usable project; the one that was open stays open.
+        """
+        path = Path(path)
+        path = path.parent if path.name == "project.json" else path
+        folder = ProjectFolder(path.resolve())
+        statuses = stage_statuses(folder)
+        self._folder, self._statuses = folder, statuses
+        names = [c.name for c in folder.project.captures]
+        self._capture = names[0] if names else ""
+        self.settings.add_recent(folder.path)
+        self.project_changed.emit()
+
+    def close(self) -> None:
+        """Close the project; nothing needs saving, every step was."""
+        if self._folder is not None:
+            self._folder, self._statuses, self._capture = None, {}, ""
+            self.project_changed.emit()
+
+    def refresh(self) -> None:
+        """Look at the folder again.
+
+        Raises
+        ------
+        InputError
+            If project.json cannot be used any more; the project is closed then.
+        """
+        if self._folder is None:
+            return
+        try:
+            self._statuses = stage_statuses(self._folder)
+        except InputError:
+            self.close()
+            raise
+        names = [c.name for c in self._folder.project.captures]
+        if self._capture not in names:
+            self.choose_capture(names[0] if names else "")
+        self.refreshed.emit()
+
+    @property
+    def capture_name(self) -> str:
+        """The capture the operator looks at; empty without captures."""
+        return self._capture
+
+    @property
+    def capture(self) -> CaptureEntry | None:
+        """The same, as read from its folder."""
+        return self._folder.entry(self._capture) if self._folder and self._capture else None
+
+    def choose_capture(self, name: str) -> None:
+        """Look at another capture."""
+        if name != self._capture:
+            self._capture = name
+            self.capture_changed.emit(name)

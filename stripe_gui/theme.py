@@ -1,0 +1,157 @@
+"""Colours and style, light and dark, set explicitly: the same on every desktop and without one."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from importlib.resources import files
+from string import Template
+
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QGuiApplication, QPalette
+from PySide6.QtWidgets import QApplication
+
+CHOICES = ("system", "light", "dark")
+
+
+@dataclass(frozen=True)
+class Theme:
+    """The colours of one appearance. Every meaning they carry is also told by a word or a sign."""
+
+    name: str
+    window: str
+    surface: str
+    sunken: str
+    hover: str
+    border: str
+    text: str
+    muted: str
+    faint: str
+    accent: str
+    accent_hover: str
+    accent_text: str
+    selection: str
+    ok: str
+    warning: str
+    danger: str
+    ok_fill: str
+    warning_fill: str
+    danger_fill: str
+    info_fill: str
+    canvas: str
+    mark: str
+    mark_other: str
+
+
+LIGHT = Theme(
+    name="light",
+    window="#f4f6f8",
+    surface="#ffffff",
+    sunken="#e9edf1",
+    hover="#e3e9ef",
+    border="#d3dae2",
+    text="#1b2128",
+    muted="#56616d",
+    faint="#98a3ae",
+    accent="#0b63b6",
+    accent_hover="#0a559c",
+    accent_text="#ffffff",
+    selection="#cfe3f7",
+    ok="#1a7f37",
+    warning="#8a5a00",
+    danger="#b42318",
+    ok_fill="#e5f5e9",
+    warning_fill="#fdf3dc",
+    danger_fill="#fdeae8",
+    info_fill="#e4f0fb",
+    canvas="#dfe4e9",
+    mark="#0b63b6",
+    mark_other="#b35900",
+)
+DARK = Theme(
+    name="dark",
+    window="#15191e",
+    surface="#1d2329",
+    sunken="#11151a",
+    hover="#2a323b",
+    border="#343e48",
+    text="#e7ebef",
+    muted="#a3afbb",
+    faint="#66727e",
+    accent="#58a6f0",
+    accent_hover="#7bbaf5",
+    accent_text="#0c141c",
+    selection="#234d75",
+    ok="#5fc47a",
+    warning="#e0ad4b",
+    danger="#f5857a",
+    ok_fill="#183222",
+    warning_fill="#362b14",
+    danger_fill="#3d201e",
+    info_fill="#172c42",
+    canvas="#0b0e11",
+    mark="#6cb6ff",
+    mark_other="#f0a04b",
+)
+
+
+def current() -> Theme:
+    """Give the theme the program shows."""
+    app = QApplication.instance()
+    return DARK if app is not None and app.property("theme") == "dark" else LIGHT
+
+
+def resolve(choice: str) -> Theme:
+    """Give the theme a choice stands for: "light", "dark", or what the desktop says."""
+    if choice == "system":
+        dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
+        return DARK if dark else LIGHT
+    return DARK if choice == "dark" else LIGHT
+
+
+def apply(app: QApplication, theme: Theme) -> None:
+    """Show a theme: palette and style sheet."""
+    app.setProperty("theme", theme.name)
+    app.setPalette(palette(theme))
+    app.setStyleSheet(style_sheet(theme))
+
+
+def palette(theme: Theme) -> QPalette:
+    """Give the palette for Qt's Fusion style."""
+    roles = QPalette.ColorRole
+    colours = {
+        roles.Window: theme.window,
+        roles.WindowText: theme.text,
+        roles.Base: theme.surface,
+        roles.AlternateBase: theme.window,
+        roles.Text: theme.text,
+        roles.PlaceholderText: theme.muted,
+        roles.Button: theme.surface,
+        roles.ButtonText: theme.text,
+        roles.BrightText: theme.danger,
+        roles.ToolTipBase: theme.surface,
+        roles.ToolTipText: theme.text,
+        roles.Highlight: theme.selection,
+        roles.HighlightedText: theme.text,
+        roles.Link: theme.accent,
+        roles.LinkVisited: theme.accent,
+        roles.Light: theme.surface,
+        roles.Midlight: theme.hover,
+        roles.Mid: theme.border,
+        roles.Dark: theme.faint,
+        roles.Shadow: theme.border,
+        roles.Accent: theme.accent,
+    }
+    result = QPalette()
+    for role, colour in colours.items():
+        result.setColor(role, QColor(colour))
+    for role in (roles.WindowText, roles.Text, roles.ButtonText, roles.HighlightedText):
+        result.setColor(QPalette.ColorGroup.Disabled, role, QColor(theme.faint))
+    return result
+
+
+def style_sheet(theme: Theme) -> str:
+    """Fill the theme's colours into `resources/styles/app.qss`."""
+    styles = files("resources").joinpath("styles")
+    text = styles.joinpath("app.qss").read_text(encoding="utf-8")
+    chevron = str(styles.joinpath(f"chevron-{theme.name}.svg")).replace("\\", "/")
+    return Template(text).substitute(asdict(theme), chevron=chevron)

@@ -1,0 +1,15 @@
+"""The parts that pages and wizards are made of.
+
+layout.py           cards, headings, buttons: the same spacing everywhere
+notice.py           what happened, what to do, the details folded away
+stage_strip.py      the seven stages and their states
+job_bar.py          progress of the running job, time left, cancel
+help_panel.py       help beside the work
+command_palette.py  every action, searchable
+image_view.py       an image or a map with fixed levels, kept zoom and a read-out
+colour_bar.py       its colours and what they mean
+residual_plot.py    residual vectors of a device
+histogram.py        histograms of deviations
+result_table.py     a table of results, sortable and copyable
+capture_list.py     the project's captures
+"""

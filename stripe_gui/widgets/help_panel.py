@@ -1,0 +1,71 @@
+"""Help beside the work: the chapters of `resources/help`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QSize, QUrl, Signal
+from PySide6.QtGui import QDesktopServices
+from PySide6.QtWidgets import QTextBrowser, QToolButton, QVBoxLayout, QWidget
+
+from stripe_gui import theme
+from stripe_gui.assets import asset, icon
+from stripe_gui.widgets.layout import label, row
+
+
+def help_file(topic: str, language: str = "en") -> Path | None:
+    """Give a chapter, in the operator's language where it has been translated; None where there is none."""
+    for folder in (asset("help", language), asset("help")):
+        if (folder / f"{topic}.md").is_file():
+            return folder / f"{topic}.md"
+    return None
+
+
+class HelpPanel(QWidget):
+    """One chapter at a time; links lead to other chapters."""
+
+    closed = Signal()
+
+    def __init__(self, language: str = "en") -> None:
+        super().__init__()
+        self._language = language
+        self.topic = ""
+        self.setMinimumWidth(280)
+        self.setAccessibleName(self.tr("Help"))
+        self.browser = QTextBrowser()
+        self.browser.setOpenLinks(False)
+        self.browser.setAccessibleName(self.tr("Help text"))
+        self.browser.anchorClicked.connect(self._follow)
+        self.browser.document().setDocumentMargin(14)
+        close = QToolButton()
+        close.setIcon(icon("close"))
+        close.setIconSize(QSize(14, 14))
+        close.setAccessibleName(self.tr("Close help"))
+        close.setToolTip(self.tr("Close help"))
+        close.clicked.connect(self.closed)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(4, 16, 16, 12)
+        layout.addLayout(row(label(self.tr("Help"), "heading"), None, close))
+        layout.addWidget(self.browser, 1)
+
+    def show_topic(self, topic: str) -> None:
+        """Show a chapter; a page without one gets the first."""
+        file = help_file(topic, self._language) or help_file("index", self._language)
+        self.topic = topic
+        if file is None:
+            self.browser.setPlainText(self.tr("There is no help for this page."))
+            return
+        self.browser.setSearchPaths([str(file.parent), str(asset("help"))])
+        self.browser.document().setDefaultStyleSheet(f"a {{ color: {theme.current().accent}; }}")
+        self.browser.setMarkdown(file.read_text(encoding="utf-8"))
+        self.browser.verticalScrollBar().setValue(0)
+
+    def _follow(self, url: QUrl) -> None:
+        if url.isRelative():
+            name = Path(url.path()).stem
+            if name:
+                self.show_topic(name)
+            elif url.hasFragment():
+                self.browser.scrollToAnchor(url.fragment())
+        else:
+            QDesktopServices.openUrl(url)

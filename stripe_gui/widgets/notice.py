@@ -1,0 +1,151 @@
+"""Notices: what happened, what to do, the details folded away."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QRectF, QSize, Qt, QTimer
+from PySide6.QtGui import QFontDatabase, QGuiApplication, QPainter
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QPlainTextEdit, QToolButton, QVBoxLayout, QWidget
+
+from stripe_gui import theme
+from stripe_gui.assets import draw_icon, icon
+from stripe_gui.widgets.layout import button, label
+from stripe_gui.workbench import Notice
+
+MOST = 3
+SHORT_LIVED_MS = 8000
+
+
+class Sign(QWidget):
+    """An icon in a colour of the theme, such as "ok" or "danger"."""
+
+    def __init__(self, name: str, colour: str, size: int = 20) -> None:
+        super().__init__()
+        self._name, self._colour, self._size = name, colour, size
+        self.setFixedSize(size, size)
+
+    def sizeHint(self) -> QSize:  # noqa: N802
+        """Give the size of the icon."""
+        return QSize(self._size, self._size)
+
+    def paintEvent(self, _event: object) -> None:  # noqa: N802
+        """Draw the icon."""
+        painter = QPainter(self)
+        draw_icon(painter, self._name, QRectF(self.rect()), getattr(theme.current(), self._colour))
+        painter.end()
+
+
+COLOURS = {"info": "accent", "success": "ok", "warning": "warning", "error": "danger"}
+
+
+class NoticeBox(QFrame):
+    """One notice; the operator can unfold and copy its details and put it away."""
+
+    def __init__(self, notice: Notice) -> None:
+        super().__init__()
+        self.notice = notice
+        self.setProperty("notice", notice.kind)
+        self.setAccessibleName(f"{_word(self, notice.kind)}: {notice.happened} {notice.remedy}".strip())
+        text = label(f"{notice.happened[:1].upper()}{notice.happened[1:]}", wrap=True)
+        font = text.font()
+        font.setBold(bool(notice.remedy))
+        text.setFont(font)
+        words = QVBoxLayout()
+        words.setSpacing(2)
+        words.addWidget(text)
+        if notice.remedy:
+            words.addWidget(label(f"{notice.remedy[:1].upper()}{notice.remedy[1:]}.".replace("..", "."), wrap=True))
+        top = QHBoxLayout()
+        top.setSpacing(12)
+        top.addWidget(Sign(notice.kind, COLOURS[notice.kind]), 0, Qt.AlignmentFlag.AlignTop)
+        top.addLayout(words, 1)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(14, 10, 10, 10)
+        layout.addLayout(top)
+        self.details: QPlainTextEdit | None = None
+        if notice.details:
+            self._add_details(top, layout)
+        self.close_button = QToolButton()
+        self.close_button.setIcon(icon("close"))
+        self.close_button.setIconSize(QSize(14, 14))
+        self.close_button.setAccessibleName(self.tr("Put this notice away"))
+        self.close_button.setToolTip(self.tr("Put this notice away"))
+        self.close_button.clicked.connect(self.dismiss)
+        top.addWidget(self.close_button, 0, Qt.AlignmentFlag.AlignTop)
+
+    def _add_details(self, top: QHBoxLayout, layout: QVBoxLayout) -> None:
+        self.details = QPlainTextEdit(self.notice.details)
+        self.details.setReadOnly(True)
+        self.details.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
+        self.details.setFixedHeight(160)
+        self.details.setAccessibleName(self.tr("Details"))
+        self.details.hide()
+        layout.addWidget(self.details)
+        unfold = button(self.tr("Details"), lambda: None, flat=True)
+        unfold.setCheckable(True)
+        unfold.toggled.connect(self.details.setVisible)
+        copy = button(self.tr("Copy"), self._copy, flat=True)
+        unfold.toggled.connect(copy.setVisible)
+        copy.hide()
+        top.addWidget(copy, 0, Qt.AlignmentFlag.AlignTop)
+        top.addWidget(unfold, 0, Qt.AlignmentFlag.AlignTop)
+
+    def _copy(self) -> None:
+        notice = self.notice
+        QGuiApplication.clipboard().setText(f"{notice.happened}\n{notice.remedy}\n\n{notice.details}")
+
+    def dismiss(self) -> None:
+        """Put it away."""
+        self.hide()
+        self.deleteLater()
+
+
+def _word(widget: QWidget, kind: str) -> str:
+    return {
+        "info": widget.tr("Note"),
+        "success": widget.tr("Done"),
+        "warning": widget.tr("Warning"),
+        "error": widget.tr("Error"),
+    }[kind]
+
+
+class NoticeArea(QWidget):
+    """The notices above a page, the latest on top."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._layout = QVBoxLayout(self)
+        self._layout.setContentsMargins(20, 12, 20, 0)
+        self._layout.setSpacing(8)
+        self.hide()
+
+    def boxes(self) -> list[NoticeBox]:
+        """Give the notices that are shown."""
+        found = [self._layout.itemAt(i).widget() for i in range(self._layout.count())]
+        return [box for box in found if isinstance(box, NoticeBox) and not box.isHidden()]
+
+    def show_notice(self, notice: Notice) -> None:
+        """Add a notice; the same one is not shown twice, good news goes by itself."""
+        for box in self.boxes():
+            if box.notice == notice:
+                box.dismiss()
+        box = NoticeBox(notice)
+        self._layout.insertWidget(0, box)
+        box.destroyed.connect(self._hide_if_empty)
+        box.close_button.clicked.connect(self._hide_if_empty)
+        if notice.kind in ("info", "success"):
+            QTimer.singleShot(SHORT_LIVED_MS, box, box.dismiss)
+        for old in self.boxes()[MOST:]:
+            old.dismiss()
+        self.show()
+
+    def clear(self) -> None:
+        """Put all away."""
+        for box in self.boxes():
+            box.dismiss()
+        self._hide_if_empty()
+
+    def _hide_if_empty(self) -> None:
+        try:
+            self.setVisible(bool(self.boxes()))
+        except RuntimeError:  # the area itself is being destroyed with its notices
+            return

@@ -1,0 +1,149 @@
+"""A table of results: sortable by its numbers, copyable into a spreadsheet."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QSortFilterProxyModel, Qt, Signal
+from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QVBoxLayout, QWidget
+
+from core.report import Number, Table, cell_text
+from stripe_gui.widgets.layout import label
+
+VALUE = Qt.ItemDataRole.UserRole
+EMPTY = Table("", (), ())
+
+
+class TableModel(QAbstractTableModel):
+    """A `core.report.Table` as Qt wants it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.table = EMPTY
+
+    def show(self, table: Table) -> None:
+        """Take another table."""
+        self.beginResetModel()
+        self.table = table
+        self.endResetModel()
+
+    def rowCount(self, parent: QModelIndex | None = None) -> int:  # noqa: N802
+        """Count the rows."""
+        return 0 if parent is not None and parent.isValid() else len(self.table.rows)
+
+    def columnCount(self, parent: QModelIndex | None = None) -> int:  # noqa: N802
+        """Count the columns."""
+        return 0 if parent is not None and parent.isValid() else len(self.table.columns)
+
+    def data(self, index: QModelIndex, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """Give a cell's text, its alignment, or the number to sort by."""
+        if not index.isValid():
+            return None
+        cell = self.table.rows[index.row()][index.column()]
+        if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.AccessibleTextRole):
+            return cell_text(cell)
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            side = Qt.AlignmentFlag.AlignRight if isinstance(cell, Number) else Qt.AlignmentFlag.AlignLeft
+            return int(side | Qt.AlignmentFlag.AlignVCenter)
+        if role == VALUE:
+            return cell.value if isinstance(cell, Number) else cell
+        return None
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:  # noqa: N802
+        """Give a column's name."""
+        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
+            return self.table.columns[section]
+        return None
+
+
+class _Sorted(QSortFilterProxyModel):
+    def lessThan(self, left: QModelIndex, right: QModelIndex) -> bool:  # noqa: N802
+        return _key(left.data(VALUE)) < _key(right.data(VALUE))
+
+
+def _key(value: Any) -> tuple[int, float, str]:
+    """Order numbers before texts before what is not known."""
+    if value is None:
+        return (2, 0.0, "")
+    return (1, 0.0, str(value)) if isinstance(value, str) else (0, float(value), "")
+
+
+class ResultTable(QWidget):
+    """A table with its title and notes; Ctrl+C copies the selection (or everything) as tab-separated text."""
+
+    row_chosen = Signal(int)  # row of the table, whatever the sorting
+
+    def __init__(self, name: str = "", *, titled: bool = True) -> None:
+        super().__init__()
+        self.title = label("", "heading")
+        self.title.setVisible(titled)
+        self._titled = titled
+        self.model = TableModel()
+        self._sorted = _Sorted(self)
+        self._sorted.setSourceModel(self.model)
+        self.view = QTableView()
+        self.view.setModel(self._sorted)
+        self.view.setAccessibleName(name)
+        self.view.setSortingEnabled(True)
+        self.view.setShowGrid(False)
+        self.view.setAlternatingRowColors(True)
+        self.view.setWordWrap(False)
+        self.view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.view.setHorizontalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
+        self.view.setTabKeyNavigation(False)
+        self.view.verticalHeader().hide()
+        self.view.verticalHeader().setDefaultSectionSize(28)
+        self.view.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        self.view.horizontalHeader().setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        self.view.horizontalHeader().setHighlightSections(False)
+        self.view.horizontalHeader().setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
+        self.view.selectionModel().currentRowChanged.connect(self._choose)
+        copy = QShortcut(QKeySequence.StandardKey.Copy, self.view, context=Qt.ShortcutContext.WidgetShortcut)
+        copy.activated.connect(self.copy)
+        self.notes = label("", "muted", wrap=True)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(6)
+        layout.addWidget(self.title)
+        layout.addWidget(self.view, 1)
+        layout.addWidget(self.notes)
+
+    def show_table(self, table: Table) -> None:
+        """Show a table in its own order."""
+        self.view.horizontalHeader().setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
+        self.model.show(table)
+        self.title.setText(table.title)
+        self.title.setVisible(self._titled and bool(table.title))
+        self.notes.setText("\n".join(table.notes))
+        self.notes.setVisible(bool(table.notes))
+        self.view.setAccessibleDescription(table.title)
+        self.view.resizeColumnsToContents()
+        header = self.view.horizontalHeader()
+        for i in range(header.count()):
+            header.resizeSection(i, header.sectionSize(i) + 14)
+
+    def fit_height(self, most: int = 14) -> None:
+        """Make the view as high as its rows, `most` rows at most."""
+        rows = min(self.model.rowCount(), most)
+        height = self.view.horizontalHeader().sizeHint().height() + 28 * rows + 6
+        bar = self.view.horizontalScrollBar().sizeHint().height()
+        self.view.setFixedHeight(height + bar)
+
+    def choose_row(self, row: int) -> None:
+        """Select a row of the table."""
+        self.view.setCurrentIndex(self._sorted.mapFromSource(self.model.index(row, 0)))
+
+    def copy(self) -> None:
+        """Copy the selected rows, or all of them, with the columns' names."""
+        chosen = sorted({index.row() for index in self.view.selectionModel().selectedRows()})
+        rows = chosen or range(self._sorted.rowCount())
+        lines = ["\t".join(self.model.table.columns)]
+        for i in rows:
+            cells = [self._sorted.index(i, j).data() for j in range(self._sorted.columnCount())]
+            lines.append("\t".join(cells))
+        QGuiApplication.clipboard().setText("\n".join(lines))
+
+    def _choose(self, current: QModelIndex, _previous: QModelIndex) -> None:
+        if current.isValid():
+            self.row_chosen.emit(self._sorted.mapToSource(current).row())

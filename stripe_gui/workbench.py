@@ -1,0 +1,148 @@
+"""What every page, wizard and action is given."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+
+from core.errors import StripeError
+from stripe_gui.dialogs import Dialogs, QtDialogs
+from stripe_gui.jobs import Failure, Job, JobQueue
+from stripe_gui.presenters.failures import clear_failure, describe, keep_failure
+from stripe_gui.presenters.status import stage_name
+from stripe_gui.session import Session
+from stripe_gui.settings import Settings
+
+
+@dataclass(frozen=True)
+class Notice:
+    """Something the operator should know: what happened, what to do, the details folded away.
+
+    Attributes
+    ----------
+    kind : {"info", "success", "warning", "error"}
+    """
+
+    kind: str
+    happened: str
+    remedy: str = ""
+    details: str = ""
+
+
+class Workbench(QObject):
+    """The program without its window: session, jobs, dialogs, settings, and the ways to speak to the operator.
+
+    Attributes
+    ----------
+    jobs : JobQueue
+        Long work, one at a time, shown in the window with progress and cancel.
+    views : JobQueue
+        What only fills the picture (reading a frame, decoding for a look); a newer one replaces the older.
+    """
+
+    noticed = Signal(object)  # Notice
+    page_wanted = Signal(str)  # id of a page
+    theme_wanted = Signal(str)  # "light", "dark", "system"
+    language_wanted = Signal(str)  # "en", "de"
+    help_wanted = Signal(str)  # a help topic
+
+    def __init__(self, settings: Settings | None = None, dialogs: Dialogs | None = None) -> None:
+        super().__init__()
+        self.settings = settings or Settings()
+        self.dialogs: Dialogs = dialogs or QtDialogs()
+        self.session = Session(self.settings, self)
+        self.jobs = JobQueue(self)
+        self.views = JobQueue(self, latest_only=True)
+
+    # ---------------------------------------------------------------------------------------- speaking to the operator
+
+    def notify(self, kind: str, happened: str, remedy: str = "", details: str = "") -> None:
+        """Show a notice."""
+        self.noticed.emit(Notice(kind, happened, remedy, details))
+
+    def report_error(self, error: BaseException, trace: str = "") -> None:
+        """Show an error as a notice."""
+        failure = describe(error, trace)
+        self.notify("error", failure.happened, failure.remedy, failure.details)
+
+    def show_page(self, page: str) -> None:
+        """Bring a page to the front."""
+        self.page_wanted.emit(page)
+
+    # -------------------------------------------------------------------------------------------------------- projects
+
+    def open_project(self, path: Path, page: str = "capture") -> bool:
+        """Open a project and show it; say whether that worked."""
+        if self.jobs.busy:
+            text = self.tr("Work is running in the open project.")
+            self.notify("warning", text, self.tr("wait until it is done, or cancel it"))
+            return False
+        try:
+            self.session.open(path)
+        except StripeError as error:
+            self.report_error(error)
+            return False
+        self.show_page(page)
+        return True
+
+    def refresh(self) -> None:
+        """Look at the project's files again."""
+        try:
+            self.session.refresh()
+        except StripeError as error:
+            self.report_error(error)
+
+    # ------------------------------------------------------------------------------------------------------------ work
+
+    def run_stage(
+        self,
+        stage: str,
+        function: Callable[..., Any],
+        *arguments: Any,
+        on_done: Callable[[Any], None] | None = None,
+        **keywords: Any,
+    ) -> Job | None:
+        """Run a stage's work on the open project in the background.
+
+        ``function(project, *arguments, progress=..., **keywords)`` is called with the project. Its failure is told and
+        kept as the stage's state until it succeeds; the window is refreshed at the end.
+        """
+        folder = self.session.folder
+        if folder is None or any(job.stage == stage for job in (self.jobs.running, *self.jobs.waiting) if job):
+            return None
+        path = folder.path
+
+        def succeeded(result: Any) -> None:
+            clear_failure(path, stage)
+            self.refresh()
+            if on_done is not None:
+                on_done(result)
+
+        def failed(failure: Failure) -> None:
+            told = describe(failure.error, failure.trace)
+            try:
+                keep_failure(path, stage, told)
+            except StripeError as error:  # a full disk must not hide the failure itself
+                self.report_error(error)
+            self.refresh()
+            self.notify("error", told.happened, told.remedy, told.details)
+
+        title = stage_name(stage)
+        return self.jobs.run(
+            title, function, folder.project, *arguments, stage=stage, on_done=succeeded, on_failed=failed, **keywords
+        )
+
+    def guarded(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Call a quick function; an error becomes a notice and None is returned."""
+        try:
+            return function(*arguments)
+        except StripeError as error:
+            self.report_error(error)
+        except OSError as error:
+            self.report_error(error, traceback.format_exc())
+        return None

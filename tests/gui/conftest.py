@@ -1,0 +1,148 @@
+"""The window's tests: offscreen, with settings of their own, dialogs that answer, and no widget left behind."""
+
+from __future__ import annotations
+
+import gc
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+os.environ["QT_QPA_PLATFORM"] = "offscreen"
+
+import pytest
+from PySide6.QtCore import QCoreApplication, QEvent
+from PySide6.QtWidgets import QApplication
+
+from stripe_gui.app import Program, make_application
+from stripe_gui.main_window import MainWindow
+from stripe_gui.settings import Settings
+from stripe_gui.workbench import Notice, Workbench
+
+
+class Answers:
+    """Dialogs that answer by themselves; what was asked is kept."""
+
+    def __init__(self) -> None:
+        self.path: Path | None = None
+        self.agree = True
+        self.asked: list[str] = []
+
+    def open_folder(self, parent, title, start=None):
+        self.asked.append(title)
+        return self.path
+
+    def open_file(self, parent, title, kinds, start=None):
+        self.asked.append(title)
+        return self.path
+
+    def save_file(self, parent, title, kinds, start=None):
+        self.asked.append(title)
+        return self.path
+
+    def confirm(self, parent, title, text, yes, no):
+        self.asked.append(text)
+        return self.agree
+
+    def tell(self, parent, title, text):
+        self.asked.append(text)
+
+
+@pytest.fixture(scope="session")
+def qapp_cls():
+    return QApplication
+
+
+@pytest.fixture(scope="session")
+def qapp(qapp_args):
+    return make_application()
+
+
+def settle() -> None:
+    """Let everything happen that is due, deletions included."""
+    for _ in range(3):
+        QCoreApplication.processEvents()
+        QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+
+
+@pytest.fixture(autouse=True)
+def no_widget_left(qapp) -> Iterator[None]:
+    """Every test takes away the windows it made."""
+    before = set(QApplication.topLevelWidgets())
+    yield
+    settle()
+    gc.collect()
+    settle()
+    left = [w for w in QApplication.topLevelWidgets() if w not in before]
+    assert not left, f"left behind: {[(type(w).__name__, w.objectName(), w.windowTitle()) for w in left]}"
+
+
+@pytest.fixture
+def answers() -> Answers:
+    return Answers()
+
+
+@pytest.fixture
+def bench(qapp, tmp_path: Path, answers: Answers) -> Iterator[Workbench]:
+    made = Workbench(Settings(tmp_path / "settings.ini"), answers)
+    yield made
+    assert made.jobs.shut_down()
+    assert made.views.shut_down()
+
+
+@pytest.fixture
+def notices(bench: Workbench) -> list[Notice]:
+    seen: list[Notice] = []
+    bench.noticed.connect(seen.append)
+    return seen
+
+
+@pytest.fixture
+def program(qapp, bench: Workbench) -> Iterator[Program]:
+    made = Program(qapp, bench)
+    made.choose_theme("light")
+    yield made
+    made.window.hide()
+    made.window.deleteLater()
+    made.load_language("en")
+
+
+@pytest.fixture
+def window(program: Program, qtbot) -> MainWindow:
+    with qtbot.waitExposed(program.window):
+        program.window.show()
+    return program.window
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory) -> Path:
+    """A small project as the virtual bench records it; read only."""
+    from core.bench import simulate
+
+    return simulate(tmp_path_factory.mktemp("bench") / "quick", "quick")
+
+
+@pytest.fixture(scope="session")
+def finished(recorded: Path, tmp_path_factory) -> Path:
+    """The same with every stage done; read only."""
+    from core.pipeline import calibrate_project, report_project
+    from core.project import read_project
+
+    folder = tmp_path_factory.mktemp("finished") / "quick"
+    shutil.copytree(recorded, folder)
+    project = read_project(folder)
+    calibrate_project(project)
+    report_project(project)
+    return folder
+
+
+@pytest.fixture
+def project(recorded: Path, tmp_path: Path) -> Path:
+    """A recorded project of the test's own."""
+    return Path(shutil.copytree(recorded, tmp_path / "project"))
+
+
+@pytest.fixture
+def finished_project(finished: Path, tmp_path: Path) -> Path:
+    """A finished project of the test's own."""
+    return Path(shutil.copytree(finished, tmp_path / "project"))
