@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from weakref import WeakValueDictionary
 
 from core.devices.address import Address, parse_address
-from core.devices.faults import CAMERA_FAULTS, parse_faults
+from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, parse_faults
+from core.devices.profile import Profile, read_profile
 from core.devices.protocol import Camera, Note, Projector, no_note
 from core.devices.scene import FlatScene, Scene
 from core.devices.stored import FolderCamera, ReplayScene
@@ -16,6 +18,8 @@ from core.errors import InputError
 PROJECTOR_KINDS = {
     "virtual": "virtual:SCENE, a scene of the virtual bench such as virtual:quick?pose=3, or virtual:flat",
     "replay": "replay:FOLDER, a stored capture",
+    "serial": "serial:PORT, such as serial:/dev/ttyUSB0?profile=stripe-lines",
+    "emulated": "emulated:SCENE, a virtual projector at the other end of a serial line",
 }
 CAMERA_KINDS = {
     "virtual": "virtual:SCENE, together with a virtual projector of the same scene",
@@ -51,6 +55,10 @@ def open_projector(url: str, note: Note = no_note) -> Projector:
             capacity = address.integer("capacity", 256, 0, 100_000)
             address.finish()
             return VirtualProjector(stage, settle_s, capacity)
+        case "serial":
+            return _serial(address, note)
+        case "emulated":
+            return _emulated(address, note)
     raise _unknown(address, "projector", PROJECTOR_KINDS)
 
 
@@ -81,6 +89,40 @@ def open_stage(address: Address) -> Stage:
     if stage is None:
         stage = _stages[key] = Stage(_scene(address, seed), seed)
     return stage
+
+
+def _serial(address: Address, note: Note) -> Projector:
+    from core.devices.rs232 import SerialProjector
+
+    if not address.place:
+        raise InputError(address.url, "no port", "name it, as in serial:/dev/ttyUSB0 or serial:socket://host:port")
+    profile, settle_s = _profile(address, 0, 0)
+    address.finish()
+    return SerialProjector(address.place, profile, note, settle_s=settle_s)
+
+
+def _emulated(address: Address, note: Note) -> Projector:
+    """A serial projector whose other end is an emulator on the stage of a scene."""
+    from core.devices.emulated import EmulatedProjector
+
+    stage = open_stage(Address(address.url, "virtual", address.place, address.options, address.asked))
+    profile, settle_s = _profile(address, *stage.scene.projector_size)
+    seed = address.integer("fault_seed", 0)
+    faults = parse_faults(address.text("faults", ""), LINK_FAULTS, address.url, seed)
+    line = address.text("line", "pty", among=("pty", "socket"))
+    address.finish()
+    return EmulatedProjector(stage, profile, faults, line, note, settle_s)
+
+
+def _profile(address: Address, columns: int, rows: int) -> tuple[Profile, float]:
+    """Read the profile that a URL names, with the options that change it, and the settle time."""
+    columns, rows = address.integer("columns", columns), address.integer("rows", rows)
+    profile = read_profile(address.text("profile", "stripe-lines"), columns, rows)
+    answer_s = address.real("answer_ms", 1000 * profile.answer_s, 1.0, 60_000.0) / 1000
+    baud = address.integer("baud", profile.port.baud, 1)
+    load_s = profile.load_s * answer_s / profile.answer_s
+    profile = replace(profile, answer_s=answer_s, load_s=load_s, port=replace(profile.port, baud=baud))
+    return profile, address.real("settle_ms", 1000 * profile.settle_s, 0.0, 10_000.0) / 1000
 
 
 def _scene(address: Address, seed: int) -> Scene:

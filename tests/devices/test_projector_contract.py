@@ -20,8 +20,8 @@ class Bed:
     light: Callable[[], np.ndarray]
 
 
-def virtual() -> Iterator[Bed]:
-    projector, camera = open_projector("virtual:flat"), open_camera("virtual:flat")
+def lit_by(url: str) -> Iterator[Bed]:
+    projector, camera = open_projector(url), open_camera("virtual:flat")
     maps = camera.stage.scene.maps
     columns, rows = projector.size
 
@@ -39,12 +39,16 @@ def virtual() -> Iterator[Bed]:
     projector.close()
 
 
-BEDS = {"virtual": virtual}
+BEDS = {
+    "virtual": "virtual:flat",
+    "text lines on a pseudo-terminal": "emulated:flat?profile=stripe-lines&settle_ms=1",
+    "binary frames on a socket": "emulated:flat?profile=stripe-frames&settle_ms=1&line=socket",
+}
 
 
 @pytest.fixture(params=BEDS)
 def bed(request: pytest.FixtureRequest) -> Iterator[Bed]:
-    yield from BEDS[request.param]()
+    yield from lit_by(BEDS[request.param])
 
 
 def shows(bed: Bed, pattern: object) -> bool:

@@ -1,0 +1,208 @@
+"""A projector made of bytes: understands the commands of a profile, switches a virtual stage, and errs on demand."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from core.devices.faults import LINK_FAULTS, Faults
+from core.devices.link import unwrap, wrap
+from core.devices.profile import Profile
+from core.devices.scene import Lines
+from core.devices.template import Value, Values, checksum, unpack_lines
+from core.devices.virtual import Stage
+from core.patterns import Black
+
+_BYTE_FAULTS = ("lost-byte", "flipped-byte")
+SLOW = 10  # settle times that a slow switching takes
+
+
+class HangUp(Exception):  # noqa: N818  not an error: what the emulated cable does
+    """The line goes dead."""
+
+
+@dataclass
+class Emulator:
+    """The device's side of the line.
+
+    Parameters
+    ----------
+    profile : Profile
+    stage : Stage
+        What its light falls on.
+    faults : Faults
+        One opportunity for every command that arrives.
+
+    Examples
+    --------
+    >>> from core.devices.profile import read_profile
+    >>> from core.devices.scene import FlatScene
+    >>> emulator = Emulator(read_profile("stripe-lines", 64, 64), Stage(FlatScene()))
+    >>> emulator.feed(b"1 ID?\\r\\n")
+    [(0.0, b'1 OK ID 64 64 64\\r\\n')]
+    """
+
+    profile: Profile
+    stage: Stage
+    faults: Faults = field(default_factory=Faults)
+    refusals: dict[str, int] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._buffer = bytearray()
+        self._random = random.Random(self.faults.seed)
+        self.refusals = {meaning: code for code, meaning in self.profile.codes.items()}
+        self._power_on()
+
+    def _power_on(self) -> None:
+        columns, rows = self.profile.columns, self.profile.rows
+        self._slots: dict[int, tuple[Lines, Lines]] = {}
+        self._dark = np.zeros(columns, bool), np.zeros(rows, bool)
+        self._slot, self._lamp = 0, 0
+        self.stage.switch(Black())
+
+    def gap(self) -> None:
+        """Nothing has come for a while: a frame that was not completed is given up."""
+        if self.profile.framing.kind == "frame":
+            self._buffer.clear()
+
+    def feed(self, data: bytes) -> list[tuple[float, bytes]]:
+        """Take bytes; give answers, each with the delay in s after which it is sent.
+
+        Raises
+        ------
+        HangUp
+            When the line shall go dead.
+        """
+        self._buffer += data
+        answers = []
+        while (body := unwrap(self.profile.framing, self._buffer)) is not None:
+            fault = self.faults.next(LINK_FAULTS)
+            if fault in _BYTE_FAULTS:
+                self._buffer[:0] = self._damage(wrap(self.profile.framing, body), fault)
+                body = unwrap(self.profile.framing, self._buffer)
+                fault = None
+                if body is None:
+                    break
+            answers += self._commit(body, fault)
+        return answers
+
+    def _damage(self, raw: bytes, fault: str) -> bytes:
+        at = self._random.randrange(len(raw))
+        if fault == "lost-byte":
+            return raw[:at] + raw[at + 1 :]
+        return raw[:at] + bytes([raw[at] ^ (1 << self._random.randrange(7))]) + raw[at + 1 :]
+
+    def _commit(self, body: bytes, fault: str | None) -> list[tuple[float, bytes]]:
+        """Carry a command out, with a fault."""
+        if fault == "lost-command":
+            return []
+        if fault == "reset":
+            self._power_on()
+            return []
+        if fault == "hang-up":
+            raise HangUp
+        answer = self._refuse(body, "busy") if fault == "refused" else self._execute(body, fault)
+        if answer is None or fault == "no-answer":
+            return []
+        raw = wrap(self.profile.framing, answer)
+        if fault == "garbage":
+            raw = self._random.randbytes(len(raw))
+        elif fault == "half-reply":
+            raw = raw[: len(raw) // 2]
+        elif fault == "wrong-checksum":
+            raw = self._spoil_check(raw)
+        return [(2.5 * self.profile.answer_s if fault == "late-answer" else 0.0, raw)]
+
+    def _spoil_check(self, raw: bytes) -> bytes:
+        """Change the last byte of the check value."""
+        at = len(raw) - 1 - len(self.profile.framing.ending)
+        return raw[:at] + bytes([raw[at] ^ 1]) + raw[at + 1 :]
+
+    def _execute(self, body: bytes, fault: str | None) -> bytes | None:
+        for name, command in self.profile.commands.items():
+            values = command.send.match(body)
+            if values is None:
+                continue
+            actions: dict[str, Callable[[Values], str | dict[str, Value]]] = {
+                "identify": lambda v: {"columns": self.profile.columns, "rows": self.profile.rows},
+                "lamp": self._switch_lamp,
+                "load": self._load,
+                "select": lambda v: self._show(int(v["slot"]), fault),
+                "rewind": lambda v: self._show(0, fault),
+                "step": lambda v: self._show(self._slot + 1, fault),
+                "query": lambda v: {},
+            }
+            outcome = actions[name](values)
+            if isinstance(outcome, str):
+                return self._refuse(body, outcome)
+            state: dict[str, Value] = {
+                "slot": self._slot,
+                "slots": self.profile.slots,
+                "loaded": len(self._slots),
+                "on": self._lamp,
+                "tag": 0,
+            }
+            return command.expect.fill({**state, **values, **outcome})
+        return self._refuse(body, "unknown")
+
+    def _refuse(self, body: bytes, meaning: str) -> bytes:
+        """Say no, with the tag of the command as far as it can be read."""
+        code = self.refusals.get(meaning, 0)
+        tag: Value = 0
+        for command in self.profile.commands.values():
+            if (values := command.send.match(body)) is not None:
+                tag = values.get("tag", 0)
+        if tag == 0 and self.profile.framing.kind == "text":
+            head = body.split(b" ", 1)[0]
+            tag = head.decode("ascii") if head.isdigit() else 0
+        elif tag == 0 and body:
+            tag = body[0]
+        return self.profile.refusal.fill({"tag": tag, "code": code, "text": meaning})
+
+    def _switch_lamp(self, values: Values) -> dict[str, Value]:
+        self._lamp = int(values["on"])
+        return {}
+
+    def _load(self, values: Values) -> str | dict[str, Value]:
+        slot, first = int(values["slot"]), self.profile.first
+        if slot >= self.profile.slots:
+            return "range"
+        if self.profile.both_plates:
+            columns, rows = _bytes(values["column_lines"]), _bytes(values["row_lines"])
+            self._slots[slot] = (
+                unpack_lines(columns, self.profile.columns, first),
+                unpack_lines(rows, self.profile.rows, first),
+            )
+            return {"check": checksum(self.profile.lines_check, columns + rows)}
+        if values["plate"] not in self.profile.plates:
+            return "range"
+        which = self.profile.plates.index(str(values["plate"]))
+        count = (self.profile.columns, self.profile.rows)[which]
+        lines = _bytes(values["lines"])
+        if len(lines) != -(-count // 8):
+            return "damaged"
+        plates = list(self._slots.get(slot, self._dark))
+        plates[which] = unpack_lines(lines, count, first)
+        self._slots[slot] = (plates[0], plates[1])
+        return {"check": f"{checksum(self.profile.lines_check, lines):04X}"}
+
+    def _show(self, slot: int, fault: str | None) -> str | dict[str, Value]:
+        """Show a slot, and tell which; with a fault tell the same and show another."""
+        if slot not in self._slots:
+            return "empty"
+        self._slot = slot
+        shown = (slot + 1) % len(self._slots) if fault == "skipped-pattern" else slot
+        if fault != "repeated-pattern" and self._lamp:
+            delay = SLOW * max(self.profile.settle_s, 0.002) if fault == "slow-switching" else 0.0
+            self.stage.switch(self._slots.get(shown, self._dark), delay)
+        return {"slot": slot}
+
+
+def _bytes(value: Value) -> bytes:
+    if isinstance(value, bytes):
+        return value
+    text = str(value)
+    return bytes.fromhex(text) if len(text) % 2 == 0 else b""

@@ -1,0 +1,166 @@
+"""A serial line that always comes back within a bounded time, and bodies wrapped for it.
+
+pyserial tells of a lost line in many ways: `SerialException` from reading and writing, `OSError` from asking,
+`termios.error` from flushing, `TypeError` from a port closed meanwhile. Here all of them are one error.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from core.devices.profile import Framing, Port
+from core.devices.template import CHECKS, checksum
+from core.errors import DeviceError
+
+_WRITE_S = 2.0
+_GRAIN_S = 0.01  # of waiting for a byte
+
+
+class LineDownError(DeviceError):
+    """The line is gone; opening it anew may help."""
+
+
+class Link:
+    """An open serial line: ``/dev/ttyUSB0``, ``COM3``, ``socket://host:port``, ``rfc2217://...``."""
+
+    def __init__(self, url: str, port: Port) -> None:
+        self.url = url
+        serial = _pyserial()
+        with self._wrapped("cannot be opened"):
+            options: dict[str, Any] = {
+                "baudrate": port.baud,
+                "bytesize": port.bits,
+                "parity": port.parity[0].upper(),
+                "stopbits": port.stop,
+                "rtscts": port.flow == "rtscts",
+                "xonxoff": port.flow == "xonxoff",
+                "dsrdtr": port.flow == "dsrdtr",
+                "timeout": _GRAIN_S,
+                "write_timeout": _WRITE_S,
+            }
+            if "://" not in url:
+                options["exclusive"] = True  # keeps a second program from speaking in between
+            self._port = serial.serial_for_url(url, **options)
+
+    def send(self, data: bytes) -> None:
+        """Send bytes, within `_WRITE_S`.
+
+        Raises
+        ------
+        LineDownError
+        """
+        with self._wrapped("does not take bytes"):
+            self._port.write(data)
+
+    def receive(self, until_s: float) -> bytes:
+        """Give what has arrived, waiting for it until a moment of `time.monotonic`; empty if nothing came.
+
+        Raises
+        ------
+        LineDownError
+        """
+        with self._wrapped("does not deliver bytes"):
+            while True:
+                data = self._port.read(1)
+                if data:
+                    return bytes(data + self._port.read(self._port.in_waiting))
+                if time.monotonic() >= until_s:
+                    return b""
+
+    def drain(self, quiet_s: float) -> int:
+        """Throw away what arrives until nothing has come for a while, at most ten times as long; count the bytes."""
+        count, end = 0, time.monotonic() + 10 * quiet_s
+        while time.monotonic() < end:
+            data = self.receive(time.monotonic() + quiet_s)
+            if not data:
+                break
+            count += len(data)
+        return count
+
+    def close(self) -> None:
+        """Close, whatever state the line is in."""
+        connection = getattr(self._port, "_socket", None)  # pyserial forgets it when the other end has gone first
+        try:
+            self._port.close()
+        except Exception:  # a line that is gone may fail here in any way, and it is gone
+            return
+        finally:
+            if connection is not None:
+                connection.close()
+
+    @contextmanager
+    def _wrapped(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, ValueError, TypeError, AttributeError, _termios_error()) as error:
+            raise LineDownError(
+                self.url,
+                f"the line {what} ({error})",
+                "check cable and port name, and that no other program uses the port",
+            ) from error
+
+
+def wrap(framing: Framing, body: bytes) -> bytes:
+    """Make a line or a frame of a body."""
+    if framing.kind == "text":
+        return body + framing.ending
+    check = checksum(framing.check, body).to_bytes(CHECKS[framing.check], "big")
+    return framing.start + len(body).to_bytes(framing.length, "big") + body + check
+
+
+def unwrap(framing: Framing, buffer: bytearray, wrong: list[bytes] | None = None) -> bytes | None:
+    """Take the next whole body out of a buffer; None while it is incomplete.
+
+    Bytes before a frame's start are skipped; frames with a wrong check value are taken out and added to `wrong`.
+
+    Examples
+    --------
+    >>> framing = Framing("frame", start=bytes([2]), length=1, check="sum8")
+    >>> buffer = bytearray(b"?" + wrap(framing, b"abc") + b"x")
+    >>> unwrap(framing, buffer), bytes(buffer)
+    (b'abc', b'x')
+    """
+    if framing.kind == "text":
+        end = buffer.find(framing.ending)
+        if end < 0:
+            return None
+        body = bytes(buffer[:end])
+        del buffer[: end + len(framing.ending)]
+        return body
+    while True:
+        start = buffer.find(framing.start)
+        if start < 0:
+            return None
+        head = start + len(framing.start) + framing.length
+        size = int.from_bytes(buffer[head - framing.length : head], "big")
+        end = head + size + CHECKS[framing.check]
+        if len(buffer) < head or len(buffer) < end:
+            return None
+        body, check = bytes(buffer[head : head + size]), int.from_bytes(buffer[head + size : end], "big")
+        if checksum(framing.check, body) == check:
+            del buffer[:end]
+            return body
+        del buffer[: start + 1]  # perhaps this was no start
+        if wrong is not None:
+            wrong.append(body)
+
+
+def _pyserial() -> Any:
+    try:
+        import serial
+    except ImportError as error:
+        raise DeviceError(
+            "serial port", "the package pyserial is missing", "install it: pip install pyserial"
+        ) from error
+    return serial
+
+
+def _termios_error() -> type[Exception]:
+    try:
+        import termios
+    except ImportError:  # no termios on Windows, and so no such error
+        return OSError
+    return termios.error

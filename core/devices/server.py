@@ -1,0 +1,166 @@
+"""The emulated projector at the other end of a pseudo-terminal or a socket, in a thread of its own."""
+
+from __future__ import annotations
+
+import heapq
+import os
+import select
+import socket
+import tempfile
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
+
+from core.devices.emulator import Emulator, HangUp
+from core.errors import InputError
+
+DEAD_S = 0.05  # how long the line stays away after a hang-up
+
+
+class _Line(Protocol):
+    """One kind of line: bytes in, bytes out, cut and restored."""
+
+    url: str
+
+    def receive(self, wait_s: float) -> bytes: ...
+
+    def send(self, data: bytes) -> None: ...
+
+    def cut(self) -> None: ...
+
+    def restore(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class _Pty:
+    """A pseudo-terminal under a name that survives hang-ups."""
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="stripe-projector-")
+        self.url = str(Path(self._folder.name) / "port")
+        self._ends: list[int] = []
+        self.restore()
+
+    def restore(self) -> None:
+        import tty
+
+        self._ends = list(os.openpty())  # both kept open: reading never fails while nobody is connected
+        self._ours, theirs = self._ends
+        tty.setraw(theirs)
+        os.set_blocking(self._ours, False)
+        with suppress(FileNotFoundError):
+            os.unlink(self.url)
+        os.symlink(os.ttyname(theirs), self.url)
+
+    def receive(self, wait_s: float) -> bytes:
+        ready, _, _ = select.select([self._ours], [], [], wait_s)
+        return os.read(self._ours, 4096) if ready else b""
+
+    def send(self, data: bytes) -> None:
+        with suppress(BlockingIOError):  # nobody reads: a device loses what does not fit
+            os.write(self._ours, data)
+
+    def cut(self) -> None:
+        with suppress(OSError):
+            os.unlink(self.url)
+        while self._ends:
+            os.close(self._ends.pop())
+
+    def close(self) -> None:
+        self.cut()
+        self._folder.cleanup()
+
+
+class _Socket:
+    """A TCP socket that one host at a time may connect to."""
+
+    def __init__(self) -> None:
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._host: socket.socket | None = None
+        self.url = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
+
+    def restore(self) -> None:
+        """The next host may connect."""
+
+    def receive(self, wait_s: float) -> bytes:
+        source = self._host or self._listener
+        ready, _, _ = select.select([source], [], [], wait_s)
+        if not ready:
+            return b""
+        if self._host is None:
+            self._host, _ = self._listener.accept()
+            return b""
+        try:
+            data = self._host.recv(4096)
+        except OSError:
+            data = b""
+        if not data:
+            self._drop()
+        return data
+
+    def send(self, data: bytes) -> None:
+        if self._host is not None:
+            try:
+                self._host.sendall(data)
+            except OSError:
+                self._drop()
+
+    def cut(self) -> None:
+        self._drop()
+
+    def close(self) -> None:
+        self._drop()
+        self._listener.close()
+
+    def _drop(self) -> None:
+        if self._host is not None:
+            self._host.close()
+            self._host = None
+
+
+class EmulatedLine:
+    """An emulator that answers on a line until it is closed; `url` is what a host opens."""
+
+    def __init__(self, emulator: Emulator, kind: str = "pty") -> None:
+        if kind == "pty" and not hasattr(os, "openpty"):
+            raise InputError("line", "no pseudo-terminals on this system", "use line=socket")
+        self.emulator = emulator
+        self._line: _Line = _Pty() if kind == "pty" else _Socket()
+        self.url = self._line.url
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="emulated projector", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop answering; a second call does nothing."""
+        if not self._end.is_set():
+            self._end.set()
+            self._thread.join()
+            self._line.close()
+
+    def _serve(self) -> None:
+        waiting: list[tuple[float, int, bytes]] = []
+        number, last = 0, time.monotonic()
+        while not self._end.is_set():
+            now = time.monotonic()
+            while waiting and waiting[0][0] <= now:
+                self._line.send(heapq.heappop(waiting)[2])
+            wait = min(0.02, max(0.0, waiting[0][0] - now)) if waiting else 0.02
+            data = self._line.receive(wait)
+            if not data:
+                if time.monotonic() - last > 0.02:
+                    self.emulator.gap()
+                continue
+            last = time.monotonic()
+            try:
+                for delay, answer in self.emulator.feed(data):
+                    number += 1
+                    heapq.heappush(waiting, (last + delay, number, answer))
+            except HangUp:
+                waiting.clear()
+                self._line.cut()
+                self._end.wait(DEAD_S)
+                self._line.restore()
