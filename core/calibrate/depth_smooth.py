@@ -17,8 +17,8 @@ from core.model import Array, Floats
 from core.progress import SILENT, Progress
 
 TREND_DEGREES = (1, 2, 4)  # one after the other: the higher ones start from what the lower ones took for the plate
-TREND_PIXELS = 20_000  # a subsample that determines 15 coefficients well
-TREND_STEPS = 4  # for each degree
+TREND_PIXELS = 10_000  # a subsample that determines 15 coefficients well
+TREND_STEPS = 10  # for each degree
 ON_PLATE_FACTOR = 6.0  # pixels further from the trend, in units of the rest's spread, are taken for background
 ON_PLATE_LINES = (0.5, 3.0)  # but never nearer than the one, and always further than the other
 LEAST_PIXELS = 250
@@ -83,11 +83,11 @@ def _trend(measured: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, float]:
         powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
         design = np.stack([px**i * py**j for i, j in powers], axis=1)
         for _ in range(TREND_STEPS):  # least absolute deviations, and what lies far off does not count
-            root = np.sqrt(weights)[:, None]
-            solution = np.linalg.lstsq(design * root, values * root[:, 0], rcond=None)[0]
+            weighted = design * weights[:, None]
+            solution = np.linalg.lstsq(weighted.T @ design, weighted.T @ values, rcond=None)[0]
             rest = np.abs(values - design @ solution)
             spread = max(1.4826 * float(np.median(rest)), 1e-6)
-            weights = (rest <= ON_PLATE_FACTOR * spread) / np.maximum(rest, spread)
+            weights = (rest <= ON_PLATE_FACTOR * spread) / np.maximum(rest, 0.1 * spread)
     surface: Array = np.zeros((height, width))
     for (i, j), value in zip(powers, solution, strict=True):
         surface += (value * y**j)[:, None] * x**i
