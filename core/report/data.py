@@ -76,6 +76,11 @@ class CalibratedDevice:
         """What tables and figures call the device."""
         return self.kind or self.name
 
+    @property
+    def phrase(self) -> str:
+        """What sentences call the device."""
+        return f"the {self.kind}" if self.kind else self.name
+
 
 def calibrated_devices(data: ReportData) -> list[CalibratedDevice]:
     """All devices with an interior orientation, the camera first.

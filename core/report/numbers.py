@@ -95,7 +95,7 @@ def _interior_table(
         notes.append(f"Published: {published.name}; its sigmas and its r0 are not known here.")
     if truth is not None:
         notes.append("The true values are those of the simulated device, referred to the same r0.")
-    title = f"{number}. Interior orientation and additional parameters of the {calibrated.label}"
+    title = f"{number}. Interior orientation and additional parameters of {calibrated.phrase}"
     return Table(title, tuple(columns), tuple(rows), tuple(notes))
 
 
@@ -220,7 +220,7 @@ def depth_table(d: DepthCalibration) -> Table:
         ("calibrated pixels", "", f"{d.valid_pixels} of {pixels}"),
         ("residuals in depth, r.m.s.", "mm", f"{d.residual_rms_mm:.4f}"),
     )
-    return Table("Depth calibration", ("quantity", "unit", "value"), rows)
+    return Table("Depth per pixel, from the positions of the plate", ("quantity", "unit", "value"), rows)
 
 
 def _known(value: float | None, spec: str) -> Number | None:

@@ -131,12 +131,17 @@ def _page_table(table: Table) -> PageTable:
 
 
 def _column_widths(table: Table) -> list[float]:
-    """Widths that hold every cell on one line, shrunk together where the page is too narrow (cells then wrap)."""
+    """Widths that hold every cell on one line.
+
+    Where the page is too narrow the names in the first column wrap; only if that is not enough all columns shrink.
+    """
     columns: list[float] = []
     for i, column in enumerate(table.columns):
         heads = [pdfmetrics.stringWidth(drawable(part), BOLD, _CELL.fontSize) for part in column.split(" [")]
         cells = [pdfmetrics.stringWidth(drawable(cell_text(row[i])), FONT, _CELL.fontSize) for row in table.rows]
         columns.append(max([*heads, *cells]) + 12)
+
+    columns[0] = min(columns[0], max(TEXT_WIDTH - sum(columns[1:]), 70.0))
     shrink = min(1.0, TEXT_WIDTH / sum(columns))
     return [width * shrink for width in columns]
 

@@ -53,9 +53,7 @@ def highlights(data: ReportData) -> tuple[Highlight, ...]:
         pair = [published.residual_um(d.kind, axis) for axis in (0, 1)] if published else []
         told = " and ".join(f"{value:.2f}" for value in pair if value is not None)
         context = f"x and y, published {told} µm" if told else "x and y"
-        result.append(
-            Highlight(f"residuals of the {d.label}, r.m.s.", f"{_digits(x, 2)} and {_digits(y, 2)} µm", context)
-        )
+        result.append(Highlight(f"residuals of {d.phrase}, r.m.s.", f"{_digits(x, 2)} and {_digits(y, 2)} µm", context))
     if data.adjustment is not None or data.photogrammetric is not None:
         n = network_counts(data)
         result.append(Highlight("σ0 of the adjustment", _digits(n["sigma0"], 3), f"redundancy {n['redundancy']}"))
@@ -90,7 +88,7 @@ def _adjustment_findings(data: ReportData) -> list[str]:
     residuals = []
     for d in calibrated_devices(data):
         x, y = d.device.residual_rms_um
-        residuals.append(f"{_digits(x, 2)} and {_digits(y, 2)} µm (x and y) in the image of the {d.label}")
+        residuals.append(f"{_digits(x, 2)} and {_digits(y, 2)} µm (x and y) in the image of {d.phrase}")
     if residuals:
         findings.append(f"The residuals are {_listed(residuals)}, r.m.s.")
     sigmas = object_sigmas_um(data)

@@ -161,7 +161,7 @@ def _coverage(adjustment: Adjustment, names: list[str]) -> Drawing:
         share = float(np.mean(counts > 0))
         _cells(axes, counts, edges_u, edges_v)
         _image_frame(axes, spec, name)
-        axes.set_title(f"{drawable(shortened(name))}: {share:.0%} of the cells hold image points", loc="left")
+        axes.set_title(f"{drawable(shortened(name))}: {share:.0%} of the cells covered", loc="left")
         told.append(f"{name} {share:.0%}")
     caption = (
         "How many image points of all stations fall into each cell of the image; strong colour means many. The "

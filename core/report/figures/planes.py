@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import ceil, floor, log10
 
 import numpy as np
@@ -40,10 +41,18 @@ def plane_drawings(data: ReportData) -> list[Drawing]:
         return []
     limit_mm = data.colour_limit_mm or colour_limit_mm(mapped)
     captures = captures_in_order(mapped)
-    groups = [captures[i : i + COLUMNS] for i in range(0, len(captures), COLUMNS)]
-    tails = [""] if len(groups) == 1 else [f"-{i + 1}" for i in range(len(groups))]
-    maps = [_maps(group, mapped, limit_mm, tail) for group, tail in zip(groups, tails, strict=True)]
-    return maps + [_histograms(group, mapped, limit_mm, tail) for group, tail in zip(groups, tails, strict=True)]
+    across = ceil(len(captures) / ceil(len(captures) / COLUMNS))  # rows of about equal length
+    groups = [captures[i : i + across] for i in range(0, len(captures), across)]
+    maps = [_maps(group, mapped, limit_mm) for group in groups]
+    return _numbered(maps) + _numbered([_histograms(group, mapped, limit_mm) for group in groups])
+
+
+def _numbered(figures: list[Drawing]) -> list[Drawing]:
+    """Number the figures that show one thing in several parts."""
+    if len(figures) == 1:
+        return figures
+    n = len(figures)
+    return [replace(f, key=f"{f.key}-{i}", title=f"{f.title}, {i} of {n}") for i, f in enumerate(figures, 1)]
 
 
 def colour_limit_mm(evaluations: tuple[PlaneEvaluation, ...]) -> float:
@@ -63,7 +72,7 @@ def colour_limit_mm(evaluations: tuple[PlaneEvaluation, ...]) -> float:
     return round(ceil(wanted / step - 1e-9) * step, 12)
 
 
-def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm: float, tail: str) -> Drawing:
+def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm: float) -> Drawing:
     methods = methods_in_order(evaluations)
     height, width = max(e.deviation_mm.shape for e in evaluations)
     cell_in = (WIDTH_IN - 1.0) / max(len(captures), 2)
@@ -89,7 +98,7 @@ def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm
     )
     panels = ", ".join(_heading(c).replace("\n", " ") for c in captures)
     return Drawing(
-        f"deviations{tail}",
+        "deviations",
         "planes",
         "Deviation maps of the plane-table",
         caption,
@@ -111,7 +120,7 @@ def _map(axes: Axes, evaluation: PlaneEvaluation | None, colours: Colormap, scal
     axes.set_title(f"r.m.s. {evaluation.rms_mm:.3f} mm")
 
 
-def _histograms(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm: float, tail: str) -> Drawing:
+def _histograms(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm: float) -> Drawing:
     methods = methods_in_order(evaluations)
     figure = new_figure(len(methods) * 1.75 + 0.7)
     axes = figure.subplots(len(methods), len(captures), squeeze=False, sharex=True, sharey=True)
@@ -134,7 +143,7 @@ def _histograms(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], li
         "the plane is bent. Deviations beyond the ends of the axis are counted in the panel."
     )
     return Drawing(
-        f"histograms{tail}",
+        "histograms",
         "planes",
         "Distribution of the deviations",
         caption,

@@ -76,7 +76,7 @@ def test_many_captures_are_spread_over_figures_on_one_scale(data, evaluations):
     many = tuple(dataclasses.replace(evaluations[0], capture=f"plane {i}", angle_deg=None) for i in range(9))
     result = by_key(dataclasses.replace(data, evaluations=many))
     maps = [result[f"deviations-{i}"] for i in (1, 2, 3)]
-    assert [len(images_of(d)) for d in maps] == [4, 4, 1]
+    assert [len(images_of(d)) for d in maps] == [3, 3, 3]
     assert len({image.get_clim() for d in maps for image in images_of(d)}) == 1
 
 

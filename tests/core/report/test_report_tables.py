@@ -22,7 +22,13 @@ def by_row(table):
 
 def test_all_tables_come_in_order(data):
     titles = [table.title for table in tables(data)]
-    assert [t.split(".")[0] for t in titles] == ["Table 1a", "Table 1b", "Table 2", "Depth calibration", "Table 3"]
+    assert [t.split(".")[0] for t in titles] == [
+        "Table 1a",
+        "Table 1b",
+        "Table 2",
+        "Depth per pixel, from the positions of the plate",
+        "Table 3",
+    ]
     assert "camera" in titles[0]
     assert "projector" in titles[1]
 
