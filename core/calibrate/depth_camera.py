@@ -26,6 +26,7 @@ from core.geometry import (
 from core.model import INTERIOR_NAMES, Array, DeviceSpec, Interior
 
 LEAST_TARGETS = 4
+TARGETS_TO_START = 20
 TO_OPENCV = np.diag([1.0, -1.0, -1.0])  # X right, Y down, looking along +Z
 ASSUMED_DISTANCE = 50.0  # focal lengths, where nothing tells the distance: 0.6 m with a 12 mm lens
 POORLY_KNOWN = 0.7  # share of the prior sigma above which the observations have hardly spoken
@@ -79,11 +80,18 @@ def orient_camera(spec: DeviceSpec, planes: Sequence[TargetPlane], *, distance_m
     usable = [plane for plane in planes if len(plane.uv) >= LEAST_TARGETS]
     if not usable:
         return _assumed(spec, distance_mm)
-    tries = [_adjust(spec, usable, start) for start in _starts(spec, usable)]
+    thin = [_thinned(plane) for plane in usable]
+    tries = [_adjust(spec, thin, start) for start in _starts(spec, usable)]
     if not tries:
         raise AdjustmentError("depth plate", "its targets fit no pose", "check the picks of the depth captures")
     best = min(tries, key=lambda result: result.cost)
-    return _result(spec, usable, best)
+    return _result(spec, usable, _adjust(spec, usable, best.parameters))
+
+
+def _thinned(plane: TargetPlane) -> TargetPlane:
+    """Enough targets to tell the starts apart."""
+    every = max(1, len(plane.uv) // TARGETS_TO_START)
+    return TargetPlane(plane.z_mm, plane.xyz_mm[::every], plane.uv[::every])
 
 
 def _assumed(spec: DeviceSpec, distance_mm: float | None) -> PlateCamera:
@@ -163,7 +171,8 @@ def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array) -> _S
     z = np.concatenate([np.full(len(plane.uv), plane.z_mm) for plane in planes])
     uv = np.concatenate([plane.uv for plane in planes])
     prior = np.append(_prior_sigmas(spec), [AXIS_PRIOR_RAD, AXIS_PRIOR_RAD])
-    expected = np.append(start[:9], [0.0, 0.0])
+    nominal = Interior(spec.nominal_c_mm)
+    expected = np.append(nominal.vector, [0.0, 0.0])
     scale = np.concatenate([prior[:9], np.full(3, 0.01), np.full(3, 10.0), np.full(2, 0.01)])
     sign = start[17]
 
