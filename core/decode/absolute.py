@@ -70,7 +70,7 @@ def decode(
     >>> from core.patterns import gray_and_phase, pattern_image
     >>> patterns = gray_and_phase("x", 16, cell=4, periods=[8])
     >>> images = [np.uint8(50 + 100 * pattern_image(p, 16, 2)) for p in patterns]
-    >>> decode(patterns, images, lines=(16, 2)).u[0, 3:7].round(2)
+    >>> decode(patterns, images, lines=(16, 2)).u[0, 3:7].round(1)
     array([3., 4., 5., 6.], dtype=float32)
     """
     arrays = check_images(patterns, images, where)

@@ -50,40 +50,51 @@ def _fast(function: Any) -> Any:
 
 
 @_fast
-def _add(address, item_size, start, count, factor, out):  # type: ignore[no-untyped-def]
-    """out += factor * grey values of one frame."""
-    if item_size == 1:
-        narrow = carray(pointer(address + np.uint64(start)), (count,), np.uint8)
-        for i in range(count):
-            out[i] += factor * F(narrow[i])
-    else:
-        wide = carray(pointer(address + np.uint64(2 * start)), (count,), np.uint16)
-        for i in range(count):
-            out[i] += factor * F(wide[i])
+def _fill(out, start, stop, value):  # type: ignore[no-untyped-def]
+    """out[start:stop] = value, which as a slice would take long to compile."""
+    for i in range(start, stop):
+        out[i] = value
 
 
 @_fast
-def _combine(rows, addresses, item_size, start, count, out):  # type: ignore[no-untyped-def]
-    """out = rows · frames, row by row."""
-    for r in range(len(rows.first) - 1):
-        target = out[r]
-        target[:count] = F(0)
-        for entry in range(rows.first[r], rows.first[r + 1]):
-            _add(addresses[rows.column[entry]], item_size, start, count, rows.value[entry], target)
+def _row(rows, r, addresses, item_size, start, count, out):  # type: ignore[no-untyped-def]
+    """out = one row times the frames."""
+    first, column, value = rows.first, rows.column, rows.value
+    if first[r] == first[r + 1]:
+        _fill(out, 0, count, F(0))
+    for entry in range(first[r], first[r + 1]):
+        address, factor, fresh = addresses[column[entry]], value[entry], entry == first[r]
+        if item_size == 1:
+            narrow = carray(pointer(address + np.uint64(start)), (count,), np.uint8)
+            if fresh:
+                for i in range(count):
+                    out[i] = factor * F(narrow[i])
+            else:
+                for i in range(count):
+                    out[i] += factor * F(narrow[i])
+        else:
+            wide = carray(pointer(address + np.uint64(2 * start)), (count,), np.uint16)
+            if fresh:
+                for i in range(count):
+                    out[i] = factor * F(wide[i])
+            else:
+                for i in range(count):
+                    out[i] += factor * F(wide[i])
 
 
 @_fast
 def _phases(table, values, limits, count, turns, variance, modulation, flags):  # type: ignore[no-untyped-def]
     """Phase (turns), its variance (turns²) and modulation of every period; the finest period's modulation is kept."""
-    least = limits.snr * limits.snr * TWO_PI * TWO_PI
-    for j in range(len(table.period)):
+    covariance, dark, shot = table.covariance, limits.dark, limits.shot
+    dimmest, least = limits.modulation, limits.snr * limits.snr * TWO_PI * TWO_PI
+    for j in range(len(covariance)):
         mean, cosine, sine = values[2 + 3 * j], values[3 + 3 * j], values[4 + 3 * j]
         turn, var = turns[j], variance[j]
-        cc, cs, ss = table.covariance[j, 0], table.covariance[j, 1], table.covariance[j, 2]
+        cc, cs, ss = covariance[j, 0], covariance[j, 1], covariance[j, 2]
         for i in range(count):
             c, s = cosine[i], sine[i]
             square = c * c + s * s + TINY
-            noise = limits.dark + limits.shot * mean[i]
+            noise = dark + shot * mean[i]
             v = noise * (cc * s * s - F(2) * cs * c * s + ss * c * c) / (square * square * TWO_PI * TWO_PI)
             x, y = abs(c), abs(s)
             low, high = min(x, y), max(x, y)
@@ -97,14 +108,14 @@ def _phases(table, values, limits, count, turns, variance, modulation, flags):  
             amplitude = np.sqrt(square)
             if j == 0:
                 modulation[i] = amplitude
-            weak = (not v * least <= ONE) or amplitude < limits.modulation
+            weak = (not v * least <= ONE) or amplitude < dimmest
             flags[i] |= LOW if weak else 0
 
 
 @_fast
 def _brightest(frames, addresses, item_size, start, count, out):  # type: ignore[no-untyped-def]
     """out = the largest grey value of some frames."""
-    out[:count] = F(0)
+    _fill(out, 0, count, F(0))
     for f in frames:
         if item_size == 1:
             narrow = carray(pointer(addresses[f] + np.uint64(start)), (count,), np.uint8)
@@ -117,46 +128,44 @@ def _brightest(frames, addresses, item_size, start, count, out):  # type: ignore
 
 
 @_fast
-def _contrast(table, bits, limits, count, threshold, contrast, flags):  # type: ignore[no-untyped-def]
-    """Bits about their threshold (in place) and half the contrast between on and off."""
-    last = len(table.sign)
+def _contrast(table, bits, limits, count, threshold, contrast, low, high, flags):  # type: ignore[no-untyped-def]
+    """Threshold and half the contrast between on and off, where they must come from the bits themselves."""
+    signs = table.sign
     if not table.has_threshold:
-        low, high = np.full(count, F(np.inf)), np.full(count, F(-np.inf))
-        for b in range(last):
-            row, sign = bits[b], -table.sign[b]
+        _fill(low, 0, count, F(np.inf))
+        _fill(high, 0, count, F(-np.inf))
+        for b in range(len(signs)):
+            row, sign = bits[b], -signs[b]
             for i in range(count):
                 low[i], high[i] = min(low[i], sign * row[i]), max(high[i], sign * row[i])
         for i in range(count):
             threshold[i] = HALF * (low[i] + high[i])
-    for b in range(last):
-        row, sign = bits[b], table.sign[b]
-        for i in range(count):
-            row[i] += sign * threshold[i]
     if not table.has_contrast:
-        contrast[:count] = F(0)
-        for b in range(last):
-            row = bits[b]
+        _fill(contrast, 0, count, F(0))
+        for b in range(len(signs)):
+            row, sign = bits[b], signs[b]
             for i in range(count):
-                contrast[i] = max(contrast[i], abs(row[i]))
-    least = HALF * limits.snr * limits.snr
+                contrast[i] = max(contrast[i], abs(row[i] + sign * threshold[i]))
+    dark, shot, least = limits.dark, limits.shot, HALF * limits.snr * limits.snr
     for i in range(count):
-        noise = limits.dark + limits.shot * threshold[i]
-        flags[i] |= LOW if contrast[i] < F(0) or contrast[i] * contrast[i] < least * noise else 0
+        weak = contrast[i] < F(0) or contrast[i] * contrast[i] < least * (dark + shot * threshold[i])
+        flags[i] |= LOW if weak else 0
 
 
 @_fast
 def _read_bits(table, bits, limits, count, threshold, contrast, word, unsure):  # type: ignore[no-untyped-def]
-    """The hard word of every pixel, most significant bit first, and a mask of its unsure bits."""
-    word[:count] = 0
-    unsure[:count] = 0
-    last = len(table.sign) - 1
+    """Bits about their threshold (in place), their hard word, most significant first, and a mask of the unsure ones."""
+    _fill(word, 0, count, 0)
+    _fill(unsure, 0, count, 0)
+    signs, fading, spread, dark, shot = table.sign, table.fading, table.spread, limits.dark, limits.shot
+    last = len(signs) - 1
     for b in range(last + 1):
-        row, margin = bits[b], limits.bit_margin * table.fading[b]
-        noisy = NOISE_BIT * NOISE_BIT * table.spread[b]
-        mask = np.int32(1 << (last - b))
+        row, sign, margin = bits[b], signs[b], limits.bit_margin * fading[b]
+        noisy, mask = NOISE_BIT * NOISE_BIT * spread[b], np.int32(1 << (last - b))
         for i in range(count):
-            x, near = row[i], margin * contrast[i]
-            doubt = x * x < max(near * near, noisy * (limits.dark + limits.shot * threshold[i]))
+            x, near = row[i] + sign * threshold[i], margin * contrast[i]
+            row[i] = x
+            doubt = x * x < max(near * near, noisy * (dark + shot * threshold[i]))
             word[i] |= mask if x > F(0) else np.int32(0)
             unsure[i] |= mask if doubt else np.int32(0)
 
@@ -185,13 +194,13 @@ def _locate(table, turns, word, unsure, count, place, doubtful):  # type: ignore
     A bit fits if it is as the coordinate's cell says, or belongs to the edge nearest to the coordinate. Where code
     stands alone, one bit of a Gray word may be unsure: at the edge of a cell either side will do.
     """
-    gray, cell, phased = table.gray, table.cell, len(table.steps) > 0
+    gray, cell, steps, phased = table.gray, table.cell, table.steps, len(table.steps) > 0
     period = table.step_period[0] if phased else ONE
     top = np.int32((1 << len(table.sign)) - 1)
-    place[:count] = F(0)
+    _fill(place, 0, count, F(0))
     if phased:
-        for j in range(len(table.period)):
-            factor, turn = table.steps[0, j], turns[j]
+        for j in range(steps.shape[1]):
+            factor, turn = steps[0, j], turns[j]
             for i in range(count):
                 place[i] += factor * turn[i]
     for i in range(count):
@@ -215,65 +224,66 @@ def _locate(table, turns, word, unsure, count, place, doubtful):  # type: ignore
 
 
 @_fast
-def _misfit(table, bits, i, contrast, u):  # type: ignore[no-untyped-def]
-    """Sum of squares of a pixel's bits (off -1, on 1) against those a coordinate predicts, and the least acceptable."""
-    y = (u + HALF) / table.cell
-    edge = np.rint(y)
-    top = (1 << len(table.sign)) - 1
-    low, high = min(max(int(edge) - 1, 0), top), min(max(int(edge), 0), top)
-    word_low, word_high = _word_of(table.gray, low), _word_of(table.gray, high)
-    across = (y - edge) * table.cell / min(RAMP, HALF * table.cell)
+def _misfit(gray, cell, fading, bits, i, contrast, u):  # type: ignore[no-untyped-def]
+    """Sum of squares of a pixel's bits (off -1, on 1) against those a coordinate predicts, and the most acceptable."""
+    last = len(fading) - 1
+    y = (u + HALF) / cell
+    edge, top = np.rint(y), (2 << last) - 1
+    word_low = _word_of(gray, min(max(int(edge) - 1, 0), top))
+    word_high = _word_of(gray, min(max(int(edge), 0), top))
+    across = (y - edge) * cell / min(RAMP, HALF * cell)
     share = HALF + HALF * min(max(across, -ONE), ONE)
     total, tolerance = F(0), ONE
-    for b in range(len(table.sign)):
-        shift = len(table.sign) - 1 - b
-        before, after = F((word_low >> shift) & 1), F((word_high >> shift) & 1)
-        x = bits[b, i] / (contrast * table.fading[b])
+    for b in range(last + 1):
+        before, after = F((word_low >> (last - b)) & 1), F((word_high >> (last - b)) & 1)
+        x = bits[b, i] / (contrast * fading[b])
         d = min(max(x, -ONE), ONE) - (F(2) * (before + (after - before) * share) - ONE)
         total += d * d
-        if before != after:
-            tolerance += HALF
+        tolerance += HALF if before != after else F(0)
     return total, tolerance
 
 
 @_fast
-def _most_likely(table, bits, i, contrast, word, unsure, turn):  # type: ignore[no-untyped-def]
-    """The coordinate whose predicted bits fit best, among the cells that the unsure bits leave open.
+def _alternative(gray, word, unsure, n):  # type: ignore[no-untyped-def]
+    """The n-th word that the unsure bits leave open besides the hard one, or -1.
 
     In Gray code each unsure bit may be wrong by itself. In binary code all bits below the most significant unsure one
-    change at the same edge: the cells on its two sides are 0111 and 1000. Returns the coordinate and whether it is
-    clearly the best.
+    change at the same edge: the cells on its two sides end in 0111 and 1000.
     """
-    bit_count, cell = len(table.sign), table.cell
-    phased = len(table.steps) > 0
-    period = table.step_period[0] if phased else cell
+    if gray:
+        return word ^ (1 << n) if (unsure >> n) & 1 else -1
+    if n > 1 or unsure == 0:
+        return -1
+    mask = 1
+    while mask * 2 <= unsure:
+        mask *= 2
+    prefix = word & ~(2 * mask - 1)
+    return prefix | (mask - 1) if n == 0 else prefix | mask
+
+
+@_fast
+def _most_likely(gray, cell, fading, lines, period, bits, i, contrast, word, unsure, turn):  # type: ignore[no-untyped-def]
+    """The coordinate whose predicted bits fit best, and whether it is clearly the best.
+
+    Candidates are the places in the cells of all open words at which the phase is `turn`; with `period` 0 there is no
+    phase, and their centres and edges are candidates.
+    """
     best, second, place, accepted = F(1e9), F(1e9), F(0), F(0)
-    for n in range(-1, bit_count if table.gray else 2):
-        candidate = word
-        if n >= 0 and table.gray:
-            if not (unsure >> n) & 1:
-                continue
-            candidate = word ^ (1 << n)
-        elif n >= 0:
-            if unsure == 0:
-                break
-            mask = 1
-            while mask * 2 <= unsure:
-                mask *= 2
-            prefix = word & ~(2 * mask - 1)
-            candidate = prefix | (mask - 1) if n == 0 else prefix | mask
-        centre = (F(_cell_of(table.gray, candidate)) + HALF) * cell - HALF
+    apart = HALF * period if period > F(0) else F(1.25) * cell
+    for n in range(-1, len(fading)):
+        candidate = word if n < 0 else _alternative(gray, word, unsure, n)
+        if candidate < 0:
+            continue
+        centre = (F(_cell_of(gray, candidate)) + HALF) * cell - HALF
         for side in range(-1, 2):
             u = centre + F(side) * HALF * cell
-            if phased:
+            if period > F(0):
                 d = turn - (centre + HALF) / period
                 u = centre + period * (d - np.rint(d) + F(side))
-                if abs(u - centre) > cell:
-                    continue
-            if u < -ONE or u > table.lines:
+            if abs(u - centre) > cell or u < -ONE or u > lines:
                 continue
-            cost, tolerance = _misfit(table, bits, i, contrast, u)
-            distinct = abs(u - place) > (HALF * period if phased else F(1.25) * cell)
+            cost, tolerance = _misfit(gray, cell, fading, bits, i, contrast, u)
+            distinct = abs(u - place) > apart
             if cost < best:
                 second = best if distinct else second
                 best, place, accepted = cost, u, tolerance
@@ -291,13 +301,16 @@ def _settle(table, bits, turns, contrast, word, unsure, doubtful, count, place, 
         anything |= doubtful[i]
     if anything == 0:
         return
+    gray, cell, fading, lines, steps = table.gray, table.cell, table.fading, table.lines, table.steps
+    period = table.step_period[0] if len(steps) > 0 else F(0)
     for i in range(count):
         if doubtful[i] != 0:
             turn = F(0)
-            if len(table.steps) > 0:
-                for j in range(len(table.period)):
-                    turn += table.steps[0, j] * turns[j, i]
-            place[i], clear = _most_likely(table, bits, i, contrast[i], word[i], unsure[i], turn)
+            for j in range(steps.shape[1]):
+                turn += steps[0, j] * turns[j, i]
+            place[i], clear = _most_likely(
+                gray, cell, fading, lines, period, bits, i, contrast[i], word[i], unsure[i], turn
+            )
             if not clear:
                 flags[i] |= UNSURE if unsure[i] != 0 else DISAGREEMENT
 
@@ -305,15 +318,16 @@ def _settle(table, bits, turns, contrast, word, unsure, doubtful, count, place, 
 @_fast
 def _unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ignore[no-untyped-def]
     """Sharpen the coordinate by one combination of phases after the other."""
-    for s in range(1 if table.start == CODE else 0, len(table.steps)):
-        psi[:count] = F(0)
-        noise[:count] = F(0)
-        for j in range(len(table.period)):
-            factor, error, turn, var = table.steps[s, j], table.step_error[s, j], turns[j], variance[j]
+    steps, errors, periods = table.steps, table.step_error, table.step_period
+    for s in range(1 if table.start == CODE else 0, len(steps)):
+        _fill(psi, 0, count, F(0))
+        _fill(noise, 0, count, F(0))
+        for j in range(steps.shape[1]):
+            factor, error, turn, var = steps[s, j], errors[s, j], turns[j], variance[j]
             for i in range(count):
                 psi[i] += factor * turn[i]
                 noise[i] += error * var[i]
-        period, most = table.step_period[s], F(0.25) / (SIGMAS * SIGMAS)
+        period, most = periods[s], F(0.25) / (SIGMAS * SIGMAS)
         for i in range(count):
             d = psi[i] - (place[i] + HALF) / period
             d -= np.rint(d)
@@ -326,14 +340,16 @@ def _unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: i
 @_fast
 def _weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  # type: ignore[no-untyped-def]
     """Mean of the coordinates by all periods, weighted by their variances."""
-    if len(table.period) == 1:
+    periods = table.period
+    if len(periods) == 1:
+        var, period = variance[0], periods[0]
         for i in range(count):
-            sigma[i] = table.period[0] * np.sqrt(variance[0, i])
+            sigma[i] = period * np.sqrt(var[i])
     else:
-        shift[:count] = F(0)
-        weight[:count] = F(0)
-        for j in range(len(table.period)):
-            period, turn, var = table.period[j], turns[j], variance[j]
+        _fill(shift, 0, count, F(0))
+        _fill(weight, 0, count, F(0))
+        for j in range(len(periods)):
+            period, turn, var = periods[j], turns[j], variance[j]
             for i in range(count):
                 d = turn[i] - (place[i] + HALF) / period
                 d -= np.rint(d)
@@ -355,9 +371,9 @@ def _weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  
 @_fast
 def _finish(table, axis, first, count, place, sigma, modulation, flags, u, s, m, every):  # type: ignore[no-untyped-def]
     """Write one axis of a tile: coordinate and sigma, NaN where a flag is raised; the smaller modulation."""
-    missing = NO_U << axis
+    missing, last = NO_U << axis, table.lines - HALF
     for i in range(count):
-        outside = place[i] < -HALF or place[i] > table.lines - HALF
+        outside = place[i] < -HALF or place[i] > last
         flag = flags[i] | (OUTSIDE if outside and flags[i] == 0 else 0)
         u[first + i] = place[i] if flag == 0 else F(np.nan)
         s[first + i] = sigma[i] if flag == 0 else F(np.nan)
@@ -389,6 +405,7 @@ def decode_pixels(
     flags : uint8 (pixels,)
         Written.
     """
+    saturation = limits.saturation
     most = max(len(tables[0].rows.first), len(tables[1].rows.first))
     periods = max(len(tables[0].period), len(tables[1].period))
     values, turns, variance = np.empty((most, TILE), F), np.empty((periods, TILE), F), np.empty((periods, TILE), F)
@@ -397,40 +414,42 @@ def decode_pixels(
     flag, every = np.empty(TILE, np.int32), np.empty(TILE, np.int32)
     for first in range(start, stop, TILE):
         count = min(TILE, stop - first)
-        every[:count] = 0
-        modulation[first : first + count] = F(np.inf)
+        _fill(every, 0, count, 0)
+        _fill(modulation, first, first + count, F(np.inf))
         for axis in range(2):
             table = tables[axis]
             if table.start == NOTHING:
-                place[axis, first : first + count] = F(np.nan)
-                sigma[axis, first : first + count] = F(np.nan)
+                _fill(place[axis], first, first + count, F(np.nan))
+                _fill(sigma[axis], first, first + count, F(np.nan))
                 for i in range(count):
                     every[i] |= NO_U << axis
             if table.start == NOTHING or table.start == SWEEP:
                 continue
-            _combine(table.rows, addresses, item_size, first, count, values)
+            rows = table.rows
+            for r in range(len(rows.first) - 1):
+                _row(rows, r, addresses, item_size, first, count, values[r])
             _brightest(table.phase_frames, addresses, item_size, first, count, one)
             for i in range(count):
-                flag[i] = SATURATED if one[i] >= limits.saturation else 0
+                flag[i] = SATURATED if one[i] >= saturation else 0
             _phases(table, values, limits, count, turns, variance, m, flag)
-            u[:count] = HALF * (table.lines - ONE)
+            _fill(u, 0, count, HALF * (table.lines - ONE))
             if table.start == CODE:
                 bits = values[2 + 3 * len(table.period) :]
-                _contrast(table, bits, limits, count, values[0], values[1], flag)
+                _contrast(table, bits, limits, count, values[0], values[1], one, two, flag)
                 _read_bits(table, bits, limits, count, values[0], values[1], word, unsure)
                 _locate(table, turns, word, unsure, count, u, doubtful)
                 _settle(table, bits, turns, values[1], word, unsure, doubtful, count, u, flag)
+            amplitude = m if len(table.period) > 0 else values[1]
             if len(table.period) > 0:
                 _unwrap(table, turns, variance, count, u, one, two, flag)
                 _weigh(table, turns, variance, count, u, one, two, s, flag)
             else:
-                s[:count] = table.cell / np.sqrt(F(12))
-                m[:count] = values[1, :count]
-            _finish(table, axis, first, count, u, s, m, flag, place[axis], sigma[axis], modulation, every)
+                _fill(s, 0, count, table.cell / np.sqrt(F(12)))
+            _finish(table, axis, first, count, u, s, amplitude, flag, place[axis], sigma[axis], modulation, every)
         if len(image_rows.value) > 0:
-            _combine(image_rows, addresses, item_size, first, count, values)
-            image[first : first + count] = values[0, :count]
+            _row(image_rows, 0, addresses, item_size, first, count, one)
         else:
-            _brightest(plain, addresses, item_size, first, count, image[first : first + count])
+            _brightest(plain, addresses, item_size, first, count, one)
         for i in range(count):
+            image[first + i] = one[i]
             flags[first + i] = every[i]
