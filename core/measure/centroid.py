@@ -97,17 +97,17 @@ def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbo
 def noise_model(image: NDArray[np.float32], centre: Array, ellipse: Array, profile: Profiles) -> tuple[float, float]:
     """Variance of grey values as ``a + b I``, from second differences along rows in backgrounds and plateaus.
 
-    The second difference ``I(u-1) - 2 I(u) + I(u+1)`` of an even area has the variance 6 σ²; its median absolute value
-    forgives the few that touch an edge. Where no dot is large enough to have a plateau, b is 0.
+    The second difference ``I(u-1) - 2 I(u) + I(u+1)`` of an even area has the variance 6 σ²; clipping
+    forgives the few that touch an edge. Where too few dots are large enough to have a plateau, b is 0.
     """
     minor = np.linalg.svd(ellipse, compute_uv=False)[:, 1]
     ring = (profile.window * 1.05)[:, None] + np.array([0.0, 0.2, 0.4])
     low = _second_differences(image, on_rays(centre, ellipse, ring[:, None, :]).reshape(-1, 2))
     variance_low = _variance(low)
-    large = profile.gentle > 2.0
-    if not np.any(large):
+    large = profile.gentle > 2.5
+    if np.count_nonzero(large) < max(3, 0.3 * len(large)):
         return variance_low, 0.0
-    part = ((profile.gentle[large] - 1.0) / minor[large])[:, None] * np.array([0.5, 1.0])
+    part = ((profile.gentle[large] - 1.7) / minor[large])[:, None] * np.array([0.5, 1.0])
     high = _second_differences(image, on_rays(centre[large], ellipse[large], part[:, None, :]).reshape(-1, 2))
     rise = float(np.median(profile.contrast[large]))
     slope = (_variance(high) - variance_low) / max(rise, 1e-9)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from core.measure.profile import Profiles, on_rays, sample_at
+from core.measure.robust import row_median
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -48,8 +50,7 @@ def shape_faults(
         relative = sigma / profile.contrast  # noise in units of the contrast
         # an edge of blur s falls by 0.4 contrasts per s; three rays were averaged
         edge_px = relative * np.maximum(profile.blur, 0.5) / 0.4 / np.sqrt(3)
-        usual = np.exp(np.nanmedian(np.log(size * profile.contour[:, 0])))
-        scale = size * profile.contour[:, 0] / usual
+        scale, spread = _scale_among_neighbours(uv, size * profile.contour[:, 0])
         tilt = np.hypot(profile.contour[:, 3], profile.contour[:, 4]) / profile.contour[:, 0]
     faults = [""] * len(uv)
 
@@ -69,11 +70,19 @@ def shape_faults(
     )
     limit = 0.03 + 0.005 * minor + 1.0 * edge_px
     mark(~(profile.off_centre < limit), "its light is uneven: centroid {:.2f} px off the contour", profile.off_centre)
-    mark(~((scale > 0.85) & (scale < 1.18)), "its size is {:.2f} of its neighbours'", scale)
+    mark(~(np.abs(np.log(scale)) < np.clip(6.0 * spread, 0.05, 0.15)), "its size is {:.2f} of its neighbours'", scale)
     mark(~(tilt < 0.12 + 0.5 / minor), "it is not an ellipse of the expected shape")
     mark(~(profile.inside < EVEN + 4.0 * relative), "it is uneven inside: covered, lit in part, or glare")
     mark(~(profile.outside < EVEN + 4.0 * relative), "something as bright touches it")
     return faults
+
+
+def _scale_among_neighbours(uv: Array, size: Array) -> tuple[Array, float]:
+    """Sizes (m,) over the median of the nine nearest dots, and the robust spread of their logarithms."""
+    place = np.where(np.isfinite(uv), uv, -1e6)
+    near = cKDTree(place).query(place, k=min(9, len(uv)))[1].reshape(len(uv), -1)
+    scale = size / row_median(np.where(size > 0, size, np.nan)[near])
+    return scale, 1.4826 * float(np.nanmedian(np.abs(np.log(scale))))
 
 
 def _beyond_border(image: Floats, uv: Array, ellipse: Array, window: Array) -> NDArray[np.bool_]:

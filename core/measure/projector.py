@@ -64,7 +64,7 @@ def refuse_jumps(values: Floats, uv: Array, ellipse: Array, found: Array, sigma:
     """
     around = sample_at(values, on_rays(uv, ellipse, np.array([[[0.3, 0.55]]])))  # (n, rays, 2)
     half = around.shape[1] // 2
-    pairs = ((around[:, :half] + around[:, half:]) / 2).reshape(len(uv), -1)
+    pairs = ((around[:, :half] + around[:, half:]) / 2).reshape(len(uv), half * around.shape[2])
     enough = np.isfinite(pairs).sum(axis=1) >= 3
     middle = np.full(len(uv), np.nan)
     middle[enough] = np.nanmedian(pairs[enough], axis=1)

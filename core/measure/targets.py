@@ -21,7 +21,7 @@ from core.measure.options import MeasureOptions
 from core.measure.picks import check_picks, snap
 from core.measure.profile import Profiles, profiles
 from core.measure.projector import bilinear, plane_at, refuse_jumps
-from core.measure.view import View, fit_view
+from core.measure.view import View, fit_both_tilts
 from core.model import DeviceSpec, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
 from core.progress import SILENT, Progress
 
@@ -180,4 +180,4 @@ def _final_view(lattice: Lattice, target: NDArray[np.int64], uv: Array) -> View:
     """The view fitted to the measured centroids, where there are enough."""
     if len(target) < 6:
         return lattice.view
-    return fit_view(lattice.view, lattice.board.xyz_mm[target], uv, radial=len(target) >= 12)
+    return fit_both_tilts(lattice.view, lattice.board.xyz_mm[target], uv, radial=len(target) >= 12)

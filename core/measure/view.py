@@ -63,11 +63,27 @@ def first_view(spec: DeviceSpec, xyz_mm: Array, uv: Array) -> View | None:
     best: tuple[float, View] | None = None
     for k in range(found):
         R = flip @ matrix_from_rotation_vector(np.ravel(turns[k]))
-        view = fit_view(View(spec, Pose(R, flip @ np.ravel(shifts[k]))), xyz_mm, uv, radial=False)
+        view = fit_both_tilts(View(spec, Pose(R, flip @ np.ravel(shifts[k]))), xyz_mm, uv, radial=False)
         error = float(np.sum((view.project(xyz_mm) - uv) ** 2))
         if np.isfinite(error) and (best is None or error < best[0]):
             best = error, view
     return None if best is None else best[1]
+
+
+def fit_both_tilts(start: View, xyz_mm: Array, uv: Array, *, radial: bool) -> View:
+    """Fit from a start and from its mirror image in tilt, which a distant board resembles; keep the better one."""
+    fits = [fit_view(s, xyz_mm, uv, radial=radial) for s in (start, _other_tilt(start, xyz_mm.mean(axis=0)))]
+    errors = [float(np.sum((fit.project(xyz_mm) - uv) ** 2)) for fit in fits]
+    return fits[1] if errors[1] < 0.999 * errors[0] or not np.isfinite(errors[0]) else fits[0]
+
+
+def _other_tilt(view: View, middle_mm: Array) -> View:
+    """The board tilted the other way about its middle, as seen along the line of sight to it."""
+    at = view.camera_from_board.apply(middle_mm)
+    sight = at / np.linalg.norm(at)
+    half_turn = 2 * np.outer(sight, sight) - np.eye(3)
+    R = half_turn @ view.camera_from_board.rotation @ np.diag([-1.0, -1.0, 1.0])
+    return View(view.spec, Pose(R, at - R @ middle_mm), view.a1)
 
 
 def fit_view(start: View, xyz_mm: Array, uv: Array, *, radial: bool, iterations: int = 8) -> View:
@@ -77,7 +93,7 @@ def fit_view(start: View, xyz_mm: Array, uv: Array, *, radial: bool, iterations:
     pitch = float(np.mean(spec.pitch_mm))
     corner2 = (spec.width * spec.pitch_mm[0] / 2) ** 2 + (spec.height * spec.pitch_mm[1] / 2) ** 2
     prior = pitch * corner2 / RADIAL_SIGMA if radial else 1e12
-    view, cost, damping = start, np.inf, 1e-6
+    view, cost, damping = View(spec, start.camera_from_board, start.a1 if radial else 0.0), np.inf, 1e-6
     J, r = np.zeros((0, 7)), np.zeros(0)
     step = np.zeros(7)
     for _ in range(iterations):
@@ -85,7 +101,7 @@ def fit_view(start: View, xyz_mm: Array, uv: Array, *, radial: bool, iterations:
         trial = view
         if len(r):
             turn = matrix_from_rotation_vector(step[:3])
-            trial = View(spec, Pose(turn @ R, t + step[3:6]), a1 + step[6] if radial else 0.0)
+            trial = View(spec, Pose(turn @ R, t + step[3:6]), a1 + step[6])
         J_new, r_new = _linearised(trial, c, xyz_mm, measured)
         new_cost = float(r_new @ r_new) + (prior * trial.a1) ** 2
         if not np.isfinite(new_cost) or new_cost > cost * (1 + 1e-12):
