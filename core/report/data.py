@@ -125,6 +125,13 @@ def methods_in_order(evaluations: tuple[PlaneEvaluation, ...]) -> list[Method]:
     return [method for method in order if any(e.method == method for e in evaluations)]
 
 
+def side_by_side(evaluations: tuple[PlaneEvaluation, ...]) -> list[PlaneEvaluation]:
+    """Sort the evaluations so that the methods stand together at every capture."""
+    captures = [name for name, _ in captures_in_order(evaluations)]
+    methods = methods_in_order(evaluations)
+    return sorted(evaluations, key=lambda e: (captures.index(e.capture), methods.index(e.method)))
+
+
 def warnings_of(data: ReportData) -> list[tuple[str, str]]:
     """What the calibrations warn of, each once: (which calibration, warning)."""
     sources = [

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from core.model import INTERIOR_NAMES, AdjustedDevice, DepthCalibration, PlaneEvaluation
-from core.report.data import CalibratedDevice, ReportData, calibrated_devices
+from core.report.data import CalibratedDevice, ReportData, calibrated_devices, side_by_side
 from core.report.interior import KEYS, at_radius, interior_from_mapping
 from core.report.published import Published, read_published
 from core.report.table import Cell, Number, Table
@@ -178,8 +178,9 @@ def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published |
     """Table 3: deviations from the fitted plane, one row per capture and method."""
     rules = list(dict.fromkeys(e.excluded_rule for e in evaluations if e.excluded))
     marks = {rule: chr(ord("a") + i) if i < 26 else str(i + 1) for i, rule in enumerate(rules)}
+
     rows = []
-    for e in evaluations:
+    for e in side_by_side(evaluations):
         row: list[Cell] = [
             e.capture,
             _known(e.angle_deg, "g"),

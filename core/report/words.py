@@ -143,7 +143,9 @@ def _plane_finding(method: Method, evaluations: tuple[PlaneEvaluation, ...], pub
     text += f"; the largest deviation is {largest.max_mm:.3f} mm, in {largest.capture}."
     ratios = [e.rms_mm / e.predicted_rms_mm for e in own if e.predicted_rms_mm]
     if ratios:
-        text += f" That is {_span(ratios, 2)} times what the noise of the phases predicts."
+        text += f" That is {_span(ratios, 2)} times what the noise of the phases predicts: "
+        # variances add, so at √2 times the prediction all other errors together equal the noise
+        text += "noise dominates." if max(ratios) < np.sqrt(2) else "other errors exceed the noise, see the maps."
     return text
 
 

@@ -112,7 +112,7 @@ def _convergence(adjustment: Adjustment) -> Drawing:
         axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set(xlabel="iteration", ylabel="weighted sum of squares vᵀPv")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-    axes.margins(x=0.05, y=0.18)
+    axes.margins(x=0.08, y=0.2)
     for i in sorted({0, len(values) - 1}):
         text, at = f"{values[i]:.5g}", (steps[i], values[i])
         axes.annotate(text, at, xytext=(0, 7), textcoords="offset points", ha="center", fontsize=8)

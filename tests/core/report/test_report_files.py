@@ -209,20 +209,26 @@ def test_a_long_table_runs_over_pages_with_its_header(data, evaluations, tmp_pat
     assert all("predicted" in text for text in pages)
 
 
-def test_cancelled_report_writes_nothing(data, tmp_path):
+def test_cancelled_report_writes_nothing(project, depth, tmp_path):
     seen = []
 
     def report(fraction, message):
         seen.append(fraction)
 
     with pytest.raises(Cancelled):
-        write_report(data, tmp_path / "out", progress=Progress(report, lambda: bool(seen) and seen[-1] > 0.9))
+        write_report(
+            ReportData(project, depth=depth),
+            tmp_path / "out",
+            progress=Progress(report, lambda: bool(seen) and seen[-1] > 0.9),
+        )
     assert not (tmp_path / "out").exists()
 
 
-def test_progress_runs_from_start_to_end(data, tmp_path):
+def test_progress_runs_from_start_to_end(project, adjustment, tmp_path):
     seen = []
-    write_report(data, tmp_path, progress=Progress(lambda fraction, message: seen.append(fraction)))
+    write_report(
+        ReportData(project, adjustment), tmp_path, progress=Progress(lambda fraction, message: seen.append(fraction))
+    )
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
     assert [p.name for p in sorted(tmp_path.iterdir())] == ["report.html", "report.pdf"]

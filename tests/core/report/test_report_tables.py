@@ -146,6 +146,13 @@ def test_plane_table(data, evaluations):
     assert "(a) excluded: outside the calibrated depths" in table.notes
 
 
+def test_methods_stand_side_by_side_whatever_the_order_of_evaluation(data, evaluations):
+    by_method = tuple(sorted(evaluations, key=lambda e: e.method))
+    shuffled = tables(dataclasses.replace(data, evaluations=by_method))[-1]
+    names = [(row[0], row[2]) for row in shuffled.rows]
+    assert names == [(c, m) for c in ("plane+00", "plane-15") for m in ("photogrammetric", "polynomial")]
+
+
 def test_angles_that_were_not_published_have_a_dash(data, evaluations):
     odd = tuple(dataclasses.replace(e, angle_deg=7.0) for e in evaluations[:1])
     unknown = tuple(dataclasses.replace(e, angle_deg=None) for e in evaluations[:1])

@@ -21,6 +21,13 @@ def test_findings_name_the_figures(data, evaluations):
     assert "7 of 4327 valid pixels were left out" in text  # 4 · 1080 + 7
 
 
+@pytest.mark.parametrize(("predicted", "said"), [(0.029, "noise dominates"), (0.02, "other errors exceed the noise")])
+def test_verdict_compares_with_the_noise(data, evaluations, predicted, said):
+    """The deviations have a spread of 0.03 mm; the verdict turns at √2 times the prediction."""
+    one = dataclasses.replace(evaluations[0], predicted_rms_mm=predicted)
+    assert said in " ".join(summary(dataclasses.replace(data, evaluations=(one,))).findings)
+
+
 def test_warnings_of_all_calibrations_are_told_once(data):
     assert summary(data).warnings == (
         "Network: no images rolled by 90°: A3 and x0 are weak",
