@@ -11,7 +11,8 @@ from PySide6.QtWidgets import QFrame, QMainWindow, QSplitter, QStackedWidget, QV
 from stripe_gui.actions import Action, ActionSet
 from stripe_gui.assets import asset
 from stripe_gui.commands import menu_titles, program_actions
-from stripe_gui.pages import PAGES, Page
+from stripe_gui.pages import PAGES, make_page
+from stripe_gui.pages.page import Page
 from stripe_gui.presenters.status import STAGES
 from stripe_gui.widgets.command_palette import CommandPalette
 from stripe_gui.widgets.help_panel import HelpPanel
@@ -37,23 +38,17 @@ class MainWindow(QMainWindow):
         self.strip.chosen.connect(self.show_page)
         self.notices = NoticeArea()
         self.stack = QStackedWidget()
-        self.pages: dict[str, Page] = {}
-        for kind in PAGES:
-            page = kind(bench)
-            self.pages[page.id] = page
-            self.stack.addWidget(page)
+        self.pages: dict[str, Page] = {}  # those that were shown already
         self.help = HelpPanel(bench.settings.text("language", "en"))
         self.help.closed.connect(lambda: self._show_help(False))
         self._lay_out()
         self.job_bar = JobBar(bench.jobs)
         self.statusBar().addPermanentWidget(self.job_bar)
         self.statusBar().setSizeGripEnabled(False)
+        self.page_of("start")
         self.actions_ = ActionSet([*program_actions(), *wizard_actions(), *self._own_actions()], bench, self)
         self.actions_.fill(self.menuBar(), menu_titles())
-        for page in self.pages.values():
-            for identity in page.action_ids:
-                if identity in self.actions_:
-                    page.add_action_button(self.actions_[identity])
+        self._add_buttons(self.page)
         self._connect()
         self._restore()
         self.show_page("start")
@@ -178,11 +173,26 @@ class MainWindow(QMainWindow):
         """The page in front."""
         return self.stack.currentWidget()
 
+    def page_of(self, name: str) -> Page:
+        """Give a page, made when it is first asked for."""
+        if name not in self.pages:
+            page = make_page(name, self.bench)
+            self.pages[name] = page
+            self.stack.addWidget(page)
+            if hasattr(self, "actions_"):
+                self._add_buttons(page)
+        return self.pages[name]
+
+    def _add_buttons(self, page: Page) -> None:
+        for identity in page.action_ids:
+            if identity in self.actions_:
+                page.add_action_button(self.actions_[identity])
+
     def show_page(self, name: str) -> None:
         """Bring a page to the front; without a project there is only the start page."""
-        if name not in self.pages or (name in STAGES and not self.bench.session.is_open):
+        if name not in PAGES or (name in STAGES and not self.bench.session.is_open):
             name = "start"
-        page = self.pages[name]
+        page = self.page_of(name)
         self.stack.setCurrentWidget(page)
         self.strip.show_page(name)
         page.refresh()

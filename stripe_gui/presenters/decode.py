@@ -58,13 +58,11 @@ def map_view(phase: PhaseMap, kind: str, projector: DeviceSpec | None) -> MapVie
         count = (projector.width if kind == "u" else projector.height) if projector else np.nanmax(image) + 1
         return MapView(image, (0.0, float(count) - 1), "map", lines, 3)
     if kind.startswith("sigma"):
-        return MapView(image, (0.0, _round_up(_percentile(image, 98))), "map", lines, 4)
+        return MapView(image, (0.0, round_up(percentile(image, 98))), "map", lines, 4)
     if kind == "flags":
         valid = (phase.flags == 0).astype(np.float32)
         return MapView(valid, (0.0, 1.0), "grey", "", 0)
-    return MapView(
-        image, (0.0, _round_up(_percentile(image, 99.5))), "map" if kind == "modulation" else "grey", grey, 1
-    )
+    return MapView(image, (0.0, round_up(percentile(image, 99.5))), "map" if kind == "modulation" else "grey", grey, 1)
 
 
 def pixel_text(phase: PhaseMap, u: int, v: int) -> str:
@@ -138,17 +136,18 @@ def _size(phase: PhaseMap) -> int:
     return sum(m.nbytes for m in maps)
 
 
-def _percentile(image: NDArray, percent: float) -> float:
+def percentile(image: NDArray, percent: float) -> float:
+    """Give a percentile of what is finite, 1 where nothing is."""
     finite = image[np.isfinite(image)]
     return float(np.percentile(finite, percent)) if finite.size else 1.0
 
 
-def _round_up(value: float) -> float:
+def round_up(value: float) -> float:
     """Give the next 1, 2, 2.5 or 5 times a power of ten.
 
     Examples
     --------
-    >>> _round_up(0.043), _round_up(160)
+    >>> round_up(0.043), round_up(160)
     (0.05, 200.0)
     """
     if not value > 0:

@@ -7,11 +7,21 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
-from PySide6.QtGui import QDropEvent
-from PySide6.QtWidgets import QAbstractButton, QAbstractItemView, QApplication, QLineEdit, QMenu, QPlainTextEdit
+from PySide6.QtGui import QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QAbstractItemView,
+    QApplication,
+    QComboBox,
+    QLineEdit,
+    QMenu,
+    QPlainTextEdit,
+    QTableView,
+)
 
 from core.progress import Progress
 from stripe_gui import theme
+from stripe_gui.pages import PAGES
 from stripe_gui.presenters.status import STAGES
 from stripe_gui.widgets.command_palette import CommandPalette
 
@@ -73,14 +83,9 @@ def test_a_dropped_capture_opens_its_project_there(window, project: Path) -> Non
 def _drop(window, path: Path) -> None:
     data = QMimeData()
     data.setUrls([QUrl.fromLocalFile(str(path))])
-    event = QDropEvent(
-        QPointF(QPoint(50, 50)),
-        Qt.DropAction.CopyAction,
-        data,
-        Qt.MouseButton.LeftButton,
-        Qt.KeyboardModifier.NoModifier,
-    )
-    QApplication.sendEvent(window, event)
+    left, no_key = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
+    QApplication.sendEvent(window, QDragEnterEvent(QPoint(50, 50), Qt.DropAction.CopyAction, data, left, no_key))
+    QApplication.sendEvent(window, QDropEvent(QPointF(50, 50), Qt.DropAction.CopyAction, data, left, no_key))
 
 
 def test_a_folder_without_a_project_is_refused_in_a_notice(window, tmp_path: Path, notices) -> None:
@@ -161,12 +166,12 @@ def test_everything_the_operator_can_reach_has_an_accessible_name(window, projec
     window.open_path(project)
     kinds = (QAbstractButton, QAbstractItemView, QLineEdit, QPlainTextEdit)
     nameless = []
-    for page in window.pages.values():
+    for page in map(window.page_of, PAGES):
         for kind in kinds:
             for widget in page.findChildren(kind):
                 inner = widget.objectName().startswith("qt_") or type(widget).__name__ == "QTableCornerButton"
                 if not inner and not (widget.accessibleName() or getattr(widget, "text", str)()):
                     parent = widget.parent()
-                    if type(parent).__name__ not in ("QTableView", "QComboBoxPrivateContainer", "QComboBox"):
+                    if not isinstance(parent.parent(), QComboBox) and not isinstance(parent, QTableView):
                         nameless.append((page.id, type(widget).__name__, type(parent).__name__))
     assert not nameless

@@ -1,0 +1,136 @@
+"""The targets of the testfield: picked, measured, missing and why."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QSplitter
+
+from core.errors import StripeError
+from stripe_gui import theme
+from stripe_gui.pages.page import Page
+from stripe_gui.presenters.capture import FrameView
+from stripe_gui.presenters.measure import MeasureView, lit_frame, measure_view, targets_of
+from stripe_gui.presenters.work import measure
+from stripe_gui.widgets.capture_list import CaptureList
+from stripe_gui.widgets.image_view import ImageView
+from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.result_table import EMPTY, ResultTable
+from stripe_gui.workbench import Workbench
+
+
+class MeasurePage(Page):
+    """Boards to the left, the board with its targets in the middle, the table of targets below."""
+
+    id = "measure"
+    action_ids = ("measure.pick",)
+
+    def __init__(self, bench: Workbench) -> None:
+        super().__init__(
+            bench,
+            self.tr("Measure"),
+            self.tr("Where the targets of the testfield are, in the image of the camera and of the projector."),
+        )
+        self.captures = CaptureList(bench.session, ("testfield", "depth"))
+        self.view = ImageView(self.tr("Testfield with its targets"), bar=False)
+        self.measured = pg.ScatterPlotItem(pxMode=True, size=9, symbol="+")
+        self.picks = pg.ScatterPlotItem(pxMode=True, size=18, symbol="s")
+        self.chosen = pg.ScatterPlotItem(pxMode=True, size=26, symbol="o")
+        for item in (self.measured, self.picks, self.chosen):
+            self.view.add_item(item)
+        self.state = label(" ", "muted")
+        self.key = label(self.tr("+ measured   □ picked"), "muted")
+        self.table = ResultTable(self.tr("Targets"), titled=False)
+        self.table.row_chosen.connect(self._point_at)
+        self._shown: MeasureView | None = None
+        self.run_button = self.add_button(self.tr("Measure all"), self.run, "run", primary=True)
+        self.run_button.setToolTip(self.tr("Measure the targets of all captures that have picks (F5)."))
+        fit = button(self.tr("Whole image"), self.view.fit, "fit", flat=True)
+        picture = boxed(column(row(self.state, None, self.key, fit), self.view))
+        right = QSplitter(Qt.Orientation.Vertical)
+        right.addWidget(picture)
+        right.addWidget(self.table)
+        right.setSizes([420, 220])
+        right.setChildrenCollapsible(False)
+        right.setHandleWidth(14)
+        split = QSplitter(Qt.Orientation.Horizontal)
+        split.addWidget(boxed(column(label(self.tr("Boards"), "heading"), self.captures, spacing=8)))
+        split.addWidget(right)
+        split.setStretchFactor(1, 1)
+        split.setChildrenCollapsible(False)
+        split.setHandleWidth(14)
+        self.body.addWidget(split, 1)
+        self._colour()
+        bench.session.capture_changed.connect(self._capture_changed)
+
+    def refresh(self) -> None:
+        """Show the boards and the chosen one's targets."""
+        self.captures.refresh()
+        names = self.captures.names()
+        if names and self.session.capture_name not in names:
+            self.session.choose_capture(names[0])
+        self.run_button.setEnabled(self.can_run())
+        self._look()
+
+    def run(self) -> None:
+        """Measure all boards that have picks."""
+        self.bench.run_stage("measure", measure, on_done=self._told)
+
+    def can_run(self) -> bool:
+        """Say whether any board has picks."""
+        folder = self.session.folder
+        return folder is not None and any(e.capture.seeds for e in folder.of_role("testfield", "depth") if e.capture)
+
+    def _told(self, targets: tuple) -> None:
+        count = sum(len(t.row) for t in targets)
+        self.bench.notify("success", self.tr("{n} targets in {m} captures.").format(n=count, m=len(targets)))
+
+    def _capture_changed(self) -> None:
+        if self.isVisible():  # else it is refreshed when it comes to the front
+            self._look()
+
+    def _look(self) -> None:
+        entry = self.session.capture
+        if entry is None or entry.capture is None or entry.name not in self.captures.names():
+            self.view.set_image(None)
+            self._show(None)
+            return
+        try:
+            targets = targets_of(self.session.folder, entry.name)
+        except StripeError as error:
+            self.bench.report_error(error)
+            targets = None
+        view = measure_view(entry.capture, targets)
+        self.bench.views.run(entry.name, lit_frame, entry.capture, on_done=partial(self._picture, view))
+
+    def _picture(self, view: MeasureView, frame: FrameView) -> None:
+        self.view.set_image(frame.image, (0.0, frame.white))
+        self._show(view)
+
+    def _show(self, view: MeasureView | None) -> None:
+        self._shown = view
+        empty = np.zeros((0, 2))
+        for item, points in (
+            (self.measured, view.measured if view else empty),
+            (self.picks, view.picks if view else empty),
+        ):
+            item.setData(x=points[:, 0], y=points[:, 1])
+        self.chosen.setData([], [])
+        self.state.setText(view.summary if view else self.tr("no board"))
+        self.table.show_table(view.table if view else EMPTY)
+
+    def _point_at(self, index: int) -> None:
+        if self._shown is not None and index < len(self._shown.measured):
+            u, v = self._shown.measured[index]
+            self.chosen.setData([u], [v])
+
+    def _colour(self) -> None:
+        # on the picture itself, which is the same in light and dark
+        self.measured.setPen(pg.mkPen(theme.DARK.mark, width=1.5))
+        self.picks.setPen(pg.mkPen(theme.DARK.mark_other, width=2))
+        self.chosen.setPen(pg.mkPen("#ffffff", width=2))
+        for item in (self.measured, self.picks, self.chosen):
+            item.setBrush(None)

@@ -1,0 +1,116 @@
+"""The calibrations of a project: tables, warnings, residuals per device."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.model import (
+    Adjustment,
+    Array,
+    DepthCalibration,
+    PhotogrammetricCalibration,
+    PlaneEvaluation,
+)
+from core.report import ReportData, Table, tables
+from stripe_gui.presenters.folder import ProjectFolder
+
+
+@dataclass(frozen=True)
+class DeviceResiduals:
+    """Residuals in the image of one device, one row of every array per image point."""
+
+    name: str
+    size: tuple[int, int]
+    um_per_px: tuple[float, float]
+    uv: Array  # (n, 2) px or lines
+    residual: Array  # (n, 2) observed minus computed, px or lines
+    station: tuple[str, ...]  # of every image point
+    point: tuple[str, ...]
+    redundancy: Array  # (n, 2)
+
+    def describe(self, index: int) -> str:
+        """Name an image point and its residual."""
+        du, dv = self.residual[index]
+        x, y = du * self.um_per_px[0], -dv * self.um_per_px[1]
+        return f"{self.station[index]}, {self.point[index]}: {x:+.2f} µm in x, {y:+.2f} µm in y"
+
+    def capture(self, index: int) -> str:
+        """Give the capture that an image point was measured in."""
+        return self.station[index].partition("/")[0]
+
+
+@dataclass(frozen=True)
+class CalibrationView:
+    """Everything the calibrate page shows."""
+
+    tables: tuple[Table, ...]
+    warnings: tuple[str, ...]
+    residuals: tuple[DeviceResiduals, ...]
+    convergence: tuple[float, ...]
+
+
+def gather(folder: ProjectFolder, with_planes: bool = True) -> ReportData:
+    """Gather the project's results, each read once per version of its file.
+
+    Raises
+    ------
+    InputError
+        If a result is damaged.
+    """
+    truth = folder.path / "truth.json"
+    planes: tuple[PlaneEvaluation, ...] = (folder.result("evaluation.npz", tuple) or ()) if with_planes else ()
+    return ReportData(
+        project=folder.project,
+        adjustment=folder.result("adjustment.npz", Adjustment),
+        photogrammetric=folder.result("photogrammetric.npz", PhotogrammetricCalibration),
+        depth=folder.result("polynomial.npz", DepthCalibration),
+        evaluations=planes,
+        truth=json.loads(truth.read_text(encoding="utf-8")) if truth.exists() else None,
+    )
+
+
+def calibration_view(folder: ProjectFolder) -> CalibrationView:
+    """Put the calibrations into tables, words and residuals.
+
+    Raises
+    ------
+    InputError
+    """
+    data = gather(folder, with_planes=False)
+    sources = (data.adjustment, data.photogrammetric, data.depth)
+    warnings = dict.fromkeys(text for source in sources if source is not None for text in source.warnings)
+    adjustment = data.adjustment
+    return CalibrationView(
+        tuple(tables(data)),
+        tuple(warnings),
+        residual_sets(adjustment) if adjustment else (),
+        adjustment.convergence if adjustment else (),
+    )
+
+
+def residual_sets(adjustment: Adjustment) -> tuple[DeviceResiduals, ...]:
+    """Sort an adjustment's residuals by device."""
+    network = adjustment.network
+    device_of = np.array(network.station_device)[network.observation_station]
+    stations = np.array(network.station_names)[network.observation_station]
+    points = np.array(network.point_names)[network.observation_point]
+    found = []
+    for name, device in network.devices.items():
+        rows = np.flatnonzero(device_of == name)
+        spec = device.spec
+        found.append(
+            DeviceResiduals(
+                name,
+                (spec.width, spec.height),
+                (1000 * spec.pitch_mm[0], 1000 * spec.pitch_mm[1]),
+                network.observation_uv[rows],
+                adjustment.residuals[rows],
+                tuple(map(str, stations[rows])),
+                tuple(map(str, points[rows])),
+                adjustment.redundancy_numbers[rows],
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,92 @@
+"""A picture of every page, in light and dark, at single and double scale."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from PySide6.QtCore import QCoreApplication, QEvent
+
+from core.errors import StripeError
+from core.progress import Progress
+from stripe_gui.app import Program, make_application
+from stripe_gui.pages import PAGES
+from stripe_gui.settings import Settings
+from stripe_gui.workbench import Workbench
+
+SIZE = (1360, 860)
+PATIENCE_S = 60.0
+_SCALE = "STRIPE_TOUR_SCALE"
+
+
+def tour(out: Path, project: Path | None = None) -> int:
+    """Write ``PAGE-THEME-SCALE.png`` of every page into a folder; give the exit code.
+
+    Without a project the demo experiment is made first, at its quickest.
+    """
+    scale = os.environ.get(_SCALE)
+    if scale is not None:
+        return _pictures(out, project, scale)
+    with tempfile.TemporaryDirectory() as temporary:
+        try:
+            folder = project or _demo(Path(temporary) / "demo")
+        except StripeError as error:
+            print(f"stripe-gui: {error}", file=sys.stderr)
+            return error.exit_code
+        for scale in ("1", "2"):  # Qt reads the scale once, when a process starts
+            environment = {**os.environ, _SCALE: scale, "QT_SCALE_FACTOR": scale}
+            done = subprocess.run([*_this_program(), "--tour", str(out), str(folder)], env=environment, check=False)
+            if done.returncode:
+                return done.returncode
+    return 0
+
+
+def _this_program() -> list[str]:
+    return [sys.executable] if getattr(sys, "frozen", False) else [sys.executable, "-m", "stripe_gui"]
+
+
+def _demo(folder: Path) -> Path:
+    from core.demo import run_demo
+
+    run_demo(folder, "quick", progress=Progress())
+    return folder
+
+
+def _pictures(out: Path, project: Path | None, scale: str) -> int:
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as temporary:
+        bench = Workbench(Settings(Path(temporary) / "settings.ini"))
+        program = Program(make_application(), bench)
+        problems: list[str] = []
+        bench.noticed.connect(lambda notice: problems.append(notice.happened) if notice.kind == "error" else None)
+        window = program.window
+        window.resize(*SIZE)
+        window.show()
+        if project is not None:
+            window.open_path(project)
+        for theme in ("light", "dark"):
+            program.show_theme(theme)
+            for page in PAGES:
+                window.show_page(page)
+                wait_until(lambda: not bench.views.busy)
+                window.grab().save(str(out / f"{page}-{theme}-{scale}x.png"))
+        window.close()
+        for problem in problems:
+            print(f"stripe-gui: {problem}", file=sys.stderr)
+        return 1 if problems else 0
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    """Let the window work until something is done, and then until it has drawn."""
+    end = time.monotonic() + PATIENCE_S
+    while not done() and time.monotonic() < end:
+        QCoreApplication.processEvents()
+        time.sleep(0.005)
+    for _ in range(5):
+        QCoreApplication.processEvents()
+        QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)

@@ -1,0 +1,95 @@
+"""The residuals of an adjustment: one plot per device, by station, with a way to the image of a suspicious one."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QVBoxLayout, QWidget
+
+from stripe_gui.presenters.calibrate import DeviceResiduals
+from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.residual_plot import ResidualPlot
+from stripe_gui.workbench import Workbench
+
+
+class ResidualView(QWidget):
+    """Residual vectors of camera and projector side by side."""
+
+    def __init__(self, bench: Workbench) -> None:
+        super().__init__()
+        self._bench = bench
+        self._sets: tuple[DeviceResiduals, ...] = ()
+        self._rows: list[np.ndarray] = []
+        self._at: tuple[int, int] | None = None
+        self.stations = QComboBox()
+        self.stations.setAccessibleName(self.tr("Captures whose residuals are shown"))
+        self.stations.setMinimumWidth(180)
+        self.stations.currentIndexChanged.connect(self._draw)
+        self.picked = label(self.tr("Click a vector to learn which point it is."), "muted")
+        self.open_image = button(self.tr("Open its image"), self._open, "measure", flat=True)
+        self.open_image.setEnabled(False)
+        self.convergence = label("", "muted", wrap=True)
+        self.plots: list[ResidualPlot] = []
+        self._plots = QHBoxLayout()
+        self._plots.setSpacing(16)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 12, 0, 0)
+        layout.setSpacing(10)
+        layout.addLayout(row(label(self.tr("Captures")), self.stations, None))
+        layout.addLayout(self._plots, 1)
+        layout.addLayout(row(self.picked, self.open_image, None))
+        layout.addWidget(self.convergence)
+
+    def show_residuals(self, sets: tuple[DeviceResiduals, ...], convergence: tuple[float, ...]) -> None:
+        """Show the residuals of all devices."""
+        self._sets = sets
+        while self._plots.count():
+            old = self._plots.takeAt(0).widget()
+            old.hide()
+            old.deleteLater()
+        self.plots = []
+        for i, device in enumerate(sets):
+            plot = ResidualPlot(self.tr("Residual vectors of {name}").format(name=device.name))
+            plot.picked.connect(partial(self._pick, i))
+            self.plots.append(plot)
+            self._plots.addWidget(boxed(column(label(device.name.capitalize(), "heading"), plot, spacing=6)), 1)
+        captures = dict.fromkeys(d.capture(i) for d in sets for i in range(len(d.station)))
+        self.stations.blockSignals(True)
+        self.stations.clear()
+        self.stations.addItem(self.tr("all"), "")
+        for name in captures:
+            self.stations.addItem(name, name)
+        self.stations.blockSignals(False)
+        steps = " → ".join(f"{value:.6g}" for value in convergence)
+        text = self.tr("Convergence (weighted sum of squares): {steps}")
+        self.convergence.setText(text.format(steps=steps) if steps else "")
+        self._draw()
+
+    def _draw(self) -> None:
+        wanted = self.stations.currentData() or ""
+        self._rows, self._at = [], None
+        for device, plot in zip(self._sets, self.plots, strict=True):
+            rows = np.array(
+                [i for i in range(len(device.station)) if not wanted or device.capture(i) == wanted], dtype=np.intp
+            )
+            self._rows.append(rows)
+            plot.set_residuals(device.uv[rows], device.residual[rows], device.size, device.um_per_px)
+        self.picked.setText(self.tr("Click a vector to learn which point it is."))
+        self.open_image.setEnabled(False)
+
+    def _pick(self, device: int, index: int) -> None:
+        self._at = device, int(self._rows[device][index])
+        for i, plot in enumerate(self.plots):
+            if i != device:
+                plot.choose(None)
+        self.picked.setText(self._sets[device].describe(self._at[1]))
+        folder = self._bench.session.folder
+        self.open_image.setEnabled(folder is not None and folder.entry(self._capture()) is not None)
+
+    def _capture(self) -> str:
+        return self._sets[self._at[0]].capture(self._at[1]) if self._at else ""
+
+    def _open(self) -> None:
+        self._bench.session.choose_capture(self._capture())
+        self._bench.show_page("measure")
