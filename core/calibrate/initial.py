@@ -204,7 +204,7 @@ def _softened(problem: Problem, state: State) -> Problem:
         return reweighted(problem, np.sqrt(np.minimum(1.0, limit / np.maximum(size, 1e-12)))[:, None])
 
 
-def _refined(problem: Problem, state: State, iterations: int = 6) -> State:
+def _refined(problem: Problem, state: State, iterations: int = 8) -> State:
     """Poses improved one by one with all else held, each with its own damping."""
     held = replace(problem, columns=np.full_like(problem.columns, -1))
     damping = np.full(problem.poses, 1e-3)
@@ -224,6 +224,8 @@ def _refined(problem: Problem, state: State, iterations: int = 6) -> State:
             pose_shift=np.where(better[:, None], trial.pose_shift, state.pose_shift),
         )
         damping = np.where(better, damping / 10, damping * 10)
+        if np.all(costs - trial_costs < 1e-3 * costs):
+            break
     return state
 
 

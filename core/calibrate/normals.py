@@ -133,7 +133,7 @@ def assemble(problem: Problem, equations: Equations) -> Normals:
             for whole, part in zip((N_global, N_point, b), parts, strict=True):
                 whole += part
 
-    run_in_bands(band, P, least=4)
+    run_in_bands(band, P, least=max(1, 4096 * P // max(len(problem.point), 1)))  # threads pay from some 8000 points
     N = np.zeros((U, U))
     N[:G], N[G:, :G] = N_global, N_global[:, G:].T
     at = G + 3 * np.arange(n)

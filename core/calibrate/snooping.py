@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LEAST_REDUNDANCY = 0.05  # an observation checked less than this cannot be judged by its residual
+SURE = 0.3  # of the worst normalised residual: errors that are smaller may be its shadow
 ERROR_LEVEL = 0.01  # chance that one report appears among observations that are all good
 
 
@@ -40,9 +41,12 @@ def critical_value(observations: int) -> float:
 
 
 def gross_errors(problem: Problem, equations: Equations, numbers: Array, limit: float) -> Ints:
-    """Observations beyond a limit, the worst of each station and of each point only: they hide and feign others."""
-    size = np.nan_to_num(np.nanmax(np.abs(_both(normalised_residuals(problem, equations, numbers))), axis=1))
-    bad = np.flatnonzero(size > limit)
+    """Observations beyond a limit that are sure to be wrong: gross errors make good observations look bad.
+
+    Those are the worst of each pose and of each point, not much smaller than the worst of all. Ask again without them.
+    """
+    size = np.max(np.abs(_both(normalised_residuals(problem, equations, numbers))), axis=1)
+    bad = np.flatnonzero(size > max(limit, SURE * float(size.max(initial=0.0))))
     taken: list[int] = []
     poses, points = set(), set()
     for o in bad[np.argsort(-size[bad])]:

@@ -158,7 +158,7 @@ def unsolved_error(network: Network, problem: Problem, solution: Solution) -> Ad
     course = solution.convergence
     return AdjustmentError(
         "the adjustment",
-        f"does not converge: weighted sum of squares {course[0]:.4g}, after {len(course) - 1} iterations {course[-1]:.4g}",
+        f"does not converge: weighted sum of squares {course[0]:.4g}, {course[-1]:.4g} after {len(course) - 1} iterations",
         "check the nominal focal lengths, the approximate points and the identities of the observed points",
     )
 

@@ -38,6 +38,7 @@ class Simulated:
     interior: dict[str, Interior]
     stations: tuple[Pose, ...]
     points_mm: np.ndarray
+    projector_from_camera: Pose = PROJECTOR_FROM_CAMERA
 
 
 def board(
@@ -66,7 +67,7 @@ def camera_poses(count: int, distance_mm: float, tilt_deg: float, rolled: bool, 
     return poses
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def simulate() -> Callable[..., Simulated]:
     """Give the function that simulates a network."""
     return simulated_network

@@ -1,0 +1,142 @@
+"""Networks that do not determine what is asked are refused or warned of, with the parameter and the remedy named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.calibrate import AdjustOptions, adjust
+from core.errors import AdjustmentError, InputError
+from core.geometry import Pose, matrix_from_axis_angle
+
+
+def with_rows(network, keep):
+    return replace(
+        network,
+        observation_station=network.observation_station[keep],
+        observation_point=network.observation_point[keep],
+        observation_uv=network.observation_uv[keep],
+        observation_sigma=network.observation_sigma[keep],
+    )
+
+
+def test_missing_rolls_are_named_and_cost_what_theory_says(simulate):
+    setup = {"use": ("camera",), "poses": 20, "rows": 13, "cols": 19}
+    rolled, straight = adjust(simulate(**setup).network), adjust(simulate(**setup, rolled=False).network)
+    assert not [w for w in rolled.warnings if "roll" in w]
+    warning = next(w for w in straight.warnings if "roll" in w)
+    assert "A3" in warning
+    assert "x0" in warning
+    growth = straight.devices["camera"].sigma / rolled.devices["camera"].sigma
+    # of the reference network: sixfold for A3, fourfold for x0
+    assert growth[5] > 4
+    assert growth[1] > 3
+
+
+def test_parallel_views_of_a_flat_field_leave_c_undetermined(simulate):
+    views = [
+        Pose(matrix_from_axis_angle([0, 0, 1], k * np.pi / 2), np.array([5.0 * k, 3.0 * k, -600.0 - 4 * k]))
+        for k in range(6)
+    ]
+    network = simulate(camera_poses_given=views, use=("camera",), depth_mm=0.0).network
+    with pytest.raises(AdjustmentError, match=r"camera\.c.*cannot be estimated.*convergent"):
+        adjust(network)
+
+
+def test_hardly_convergent_images_are_warned_of(simulate):
+    adjustment = adjust(simulate(tilt_deg=6.0, poses=12).network)
+    assert any("convergent" in w and w.startswith("camera") for w in adjustment.warnings)
+    assert not any("convergent" in w for w in adjust(simulate(poses=12).network).warnings)
+
+
+def test_two_images_do_not_calibrate_a_camera(simulate):
+    with pytest.raises(AdjustmentError, match=r"camera\.\w+.*cannot be estimated"):
+        adjust(simulate(poses=2, use=("camera",)).network)
+
+
+def test_one_pose_of_a_rig_is_refused(simulate):
+    with pytest.raises(AdjustmentError):
+        adjust(simulate(poses=1).network)
+
+
+def test_a_point_with_one_ray_is_left_out_and_named(simulate):
+    network = simulate(poses=6, use=("camera",)).network
+    keep = (network.observation_point != 20) | (network.observation_station == 2)
+    adjustment = adjust(with_rows(network, keep))
+    assert "P20" not in adjustment.network.point_names
+    assert any("two rays" in w and "P20" in w for w in adjustment.warnings)
+
+
+def test_a_station_with_three_points_is_left_out_and_named(simulate):
+    network = simulate(poses=7, use=("camera",)).network
+    third = np.flatnonzero(network.observation_station == 3)
+    keep = np.ones(len(network.observation_point), bool)
+    keep[third[3:]] = False
+    adjustment = adjust(with_rows(network, keep))
+    assert "4/camera" not in adjustment.network.station_names
+    assert any("4/camera" in w for w in adjustment.warnings)
+
+
+def test_a_disconnected_network_is_refused_and_the_strangers_named(simulate):
+    network = simulate(poses=8, use=("camera",)).network
+    left = network.observation_point < len(network.point_names) // 2
+    keep = np.where(network.observation_station < 4, left, ~left)
+    with pytest.raises(AdjustmentError, match=r"station 5/camera.*disconnected"):
+        adjust(with_rows(network, keep))
+
+
+def test_an_end_of_the_distance_that_no_image_determines_is_named(simulate):
+    network = simulate(poses=6, use=("camera",)).network
+    keep = network.observation_point != network.scale.start
+    with pytest.raises(AdjustmentError, match=f"point P{network.scale.start}: an end of the measured distance"):
+        adjust(with_rows(network, keep))
+
+
+def test_a_gross_error_is_reported_and_kept_unless_rejection_is_asked_for(simulate):
+    network = simulate(poses=8).network
+    uv = network.observation_uv.copy()
+    uv[100] += [0.0, 1.5]
+    spoilt = replace(network, observation_uv=uv)
+    station, point = network.observation_station[100], network.observation_point[100]
+    name = f"station {network.station_names[station]} point {network.point_names[point]}"
+    reported = adjust(spoilt)
+    assert len(reported.residuals) == len(uv)
+    assert any("gross errors" in w and name in w for w in reported.warnings)
+    rejecting = adjust(spoilt, options=AdjustOptions(reject_beyond=6.0))
+    assert len(rejecting.residuals) == len(uv) - 1
+    assert any(w.startswith("1 of") and "rejected" in w for w in rejecting.warnings)
+    assert rejecting.sigma0 < 1.1 < reported.sigma0
+
+
+def test_good_observations_raise_no_warning(simulate):
+    assert adjust(simulate(seed=3, poses=12).network).warnings == ()
+
+
+def test_mistaken_identities_are_rejected_where_they_are_few(simulate):
+    network = simulate(poses=10, rows=6, cols=8, extent_mm=190.0).network
+    point = network.observation_point.copy()
+    swapped = np.flatnonzero(network.observation_station == 4)[[3, 4]]
+    point[swapped] = point[swapped[::-1]]
+    adjustment = adjust(replace(network, observation_point=point), options=AdjustOptions(reject_beyond=6.0))
+    assert len(adjustment.residuals) == len(point) - 2
+    assert adjustment.sigma0 == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda n: replace(n, observation_sigma=0 * n.observation_sigma), r"station 1/camera, point P\d+: has sigma \[0.0, 0.0\]"),
+        (lambda n: replace(n, observation_uv=n.observation_uv * np.nan), "neither u nor v"),
+        (lambda n: replace(n, point_xyz_mm=n.point_xyz_mm * np.nan), "no approximate coordinates"),
+        (lambda n: replace(n, observation_point=0 * n.observation_point), "observed twice"),
+        (lambda n: with_rows(n, np.zeros(len(n.observation_point), bool)), "no observations"),
+        (lambda n: replace(n, scale=replace(n.scale, stop=n.scale.start)), "two different points"),
+        (
+            lambda n: replace(n, devices={k: replace(d, estimate=("c", "K1")) for k, d in n.devices.items()}),
+            "estimate names 'K1'",
+        ),
+    ],
+)
+def test_numbers_that_mean_nothing_are_refused(simulate, change, message):
+    with pytest.raises(InputError, match=message):
+        adjust(change(simulate(poses=4).network))
