@@ -17,16 +17,18 @@ from core.capture.finding import Finding
 from core.capture.identity import identity
 from core.capture.plan import Plan, check_shown, describe, make_plan
 from core.capture.quality import lamp, modulation, movement, sample_grid, saturation, summarise
-from core.capture.store import Store, open_store
+from core.capture.store import Store, capture_status, is_complete, open_store, read_findings
 from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.model import Project
 from core.patterns import Pattern
 from core.progress import SILENT, Progress
-from core.project import write_json
+from core.project import read_project, write_json
 
 ROUNDS = 4  # times that wrong frames are taken again before the capture is given up
-TRIES = 3  # at one frame, when the camera does not deliver
+TRIES = 3  # at one frame, when a device does not deliver
+
+Said = tuple[float, str, str]  # when (of time.monotonic), who, what: a device about what it did beside the asked
 
 
 @dataclass(frozen=True)
@@ -85,10 +87,14 @@ def run_capture(
         disk and the same call goes on with it.
     """
     make_plan(project, name, role, patterns=patterns, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)
-    notes: list[tuple[str, str]] = []
+    folder = project.path / "captures" / name
+    if folder.resolve() not in {path.resolve() for path in read_project(project.path).captures} and is_complete(folder):
+        _list_in_project(project, name)  # a run was interrupted at the very end
+        return stored_report(folder)
+    notes: list[Said] = []
 
     def note(who: str, what: str) -> None:
-        notes.append((who, what))
+        notes.append((time.monotonic(), who, what))
 
     with closing(open_projector(projector_url, note)) as projector, closing(open_camera(camera_url, note)) as camera:
         _check_sizes(project, projector, camera)
@@ -96,19 +102,24 @@ def run_capture(
         plan = make_plan(project, name, role, patterns=chosen, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)
         plan = replace(plan, guards=tuple(g for g in plan.guards if projector.refusal(g) is None))
         check_shown(plan, projector.refusal, projector.name)
-        store = open_store(project.path / "captures" / name, plan)
+        store = open_store(folder, plan)
         loop = Loop(store, projector, camera, notes)
         report = loop.run(progress)
     _list_in_project(project, name)
     return report
 
 
+def stored_report(folder: Path) -> CaptureReport:
+    """Give the report of a complete capture again, as far as it is stored."""
+    findings = tuple(read_findings(folder))
+    frames = capture_status(folder).planned
+    return CaptureReport(folder, frames, findings, 0, 0.0, frames)
+
+
 class Loop:
     """One capture being taken: the store, the two devices, and the projector's settle time as far as it is known."""
 
-    def __init__(
-        self, store: Store, projector: Projector, camera: Camera, notes: list[tuple[str, str]] | None = None
-    ) -> None:
+    def __init__(self, store: Store, projector: Projector, camera: Camera, notes: list[Said] | None = None) -> None:
         self.store, self.projector, self.camera = store, projector, camera
         self.plan: Plan = store.plan
         self.settle_s = projector.settle_s
@@ -196,8 +207,8 @@ class Loop:
             )
 
     def _write_notes(self) -> None:
-        for who, what in self.notes:
-            self.store.note("device", who=who, what=what)
+        for moment, who, what in self.notes:
+            self.store.note("device", at=round(moment - self.store.started_s, 6), who=who, what=what)
         self.notes.clear()
 
 

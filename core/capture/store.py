@@ -202,6 +202,19 @@ def capture_status(folder: Path) -> Status:
     return Status("taking", planned, planned - len(missing), missing)
 
 
+def is_complete(folder: Path) -> bool:
+    """Whether a folder holds a capture that this program has verified."""
+    return (folder / "capture.json").is_file() and _document(folder).get("state") == "complete"
+
+
+def read_findings(folder: Path) -> list[Finding]:
+    """Read the findings stored with a capture."""
+    return [
+        Finding(entry["check"], entry["level"], entry["text"], entry["figures"])
+        for entry in _document(folder).get("findings", [])
+    ]
+
+
 def _document(folder: Path) -> dict[str, Any]:
     path = folder / "capture.json"
     try:

@@ -98,7 +98,7 @@ class SerialProjector:
     # -------------------------------------------------------------------------------- what a call is made of
 
     def _greet(self) -> None:
-        """See who is there, and switch the lamp on."""
+        """See who is there."""
         self._settle_line()
         if "identify" in self.profile.commands:
             answer = self._ask("identify")
@@ -110,12 +110,13 @@ class SerialProjector:
                     "use the profile of this device, or give columns= and rows= in the URL",
                 )
             self.capacity = min(self.capacity, int(answer.get("slots", self.capacity)))
-        if "lamp" in self.profile.commands:
-            self._ask("lamp", on=1)
         self._shown = -1
 
     def _send_sequence(self) -> None:
+        """Switch the lamp on, load, and see that both have lasted: a device may be reset without a word."""
         self._shown = -1
+        if "lamp" in self.profile.commands:
+            self._ask("lamp", on=1)
         for slot, pattern in enumerate(self._loaded):
             plates = [pack_lines(lines, self.profile.first) for lines in self._lcd.switch(pattern)]
             if self.profile.both_plates:
@@ -125,6 +126,10 @@ class SerialProjector:
             for plate, lines in zip(self.profile.plates, plates, strict=True):
                 check = checksum(self.profile.lines_check, lines)
                 self._ask("load", slot=slot, plate=plate, lines=lines, check=self._check(check))
+        if "query" in self.profile.commands:
+            state = self._ask("query")
+            if int(state["loaded"]) < len(self._loaded) or int(state.get("on", 1)) == 0:
+                raise _EmptyError(self.name, "was reset while it was loaded", "check its supply")
 
     def _check(self, value: int) -> Value:
         return value if self.profile.framing.kind == "frame" else f"{value:04X}"
@@ -252,7 +257,7 @@ class SerialProjector:
         except LineDownError:
             self._reopen()
         self._greet()
-        if reload and self._loaded:
+        if self._loaded and reload:
             self._send_sequence()
         self.note(self.name, "restored")
 

@@ -79,7 +79,8 @@ def test_text_commands_are_the_bytes_of_the_guide(script: Callable[..., Script])
         # columns 4 to 7 of 16 lit: 0000 1111 0000 0000; CRCs by binascii.crc_hqx(data, 0xFFFF)
         b"3 LOAD 0 C 0F00\r\n": b"3 OK LOAD 0 C 0D31\r\n",
         b"4 LOAD 0 R 00\r\n": b"4 OK LOAD 0 R E1F0\r\n",
-        b"5 SHOW 0\r\n": b"5 OK SHOW 0\r\n",
+        b"5 STATE?\r\n": b"5 OK STATE 0 1 1\r\n",
+        b"6 SHOW 0\r\n": b"6 OK SHOW 0\r\n",
     }
     device = script(lambda data: answers.get(data, b"0 ERR 5 what\r\n"))
     projector = SerialProjector(device.url, small("stripe-lines"))
@@ -97,7 +98,8 @@ def test_binary_commands_are_the_bytes_of_the_guide(script: Callable[..., Script
         frame("02 02 01"): frame("02 82 01"),
         # low bit first: columns 4 to 7 are F0 00; sum16 of F0 00 00 is 00F0
         frame("03 10 00 F0 00 00"): frame("03 90 00 00F0"),
-        frame("04 20"): frame("04 A0 00"),
+        frame("04 30"): frame("04 B0 00 01 01"),
+        frame("05 20"): frame("05 A0 00"),
     }
     assert next(iter(answers)) == bytes.fromhex("02 0002 0101 3E1F")  # CRC by binascii.crc_hqx(data, 0xFFFF)
     device = script(lambda data: answers.get(data, b""))
@@ -171,8 +173,8 @@ def test_every_fault_at_a_command_is_overcome_in_bounded_time(profile: str, faul
 
 
 def test_a_step_whose_answer_is_lost_is_not_made_twice() -> None:
-    # commands: 0 identify, 1 lamp, 2 to 5 load, 6 rewind, 7 and 8 steps
-    projector = open_projector("emulated:flat?profile=stripe-frames&settle_ms=0&answer_ms=20&faults=no-answer@7")
+    # commands: 0 identify, 1 lamp, 2 to 5 load, 6 query, 7 rewind, 8 step
+    projector = open_projector("emulated:flat?profile=stripe-frames&settle_ms=0&answer_ms=20&faults=no-answer@8")
     camera = open_camera("virtual:flat")
     projector.load([Black(), White(), Black(), Black()])
     projector.step(1)
