@@ -8,12 +8,14 @@ blobs.py          everything in the image that could be a dot
 view.py           the approximate view of the board: pose and one radial parameter
 identify.py       from the picks to a lattice that all picks agree on
 grow.py           the lattice grows outwards, one confirmed target after the other
+rays.py           rays from the dots' centres, along which the image is sampled
 profile.py        contour, blur, background and plateau of every dot
 faults.py         dots that must not be measured, and why
 centroid.py       weighted centroid, its covariance, the image's noise, the light's gradient
 eccentricity.py   the middle of an ellipse is not the image of the circle's centre
 projector.py      projector coordinates from the phase maps
 missing.py        why a target was not measured, in words
+robust.py         small fits and medians over many targets at once
 kernels.py        the two loops over pixels
 """
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from core.measure.kernels import weighted_moments
-from core.measure.profile import Profiles, on_rays
+from core.measure.profile import Profiles
+from core.measure.rays import Rays
 from core.measure.robust import inverse_2x2, normal_equations
 
 Array = NDArray[np.float64]
@@ -27,8 +28,7 @@ MOST_THRESHOLD = 0.5
 
 def centroids(
     image: NDArray[np.float32],
-    centre: Array,
-    ellipse: Array,
+    rays: Rays,
     profile: Profiles,
     light: Array,
     noise: tuple[float, float],
@@ -40,8 +40,8 @@ def centroids(
     ----------
     image : float32, shape (H, W)
         Dots bright.
-    centre, ellipse : array
-        Approximate centres (m, 2) and maps of the unit disc to the dots (m, 2, 2), px.
+    rays : Rays
+        From approximate centres.
     profile : Profiles
     light : array, shape (m, 2)
         Relative change of the light per px.
@@ -50,7 +50,7 @@ def centroids(
     threshold : float
         Share of the contrast where weights begin.
     """
-    inverse = np.ascontiguousarray(inverse_2x2(ellipse))
+    centre, inverse = rays.centre, np.ascontiguousarray(inverse_2x2(rays.ellipse))
     # the variance at background level, then its growth above it
     at_background = np.maximum(noise[0] + noise[1] * profile.plane[:, 0], 0.0)
     variance = np.ascontiguousarray(np.stack([at_background, np.full(len(centre), noise[1])], axis=1))
@@ -64,7 +64,7 @@ def centroids(
             shift = sums[:, 1:3] / sums[:, :1]
             m = m + shift
             cov = sums[:, [3, 4, 4, 5]].reshape(-1, 2, 2) / sums[:, 0, None, None] ** 2
-    diameter = 2.0 * np.sqrt(np.abs(np.linalg.det(ellipse)))
+    diameter = 2.0 * np.sqrt(np.abs(np.linalg.det(rays.ellipse)))
     return m, cov + ((FLOOR / diameter) ** 2)[:, None, None] * np.eye(2)
 
 
@@ -94,29 +94,29 @@ def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbo
     return np.asarray(np.clip(slope / scale, -0.05, 0.05))
 
 
-def noise_model(image: NDArray[np.float32], centre: Array, ellipse: Array, profile: Profiles) -> tuple[float, float]:
+def noise_model(image: NDArray[np.float32], rays: Rays, profile: Profiles) -> tuple[float, float]:
     """Variance of grey values as ``a + b I``, from second differences along rows in backgrounds and plateaus.
 
     The second difference ``I(u-1) - 2 I(u) + I(u+1)`` of an even area has the variance 6 σ²; clipping
     forgives the few that touch an edge. Where too few dots are large enough to have a plateau, b is 0.
     """
-    minor = np.linalg.svd(ellipse, compute_uv=False)[:, 1]
     ring = (profile.window * 1.05)[:, None] + np.array([0.0, 0.2, 0.4])
-    low = _second_differences(image, on_rays(centre, ellipse, ring[:, None, :]).reshape(-1, 2))
-    variance_low = _variance(low)
+    low = _second_differences(image, rays, ring, np.ones(len(ring), bool))
     large = profile.gentle > 2.5
     if np.count_nonzero(large) < max(3, 0.3 * len(large)):
-        return variance_low, 0.0
-    part = ((profile.gentle[large] - 1.7) / minor[large])[:, None] * np.array([0.5, 1.0])
-    high = _second_differences(image, on_rays(centre[large], ellipse[large], part[:, None, :]).reshape(-1, 2))
+        return _variance(low), 0.0
+    # one pixel less for the difference, and what rounding to whole pixels may add
+    deep = ((profile.gentle - 1.7) / rays.minor)[:, None] * np.array([0.5, 1.0])
+    high = _second_differences(image, rays, deep, large)
     rise = float(np.median(profile.contrast[large]))
-    slope = (_variance(high) - variance_low) / max(rise, 1e-9)
-    return variance_low - slope * float(np.median(profile.plane[:, 0])), slope
+    slope = (_variance(high) - _variance(low)) / max(rise, 1e-9)
+    return _variance(low) - slope * float(np.median(profile.plane[:, 0])), slope
 
 
-def _second_differences(image: NDArray[np.float32], uv: Array) -> Array:
-    uv = uv[np.all(np.isfinite(uv), axis=1)]
-    u, v = np.rint(uv).astype(int).T
+def _second_differences(image: NDArray[np.float32], rays: Rays, radius: Array, use: NDArray[np.bool_]) -> Array:
+    """Second differences along rows at the pixels nearest to radii (m, k) on the rays of the dots to `use`."""
+    uv = (rays.centre[:, None, None, :] + rays.offsets(radius))[use].reshape(-1, 2)
+    u, v = np.rint(uv[np.all(np.isfinite(uv), axis=1)]).astype(int).T
     ok = (u >= 1) & (v >= 0) & (u < image.shape[1] - 1) & (v < image.shape[0])
     u, v = u[ok], v[ok]
     return np.asarray(image[v, u - 1] - 2.0 * image[v, u] + image[v, u + 1], np.float64)

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from core.measure.profile import Profiles, on_rays, sample_at
+from core.measure.profile import Profiles
+from core.measure.rays import Rays
 from core.measure.robust import row_median
 
 Array = NDArray[np.float64]
@@ -19,8 +20,7 @@ LIT = 0.45  # share of the dot's usual modulation below which a part of it count
 def shape_faults(
     image: Floats,
     modulation: Floats,
-    uv: Array,
-    ellipse: Array,
+    rays: Rays,
     profile: Profiles,
     size: Array,
     noise: tuple[float, float],
@@ -34,8 +34,8 @@ def shape_faults(
         Dots bright.
     modulation : float32, shape (H, W)
         Grey values; shows where the projector's light ends.
-    uv, ellipse : array
-        Centroids (m, 2) and maps of the unit disc to the dots (m, 2, 2), px.
+    rays : Rays
+        From the centroids.
     profile : Profiles
     size : array, shape (m,)
         Diameter over the nominal one.
@@ -44,7 +44,7 @@ def shape_faults(
     dark : bool
         Dots are darker than the board (their modulation is low; the board's around them tells).
     """
-    minor = np.linalg.svd(ellipse, compute_uv=False)[:, 1]
+    uv, minor = rays.centre, rays.minor
     with np.errstate(all="ignore"):
         sigma = np.sqrt(np.maximum(noise[0] + noise[1] * (profile.plateau + profile.plane[:, 0]) / 2, 0.0))
         relative = sigma / profile.contrast  # noise in units of the contrast
@@ -58,8 +58,8 @@ def shape_faults(
         for k in np.flatnonzero(bad).tolist():
             faults[k] = faults[k] or text.format(*(v[k] for v in values))
 
-    mark(_beyond_border(image, uv, ellipse, profile.window), "cut by the image border")
-    mark(_half_lit(modulation, uv, ellipse, profile, dark), "cut by the edge of the light")
+    mark(_beyond_border(image, rays, profile.window), "cut by the image border")
+    mark(_half_lit(modulation, rays, profile, dark), "cut by the edge of the light")
     mark(~(relative < 0.2), "no contrast: {:.1f} grey values", profile.contrast)
     mark(~np.isfinite(profile.roughness), "its contour is open: covered, lit in part, or touched by something bright")
     limit = 0.07 + 0.008 * minor + 2.0 * edge_px
@@ -69,11 +69,15 @@ def shape_faults(
         profile.roughness,
     )
     limit = 0.03 + 0.005 * minor + 1.0 * edge_px
-    mark(~(profile.off_centre < limit), "its light is uneven: centroid {:.2f} px off the contour", profile.off_centre)
+    mark(~(profile.outside < EVEN + 4.0 * relative), "something bright touches it")
+    mark(
+        ~(profile.off_centre < limit),
+        "unevenly lit or disturbed: centroid {:.2f} px off its contour",
+        profile.off_centre,
+    )
     mark(~(np.abs(np.log(scale)) < np.clip(6.0 * spread, 0.05, 0.15)), "its size is {:.2f} of its neighbours'", scale)
     mark(~(tilt < 0.12 + 0.5 / minor), "it is not an ellipse of the expected shape")
     mark(~(profile.inside < EVEN + 4.0 * relative), "it is uneven inside: covered, lit in part, or glare")
-    mark(~(profile.outside < EVEN + 4.0 * relative), "something as bright touches it")
     return faults
 
 
@@ -85,21 +89,18 @@ def _scale_among_neighbours(uv: Array, size: Array) -> tuple[Array, float]:
     return scale, 1.4826 * float(np.nanmedian(np.abs(np.log(scale))))
 
 
-def _beyond_border(image: Floats, uv: Array, ellipse: Array, window: Array) -> NDArray[np.bool_]:
+def _beyond_border(image: Floats, rays: Rays, window: Array) -> NDArray[np.bool_]:
     """Whether the window of a dot reaches out of the image."""
-    half = window[:, None] * np.linalg.norm(ellipse, axis=2)
+    half = window[:, None] * np.linalg.norm(rays.ellipse, axis=2)
     limit = np.array([image.shape[1] - 1, image.shape[0] - 1])
-    return ~np.all((uv - half >= 0) & (uv + half <= limit), axis=1)
+    return ~np.all((rays.centre - half >= 0) & (rays.centre + half <= limit), axis=1)
 
 
-def _half_lit(modulation: Floats, uv: Array, ellipse: Array, profile: Profiles, dark: bool) -> NDArray[np.bool_]:
+def _half_lit(modulation: Floats, rays: Rays, profile: Profiles, dark: bool) -> NDArray[np.bool_]:
     """Whether the modulation drops within a dot (for dark dots: in the ring around it) as it does where light ends."""
-    if dark:
-        radius = np.stack([profile.window, profile.window + 0.15], axis=1)[:, None, :]
-    else:
-        radius = np.array([[[0.3, 0.6, 0.8]]])
-    value = np.nan_to_num(sample_at(modulation, on_rays(uv, ellipse, radius)))
-    along = value.mean(axis=2)
+    around = np.stack([profile.window, profile.window + 0.15], axis=1)
+    value = rays.sample(modulation, around if dark else np.array([0.3, 0.6, 0.8]))
+    along = np.nan_to_num(value).mean(axis=2)
     along = (along + np.roll(along, 1, axis=1) + np.roll(along, -1, axis=1)) / 3
     usual = np.median(along, axis=1)
     # captures without modulation (none decoded) say nothing about the light

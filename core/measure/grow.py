@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from core.measure.blobs import Blobs, scale_and_roundness
 from core.measure.board import Board
 from core.measure.robust import inverse_2x2, normal_equations, row_median
-from core.measure.view import View, fit_both_tilts
+from core.measure.view import View, fit_both_tilts, fit_view
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -143,7 +143,8 @@ def _refit(lattice: Lattice) -> None:
     if len(known) < 1.4 * lattice.fitted:
         return
     uv = lattice.blobs.uv[lattice.blob[known]]
-    view = fit_both_tilts(lattice.view, lattice.board.xyz_mm[known], uv, radial=len(known) >= 12)
+    fit = fit_both_tilts if len(known) < 40 else fit_view  # with many targets the tilt has long been decided
+    view = fit(lattice.view, lattice.board.xyz_mm[known], uv, radial=len(known) >= 12)
     lattice.fitted = len(known)
     if np.all(np.isfinite(view.project(lattice.board.xyz_mm[known]))):
         lattice.view = view

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from core.errors import InputError
 from core.measure.blobs import Blobs
 from core.measure.board import Board
 from core.measure.grow import Lattice, grow, predict, prune
 from core.measure.picks import Picks
+from core.measure.robust import inverse_2x2
 from core.measure.view import View, first_view
 from core.model import DeviceSpec
 
@@ -106,18 +108,16 @@ def _refuse_if_shifted(lattice: Lattice, picks: Picks) -> None:
     So it looks when all picks are wrong by the same rows or columns: each fits the others, and only the edges tell.
     """
     board = lattice.board
-    absent = beyond = 0
-    line = ""
-    for values, name in ((board.row, "row"), (board.col, "col")):
-        for edge, inner in _edges(values):
-            on = np.flatnonzero(values == edge)
-            absent = max(absent, _bare(lattice, on))
-            dots = _ghosts(lattice, on, inner, values)
-            if dots > beyond:
-                beyond, line = dots, f"{name} {edge}"
-    if absent >= 3 and beyond >= 3:
-        seen = f"{beyond} dots continue the lattice beyond {line}, while {absent} targets at another edge have no dot"
-        raise InputError(picks.where, seen, "correct the rows and columns of all picks: they look shifted")
+    edges = [(values, *pair) for values in (board.row, board.col) for pair in _edges(values)]
+    absent = max((_bare(lattice, np.flatnonzero(values == edge)) for values, edge, _ in edges), default=0)
+    if absent < 3:
+        return
+    for values, edge, inner in edges:
+        beyond = _ghosts(lattice, np.flatnonzero(values == edge), inner, values)
+        if beyond >= 3:
+            line = f"{'row' if values is board.row else 'col'} {edge}"
+            seen = f"{beyond} dots go on beyond {line}, while {absent} targets along another edge have no dot"
+            raise InputError(picks.where, seen, "correct the rows and columns of all picks: they look shifted")
 
 
 def _edges(values: Ints) -> list[tuple[int, int]]:
@@ -159,9 +159,10 @@ def _spots_at(lattice: Lattice, uv: Array, unit: Array, alike: bool = False) -> 
         scale = np.sqrt(lattice.blobs.area_px[lattice.blob[lattice.known]])
         own = np.sqrt(lattice.blobs.area_px)
         free &= (own > 0.6 * scale.min()) & (own < 1.5 * scale.max())
+    sane = np.all(np.isfinite(uv), axis=1) & np.all(np.isfinite(unit), axis=(1, 2))
     found = np.zeros(len(uv), bool)
-    for k in range(len(uv)):
-        if np.all(np.isfinite(uv[k])) and np.all(np.isfinite(unit[k])):
-            away = np.linalg.solve(unit[k], (lattice.blobs.uv[free] - uv[k]).T)
-            found[k] = bool(np.any(np.hypot(*away) < 0.2))
+    if np.any(free) and np.any(sane):
+        near = lattice.blobs.uv[free][cKDTree(lattice.blobs.uv[free]).query(uv[sane])[1]]
+        away = inverse_2x2(unit[sane]) @ (near - uv[sane])[..., None]
+        found[sane] = np.hypot(away[:, 0, 0], away[:, 1, 0]) < 0.2
     return found

@@ -1,4 +1,4 @@
-"""The two loops over pixels: sampling between pixels, and weighted moments in the window of a dot."""
+"""The two loops over pixels: sampling along rays, and weighted moments in the window of a dot."""
 
 from __future__ import annotations
 
@@ -13,19 +13,28 @@ jit: Callable[..., Any] = njit(cache=True, nogil=True)
 
 
 @jit
-def sample(image: NDArray[np.float32], uv: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-    """Bilinear values of an image at points uv (n, 2), into out (n,); NaN outside and next to a NaN."""
+def sample_rays(
+    image: NDArray[np.float32],
+    centre: NDArray[np.float64],
+    unit: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    out: NDArray[np.float32],
+) -> None:
+    """Bilinear values at centre + radius * unit into out (m, rays, k); NaN outside the image and next to a NaN."""
     height, width = image.shape
-    for k in range(uv.shape[0]):
-        u, v = uv[k, 0], uv[k, 1]
-        if not (u >= 0 and v >= 0 and u <= width - 1 and v <= height - 1):
-            out[k] = np.nan
-            continue
-        i, j = min(int(u), width - 2), min(int(v), height - 2)
-        a, b = u - i, v - j
-        top = (1 - a) * image[j, i] + a * image[j, i + 1]
-        bottom = (1 - a) * image[j + 1, i] + a * image[j + 1, i + 1]
-        out[k] = (1 - b) * top + b * bottom
+    for m in range(radius.shape[0]):
+        for r in range(radius.shape[1]):
+            for k in range(radius.shape[2]):
+                u = centre[m, 0] + radius[m, r, k] * unit[m, r, 0]
+                v = centre[m, 1] + radius[m, r, k] * unit[m, r, 1]
+                if not (u >= 0 and v >= 0 and u <= width - 1 and v <= height - 1):
+                    out[m, r, k] = np.nan
+                    continue
+                i, j = min(int(u), width - 2), min(int(v), height - 2)
+                a, b = np.float32(u - i), np.float32(v - j)
+                top = image[j, i] + a * (image[j, i + 1] - image[j, i])
+                bottom = image[j + 1, i] + a * (image[j + 1, i + 1] - image[j + 1, i])
+                out[m, r, k] = top + b * (bottom - top)
 
 
 @jit

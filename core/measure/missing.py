@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.grow import Lattice, predict
-from core.measure.profile import on_rays, sample_at
+from core.measure.rays import Rays
 from core.model import PhaseMap
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def _darkness(phase: PhaseMap, lattice: Lattice) -> float:
 
 def _share_lit(phase: PhaseMap, uv: Array, ellipse: Array, dark: float) -> float:
     """Share of a target's surroundings with a decoded phase or the brightness of a lit dot."""
-    at = on_rays(uv[None], ellipse[None], np.array([[[0.0, 0.5, 1.0, 1.5]]]))
-    decoded = np.isfinite(sample_at(phase.u, at)) | np.isfinite(sample_at(phase.v, at))
-    bright = sample_at(phase.image, at) > dark
+    rays, radius = Rays(uv[None], ellipse[None]), np.array([0.0, 0.5, 1.0, 1.5])
+    decoded = np.isfinite(rays.sample(phase.u, radius)) | np.isfinite(rays.sample(phase.v, radius))
+    bright = rays.sample(phase.image, radius) > dark
     return float(np.mean(decoded | bright))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure.profile import on_rays, sample_at
+from core.measure.rays import Rays
+from core.measure.robust import row_median
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -62,11 +63,9 @@ def refuse_jumps(values: Floats, uv: Array, ellipse: Array, found: Array, sigma:
     Pairs of points opposite each other average to the value in the middle, whatever the slope; their median is immune
     to a few wrong pixels. Where fewer than three pairs are valid nothing is refused.
     """
-    around = sample_at(values, on_rays(uv, ellipse, np.array([[[0.3, 0.55]]])))  # (n, rays, 2)
+    around = Rays(uv, ellipse).sample(values, np.array([0.3, 0.55]))
     half = around.shape[1] // 2
     pairs = ((around[:, :half] + around[:, half:]) / 2).reshape(len(uv), half * around.shape[2])
     enough = np.isfinite(pairs).sum(axis=1) >= 3
-    middle = np.full(len(uv), np.nan)
-    middle[enough] = np.nanmedian(pairs[enough], axis=1)
     with np.errstate(invalid="ignore"):
-        return np.asarray(enough & (np.abs(found - middle) > JUMP_LINES + 6 * sigma))
+        return np.asarray(enough & (np.abs(found - row_median(pairs)) > JUMP_LINES + 6 * sigma))

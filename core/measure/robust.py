@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
 
 
-def row_median(values: Array) -> Array:
+def row_median(values: Array | Floats) -> Array:
     """Medians (m,) along the last axis of (m, k) that ignore NaN; NaN where a row has nothing else.
 
     Examples
@@ -24,7 +25,7 @@ def row_median(values: Array) -> Array:
     return np.where(count > 0, middle, np.nan)
 
 
-def normal_equations(A: Array, weight: Array, b: Array) -> tuple[Array, Array]:
+def normal_equations(A: Array, weight: Array, b: Array | Floats) -> tuple[Array, Array]:
     """``A' W A`` (m, p, p) and ``A' W b`` (m, p, q) of designs (m, k, p), weights (m, k), observations (m, k, q)."""
     weighted = np.swapaxes(A * weight[..., None], 1, 2)
     return weighted @ A, weighted @ b

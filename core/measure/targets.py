@@ -21,6 +21,7 @@ from core.measure.options import MeasureOptions
 from core.measure.picks import check_picks, snap
 from core.measure.profile import Profiles, profiles
 from core.measure.projector import bilinear, plane_at, refuse_jumps
+from core.measure.rays import Rays
 from core.measure.view import View, fit_both_tilts
 from core.model import DeviceSpec, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
 from core.progress import SILENT, Progress
@@ -87,7 +88,13 @@ def measure_targets(
     progress(0.3, "identifying targets")
     lattice = identify(board, camera, blobs, picks, spots)
     progress(0.6, "measuring centroids")
-    dots = _measure_dots(image, phase.modulation, lattice, testfield.polarity == "black-on-white", options.threshold)
+    dots = _measure_dots(
+        image,
+        np.ascontiguousarray(phase.modulation, np.float32),
+        lattice,
+        testfield.polarity == "black-on-white",
+        options.threshold,
+    )
     progress(0.9, "reading projector coordinates")
     return _target_set(phase, lattice, dots, capture, options)
 
@@ -122,18 +129,20 @@ def _measure_dots(image: Floats, modulation: Floats, lattice: Lattice, dark: boo
     centre = lattice.blobs.uv[lattice.blob[target]]
     nominal = lattice.view.jacobian(board.xyz_mm[target]) * board.radius_mm[target, None, None]
     spacing = board.spacing_mm[target] / board.radius_mm[target]
-    first = profiles(image, centre, nominal, spacing)
+    start = Rays(centre, nominal)
+    first = profiles(image, start, spacing)
     # by now the size is known: again with rays that end where the contour is, from the centre it has
     size = np.clip(np.nan_to_num(first.contour[:, 0], nan=1.0), 0.5, 2.0)
-    ellipse, spacing = nominal * size[:, None, None], spacing / size
-    centre, _ = centroids(image, centre, nominal, first, np.zeros_like(centre), (0.0, 0.0), threshold)
-    centre = np.where(np.isfinite(centre), centre, lattice.blobs.uv[lattice.blob[target]])
-    profile = profiles(image, centre, ellipse, spacing)
-    light = light_gradient(centre, profile.contrast, profile.plane if dark else None)
-    noise = noise_model(image, centre, ellipse, profile)
-    uv, cov = centroids(image, centre, ellipse, profile, light, noise, threshold)
-    profile = _recentred(profile, ellipse, uv - centre)
-    fault = shape_faults(image, modulation, uv, ellipse, profile, size, noise, dark)
+    moved, _ = centroids(image, start, first, np.zeros_like(centre), (0.0, 0.0), threshold)
+    moved = np.where(np.isfinite(moved), moved, centre)
+    rays = Rays(moved, nominal * size[:, None, None])
+    profile = profiles(image, rays, spacing / size)
+    light = light_gradient(moved, profile.contrast, profile.plane if dark else None)
+    noise = noise_model(image, rays, profile)
+    uv, cov = centroids(image, rays, profile, light, noise, threshold)
+    profile = _recentred(profile, rays.ellipse, uv - moved)
+    ellipse = rays.ellipse
+    fault = shape_faults(image, modulation, Rays(uv, ellipse), profile, size, noise, dark)
     return Dots(target, uv, cov, ellipse * profile.contour[:, 0, None, None], fault)
 
 

@@ -42,11 +42,9 @@ class View:
 
     def jacobian(self, xyz_mm: Array) -> Array:
         """Pixels per mm on the board at points (n, 3): shape (n, 2, 2), columns along the board's X and Y."""
-        step = 0.01
-        x, y = np.array([step, 0, 0]), np.array([0, step, 0])
-        du = (self.project(xyz_mm + x) - self.project(xyz_mm - x)) / (2 * step)
-        dv = (self.project(xyz_mm + y) - self.project(xyz_mm - y)) / (2 * step)
-        return np.stack([du, dv], axis=2)
+        _, dx, dy = _gradients(self, self.camera_from_board.apply(xyz_mm))
+        on_board = np.stack([dx, -dy], axis=1) @ self.camera_from_board.rotation[:, :2]  # v points down
+        return np.asarray(on_board / np.array(self.spec.pitch_mm)[:, None])
 
 
 def first_view(spec: DeviceSpec, xyz_mm: Array, uv: Array) -> View | None:
@@ -88,26 +86,26 @@ def _other_tilt(view: View, middle_mm: Array) -> View:
 
 def fit_view(start: View, xyz_mm: Array, uv: Array, *, radial: bool, iterations: int = 8) -> View:
     """Fit the pose (and A1, held near 0 by `RADIAL_SIGMA`) to identified targets by damped Gauss-Newton steps."""
-    spec, c = start.spec, start.spec.nominal_c_mm
+    spec = start.spec
     measured = pixel_to_image(spec, uv)
     pitch = float(np.mean(spec.pitch_mm))
     corner2 = (spec.width * spec.pitch_mm[0] / 2) ** 2 + (spec.height * spec.pitch_mm[1] / 2) ** 2
     prior = pitch * corner2 / RADIAL_SIGMA if radial else 1e12
     view, cost, damping = View(spec, start.camera_from_board, start.a1 if radial else 0.0), np.inf, 1e-6
     J, r = np.zeros((0, 7)), np.zeros(0)
-    step = np.zeros(7)
+    step: Array = np.zeros(7)
     for _ in range(iterations):
         R, t, a1 = view.camera_from_board.rotation, view.camera_from_board.translation_mm, view.a1
         trial = view
         if len(r):
             turn = matrix_from_rotation_vector(step[:3])
             trial = View(spec, Pose(turn @ R, t + step[3:6]), a1 + step[6])
-        J_new, r_new = _linearised(trial, c, xyz_mm, measured)
+        J_new, r_new = _linearised(trial, xyz_mm, measured)
         new_cost = float(r_new @ r_new) + (prior * trial.a1) ** 2
         if not np.isfinite(new_cost) or new_cost > cost * (1 + 1e-12):
             damping *= 100
         else:
-            done = cost - new_cost < 1e-10 * new_cost
+            done = cost - new_cost < 1e-7 * new_cost
             view, cost, J, r, damping = trial, new_cost, J_new, r_new, damping / 10
             if done:
                 break
@@ -122,23 +120,28 @@ def fit_view(start: View, xyz_mm: Array, uv: Array, *, radial: bool, iterations:
     return view
 
 
-def _linearised(view: View, c: float, xyz_mm: Array, measured: Array) -> tuple[Array, Array]:
+def _linearised(view: View, xyz_mm: Array, measured: Array) -> tuple[Array, Array]:
     """Jacobian (2n, 7) by turn, shift and A1, and residuals (2n,), mm in the image."""
     turned = xyz_mm @ view.camera_from_board.rotation.T
-    p = turned + view.camera_from_board.translation_mm
+    xy, dx, dy = _gradients(view, turned + view.camera_from_board.translation_mm)
+    r2 = np.sum(xy**2, axis=1)
+    J = np.empty((len(xy), 2, 7))
+    for row, d in ((0, dx), (1, dy)):
+        # d(turn x p) = turned x derivative, because the turn is applied from the left
+        for k in range(3):
+            J[:, row, k] = turned[:, k - 2] * d[:, k - 1] - turned[:, k - 1] * d[:, k - 2]
+        J[:, row, 3:6], J[:, row, 6] = d, xy[:, row] * r2
+    return J.reshape(-1, 7), (measured - xy * (1 + view.a1 * r2)[:, None]).reshape(-1)
+
+
+def _gradients(view: View, p: Array) -> tuple[Array, Array, Array]:
+    """Collinearity image (n, 2) of points (n, 3) of the camera's frame; measured x and y by the points, (n, 3) each."""
+    c, a = view.spec.nominal_c_mm, view.a1
     with np.errstate(all="ignore"):
         z = np.where(p[:, 2] < 0, p[:, 2], np.nan)
         x, y = -c * p[:, 0] / z, -c * p[:, 1] / z
-        zero = np.zeros_like(z)
-        gx = np.stack([-c / z, zero, c * p[:, 0] / z**2], axis=1)
-        gy = np.stack([zero, -c / z, c * p[:, 1] / z**2], axis=1)
-        r2 = x * x + y * y
-        a = view.a1
+        r2, zero = x * x + y * y, np.zeros_like(z)
+        gx, gy = np.stack([-c / z, zero, -x / z], axis=1), np.stack([zero, -c / z, -y / z], axis=1)
         dx = (1 + a * (r2 + 2 * x * x))[:, None] * gx + (2 * a * x * y)[:, None] * gy
         dy = (2 * a * x * y)[:, None] * gx + (1 + a * (r2 + 2 * y * y))[:, None] * gy
-        residual = measured - np.stack([x, y], axis=1) * (1 + a * r2)[:, None]
-    # d(turn x p) = turned x derivative, because the turn is applied from the left
-    J = np.empty((len(z), 2, 7))
-    for row, d, radial in ((0, dx, x * r2), (1, dy, y * r2)):
-        J[:, row, :3], J[:, row, 3:6], J[:, row, 6] = np.cross(turned, d), d, radial
-    return J.reshape(-1, 7), residual.reshape(-1)
+    return np.stack([x, y], axis=1), dx, dy
