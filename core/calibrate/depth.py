@@ -61,8 +61,9 @@ class DepthOptions:
         The projector coordinate that gives the depth; "auto" takes the one that changes more with it.
     low_pass_px : float
         Standard deviation (px) of the Gaussian by which the coordinate maps of the plate are smoothed before the
-        curves are fitted; 0 for none. The plate is smooth, so this takes the calibration's own noise away; along the
-        edges of the plate it needs the plate to be flat.
+        curves are fitted, rims of targets and of the lit field left out; 0 for the maps as they are. The plate is
+        smooth, so this takes the calibration's own noise away: simulated plane-tables deviate by 1.00 to 1.01 times
+        what the true calibration leaves, without it by 1.2 to 1.7 times.
     least_planes : int or None
         A pixel seen at fewer positions is not calibrated; None for one more than the polynomial needs, where there
         are so many.
@@ -72,7 +73,7 @@ class DepthOptions:
 
     degree: int | None = 3
     axis: Literal["auto", "u", "v"] = "auto"
-    low_pass_px: float = 0.0
+    low_pass_px: float = 2.0
     least_planes: int | None = None
     distance_mm: float | None = None
 
@@ -101,8 +102,8 @@ def calibrate_depth(
     -------
     calibration : DepthCalibration
         `residual_rms_mm` is the r.m.s. of z(u) - z over all calibrated pixels and planes, with u as decoded, not
-        smoothed; for the table, which goes through its own points, that of each inner plane interpolated from its
-        two neighbours.
+        smoothed (but without the rims of targets that the low-pass leaves out); for the table, which goes through its
+        own points, that of each inner plane interpolated from its two neighbours.
 
     Raises
     ------
@@ -125,12 +126,13 @@ def calibrate_depth(
     measured = np.stack([plane.phase.u if axis == "u" else plane.phase.v for plane in planes])
     if not np.isfinite(measured).any():
         raise InputError(WHERE, f"coordinate {axis} was decoded in no pixel", "choose the other axis")
-    used = smooth_maps(measured, options.low_pass_px, progress=progress.part(0.1, 0.5))
+    modulations = [plane.phase.modulation for plane in planes]
+    used, judged = smooth_maps(measured, modulations, options.low_pass_px, progress=progress.part(0.1, 0.5))
     progress(0.5, "fitting the depth of every pixel")
     if options.degree is None:
-        curves = fit_table(depths, used, measured, least)
+        curves = fit_table(depths, used, judged, least)
     else:
-        curves = fit_polynomials(depths, used, measured, options.degree, least)
+        curves = fit_polynomials(depths, used, judged, options.degree, least)
     progress(0.9, "looking for pixels with gross errors")
     noise = _mean_sigma([plane.phase.sigma_u if axis == "u" else plane.phase.sigma_v for plane in planes])
     good, lost = _usable(curves, noise, float(depths[-1] - depths[0]))
@@ -217,7 +219,9 @@ def _orient(
         rows = np.array(found, dtype=np.int64).reshape(-1, 2)
         known = np.isfinite(plane.targets.camera_uv[rows[:, 0]]).all(axis=-1)
         rows = rows[known]
-        seen.append(TargetPlane(plane.z_mm, testfield.xyz_mm[rows[:, 1]], plane.targets.camera_uv[rows[:, 0]]))
+        seen.append(
+            TargetPlane(plane.z_mm, rows[:, 1], testfield.xyz_mm[rows[:, 1]], plane.targets.camera_uv[rows[:, 0]])
+        )
     return orient_camera(camera, seen, distance_mm=options.distance_mm)
 
 

@@ -4,6 +4,9 @@ The plate's targets are known in the plate's frame, and the plate moves by known
 the camera's interior orientation, the plate's pose at z = 0 and the direction of the axis. Plates that stay parallel
 show some of it poorly (a principal point and a small turn of the camera look nearly alike), so the interior
 orientation enters with the loose knowledge one has of any camera. Where that knowledge decides, the result says so.
+
+A target that is off its nominal place is off by the same amount at every position. So the residuals of one target
+share a part (its place) beside their own (the image noise); both variances are estimated and the correlation counts.
 """
 
 from __future__ import annotations
@@ -23,21 +26,28 @@ from core.geometry import (
     ray_directions,
     rotation_vector_from_matrix,
 )
-from core.model import INTERIOR_NAMES, Array, DeviceSpec, Interior
+from core.model import INTERIOR_NAMES, Array, DeviceSpec, Interior, Ints
 
 LEAST_TARGETS = 4
 TARGETS_TO_START = 20
 TO_OPENCV = np.diag([1.0, -1.0, -1.0])  # X right, Y down, looking along +Z
 ASSUMED_DISTANCE = 50.0  # focal lengths, where nothing tells the distance: 0.6 m with a 12 mm lens
 POORLY_KNOWN = 0.7  # share of the prior sigma above which the observations have hardly spoken
+LEAST_REPEATS = 20
+LEAST_SIGMA_PX = 1e-4
 AXIS_PRIOR_RAD = 0.02  # the plate's axis is perpendicular to the plate as well as one mounts it
 
 
 @dataclass(frozen=True)
 class TargetPlane:
-    """The targets seen with the plate at one position: places on the plate (n, 3) mm and in the image (n, 2) px."""
+    """The targets seen with the plate at one position.
+
+    `target` (n,) numbers them, the same target alike at every position; `xyz_mm` (n, 3) are their nominal places on the
+    plate, `uv` (n, 2) px those in the image.
+    """
 
     z_mm: float
+    target: Ints
     xyz_mm: Array
     uv: Array
 
@@ -91,7 +101,7 @@ def orient_camera(spec: DeviceSpec, planes: Sequence[TargetPlane], *, distance_m
 def _thinned(plane: TargetPlane) -> TargetPlane:
     """Enough targets to tell the starts apart."""
     every = max(1, len(plane.uv) // TARGETS_TO_START)
-    return TargetPlane(plane.z_mm, plane.xyz_mm[::every], plane.uv[::every])
+    return TargetPlane(plane.z_mm, plane.target[::every], plane.xyz_mm[::every], plane.uv[::every])
 
 
 def _assumed(spec: DeviceSpec, distance_mm: float | None) -> PlateCamera:
@@ -166,8 +176,9 @@ def _unpack(spec: DeviceSpec, parameters: Array) -> tuple[Interior, Pose, Array]
 
 
 def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array) -> _Solution:
-    """Least squares from one start; twice, because the weight of the priors needs the observations' own sigma."""
+    """Least squares from one start, repeated with the variances that the residuals before it show."""
     places = np.concatenate([plane.xyz_mm for plane in planes])
+    target = np.unique(np.concatenate([plane.target for plane in planes]), return_inverse=True)[1]
     z = np.concatenate([np.full(len(plane.uv), plane.z_mm) for plane in planes])
     uv = np.concatenate([plane.uv for plane in planes])
     prior = np.append(_prior_sigmas(spec), [AXIS_PRIOR_RAD, AXIS_PRIOR_RAD])
@@ -179,21 +190,45 @@ def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array) -> _S
     def misfit(p: Array) -> Array:
         interior, pose, axis = _unpack(spec, np.append(p * scale, sign))
         found = project(spec, interior, places + z[:, None] * axis, pose)
-        return np.asarray(np.nan_to_num(found - uv, nan=1e4).ravel())
+        return np.asarray(np.nan_to_num(found - uv, nan=1e4))
 
-    def residuals(p: Array, sigma: float) -> Array:
+    def residuals(p: Array, own: float, shared: float) -> Array:
         known = (np.append(p[:9], p[15:17]) * np.append(scale[:9], scale[15:17]) - expected) / prior
-        return np.append(misfit(p) / sigma, known)
+        return np.append(_decorrelated(misfit(p), target, own, shared).ravel(), known)
 
-    p, sigma = start[:17] / scale, 1.0
-    for _ in range(2):
-        solution = least_squares(residuals, p, args=(sigma,), x_scale=1.0, method="lm", max_nfev=4000)
+    p, sigmas = start[:17] / scale, (1.0, 0.0)
+    for _ in range(3):
+        solution = least_squares(residuals, p, args=sigmas, x_scale=1.0, method="lm", max_nfev=4000)
         p = solution.x
-        sigma = max(float(np.sqrt(np.sum(misfit(p) ** 2) / max(uv.size - 8, 1))), 1e-4)
-    normal = solution.jac.T @ solution.jac
-    covariance = np.linalg.pinv(normal, hermitian=True)
+        sigmas = _sigmas(misfit(p), target)
+    covariance = np.linalg.pinv(solution.jac.T @ solution.jac, hermitian=True)
     spread = np.sqrt(np.maximum(np.diag(covariance)[:9], 0)) * scale[:9]
-    return _Solution(np.append(p * scale, sign), float(np.sum(misfit(p) ** 2)), misfit(p), spread)
+    rest = misfit(p)
+    return _Solution(np.append(p * scale, sign), float(np.sum(rest**2)), rest, spread)
+
+
+def _target_means(rest: Array, target: Ints) -> tuple[Array, Array]:
+    """Mean (targets, 2) and number (targets, 1) of each target's residuals (n, 2)."""
+    count = np.bincount(target)[:, None].astype(np.float64)
+    return np.stack([np.bincount(target, column) for column in rest.T], axis=-1) / count, count
+
+
+def _decorrelated(rest: Array, target: Ints, own: float, shared: float) -> Array:
+    """Residuals (n, 2) with unit variance and no correlation, for the sigmas (px) of each alone and of each target."""
+    means, count = _target_means(rest, target)
+    keep = own / np.sqrt(own**2 + count * shared**2)
+    return (rest - ((1 - keep) * means)[target]) / own
+
+
+def _sigmas(rest: Array, target: Ints) -> tuple[float, float]:
+    """Estimate the sigma of each residual alone and the one that a target's residuals share, in px."""
+    means, count = _target_means(rest, target)
+    repeats = len(rest) - len(count)
+    if repeats < LEAST_REPEATS:  # nothing was seen twice: all is taken for the residuals' own
+        return max(float(np.sqrt(np.sum(rest**2) / max(rest.size - 8, 1))), LEAST_SIGMA_PX), 0.0
+    own = np.sum((rest - means[target]) ** 2) / (2 * repeats)
+    shared = np.sum(means**2) / max(means.size - 8, 1) - own * np.mean(1 / count)
+    return max(float(np.sqrt(own)), LEAST_SIGMA_PX), float(np.sqrt(max(shared, 0.0)))
 
 
 def _result(spec: DeviceSpec, planes: Sequence[TargetPlane], best: _Solution) -> PlateCamera:

@@ -2,7 +2,8 @@
 
 Over a plate the coordinate u is a smooth surface over the image; its pixel noise would otherwise stay in every pixel's
 curve for good. A Gaussian alone would bend a sloping map along every border and gap. So a smooth trend is taken off
-first, and only the small rest is averaged over the pixels that belong to the plate.
+first, and only the small rest is averaged over the pixels that show the undisturbed plate: not those on the rim of a
+target or of the lit field, where one pixel mixes two brightnesses and its coordinate is drawn to the brighter one.
 """
 
 from __future__ import annotations
@@ -19,25 +20,44 @@ from core.progress import SILENT, Progress
 TREND_DEGREES = (1, 2, 4)  # one after the other: the higher ones start from what the lower ones took for the plate
 TREND_PIXELS = 10_000  # a subsample that determines 15 coefficients well
 TREND_STEPS = 10  # for each degree
-ON_PLATE_FACTOR = 6.0  # pixels further from the trend, in units of the rest's spread, are taken for background
-ON_PLATE_LINES = (0.5, 3.0)  # but never nearer than the one, and always further than the other
-LEAST_PIXELS = 250
-LEAST_COVER = 0.5  # share of the Gaussian's weight that must lie on valid pixels
+LEAST_PIXELS = 250  # with fewer a plane stays as it is
+DISTURBED_FACTOR = 5.0  # pixels further from the trend, in units of the rest's spread, do not show the plate alone
+DISTURBED_LINES = (0.1, 3.0)  # but never those nearer than the one, and always those further than the other
+DISTURBED_SHARE = 0.15  # the same for the modulation, relative to its own trend
+DISTURBED_RIM_PX = 2  # so far a neighbour's brightness reaches
+COVER = 0.5  # share of the Gaussian's weight that must lie on the plate
+FILL_FACTOR = 5.0  # width of the Gaussian that fills gaps, in units of the low-pass: targets of a dozen pixels
 
 
-def smooth_maps(maps: Floats, sigma_px: float, *, progress: Progress = SILENT) -> Floats:
-    """Smooth the coordinate maps (planes, H, W) of a plate by a Gaussian of standard deviation `sigma_px`.
+def smooth_maps(
+    maps: Floats, modulations: list[Floats], sigma_px: float, *, progress: Progress = SILENT
+) -> tuple[Floats, Floats]:
+    """Smooth the coordinate maps of a plate by a Gaussian of standard deviation `sigma_px`.
 
-    Pixels off the plate (far from its trend, or still) stay as they are; gaps, such as dark targets, are filled where
-    half of the Gaussian's weight lies on valid pixels. With `sigma_px` 0 the maps themselves are returned.
+    Parameters
+    ----------
+    maps : array, shape (planes, H, W)
+        In lines, NaN where invalid.
+    modulations : list of arrays, shape (H, W)
+        Of the same planes, grey values.
+    sigma_px : float
+        With 0 the maps are returned as they are.
+
+    Returns
+    -------
+    smoothed : array, shape (planes, H, W)
+        Gaps and disturbed pixels are filled from around where they are small; at the plate's border disturbed pixels
+        are NaN. Pixels far off the plate's trend, or that do not move with it, stay as they are.
+    undisturbed : array, shape (planes, H, W)
+        The maps themselves, NaN where disturbed.
     """
     if sigma_px <= 0:
-        return maps
-    smoothed = np.empty(maps.shape, np.float32)
+        return maps, maps
+    smoothed, undisturbed = np.empty(maps.shape, np.float32), np.empty(maps.shape, np.float32)
     moving = _moving(maps)
     for i in progress.over(range(len(maps)), "smoothing plane {}"):
-        smoothed[i] = _smooth(maps[i], moving, sigma_px)
-    return smoothed
+        smoothed[i], undisturbed[i] = _smooth(maps[i], modulations[i], moving, sigma_px)
+    return smoothed, undisturbed
 
 
 def _moving(maps: Floats) -> NDArray[np.bool_]:
@@ -51,22 +71,49 @@ def _moving(maps: Floats) -> NDArray[np.bool_]:
     return rises ^ falls
 
 
-def _smooth(measured: Floats, moving: NDArray[np.bool_], sigma_px: float) -> Floats:
+def _smooth(measured: Floats, modulation: Floats, moving: NDArray[np.bool_], sigma_px: float) -> tuple[Floats, Floats]:
     known = np.isfinite(measured)
-    valid = known & moving
-    if np.count_nonzero(valid) < LEAST_PIXELS:
-        return measured
-    trend, spread = _trend(measured, valid)
-    rest = np.where(valid, measured - trend, 0).astype(np.float32)
-    on_plate = valid & (np.abs(rest) <= np.clip(ON_PLATE_FACTOR * spread, *ON_PLATE_LINES))
-    weight = _blur(on_plate.astype(np.float32), sigma_px)
+    lit = known & moving
+    if np.count_nonzero(lit) < LEAST_PIXELS:
+        return measured, measured
+    even = lit & _evenly_bright(modulation, lit)
+    if np.count_nonzero(even) < LEAST_PIXELS:
+        even = lit
+    trend, spread = _trend(measured, even)
+    rest = np.where(lit, measured - trend, 0).astype(np.float32)
+    near = lit & (np.abs(rest) <= DISTURBED_LINES[1])
+    plate = even & (np.abs(rest) <= np.clip(DISTURBED_FACTOR * spread, *DISTURBED_LINES))
+    mean, covered = _average(rest, plate, sigma_px)
+    wide, widely = _average(rest, plate, FILL_FACTOR * sigma_px)
+    elsewhere = np.where(near, np.float32(np.nan), measured)  # disturbed, or not the plate at all
+    filled = np.where(covered | plate, trend + mean, np.where(widely, trend + wide, elsewhere))
+    return filled.astype(np.float32), np.where(plate | ~near, measured, np.float32(np.nan))
+
+
+def _evenly_bright(modulation: Floats, lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether a pixel and its neighbours are about as bright as the plate is around there."""
+    smooth, _ = _average(np.nan_to_num(modulation), lit, 1.0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = trend + _blur(np.where(on_plate, rest, 0).astype(np.float32), sigma_px) / weight
-    fill = ~known & (weight >= LEAST_COVER)
-    return np.where(on_plate | fill, mean, measured).astype(np.float32)
+        level = np.log(np.where(lit, smooth, np.nan)).astype(np.float32)
+    usable = np.isfinite(level)
+    if np.count_nonzero(usable) < LEAST_PIXELS:
+        return lit
+    trend, spread = _trend(level, usable)
+    with np.errstate(invalid="ignore"):
+        odd = ~(np.abs(level - trend) <= max(DISTURBED_SHARE, DISTURBED_FACTOR * spread))
+    size = 2 * DISTURBED_RIM_PX + 1
+    return np.asarray(cv2.dilate(odd.astype(np.uint8), np.ones((size, size), np.uint8), borderValue=0) == 0)
 
 
-def _blur(image: NDArray[np.float32], sigma_px: float) -> NDArray[np.float32]:
+def _average(values: Floats, of: NDArray[np.bool_], sigma_px: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """Gaussian average over some pixels, and where they cover enough of the Gaussian."""
+    weight = _blur(of.astype(np.float32), sigma_px)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = _blur(np.where(of, values, 0).astype(np.float32), sigma_px) / weight
+    return mean, weight >= COVER
+
+
+def _blur(image: Floats, sigma_px: float) -> Floats:
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px, borderType=cv2.BORDER_CONSTANT), np.float32)
 
 
@@ -87,7 +134,7 @@ def _trend(measured: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, float]:
             solution = np.linalg.lstsq(weighted.T @ design, weighted.T @ values, rcond=None)[0]
             rest = np.abs(values - design @ solution)
             spread = max(1.4826 * float(np.median(rest)), 1e-6)
-            weights = (rest <= ON_PLATE_FACTOR * spread) / np.maximum(rest, 0.1 * spread)
+            weights = (rest <= DISTURBED_FACTOR * spread) / np.maximum(rest, 0.1 * spread)
     surface: Array = np.zeros((height, width))
     for (i, j), value in zip(powers, solution, strict=True):
         surface += (value * y**j)[:, None] * x**i
