@@ -128,8 +128,11 @@ def _brightest(frames, addresses, item_size, start, count, out):  # type: ignore
 
 
 @_fast
-def _contrast(table, bits, limits, count, threshold, contrast, low, high, flags):  # type: ignore[no-untyped-def]
-    """Threshold and half the contrast between on and off, where they must come from the bits themselves."""
+def _contrast(table, bits, limits, count, threshold, contrast, modulation, low, high, flags):  # type: ignore[no-untyped-def]
+    """Threshold and half the contrast between on and off, where they must come from the bits themselves.
+
+    At an edge of binary code all bits may be halfway: the phase's modulation then tells the contrast.
+    """
     signs = table.sign
     if not table.has_threshold:
         _fill(low, 0, count, F(np.inf))
@@ -141,7 +144,8 @@ def _contrast(table, bits, limits, count, threshold, contrast, low, high, flags)
         for i in range(count):
             threshold[i] = HALF * (low[i] + high[i])
     if not table.has_contrast:
-        _fill(contrast, 0, count, F(0))
+        for i in range(count):
+            contrast[i] = modulation[i]
         for b in range(len(signs)):
             row, sign = bits[b], signs[b]
             for i in range(count):
@@ -188,27 +192,30 @@ def _word_of(gray, cell):  # type: ignore[no-untyped-def]
 
 
 @_fast
-def _locate(table, turns, word, unsure, count, place, doubtful):  # type: ignore[no-untyped-def]
-    """Coordinate from the cell and the first combination of phases; mask of the bits that do not fit it.
+def _locate(table, turns, variance, word, unsure, count, place, noise, doubtful):  # type: ignore[no-untyped-def]
+    """Coordinate from the cell and the first combination of phases; not zero in `doubtful` where that is not certain.
 
-    A bit fits if it is as the coordinate's cell says, or belongs to the edge nearest to the coordinate. Where code
-    stands alone, one bit of a Gray word may be unsure: at the edge of a cell either side will do.
+    Certain is a coordinate of which every bit is as its cell says, or, at the edge nearest to it, exactly the bits that
+    change there are unsure; and whose neighbour one period on is clearly outside the cell. Where code stands alone, one
+    bit of a Gray word may be unsure: at the edge of a cell either side will do.
     """
-    gray, cell, steps, phased = table.gray, table.cell, table.steps, len(table.steps) > 0
+    gray, cell, steps, errors, phased = table.gray, table.cell, table.steps, table.step_error, len(table.steps) > 0
     period = table.step_period[0] if phased else ONE
-    top = np.int32((1 << len(table.sign)) - 1)
+    top, two_places = np.int32((1 << len(table.sign)) - 1), np.int32(1 << 30)
     _fill(place, 0, count, F(0))
-    if phased:
-        for j in range(steps.shape[1]):
-            factor, turn = steps[0, j], turns[j]
-            for i in range(count):
-                place[i] += factor * turn[i]
+    _fill(noise, 0, count, F(0))
+    for j in range(steps.shape[1]):
+        factor, error, turn, var = steps[0, j], errors[0, j], turns[j], variance[j]
+        for i in range(count):
+            place[i] += factor * turn[i]
+            noise[i] += error * var[i]
     for i in range(count):
-        k = _cell_of(gray, word[i])
-        centre = (F(k) + HALF) * cell - HALF
+        centre = (F(_cell_of(gray, word[i])) + HALF) * cell - HALF
         if phased:
             d = place[i] - (centre + HALF) / period
-            place[i] = centre + period * (d - np.rint(d))
+            d -= np.rint(d)
+            place[i] = centre + period * d
+            gap = max(ONE - abs(d) - HALF * cell / period, F(0))
             y = (place[i] + HALF) / cell
             edge = np.rint(y)
             low = min(max(np.int32(edge) - np.int32(1), np.int32(0)), top)
@@ -217,7 +224,9 @@ def _locate(table, turns, word, unsure, count, place, doubtful):  # type: ignore
             flips = word_low ^ word_high
             inside = word_high if y > edge else word_low
             tolerated = flips if abs(y - edge) <= EDGE else np.int32(0)
-            doubtful[i] = ((word[i] ^ inside) & ~tolerated) | (unsure[i] & ~flips)
+            doubt = (word[i] ^ inside) & ~tolerated
+            doubt |= unsure[i] if unsure[i] != flips else np.int32(0)
+            doubtful[i] = doubt | (two_places if gap * gap < SIGMAS * SIGMAS * noise[i] else np.int32(0))
         else:
             place[i] = centre
             doubtful[i] = unsure[i] & (unsure[i] - np.int32(1)) if gray else unsure[i]
@@ -431,13 +440,14 @@ def decode_pixels(
             _brightest(table.phase_frames, addresses, item_size, first, count, one)
             for i in range(count):
                 flag[i] = SATURATED if one[i] >= saturation else 0
+            _fill(m, 0, count, F(0))
             _phases(table, values, limits, count, turns, variance, m, flag)
             _fill(u, 0, count, HALF * (table.lines - ONE))
             if table.start == CODE:
                 bits = values[2 + 3 * len(table.period) :]
-                _contrast(table, bits, limits, count, values[0], values[1], one, two, flag)
+                _contrast(table, bits, limits, count, values[0], values[1], m, one, two, flag)
                 _read_bits(table, bits, limits, count, values[0], values[1], word, unsure)
-                _locate(table, turns, word, unsure, count, u, doubtful)
+                _locate(table, turns, variance, word, unsure, count, u, one, doubtful)
                 _settle(table, bits, turns, values[1], word, unsure, doubtful, count, u, flag)
             amplitude = m if len(table.period) > 0 else values[1]
             if len(table.period) > 0:
