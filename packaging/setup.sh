@@ -4,23 +4,36 @@ set -eu
 python=$1
 venv=$2
 
+# Debian packages: the venv module, and the libraries the window and its tests load (offscreen platform included)
+libraries="libgl1 libegl1 libxkbcommon0 libfontconfig1 libglib2.0-0 libdbus-1-3"
+
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || {
     echo "setup: $("$python" --version 2>&1) is too old; install Python 3.11 or newer and call make PYTHON=python3.11" >&2
     exit 1
 }
 
-"$python" -c 'import ensurepip, venv' 2>/dev/null || {
-    package=$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')
-    command="apt-get install -y $package"
+missing=""
+"$python" -c 'import ensurepip, venv' 2>/dev/null ||
+    missing=$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')
+if command -v dpkg-query >/dev/null; then
+    for library in $libraries; do
+        # newer Debian releases give some libraries the suffix t64
+        dpkg-query -W -f '${Status}\n' "$library" "${library}t64" 2>/dev/null | grep -q '^install ok installed' ||
+            missing="$missing $library"
+    done
+fi
+if [ -n "$missing" ]; then
     if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
-        echo "setup: installing $package"
-        apt-get update -qq && DEBIAN_FRONTEND=noninteractive $command >/dev/null
+        echo "setup: installing$missing"
+        apt-get update -qq
+        DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $missing >/dev/null
     else
-        echo "setup: Python has no venv module; run: sudo $command" >&2
-        exit 1
+        echo "setup: some Debian packages are missing; run this once, then call make again:" >&2
+        echo "    sudo apt-get install -y$missing" >&2
+        case "$missing" in *venv*) exit 1 ;; esac
     fi
-}
+fi
 
-echo "setup: making the environment in $venv (about a minute the first time)"
+echo "setup: making the environment in $venv (a minute or two the first time)"
 [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -e '.[dev]'
