@@ -153,5 +153,8 @@ def style_sheet(theme: Theme) -> str:
     """Fill the theme's colours into `resources/styles/app.qss`."""
     styles = files("resources").joinpath("styles")
     text = styles.joinpath("app.qss").read_text(encoding="utf-8")
-    chevron = str(styles.joinpath(f"chevron-{theme.name}.svg")).replace("\\", "/")
-    return Template(text).substitute(asdict(theme), chevron=chevron)
+    files_of = {
+        key: styles.joinpath(f"{key.replace('_', '-')}-{theme.name}.svg") for key in ("chevron", "chevron_up", "check")
+    }
+    places = {key: str(file).replace("\\", "/") for key, file in files_of.items()}
+    return Template(text).substitute(asdict(theme) | places)

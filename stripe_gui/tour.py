@@ -7,15 +7,16 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication, QEvent
+from PySide6.QtWidgets import QTabWidget
 
 from core.errors import StripeError
-from core.progress import Progress
 from stripe_gui.app import Program, make_application
 from stripe_gui.pages import PAGES
+from stripe_gui.pages.page import Page
 from stripe_gui.settings import Settings
 from stripe_gui.workbench import Workbench
 
@@ -52,8 +53,14 @@ def _this_program() -> list[str]:
 
 def _demo(folder: Path) -> Path:
     from core.demo import run_demo
+    from core.pipeline import captures_of
+    from core.project import read_project
+    from stripe_gui.presenters.work import reconstruct
 
-    run_demo(folder, "quick", progress=Progress())
+    run_demo(folder, "quick")
+    project = read_project(folder)
+    for capture in captures_of(project, "object")[:1]:
+        reconstruct(project, capture.name, "photogrammetric")
     return folder
 
 
@@ -67,18 +74,35 @@ def _pictures(out: Path, project: Path | None, scale: str) -> int:
         window = program.window
         window.resize(*SIZE)
         window.show()
+        points: list[Path] = []
         if project is not None:
             window.open_path(project)
+            points = sorted((project / "results" / "points").glob("*.npz"))
         for theme in ("light", "dark"):
             program.show_theme(theme)
             for page in PAGES:
+                if page == "reconstruct" and points:
+                    bench.session.choose_capture(points[0].name.split(".")[0])
                 window.show_page(page)
-                wait_until(lambda: not bench.views.busy)
-                window.grab().save(str(out / f"{page}-{theme}-{scale}x.png"))
+                for part in _parts(window.page):
+                    wait_until(lambda: not bench.views.busy)
+                    window.grab().save(str(out / f"{page}{part}-{theme}-{scale}x.png"))
         window.close()
         for problem in problems:
             print(f"stripe-gui: {problem}", file=sys.stderr)
         return 1 if problems else 0
+
+
+def _parts(page: Page) -> Iterator[str]:
+    """Bring each tab of a page to the front, and name it."""
+    tabs = page.findChild(QTabWidget)
+    if tabs is None or tabs.isHidden():
+        yield ""
+        return
+    for i in range(tabs.count()):
+        tabs.setCurrentIndex(i)
+        yield f"-{tabs.widget(i).objectName()}"
+    tabs.setCurrentIndex(0)
 
 
 def wait_until(done: Callable[[], bool]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QListWidget, QListWidgetItem, QSplitter
+from PySide6.QtWidgets import QCheckBox, QListWidget, QListWidgetItem, QSplitter
 
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.capture import FrameView, load_frame, pattern_text
@@ -28,14 +28,21 @@ class CapturePage(Page):
         self.captures = CaptureList(bench.session)
         self.frames = QListWidget()
         self.frames.setAccessibleName(self.tr("Frames of the capture"))
-        self.frames.setMinimumWidth(210)
+        self.frames.setMinimumWidth(230)
+        self.frames.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.frames.setMaximumWidth(300)
         self.frames.currentItemChanged.connect(self._load)
         self.view = ImageView(self.tr("Frame"))
         self.figures = label(" ", "muted")
         self.empty = label(self.tr("This project has no captures yet."), "muted")
+        self.stretch = QCheckBox(self.tr("Brighten"))
+        self.stretch.setToolTip(
+            self.tr("Show up to the brightest pixels of this frame instead of the sensor's full scale.")
+        )
+        self.stretch.toggled.connect(self._draw)
+        self._frame: FrameView | None = None
         fit = button(self.tr("Whole image"), self.view.fit, "fit", flat=True)
-        middle = column(row(self.figures, None, fit), self.view)
+        middle = column(row(self.figures, None, self.stretch, fit), self.view)
         split = QSplitter(Qt.Orientation.Horizontal)
         split.addWidget(boxed(column(label(self.tr("Captures"), "heading"), self.captures, spacing=8)))
         split.addWidget(boxed(middle))
@@ -74,9 +81,7 @@ class CapturePage(Page):
     def _load(self, item: QListWidgetItem | None, _previous: QListWidgetItem | None = None) -> None:
         entry = self.session.capture
         if item is None or entry is None or entry.capture is None:
-            self.view.set_image(None)
-            problem = str(entry.error) if entry is not None and entry.error else " "
-            self.figures.setText(problem)
+            self._clear(str(entry.error) if entry is not None and entry.error else " ")
             return
         frame = entry.capture.frames[self.frames.row(item)]
         self.bench.views.run(
@@ -84,16 +89,23 @@ class CapturePage(Page):
             load_frame,
             frame.path,
             on_done=self._show,
-            on_failed=lambda failure: self._fail(failure.error),
+            on_failed=lambda failure: self._clear(str(failure.error)),
         )
 
     def _show(self, frame: FrameView) -> None:
-        self.view.set_image(frame.image, (0.0, frame.white), unit="")
+        self._frame = frame
+        self._draw()
         height, width = frame.image.shape
         text = self.tr("{w} × {h} px, {bits} bit   mean {mean:.1f}   clipped {clipped:.2f} %")
         bits = round(frame.white + 1).bit_length() - 1
         self.figures.setText(text.format(w=width, h=height, bits=bits, mean=frame.mean, clipped=frame.clipped_percent))
 
-    def _fail(self, error: BaseException) -> None:
+    def _draw(self) -> None:
+        if self._frame is not None:
+            top = self._frame.bright if self.stretch.isChecked() else self._frame.white
+            self.view.set_image(self._frame.image, (0.0, top))
+
+    def _clear(self, text: str) -> None:
+        self._frame = None
         self.view.set_image(None)
-        self.figures.setText(str(error))
+        self.figures.setText(text)

@@ -11,7 +11,7 @@ from stripe_gui.presenters.work import evaluate
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.histogram import Histogram
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, column, label, row
+from stripe_gui.widgets.layout import boxed, button, column, label, row
 from stripe_gui.widgets.result_table import ResultTable
 from stripe_gui.workbench import Workbench
 
@@ -36,6 +36,7 @@ class EvaluatePage(Page):
         self.tabs = QTabWidget()
         self.tabs.setAccessibleName(self.tr("Results of the evaluation"))
         self.tabs.setDocumentMode(True)
+        self.tabs.tabBar().setDrawBase(False)
         self._grid = QGridLayout()
         self._grid.setSpacing(12)
         self._grid.setContentsMargins(0, 0, 0, 0)
@@ -47,12 +48,16 @@ class EvaluatePage(Page):
         scroll.setWidget(inner)
         self.bar = ColourBar()
         self.scale_text = label("", "muted", wrap=True)
-        maps = boxed(column(row(scroll, self.bar), self.scale_text))
+        fit = button(self.tr("Whole images"), self.fit, "fit", flat=True)
+        maps = boxed(column(row(scroll, self.bar), row(self.scale_text, fit)))
         maps.layout().setContentsMargins(0, 12, 0, 0)
         self.histogram = Histogram(self.tr("Histograms of the deviations"), "mm")
         self.table = ResultTable(self.tr("Deviations from the plane-table"))
         table = boxed(column(self.table))
         table.layout().setContentsMargins(0, 12, 0, 0)
+        maps.setObjectName("maps")
+        self.histogram.setObjectName("histograms")
+        table.setObjectName("table")
         self.tabs.addTab(maps, self.tr("Maps"))
         self.tabs.addTab(self.histogram, self.tr("Histograms"))
         self.tabs.addTab(table, self.tr("Table 3"))
@@ -136,16 +141,21 @@ class EvaluatePage(Page):
             "muted",
             wrap=True,
         )
-        if self.maps:
-            made.canvas.box.setXLink(self.maps[0].canvas.box)
-            made.canvas.box.setYLink(self.maps[0].canvas.box)
+        made.canvas.moved.connect(lambda: self._follow(made))
         self.maps.append(made)
         self._grid.addWidget(boxed(column(title, figures, made, spacing=4)), i, j)
 
-    def _clear_maps(self) -> None:
+    def _follow(self, moved: ImageView) -> None:
+        for other in self.maps:
+            if other is not moved:
+                other.show_as(moved)
+
+    def fit(self) -> None:
+        """Show every map whole."""
         for made in self.maps:
-            made.canvas.box.setXLink(None)
-            made.canvas.box.setYLink(None)
+            made.fit()
+
+    def _clear_maps(self) -> None:
         self.maps = []
         while self._grid.count():
             widget = self._grid.takeAt(0).widget()

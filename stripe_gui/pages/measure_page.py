@@ -107,7 +107,7 @@ class MeasurePage(Page):
         self.bench.views.run(entry.name, lit_frame, entry.capture, on_done=partial(self._picture, view))
 
     def _picture(self, view: MeasureView, frame: FrameView) -> None:
-        self.view.set_image(frame.image, (0.0, frame.white))
+        self.view.set_image(frame.image, (0.0, frame.bright))
         self._show(view)
 
     def _show(self, view: MeasureView | None) -> None:

@@ -58,7 +58,7 @@ class Page(QWidget):
 
     def add_action_button(self, action: QAction, icon: str = "") -> QPushButton:
         """Add a button that runs an action and follows its state; the window calls it for each of `action_ids`."""
-        made = button(action.text().replace("&", ""), action.trigger, icon)
+        made = button(action.text().replace("&", ""), action.trigger, icon or "run")
         made.setIcon(action.icon())
         made.setToolTip(action.toolTip())
         made.setEnabled(action.isEnabled())

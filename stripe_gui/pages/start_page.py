@@ -45,7 +45,7 @@ class StartPage(Page):
     def add_action_button(self, action: QAction, icon_name: str = "") -> QPushButton:
         """Give an action a card with its explanation."""
         frame, layout = card()
-        made = button(action.text().replace("&", "").rstrip(". …"), action.trigger)
+        made = button(action.text().replace("&", "").rstrip(". …"), action.trigger, "run")
         made.setIcon(action.icon())
         made.setIconSize(QSize(22, 22))
         made.setMinimumHeight(30)

@@ -29,10 +29,11 @@ class CaptureRow:
 
 @dataclass(frozen=True)
 class FrameView:
-    """One frame, ready to be shown between 0 and `white` grey values."""
+    """One frame, ready to be shown between 0 and `white` grey values, or up to `bright`, its 99.5th percentile."""
 
     image: NDArray
     white: float
+    bright: float
     clipped_percent: float
     mean: float
 
@@ -97,4 +98,5 @@ def load_frame(path: Path, progress: Progress = SILENT) -> FrameView:
     top = int(image.max())
     white = next(2**bits - 1 for bits in (8, 10, 12, 14, 16) if top < 2**bits)
     clipped = float(np.mean(image == white)) * 100
-    return FrameView(image, float(white), clipped, float(image.mean()))
+    bright = float(np.percentile(image, 99.5))
+    return FrameView(image, float(white), max(bright, 1.0), clipped, float(image.mean()))

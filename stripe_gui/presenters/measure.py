@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
-from core.model import Array, Capture, TargetSet
+from core.model import Adjustment, Array, Capture, Network, TargetSet
 from core.patterns import White
 from core.progress import SILENT, Progress
 from core.report import Number, Table
 from stripe_gui.presenters.capture import FrameView, load_frame
-from stripe_gui.presenters.folder import ProjectFolder
+from stripe_gui.presenters.folder import ProjectFolder, written_ns
 
 translate = QCoreApplication.translate
 
@@ -34,9 +34,47 @@ def lit_frame(capture: Capture, progress: Progress = SILENT) -> FrameView:
 
 
 def targets_of(folder: ProjectFolder, name: str) -> TargetSet | None:
-    """Give the targets measured in a capture; None where it was not measured."""
+    """Give the targets measured in a capture, None where it was not measured.
+
+    The later of measuring and calibrating, which measures too, is what counts; a calibration keeps no reasons for
+    missing targets.
+    """
+    measured, adjusted = (written_ns(folder.result_file(f"{n}.npz")) or 0 for n in ("targets", "adjustment"))
     sets = folder.result("targets.npz", tuple) or ()
-    return next((t for t in sets if t.capture == name), None)
+    found = next((t for t in sets if t.capture == name), None)
+    if found is not None and measured >= adjusted:
+        return found
+    adjustment = folder.result("adjustment.npz", Adjustment)
+    return (_from_network(adjustment.network, name) if adjustment else None) or found
+
+
+def _from_network(network: Network, name: str) -> TargetSet | None:
+    """Take a capture's targets out of an adjusted network: stations are "CAPTURE/DEVICE", points "ROW/COL"."""
+    stations = [f"{name}/{device}" for device in ("camera", "projector")]
+    if stations[0] not in network.station_names:
+        return None
+    rows = {}
+    for station in stations:
+        at = network.station_names.index(station) if station in network.station_names else -1
+        rows[station] = np.flatnonzero(network.observation_station == at)
+    seen = rows[stations[0]]
+    points = network.observation_point[seen]
+    projector = {int(network.observation_point[i]): i for i in rows[stations[1]]}
+    other = np.array([projector.get(int(p), -1) for p in points], dtype=np.int64)
+    lit = (other >= 0)[:, None]
+    identity = np.array([[int(x) for x in network.point_names[p].split("/")] for p in points]).reshape(-1, 2)
+    n = len(seen)
+    return TargetSet(
+        capture=name,
+        row=identity[:, 0],
+        col=identity[:, 1],
+        camera_uv=network.observation_uv[seen],
+        camera_cov=np.einsum("ni,ij->nij", network.observation_sigma[seen] ** 2, np.eye(2)),
+        projector_uv=np.where(lit, network.observation_uv[other], np.nan),
+        projector_sigma=np.where(lit, network.observation_sigma[other], np.nan),
+        eccentricity_px=np.full((n, 2), np.nan),
+        diameter_px=np.full(n, np.nan),
+    )
 
 
 def measure_view(capture: Capture, targets: TargetSet | None) -> MeasureView:

@@ -20,7 +20,7 @@ class CaptureList(QListWidget):
         self._session, self._roles = session, roles
         self.setAccessibleName(self.tr("Captures"))
         self.setIconSize(QSize(20, 20))
-        self.setMinimumWidth(200)
+        self.setMinimumWidth(235)
         self.setMaximumWidth(320)
         self.setTextElideMode(Qt.TextElideMode.ElideRight)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)

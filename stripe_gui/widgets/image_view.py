@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import ArrayLike, NDArray
-from PySide6.QtCore import QEvent, QPointF, QRectF, Qt, Signal
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QSizePolicy, QVBoxLayout, QWidget
 
@@ -24,6 +24,7 @@ class Canvas(pg.GraphicsView):
 
     hovered = Signal(float, float)  # u, v in px
     left = Signal()
+    moved = Signal()  # the operator zoomed or moved
     clicked = Signal(float, float, object, object)  # u, v in px, Qt.MouseButton, Qt.KeyboardModifier
 
     def __init__(self) -> None:
@@ -31,9 +32,14 @@ class Canvas(pg.GraphicsView):
         self.box = pg.ViewBox(lockAspect=True, invertY=True, enableMenu=False)
         self.box.setDefaultPadding(0.01)
         self.setCentralItem(self.box)
+        self.box.sigRangeChangedManually.connect(lambda *_: self.moved.emit())
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.viewport().setMouseTracking(True)
         self._pressed: QPointF | None = None
+
+    def sizeHint(self) -> QSize:  # noqa: N802
+        """Ask for little: the picture takes what there is."""
+        return QSize(260, 200)
 
     def position(self, event: QMouseEvent) -> tuple[float, float]:
         """Where in the image (px) the mouse is."""
@@ -69,13 +75,15 @@ class Canvas(pg.GraphicsView):
             factor = 1.25 if event.key() == Qt.Key.Key_Minus else 0.8
             self.box.scaleBy((factor, factor))
         elif event.key() == Qt.Key.Key_0:
-            self.box.autoRange()
+            self.box.autoRange(padding=0.01)
         elif event.key() in steps:
             (x0, x1), (y0, y1) = self.box.viewRange()
             dx, dy = steps[event.key()]
             self.box.translateBy(x=dx * (x1 - x0) / 10, y=dy * (y1 - y0) / 10)
         else:
             event.ignore()
+            return
+        self.moved.emit()
 
 
 class ImageView(QWidget):
@@ -167,6 +175,10 @@ class ImageView(QWidget):
         if self._image is not None:
             height, width = self._image.shape
             self.canvas.box.setRange(QRectF(-0.5, -0.5, width, height), padding=0.01)
+
+    def show_as(self, other: ImageView) -> None:
+        """Show the same part as another view of the same size."""
+        self.canvas.box.setRange(other.canvas.box.viewRect(), padding=0)
 
     def centre_on(self, u: float, v: float, width_px: float | None = None) -> None:
         """Bring a point to the middle; `width_px` also sets how much of the image is seen."""

@@ -28,7 +28,7 @@ def button(
     text: str, slot: Callable[[], object], icon_name: str = "", *, primary: bool = False, flat: bool = False
 ) -> QPushButton:
     """Give a button; a page has one primary button at most."""
-    made = QPushButton(text)
+    made = QPushButton(f" {text}" if icon_name else text)  # a little more room beside the icon
     made.setProperty("primary", primary)
     made.setProperty("flat", flat)
     made.setAccessibleName(text.replace("&", ""))

@@ -21,11 +21,13 @@ class TableModel(QAbstractTableModel):
     def __init__(self) -> None:
         super().__init__()
         self.table = EMPTY
+        self._numeric: list[bool] = []
 
     def show(self, table: Table) -> None:
         """Take another table."""
         self.beginResetModel()
         self.table = table
+        self._numeric = [any(isinstance(row[i], Number) for row in table.rows) for i in range(len(table.columns))]
         self.endResetModel()
 
     def rowCount(self, parent: QModelIndex | None = None) -> int:  # noqa: N802
@@ -44,17 +46,22 @@ class TableModel(QAbstractTableModel):
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.AccessibleTextRole):
             return cell_text(cell)
         if role == Qt.ItemDataRole.TextAlignmentRole:
-            side = Qt.AlignmentFlag.AlignRight if isinstance(cell, Number) else Qt.AlignmentFlag.AlignLeft
-            return int(side | Qt.AlignmentFlag.AlignVCenter)
+            return self._side(index.column())
         if role == VALUE:
             return cell.value if isinstance(cell, Number) else cell
         return None
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:  # noqa: N802
         """Give a column's name."""
-        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
-            return self.table.columns[section]
-        return None
+        if orientation != Qt.Orientation.Horizontal:
+            return None
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            return self._side(section)
+        return self.table.columns[section] if role == Qt.ItemDataRole.DisplayRole else None
+
+    def _side(self, section: int) -> int:
+        side = Qt.AlignmentFlag.AlignRight if self._numeric[section] else Qt.AlignmentFlag.AlignLeft
+        return int(side | Qt.AlignmentFlag.AlignVCenter)
 
 
 class _Sorted(QSortFilterProxyModel):
@@ -95,7 +102,6 @@ class ResultTable(QWidget):
         self.view.verticalHeader().hide()
         self.view.verticalHeader().setDefaultSectionSize(28)
         self.view.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
-        self.view.horizontalHeader().setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         self.view.horizontalHeader().setHighlightSections(False)
         self.view.horizontalHeader().setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
         self.view.selectionModel().currentRowChanged.connect(self._choose)
@@ -119,16 +125,12 @@ class ResultTable(QWidget):
         self.notes.setVisible(bool(table.notes))
         self.view.setAccessibleDescription(table.title)
         self.view.resizeColumnsToContents()
-        header = self.view.horizontalHeader()
-        for i in range(header.count()):
-            header.resizeSection(i, header.sectionSize(i) + 14)
 
     def fit_height(self, most: int = 14) -> None:
         """Make the view as high as its rows, `most` rows at most."""
         rows = min(self.model.rowCount(), most)
         height = self.view.horizontalHeader().sizeHint().height() + 28 * rows + 6
-        bar = self.view.horizontalScrollBar().sizeHint().height()
-        self.view.setFixedHeight(height + bar)
+        self.view.setFixedHeight(height + self.view.horizontalScrollBar().sizeHint().height())
 
     def choose_row(self, row: int) -> None:
         """Select a row of the table."""
