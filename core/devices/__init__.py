@@ -6,6 +6,14 @@ opening.py   from a URL to a device
 scene.py     what virtual devices look at
 benchscene.py  ... of the virtual bench
 virtual.py   a projector and a camera that share such a scene
+profile.py   how a given serial projector is spoken to: a data file in resources/profiles
+template.py  its commands and answers, filled in and recognised
+link.py      a serial line that always comes back in time, lines of text and binary frames
+rs232.py     a projector on that line
+emulator.py, server.py, emulated.py  the other end of the line: a projector made of bytes, on a pty or a socket
+screen.py    any HDMI projector as a second screen
+uvc.py       cameras that OpenCV opens
+genicam.py   industrial cameras through the package harvesters
 stored.py    images that are files: a replayed capture, a watched folder
 faults.py    what virtual devices do wrong on demand, by name and rate
 
@@ -14,7 +22,9 @@ No device is needed to test any of this: one suite, tests/devices, holds every p
 
 from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, Faults
 from core.devices.opening import CAMERA_KINDS, PROJECTOR_KINDS, open_camera, open_projector
+from core.devices.profile import profile_names
 from core.devices.protocol import Camera, Image, Note, Projector, no_note, wait_until
+from core.devices.screen import Surface, offer_screens
 
 __all__ = [
     "CAMERA_FAULTS",
@@ -26,8 +36,11 @@ __all__ = [
     "Image",
     "Note",
     "Projector",
+    "Surface",
     "no_note",
+    "offer_screens",
     "open_camera",
     "open_projector",
+    "profile_names",
     "wait_until",
 ]

@@ -48,6 +48,11 @@ class Address:
             raise InputError(self.url, f"{key} is {self.options[key]!r}", f"give a number from {least:g} to {most:g}")
         return value
 
+    def optional(self, key: str, least: float = 0.0) -> float | None:
+        """Read an option's number; None without it."""
+        self.asked.add(key)
+        return self.real(key, 0.0, least) if key in self.options else None
+
     def integer(self, key: str, default: int, least: int = 0, most: int = 2**31) -> int:
         """Read an option's whole number."""
         value = self.real(key, default, least, most)

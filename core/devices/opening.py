@@ -20,11 +20,14 @@ PROJECTOR_KINDS = {
     "replay": "replay:FOLDER, a stored capture",
     "serial": "serial:PORT, such as serial:/dev/ttyUSB0?profile=stripe-lines",
     "emulated": "emulated:SCENE, a virtual projector at the other end of a serial line",
+    "screen": "screen:NUMBER, an HDMI projector as a further screen",
 }
 CAMERA_KINDS = {
     "virtual": "virtual:SCENE, together with a virtual projector of the same scene",
     "replay": "replay:FOLDER, together with a replaying projector",
     "folder": "folder:FOLDER, images that another program writes",
+    "uvc": "uvc:NUMBER, a video device such as uvc:0?exposure=150&format=GREY",
+    "genicam": "genicam:SERIAL-NUMBER?producer=FILE.cti, an industrial camera",
 }
 _SCENE_OPTIONS = ("pose", "shot", "seed")
 _stages: WeakValueDictionary[str, Stage] = WeakValueDictionary()
@@ -59,6 +62,8 @@ def open_projector(url: str, note: Note = no_note) -> Projector:
             return _serial(address, note)
         case "emulated":
             return _emulated(address, note)
+        case "screen":
+            return _screen(address, note)
     raise _unknown(address, "projector", PROJECTOR_KINDS)
 
 
@@ -76,6 +81,10 @@ def open_camera(url: str, note: Note = no_note) -> Camera:
             bits = address.integer("bits", 0, 0, 16)
             address.finish()
             return FolderCamera(Path(address.place), bits)
+        case "uvc":
+            return _uvc(address, note)
+        case "genicam":
+            return _genicam(address, note)
     raise _unknown(address, "camera", CAMERA_KINDS)
 
 
@@ -112,6 +121,42 @@ def _emulated(address: Address, note: Note) -> Projector:
     line = address.text("line", "pty", among=("pty", "socket"))
     address.finish()
     return EmulatedProjector(stage, profile, faults, line, note, settle_s)
+
+
+def _screen(address: Address, note: Note) -> Projector:
+    from core.devices.screen import SETTLE_S, ScreenProjector, open_surface
+
+    number = address.place_number("screen")
+    gamma = address.real("gamma", 1.0, 0.1, 10.0)
+    settle_s = address.real("settle_ms", 1000 * SETTLE_S, 0.0, 10_000.0) / 1000
+    address.finish()
+    return ScreenProjector(open_surface(number), gamma=gamma, settle_s=settle_s, name=f"screen {number}", note=note)
+
+
+def _uvc(address: Address, note: Note) -> Camera:
+    from core.devices.uvc import UvcCamera
+
+    number = address.place_number("video device")
+    width, height = address.integer("width", 0), address.integer("height", 0)
+    exposure, gain = address.optional("exposure", -100.0), address.optional("gain")
+    fourcc, bits = address.text("format", ""), address.integer("bits", 0, 0, 16)
+    address.finish()
+    return UvcCamera(
+        number, width=width, height=height, exposure=exposure, gain=gain, fourcc=fourcc, bits=bits, note=note
+    )
+
+
+def _genicam(address: Address, note: Note) -> Camera:
+    from core.devices.genicam import GenicamCamera
+
+    if not address.place:
+        raise InputError(address.url, "no camera", "name its serial number, or 0 for the first")
+    producer, pixel_format = address.text("producer", ""), address.text("format", "")
+    exposure_us, gain = address.optional("exposure_us"), address.optional("gain")
+    address.finish()
+    return GenicamCamera(
+        address.place, producer, exposure_us=exposure_us, gain=gain, pixel_format=pixel_format, note=note
+    )
 
 
 def _profile(address: Address, columns: int, rows: int) -> tuple[Profile, float]:

@@ -3,13 +3,17 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from core.devices import Camera, open_camera, open_projector
+from core.devices.genicam import GenicamCamera
+from core.devices.uvc import UvcCamera
 from core.errors import DeviceError
 from core.patterns import Black, White
 from core.project import write_image
@@ -68,7 +72,97 @@ def folder(tmp_path: Path) -> Iterator[Bed]:
         thread.join()
 
 
-BEDS = {"virtual": virtual, "folder": folder}
+class Video:
+    """OpenCV's VideoCapture: an image every 10 ms, exposed 10 ms before it comes, four of them kept."""
+
+    def __init__(self) -> None:
+        self.level, self.run, self.queue, self.ready = 20, True, [], threading.Condition()
+        self.end = threading.Event()
+        self.thread = threading.Thread(target=self.expose)
+        self.thread.start()
+
+    def expose(self) -> None:
+        level = self.level
+        while not self.end.wait(0.01):
+            with self.ready:
+                if self.run:
+                    self.queue = [*self.queue, np.full((6, 8, 3), level, np.uint8)][-4:]
+                level = self.level
+                self.ready.notify_all()
+
+    def read(self) -> tuple[bool, np.ndarray | None]:
+        with self.ready:
+            if not self.ready.wait_for(lambda: bool(self.queue), 0.1):
+                return False, None
+            return True, self.queue.pop(0)
+
+    def isOpened(self) -> bool:  # noqa: N802
+        return True
+
+    def set(self, key: int, value: float) -> bool:
+        return True
+
+    def release(self) -> None:
+        self.end.set()
+        self.thread.join()
+
+
+def uvc(tmp_path: Path) -> Iterator[Bed]:
+    video = Video()
+    camera = UvcCamera(0, capture=lambda number: video)
+    yield Bed(
+        camera,
+        lambda on: setattr(video, "level", 200 if on else 20),
+        lambda: setattr(video, "run", False),
+    )
+    camera.close()
+
+
+class Producer:
+    """A Harvester with one camera that is triggered by software, 12 bit."""
+
+    def __init__(self) -> None:
+        self.level, self.run, self.buffers = 300, True, []
+        node = SimpleNamespace
+        self.device_info_list = [node(serial_number="A1")]
+        nodes = node(
+            Width=node(value=8),
+            Height=node(value=6),
+            PixelFormat=node(value="Mono12"),
+            TriggerMode=node(value="Off"),
+            TriggerSoftware=node(execute=lambda: self.buffers.append(self.level)),
+        )
+        self.remote_device = node(node_map=nodes)
+
+    def create(self, key: object) -> "Producer":
+        return self
+
+    def update(self) -> None:
+        """Nothing to look for."""
+
+    start = stop = destroy = reset = update
+
+    @contextmanager
+    def fetch(self, timeout: float) -> Iterator[SimpleNamespace]:
+        if not self.run:
+            time.sleep(timeout)
+            raise TimeoutError("no event")
+        part = SimpleNamespace(data=np.full(48, self.buffers.pop(0), np.uint16), width=8, height=6)
+        yield SimpleNamespace(payload=SimpleNamespace(components=[part]))
+
+
+def genicam(tmp_path: Path) -> Iterator[Bed]:
+    producer = Producer()
+    camera = GenicamCamera("A1", harvester=producer)
+    yield Bed(
+        camera,
+        lambda on: setattr(producer, "level", 3000 if on else 30),
+        lambda: setattr(producer, "run", False),
+    )
+    camera.close()
+
+
+BEDS = {"virtual": virtual, "folder": folder, "uvc": uvc, "genicam": genicam}
 
 
 @pytest.fixture(params=BEDS)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from core.devices import Projector, open_camera, open_projector
+from core.devices import Projector, offer_screens, open_camera, open_projector
 from core.errors import DeviceError, PatternRefusedError
 from core.patterns import Black, Line, Phase, White, pattern_image, reference_sequence
 
@@ -39,16 +39,42 @@ def lit_by(url: str) -> Iterator[Bed]:
     projector.close()
 
 
+class Window:
+    """A surface that remembers what it was given."""
+
+    size = (64, 64)
+
+    def __init__(self) -> None:
+        self.image = np.zeros((64, 64), np.uint8)
+
+    def present(self, image: np.ndarray) -> None:
+        assert image.shape == self.image.shape
+        self.image = image.copy()
+
+    def close(self) -> None:
+        self.image = np.zeros((64, 64), np.uint8)
+
+
+def screen() -> Iterator[Bed]:
+    window = Window()
+    offer_screens(lambda number: window)
+    projector = open_projector("screen:1?settle_ms=0")
+    yield Bed(projector, lambda: (window.image > 127).astype(int))
+    projector.close()
+    offer_screens(None)
+
+
 BEDS = {
     "virtual": "virtual:flat",
     "text lines on a pseudo-terminal": "emulated:flat?profile=stripe-lines&settle_ms=1",
+    "screen": "screen:1",
     "binary frames on a socket": "emulated:flat?profile=stripe-frames&settle_ms=1&line=socket",
 }
 
 
 @pytest.fixture(params=BEDS)
 def bed(request: pytest.FixtureRequest) -> Iterator[Bed]:
-    yield from lit_by(BEDS[request.param])
+    yield from screen() if request.param == "screen" else lit_by(BEDS[request.param])
 
 
 def shows(bed: Bed, pattern: object) -> bool:
