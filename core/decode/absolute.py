@@ -9,8 +9,9 @@ import numpy as np
 
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
 from core.decode.kernel import decode_pixels
-from core.decode.options import DecodeOptions
+from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
+from core.decode.rim import drop_rim
 from core.decode.sample import check_duplicates, full_scale, limits_of, measure_fading, measure_noise, take_sample
 from core.decode.sections import decode_sections
 from core.decode.tables import SWEEP, AxisTable, Rows, axis_table, image_row, make_rows, no_axis
@@ -105,10 +106,12 @@ def decode(
 
         run_in_bands(band, min(block, height - top))
     shape = (height, width)
-    return PhaseMap(
-        *(a.reshape(shape) for a in (place[0], place[1], sigma[0], sigma[1], modulation, image)),
-        flags=flags.reshape(shape),
-    )
+    u, v, sigma_u, sigma_v = (a.reshape(shape) for a in (*place, *sigma))
+    flags = flags.reshape(shape)
+    for table, coordinate, s, missing in ((tables[0], u, sigma_u, Flag.NO_U), (tables[1], v, sigma_v, Flag.NO_V)):
+        if len(table.period) > 0:
+            drop_rim(coordinate, s, flags, float(table.lines), float(table.period.min()), missing)
+    return PhaseMap(u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags)
 
 
 @lru_cache(maxsize=16)

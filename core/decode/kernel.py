@@ -29,7 +29,10 @@ SIGMAS = F(4.5)  # a step that rounds is trusted when this many of its standard 
 NOISE_BIT = F(3.5)  # a bit nearer to its threshold, in standard deviations, is unsure
 GATE = F(0.4)  # cycles: phases that differ by more contradict each other
 EDGE = F(0.35)  # cells: how far from the edge of a cell code and phase may see it
+LOOSE = F(0.75)  # part of half the contrast: a bit nearer to its threshold may be wrong
+BLUNT = F(0.158)  # part of half the contrast by which the prediction of a bit may err without noise
 RAMP = F(1.0)  # lines over which a code's edge is assumed to be blurred, each side
+EVIDENCE = F(20)  # twice the logarithm of how much likelier than the second the best must be
 TILE = 512  # pixels taken together: long enough to read every frame in runs, short enough for the cache
 
 
@@ -131,7 +134,8 @@ def _brightest(frames, addresses, item_size, start, count, out):  # type: ignore
 def _contrast(table, bits, limits, count, threshold, contrast, modulation, low, high, flags):  # type: ignore[no-untyped-def]
     """Threshold and half the contrast between on and off, where they must come from the bits themselves.
 
-    At an edge of binary code all bits may be halfway: the phase's modulation then tells the contrast.
+    At an edge of binary code all bits may be halfway: then the phase's modulation tells the contrast; without phases
+    the contrast must be a usual part of the brightness.
     """
     signs = table.sign
     if not table.has_threshold:
@@ -151,8 +155,9 @@ def _contrast(table, bits, limits, count, threshold, contrast, modulation, low, 
             for i in range(count):
                 contrast[i] = max(contrast[i], abs(row[i] + sign * threshold[i]))
     dark, shot, least = limits.dark, limits.shot, HALF * limits.snr * limits.snr
+    share = table.least_contrast
     for i in range(count):
-        weak = contrast[i] < F(0) or contrast[i] * contrast[i] < least * (dark + shot * threshold[i])
+        weak = contrast[i] <= share * threshold[i] or contrast[i] * contrast[i] < least * (dark + shot * threshold[i])
         flags[i] |= LOW if weak else 0
 
 
@@ -233,54 +238,60 @@ def _locate(table, turns, variance, word, unsure, count, place, noise, doubtful)
 
 
 @_fast
-def _misfit(gray, cell, fading, bits, i, contrast, u):  # type: ignore[no-untyped-def]
-    """Sum of squares of a pixel's bits (off -1, on 1) against those a coordinate predicts, and the most acceptable."""
-    last = len(fading) - 1
+def _misfit(gray, cell, soft, word, loose, u):  # type: ignore[no-untyped-def]
+    """Sum of squares of a pixel's bits (off -1, on 1) against those a coordinate predicts, and how many change there.
+
+    Bits that are `loose`, or change at the nearest edge, count as they are; the others only if they are plainly wrong.
+    """
+    last = len(soft) - 1
     y = (u + HALF) / cell
     edge, top = np.rint(y), (2 << last) - 1
     word_low = _word_of(gray, min(max(int(edge) - 1, 0), top))
     word_high = _word_of(gray, min(max(int(edge), 0), top))
+    flips = word_low ^ word_high
     across = (y - edge) * cell / min(RAMP, HALF * cell)
-    share = HALF + HALF * min(max(across, -ONE), ONE)
-    total, tolerance = F(0), ONE
+    across = min(max(across, -ONE), ONE)
+    total, changing = F(0), F(0)
     for b in range(last + 1):
-        before, after = F((word_low >> (last - b)) & 1), F((word_high >> (last - b)) & 1)
-        x = bits[b, i] / (contrast * fading[b])
-        d = min(max(x, -ONE), ONE) - (F(2) * (before + (after - before) * share) - ONE)
-        total += d * d
-        tolerance += HALF if before != after else F(0)
-    return total, tolerance
+        mask = 1 << (last - b)
+        after = ONE if word_high & mask else -ONE
+        if (flips | loose) & mask:
+            d = soft[b] - (after * across if flips & mask else after)
+            total += d * d
+            changing += ONE if flips & mask else F(0)
+        elif (word ^ word_high) & mask:
+            total += F(4)
+    return total, changing
 
 
 @_fast
-def _alternative(gray, word, unsure, n):  # type: ignore[no-untyped-def]
+def _alternative(gray, bit_count, word, unsure, n):  # type: ignore[no-untyped-def]
     """The n-th word that the unsure bits leave open besides the hard one, or -1.
 
-    In Gray code each unsure bit may be wrong by itself. In binary code all bits below the most significant unsure one
-    change at the same edge: the cells on its two sides end in 0111 and 1000.
+    In Gray code each unsure bit may be wrong by itself. In binary code all bits below an unsure one may change at the
+    same edge: the cells on its two sides end in 0111 and 1000.
     """
-    if gray:
-        return word ^ (1 << n) if (unsure >> n) & 1 else -1
-    if n > 1 or unsure == 0:
+    bit = n % bit_count
+    if not (unsure >> bit) & 1 or (gray and n >= bit_count):
         return -1
-    mask = 1
-    while mask * 2 <= unsure:
-        mask *= 2
-    prefix = word & ~(2 * mask - 1)
-    return prefix | (mask - 1) if n == 0 else prefix | mask
+    if gray:
+        return word ^ (1 << bit)
+    prefix = word & ~((2 << bit) - 1)
+    return prefix | ((1 << bit) - 1) if n < bit_count else prefix | (1 << bit)
 
 
 @_fast
-def _most_likely(gray, cell, fading, lines, period, bits, i, contrast, word, unsure, turn):  # type: ignore[no-untyped-def]
+def _most_likely(gray, cell, lines, period, sigma, blunt, soft, word, loose, turn):  # type: ignore[no-untyped-def]
     """The coordinate whose predicted bits fit best, and whether it is clearly the best.
 
-    Candidates are the places in the cells of all open words at which the phase is `turn`; with `period` 0 there is no
-    phase, and their centres and edges are candidates.
+    Candidates are the places in the cells of all open words at which the phase is `turn`, give or take three of its
+    standard deviations; a shift costs as much as bits (of standard deviation `blunt`) of the same likelihood. With
+    `period` 0 there is no phase: centres and edges of the cells are tried, and the centre is the answer.
     """
-    best, second, place, accepted = F(1e9), F(1e9), F(0), F(0)
+    best, second, place, accepted, answer = F(1e9), F(1e9), F(0), F(0), F(0)
     apart = HALF * period if period > F(0) else F(1.25) * cell
-    for n in range(-1, len(fading)):
-        candidate = word if n < 0 else _alternative(gray, word, unsure, n)
+    for n in range(-1, 2 * len(soft)):
+        candidate = word if n < 0 else _alternative(gray, len(soft), word, loose, n)
         if candidate < 0:
             continue
         centre = (F(_cell_of(gray, candidate)) + HALF) * cell - HALF
@@ -291,18 +302,24 @@ def _most_likely(gray, cell, fading, lines, period, bits, i, contrast, word, uns
                 u = centre + period * (d - np.rint(d) + F(side))
             if abs(u - centre) > cell or u < -ONE or u > lines:
                 continue
-            cost, tolerance = _misfit(gray, cell, fading, bits, i, contrast, u)
+            cost, changing = _misfit(gray, cell, soft, word, loose, u)
+            for k in range(-2, 3):
+                if k != 0 and sigma > F(0.1) * RAMP and cost > blunt * blunt:
+                    shift = F(1.5) * F(k)
+                    other = _misfit(gray, cell, soft, word, loose, u + shift * sigma)[0]
+                    cost = min(cost, other + shift * shift * blunt * blunt)
             distinct = abs(u - place) > apart
             if cost < best:
                 second = best if distinct else second
-                best, place, accepted = cost, u, tolerance
+                best, place, accepted, answer = cost, u, ONE + F(0.25) * changing, centre
             elif distinct:
                 second = min(second, cost)
-    return place, best <= accepted and second - best >= HALF
+    certain = best <= accepted and second - best >= EVIDENCE * blunt * blunt
+    return (place if period > F(0) else answer), certain
 
 
 @_fast
-def _settle(table, bits, turns, contrast, word, unsure, doubtful, count, place, flags):  # type: ignore[no-untyped-def]
+def _settle(table, limits, bits, turns, noise, threshold, contrast, word, unsure, doubtful, count, place, flags):  # type: ignore[no-untyped-def]
     """Decide the doubtful pixels one by one."""
     anything = 0
     for i in range(count):
@@ -311,16 +328,22 @@ def _settle(table, bits, turns, contrast, word, unsure, doubtful, count, place, 
     if anything == 0:
         return
     gray, cell, fading, lines, steps = table.gray, table.cell, table.fading, table.lines, table.steps
-    period = table.step_period[0] if len(steps) > 0 else F(0)
+    period, dark, shot = table.step_period[0] if len(steps) > 0 else F(0), limits.dark, limits.shot
+    soft = np.empty(len(fading), F)
     for i in range(count):
         if doubtful[i] != 0:
-            turn = F(0)
+            turn, loose = F(0), 0
             for j in range(steps.shape[1]):
                 turn += steps[0, j] * turns[j, i]
-            place[i], clear = _most_likely(
-                gray, cell, fading, lines, period, bits, i, contrast[i], word[i], unsure[i], turn
-            )
-            if not clear:
+            for b in range(len(soft)):
+                x = bits[b, i] / (contrast[i] * fading[b])
+                soft[b] = min(max(x, -ONE), ONE)
+                loose |= (1 if abs(x) < LOOSE else 0) << (len(soft) - 1 - b)
+            noisy = (dark + shot * threshold[i]) / (contrast[i] * contrast[i])
+            blunt = np.sqrt(max(noisy, BLUNT * BLUNT))
+            sigma = period * np.sqrt(noise[i])
+            place[i], certain = _most_likely(gray, cell, lines, period, sigma, blunt, soft, word[i], loose, turn)
+            if not certain:
                 flags[i] |= UNSURE if unsure[i] != 0 else DISAGREEMENT
 
 
@@ -448,7 +471,9 @@ def decode_pixels(
                 _contrast(table, bits, limits, count, values[0], values[1], m, one, two, flag)
                 _read_bits(table, bits, limits, count, values[0], values[1], word, unsure)
                 _locate(table, turns, variance, word, unsure, count, u, one, doubtful)
-                _settle(table, bits, turns, values[1], word, unsure, doubtful, count, u, flag)
+                _settle(
+                    table, limits, bits, turns, one, values[0], values[1], word, unsure, doubtful, count, u, flag
+                )
             amplitude = m if len(table.period) > 0 else values[1]
             if len(table.period) > 0:
                 _unwrap(table, turns, variance, count, u, one, two, flag)

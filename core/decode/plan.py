@@ -22,6 +22,7 @@ from core.errors import InputError
 
 MAX_BITS = 24  # cell numbers must be exact in single precision
 SEARCH = {1: 1, 2: 9, 3: 5, 4: 3}  # largest |a_j| by number of periods; more periods: single phases and beats
+SAFE = 0.125  # a step this safe bears phases known to 0.17 rad; safer ones need not be sought
 TOLERANCE = 1e-6
 
 
@@ -158,7 +159,7 @@ def longest_beat(periods: tuple[float, ...]) -> float:
 
 @lru_cache(maxsize=64)
 def safest_steps(periods: tuple[float, ...], known: float, coded: bool) -> tuple[float, tuple[tuple[int, ...], ...]]:
-    """From a position known to within `known` lines to the finest phase, by the safest steps.
+    """From a position known to within `known` lines to the finest phase: the fewest steps that are safe enough.
 
     Parameters
     ----------
@@ -172,36 +173,42 @@ def safest_steps(periods: tuple[float, ...], known: float, coded: bool) -> tuple
     Returns
     -------
     safety : float
-        Standard deviation in cycles of one phase, times a constant, that the least safe step bears.
+        Half a cycle by the factor with which the least safe step magnifies the errors of the phases.
     steps : tuple of tuple of int
         Empty where there is no way.
     """
     vectors, beat = combinations(periods)
+    order = np.argsort(-beat, kind="stable")
+    vectors, beat = vectors[order], beat[order]
     length = np.linalg.norm(vectors, axis=1)
     start = np.where(coded, (np.maximum(0.5 - known / (2 * beat), 0.05) + 0.1) / length, 10 / length)
-    best = np.where(beat >= known - TOLERANCE * known, start, 0.0)
-    origin = np.full(len(beat), -1)
-    done = np.zeros(len(beat), bool)
-    goal = int(np.flatnonzero((np.abs(vectors).sum(axis=1) == 1) & (vectors[:, 0] == 1))[0])
-    while True:
-        # the widest path, as Dijkstra's shortest; of equally safe nodes the shorter period first
-        open_ = np.flatnonzero(~done & (best > 0))
-        if len(open_) == 0:
-            return 0.0, ()
-        node = int(open_[np.lexsort((beat[open_], -best[open_]))[0]])
-        done[node] = True
-        if node == goal:
-            break
-        error = vectors - (beat[node] / beat)[:, None] * vectors[node]
-        step = 0.5 / np.maximum(np.linalg.norm(error, axis=1), TOLERANCE)
-        through = np.where(beat < beat[node] * (1 - TOLERANCE), np.minimum(step, best[node]), 0.0)
-        better = ~done & (through > best)
-        best[better], origin[better] = through[better], node
+    start = np.where(beat >= known * (1 - TOLERANCE), start, 0.0)
+    # steps lead from longer to shorter beats only: one pass in that order finds the safest way to each
+    safety = start.copy()
+    for node in range(len(beat)):
+        through = np.minimum(_step_safety(vectors, beat, node), safety[:node])
+        safety[node] = max(safety[node], through.max(initial=0.0))
+    goal = int(np.flatnonzero((length == 1) & (vectors[:, 0] == 1))[0])
+    least = min(float(safety[goal]), SAFE)
+    if least == 0:
+        return 0.0, ()
+    count, origin = np.where(start >= least, 1.0, np.inf), np.full(len(beat), -1)
+    for node in range(len(beat)):
+        ways = np.where(_step_safety(vectors, beat, node) >= least, count[:node] + 1, np.inf)
+        if ways.min(initial=np.inf) < count[node]:
+            origin[node] = int(ways.argmin())
+            count[node] = ways.min()
     steps: list[tuple[int, ...]] = []
-    while node >= 0:
-        steps.insert(0, tuple(int(a) for a in vectors[node]))
-        node = int(origin[node])
-    return float(best[goal]), tuple(steps)
+    while goal >= 0:
+        steps.insert(0, tuple(int(a) for a in vectors[goal]))
+        goal = int(origin[goal])
+    return least, tuple(steps)
+
+
+def _step_safety(vectors: NDArray[np.int64], beat: NDArray[np.float64], node: int) -> NDArray[np.float64]:
+    """Safety of the step to a combination from each of the longer ones before it, shape (node,)."""
+    error = vectors[node] - (beat[:node] / beat[node])[:, None] * vectors[:node]
+    return 0.5 / np.maximum(np.linalg.norm(error, axis=1), TOLERANCE)
 
 
 def _refusal(frames: AxisFrames, reasons: list[str], lines: int | None) -> tuple[str, str]:

@@ -14,6 +14,7 @@ from core.decode.tables import AxisTable, Singles, image_row
 from core.errors import InputError
 
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
+USUAL = 0.6  # part of the usual contrast that a code alone must have
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
 
 
@@ -127,4 +128,7 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
         return table
     # a triangle wave's mean is half its peak: only bits below that have faded
     share = np.mean(raw[:, lit] / contrast[lit], axis=1)
-    return table._replace(fading=np.clip(1.5 * share, 0.2, 1.0).astype(np.float32))
+    usual = np.median(contrast[lit] / np.maximum(threshold[lit], 1)) if not table.has_contrast and not len(table.period) else 0
+    return table._replace(
+        fading=np.clip(1.5 * share, 0.2, 1.0).astype(np.float32), least_contrast=np.float32(USUAL * usual)
+    )

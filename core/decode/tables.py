@@ -43,7 +43,8 @@ class AxisTable(NamedTuple):
     period, then every bit. `covariance` (J, 3) holds the cofactors (cc, cs, ss) of the quadratures, `period` (J,) lines.
     `steps` (S, J) are the integer combinations of phases, `step_period` (S,) theirs, `step_error` (S, J) the squares
     that propagate the phases' variances (cycles²) to what a step must round. Of each bit: `sign` times the threshold
-    is added, `spread` is its variance per frame's variance, `fading` its contrast relative to the coarse bits.
+    is added, `spread` is its variance per frame's variance, `fading` its contrast relative to the coarse bits. `least_contrast` is a part of the
+    threshold.
     """
 
     start: int
@@ -61,6 +62,7 @@ class AxisTable(NamedTuple):
     sign: Singles
     spread: Singles
     fading: Singles
+    least_contrast: np.float32
     phase_frames: Shorts
     line_frames: Shorts
     line_centre: Singles
@@ -213,6 +215,7 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         sign=np.array(sign, np.float32),
         spread=np.array(spread, np.float32),
         fading=np.ones(len(sign), np.float32),
+        least_contrast=np.float32(0),
         phase_frames=np.array([n for phase in axis.phases for n in phase.frames] if fits else [], np.int32),
         line_frames=np.array(lines.frames if lines else [], np.int32),
         line_centre=np.array(lines.centre if lines else [], np.float32),

@@ -1,0 +1,46 @@
+"""The rim of the projected field, where the fringes end.
+
+Blur carries light of the last lines beyond the projector's edge, but none comes back from there: the fringe is cut
+and its phase wrong by up to a line. Seen alone such a pixel looks sound; it betrays itself by the darkness beside it.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from core.decode.options import Flag
+from core.decode.tables import Singles
+
+SHARE = 0.25  # of the finest period: as far as a blur that leaves its fringes visible reaches
+FARTHEST = 48  # px
+
+
+def drop_rim(u: Singles, sigma: Singles, flags: np.ndarray, lines: float, period: float, missing: Flag) -> None:
+    """Invalidate, in place, the coordinates of the last lines of a field whose edge is in the image.
+
+    Parameters
+    ----------
+    u, sigma : float32 (H, W)
+        Coordinate and sigma of one axis in lines.
+    flags : uint8 (H, W)
+    lines : float
+        Number of projector lines along the axis.
+    period : float
+        Finest period in lines.
+    missing : Flag
+        `Flag.NO_U` or `Flag.NO_V`.
+    """
+    width = max(1.0, SHARE * period)
+    rim = (u < width - 0.5) | (u > lines - 0.5 - width)
+    if not rim.any():
+        return
+    steps = [np.abs(np.diff(u, axis=axis)) for axis in (0, 1)]
+    near = [step[rim[1:] if axis == 0 else rim[:, 1:]] for axis, step in enumerate(steps)]
+    slope = sum(float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0 for step in near)
+    reach = int(min(FARTHEST, np.ceil(2 * width / max(slope, 1e-3)) + 1))
+    dark = ((flags & int(Flag.LOW_MODULATION)) > 0).astype(np.uint8)
+    beside = cv2.dilate(dark, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+    lost = rim & (beside > 0)
+    u[lost] = sigma[lost] = np.nan
+    flags[lost] |= int(Flag.OUTSIDE | missing)
