@@ -74,7 +74,7 @@ class CalibratePage(Page):
         self.method.addItem(self.tr("both, as far as captures allow"), "all")
         self.method.addItem(self.tr("photogrammetric"), "photogrammetric")
         self.method.addItem(self.tr("polynomial depth"), "polynomial")
-        self.rigid = QCheckBox(self.tr("Camera and projector on one rigid rig"))
+        self.rigid = QCheckBox(self.tr("Camera and projector rigidly joined"))
         self.rigid.setChecked(True)
         self.degree = QComboBox()
         for degree in (1, 2, 3, 4, 5):
@@ -86,6 +86,7 @@ class CalibratePage(Page):
         self.low_pass.setSingleStep(0.5)
         self.low_pass.setSuffix(" px")
         self.low_pass.setSpecialValueText(self.tr("none"))
+        self.low_pass.lineEdit().setTextMargins(6, 0, 0, 0)
         choices = [
             (self.tr("Method"), self.method),
             ("", self.rigid),

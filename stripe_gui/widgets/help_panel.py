@@ -30,7 +30,7 @@ class HelpPanel(QWidget):
         super().__init__()
         self._language = language
         self.topic = ""
-        self.setMinimumWidth(280)
+        self.setMinimumWidth(320)
         self.setAccessibleName(self.tr("Help"))
         self.browser = QTextBrowser()
         self.browser.setOpenLinks(False)

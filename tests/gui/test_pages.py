@@ -1,0 +1,202 @@
+"""The seven pages, driven by clicks and keys on a small recorded project."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QPushButton
+
+from stripe_gui.presenters.status import State
+
+
+@pytest.fixture
+def open_window(window, qtbot):
+    """Open a project and wait until nothing is under way."""
+
+    def opened(folder: Path, page: str):
+        assert window.open_path(folder)
+        window.show_page(page)
+        idle(window, qtbot)
+        return window.page
+
+    return opened
+
+
+def idle(window, qtbot) -> None:
+    bench = window.bench
+    qtbot.waitUntil(lambda: not bench.views.busy and not bench.jobs.busy, timeout=60_000)
+
+
+def click(button: QPushButton, qtbot) -> None:
+    assert button.isEnabled()
+    qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+
+
+def test_the_capture_page_shows_captures_frames_and_the_frame(open_window, window, recorded: Path, qtbot) -> None:
+    page = open_window(recorded, "capture")
+    assert page.captures.count() == len(window.bench.session.folder.captures())
+    assert "Gray code x, bit 1" in page.frames.item(0).text()
+    assert page.view.image is not None
+    first = page.view.image.copy()
+    qtbot.keyClick(page.frames, Qt.Key.Key_Down)
+    idle(window, qtbot)
+    assert not np.array_equal(first, page.view.image)
+
+
+def test_a_capture_that_cannot_be_read_says_why_on_the_page(open_window, project: Path) -> None:
+    (project / "captures" / "testfield-01" / "capture.json").write_text("{")
+    page = open_window(project, "capture")
+    assert "not JSON" in page.figures.text()
+    assert page.view.image is None
+
+
+def test_a_truncated_frame_says_why_on_the_page(open_window, project: Path) -> None:
+    frame = project / "captures" / "testfield-01" / "000.png"
+    frame.write_bytes(frame.read_bytes()[:500])
+    page = open_window(project, "capture")
+    assert "truncated" in page.figures.text()
+
+
+def test_the_chosen_capture_is_the_same_on_every_page(open_window, window, recorded: Path, qtbot) -> None:
+    page = open_window(recorded, "capture")
+    page.captures.setCurrentRow(page.captures.names().index("plane+15"))
+    window.show_page("decode")
+    idle(window, qtbot)
+    assert window.page.captures.currentItem().text().startswith("plane+15")
+
+
+def test_the_decode_page_shows_every_map_with_levels_of_the_device(open_window, window, recorded: Path, qtbot) -> None:
+    page = open_window(recorded, "decode")
+    lines = window.bench.session.folder.project.projector.width
+    assert tuple(page.view.image_item.levels) == (0, lines - 1)
+    assert page.figures.model.rowCount() > 3
+    for i in range(page.kind.count()):
+        page.kind.setCurrentIndex(i)
+        assert page.view.image is not None
+    v, u = np.argwhere(np.isfinite(page._phase.u))[0]
+    assert "±" in page.view._extra(int(u), int(v))
+
+
+def test_decoding_everything_marks_the_stage_done(open_window, window, project: Path, qtbot) -> None:
+    page = open_window(project, "decode")
+    click(page.all_button, qtbot)
+    idle(window, qtbot)
+    assert window.bench.session.statuses["decode"].state is State.DONE
+    assert (project / "results" / "decode.json").is_file()
+
+
+def test_measuring_shows_targets_and_points_at_the_chosen_one(open_window, window, project: Path, qtbot) -> None:
+    page = open_window(project, "measure")
+    assert len(page.picks.getData()[0]) == 4
+    click(page.run_button, qtbot)
+    idle(window, qtbot)
+    assert window.bench.session.statuses["measure"].state is State.DONE
+    assert len(page.measured.getData()[0]) > 50
+    page.table.choose_row(7)
+    assert len(page.chosen.getData()[0]) == 1
+
+
+def test_from_calibrating_to_the_exported_report(
+    open_window, window, answers, notices, project, tmp_path, qtbot
+) -> None:
+    page = open_window(project, "calibrate")
+    with qtbot.waitActive(window):
+        qtbot.keyClick(window, Qt.Key.Key_F5)
+    idle(window, qtbot)
+    assert [t.title.split(".")[0] for t in page._view.tables][:3] == ["Table 1a", "Table 1b", "Table 2"]
+    for stage in ("evaluate", "report"):
+        qtbot.mouseClick(window.strip.buttons[stage], Qt.MouseButton.LeftButton)
+        click(window.page.run_button, qtbot)
+        idle(window, qtbot)
+    assert {s.state for s in window.bench.session.statuses.values()} == {State.DONE}
+    answers.path = tmp_path / "out"
+    click(window.page.export_button, qtbot)
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert {"report.html", "report.pdf", "table-1a.csv", "table-2.csv", "table-3.csv"} <= names
+    assert [n.kind for n in notices] == ["success"] * len(notices)
+
+
+def test_the_options_explain_their_consequences(open_window, recorded: Path) -> None:
+    page = open_window(recorded, "calibrate")
+    before = page._consequences[page.rigid].text()
+    page.rigid.setChecked(False)
+    assert page._consequences[page.rigid].text() not in ("", before)
+    page.method.setCurrentIndex(page.method.findData("polynomial"))
+    assert not page.rigid.isEnabled()
+    assert page.choice().method == "polynomial"
+
+
+def test_a_residual_leads_to_its_image(open_window, window, finished: Path, qtbot) -> None:
+    page = open_window(finished, "calibrate")
+    page.residuals._pick(0, 3)
+    assert "µm" in page.residuals.picked.text()
+    capture = page.residuals._capture()
+    click(page.residuals.open_image, qtbot)
+    assert window.page.id == "measure"
+    assert window.bench.session.capture_name == capture
+
+
+def test_a_calibration_that_fails_is_told_and_kept(open_window, window, notices, project: Path, qtbot) -> None:
+    frame = project / "captures" / "testfield-03" / "003.png"
+    frame.write_bytes(frame.read_bytes()[:500])
+    page = open_window(project, "calibrate")
+    click(page.run_button, qtbot)
+    idle(window, qtbot)
+    assert notices[-1].kind == "error"
+    assert "003.png" in notices[-1].happened
+    assert "Traceback" in notices[-1].details
+    status = window.bench.session.statuses["calibrate"]
+    assert status.state is State.FAILED
+    assert not (project / "results" / "photogrammetric.npz").exists()
+
+
+def test_cancelling_a_calibration_leaves_the_project_as_it_was(open_window, window, project: Path, qtbot) -> None:
+    page = open_window(project, "calibrate")
+    click(page.run_button, qtbot)
+    qtbot.waitUntil(lambda: window.bench.jobs.running is not None and window.bench.jobs.running.fraction > 0)
+    qtbot.mouseClick(window.job_bar.cancel, Qt.MouseButton.LeftButton)
+    idle(window, qtbot)
+    assert not (project / "results").exists()
+    assert window.bench.session.statuses["calibrate"].state is State.TODO
+
+
+def test_reconstructing_shows_the_surface_and_exports_it(
+    open_window, window, answers, finished_project, tmp_path, qtbot
+):
+    page = open_window(finished_project, "reconstruct")
+    window.bench.session.choose_capture("object-sphere")
+    click(page.run_button, qtbot)
+    idle(window, qtbot)
+    for i in range(page.kind.count()):
+        page.kind.setCurrentIndex(i)
+        assert page.view.image is not None
+    for ending in ("ply", "xyz", "npz"):
+        answers.path = tmp_path / f"sphere.{ending}"
+        click(page.export_button, qtbot)
+        idle(window, qtbot)
+        assert answers.path.stat().st_size > 1000
+    points = np.loadtxt(tmp_path / "sphere.xyz")
+    assert points.shape == (page._points.count, 3)
+
+
+def test_the_planes_are_shown_on_one_scale_and_zoom_together(open_window, finished: Path, qtbot) -> None:
+    page = open_window(finished, "evaluate")
+    assert len(page.maps) == 4
+    assert len({tuple(m.image_item.levels) for m in page.maps}) == 1
+    qtbot.keyClick(page.maps[0].canvas, Qt.Key.Key_Plus)
+    ranges = [np.ptp(m.canvas.box.viewRange()[0]) for m in page.maps]
+    assert np.allclose(ranges, ranges[0], rtol=0.02)
+    assert page.table.model.rowCount() == 4
+
+
+def test_a_project_changed_elsewhere_is_shown_after_looking_again(open_window, window, finished_project, qtbot) -> None:
+    open_window(finished_project, "report")
+    (finished_project / "results" / "report" / "report.html").unlink()
+    with qtbot.waitActive(window):
+        qtbot.keyClick(window, Qt.Key.Key_R, Qt.KeyboardModifier.ControlModifier)
+    idle(window, qtbot)
+    assert window.bench.session.statuses["report"].state is State.TODO
+    assert not window.page.html_button.isEnabled()

@@ -1,0 +1,58 @@
+"""Starting the program: with and without a display, and the tour."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import pytest
+
+from stripe_gui.__main__ import display_problem
+from stripe_gui.pages import PAGES
+
+NO_DISPLAY = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
+
+
+def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
+    kept = {k: v for k, v in os.environ.items() if k not in NO_DISPLAY}
+    command = [sys.executable, "-W", "error", "-m", "stripe_gui", *arguments]
+    return subprocess.run(command, env={**kept, **environment}, capture_output=True, text=True, timeout=120)
+
+
+def test_without_a_display_the_program_points_to_the_command() -> None:
+    done = run()
+    assert done.returncode == 2
+    assert "stripe-core" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("display", [":4711", "nowhere.invalid:0", "nonsense"])
+def test_a_display_that_does_not_answer_is_told(display: str) -> None:
+    assert "does not answer" in display_problem({"DISPLAY": display}, "linux")
+
+
+def test_other_systems_and_a_chosen_platform_are_not_looked_at() -> None:
+    assert display_problem({}, "win32") == ""
+    assert display_problem({"QT_QPA_PLATFORM": "offscreen"}, "linux") == ""
+
+
+def test_the_tour_pictures_every_page_light_and_dark_at_both_scales(finished_project: Path, tmp_path: Path) -> None:
+    done = run("--tour", str(tmp_path / "tour"), str(finished_project))
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    pictures = sorted((tmp_path / "tour").glob("*.png"))
+    for page in PAGES:
+        for theme in ("light", "dark"):
+            for scale in (1, 2):
+                found = [p for p in pictures if p.name.startswith(page) and p.name.endswith(f"{theme}-{scale}x.png")]
+                assert found, (page, theme, scale)
+                assert cv2.imread(str(found[0])).shape == (860 * scale, 1360 * scale, 3)
+
+
+def test_the_tour_of_what_is_no_project_fails(tmp_path: Path) -> None:
+    done = run("--tour", str(tmp_path / "tour"), str(tmp_path))
+    assert done.returncode == 1
+    assert "project.json" in done.stderr

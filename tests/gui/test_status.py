@@ -1,0 +1,116 @@
+"""The stages' states follow from the files alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from pathlib import Path
+
+import pytest
+
+from core.errors import InputError
+from stripe_gui.presenters.failures import clear_failure, describe, keep_failure, read_failures
+from stripe_gui.presenters.folder import ProjectFolder
+from stripe_gui.presenters.status import STAGES, State, stage_statuses
+
+
+def states(folder: Path) -> dict[str, State]:
+    return {stage: s.state for stage, s in stage_statuses(ProjectFolder(folder)).items()}
+
+
+def touch(path: Path) -> None:
+    """Make a file newer than everything else, as if it had been written now."""
+    later = time.time_ns() + 5_000_000_000
+    os.utime(path, ns=(later, later))
+
+
+def test_a_recorded_project_is_captured_and_the_rest_is_to_do(recorded: Path) -> None:
+    found = states(recorded)
+    assert found.pop("capture") is State.DONE
+    assert set(found.values()) == {State.TODO}
+
+
+def test_a_finished_project_is_done(finished: Path) -> None:
+    assert set(states(finished).values()) == {State.DONE}
+
+
+def test_new_picks_make_everything_from_measuring_on_stale(finished_project: Path) -> None:
+    touch(finished_project / "captures" / "testfield-01" / "picks.json")
+    found = states(finished_project)
+    assert found["capture"] is State.DONE
+    assert found["calibrate"] is State.STALE
+    assert found["evaluate"] is State.STALE
+    assert found["report"] is State.STALE
+
+
+def test_a_new_plane_capture_makes_the_evaluation_stale_but_not_the_calibration(finished_project: Path) -> None:
+    touch(finished_project / "captures" / "plane+15" / "capture.json")
+    found = states(finished_project)
+    assert found["calibrate"] is State.DONE
+    assert found["evaluate"] is State.STALE
+    assert found["report"] is State.STALE
+
+
+def test_a_rewritten_project_file_alone_changes_nothing(finished_project: Path) -> None:
+    touch(finished_project / "project.json")
+    assert set(states(finished_project).values()) == {State.DONE}
+
+
+def test_another_camera_in_the_project_file_makes_the_calibration_stale(finished_project: Path) -> None:
+    path = finished_project / "project.json"
+    data = json.loads(path.read_text())
+    data["camera"]["nominal_c_mm"] *= 1.1
+    path.write_text(json.dumps(data))
+    touch(path)
+    assert states(finished_project)["calibrate"] is State.STALE
+
+
+def test_missing_picks_are_counted(project: Path) -> None:
+    (project / "captures" / "testfield-02" / "picks.json").unlink()
+    status = stage_statuses(ProjectFolder(project))["measure"]
+    assert status.state is State.TODO
+    assert "1 of 8" in status.reason
+
+
+def test_a_damaged_capture_fails_with_its_reason_and_leaves_the_others_readable(project: Path) -> None:
+    (project / "captures" / "plane+00" / "capture.json").write_text("{")
+    folder = ProjectFolder(project)
+    status = stage_statuses(folder)["capture"]
+    assert status.state is State.FAILED
+    assert "plane+00" in status.reason
+    assert len([e for e in folder.captures() if e.capture]) == len(folder.captures()) - 1
+
+
+def test_a_failure_is_kept_until_the_stage_succeeds(project: Path) -> None:
+    keep_failure(project, "calibrate", describe(InputError("testfield-03", "two picks on one target", "pick again")))
+    status = stage_statuses(ProjectFolder(project))["calibrate"]
+    assert status.state is State.FAILED
+    assert status.failure.remedy == "pick again"
+    clear_failure(project, "calibrate")
+    assert states(project)["calibrate"] is State.TODO
+
+
+def test_a_failure_no_longer_counts_once_its_captures_changed(project: Path) -> None:
+    keep_failure(project, "calibrate", describe(InputError("testfield-03", "two picks on one target", "pick again")))
+    touch(project / "captures" / "testfield-03" / "picks.json")
+    assert states(project)["calibrate"] is State.TODO
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"calibrate": 3}'])
+def test_a_damaged_list_of_failures_counts_as_none(project: Path, content: str) -> None:
+    (project / "results").mkdir(exist_ok=True)
+    (project / "results" / "failures.json").write_text(content)
+    assert read_failures(project) == {}
+    assert set(states(project)) == set(STAGES)
+
+
+def test_results_are_read_once_per_version(finished_project: Path) -> None:
+    folder = ProjectFolder(finished_project)
+    first = folder.result("evaluation.npz", tuple)
+    assert folder.result("evaluation.npz", tuple) is first
+    shutil.copy(finished_project / "results" / "evaluation.npz", finished_project / "copy.npz")
+    touch(finished_project / "copy.npz")
+    (finished_project / "copy.npz").replace(finished_project / "results" / "evaluation.npz")
+    assert folder.result("evaluation.npz", tuple) is not first
