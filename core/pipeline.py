@@ -54,6 +54,8 @@ if TYPE_CHECKING:
     from core.capture import CaptureReport
     from core.report import ReportData, ReportPaths
 
+Side = Literal["front", "back"]
+BOARDS: tuple[Role, ...] = ("testfield", "depth")
 METHODS: tuple[Method, ...] = ("photogrammetric", "polynomial")
 
 
@@ -135,7 +137,7 @@ def decode_capture(folder: Path, progress: Progress = SILENT) -> PhaseMap:
     return _decode(capture, list(iterate_images(capture, project.camera if project else None)), project, progress)
 
 
-def _decode(capture: Capture, images: list, project: Project | None, progress: Progress) -> PhaseMap:  # type: ignore[type-arg]
+def _decode(capture: Capture, images: list, project: Project | None, progress: Progress) -> PhaseMap:
     from core.decode import decode
 
     lines = (project.projector.width, project.projector.height) if project else None
@@ -150,7 +152,7 @@ def phase_maps(
     waiting = list(captures)
     with ThreadPoolExecutor(1) as pool:
 
-        def load(capture: Capture) -> list:  # type: ignore[type-arg]
+        def load(capture: Capture) -> list:
             return list(iterate_images(capture, project.camera))
 
         ahead = [pool.submit(load, waiting[0])] if waiting else []
@@ -172,21 +174,46 @@ def captures_of(project: Project, role: Role) -> list[Capture]:
 
 def measure_project(project: Project, progress: Progress = SILENT) -> tuple[TargetSet, ...]:
     """Measure the targets of all captures that have picks, and keep them in the project."""
-    captures = [c for role in ("testfield", "depth") for c in captures_of(project, role) if c.seeds]  # type: ignore[arg-type]
+    captures = [c for role in BOARDS for c in captures_of(project, role) if c.seeds]
     if not captures:
         raise InputError(project.path, "no capture has picks.json", "pick 4 targets in each testfield capture")
-    targets = tuple(_measure(capture, phase, project) for capture, phase in phase_maps(project, captures, progress))
+    side = {role: _side_seen([c for c in captures if c.role == role]) for role in BOARDS}
+    maps = phase_maps(project, captures, progress)
+    targets = tuple(_measure(capture, phase, project, side[capture.role]) for capture, phase in maps)
     save_archive(result_path(project, "targets.npz"), targets)
     write_json(result_path(project, "targets.json"), targets_figures(targets))
     return targets
 
 
-def _measure(capture: Capture, phase: PhaseMap, project: Project) -> TargetSet:
-    from core.measure import measure_targets
+def _side_seen(captures: list[Capture]) -> Side:
+    """From which side of its nominal frame most picks show a board; picks that show the other are then refused.
+
+    The nominal frame may have its Z axis towards the viewer (y up) or away from him (y down): both are in use.
+    """
+    from core.measure import side_seen
+
+    votes = 0
+    for capture in captures:
+        if capture.testfield is not None and len(capture.seeds) >= 4:
+            known = capture.testfield.index()
+            if all((seed.row, seed.col) in known for seed in capture.seeds):
+                votes += 1 if side_seen(capture.testfield, capture.seeds) == "front" else -1
+    return "front" if votes >= 0 else "back"
+
+
+def _measure(capture: Capture, phase: PhaseMap, project: Project, side: Side) -> TargetSet:
+    from core.measure import MeasureOptions, measure_targets
 
     if capture.testfield is None:
         raise InputError(capture.path / "capture.json", "picks, but no testfield", 'name the board in "testfield"')
-    targets = measure_targets(phase, capture.testfield, capture.seeds, project.camera, capture=str(capture.path))
+    targets = measure_targets(
+        phase,
+        capture.testfield,
+        capture.seeds,
+        project.camera,
+        capture=str(capture.path),
+        options=MeasureOptions(side=side),
+    )
     return replace(targets, capture=capture.name)
 
 
@@ -234,9 +261,10 @@ def _calibrate_photogrammetric(
     if not captures:
         raise InputError(project.path, "no testfield capture has picks", "pick 4 targets in each testfield capture")
     testfield = _common_testfield(captures)
+    side = _side_seen(captures)
     targets = []
     for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.9)):
-        targets.append(_measure(capture, phase, project))
+        targets.append(_measure(capture, phase, project, side))
     return calibrate_photogrammetric(
         project.camera,
         project.projector,
@@ -255,9 +283,10 @@ def _calibrate_depth(
 
     if not captures:
         raise InputError(project.path, "no capture of role depth", "capture a plate at known depths")
+    side = _side_seen(captures)
     planes = []
     for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.7)):
-        targets = _measure(capture, phase, project) if capture.seeds else None
+        targets = _measure(capture, phase, project, side) if capture.seeds else None
         assert capture.z_mm is not None
         planes.append(DepthPlane(capture.z_mm, phase, targets))
     fields = [c.testfield for c in captures if c.seeds]
@@ -282,7 +311,7 @@ def _common_testfield(captures: list[Capture]) -> Testfield:
     for capture in captures:
         if capture.testfield is None:
             raise InputError(capture.path / "capture.json", "no testfield", 'name the board in "testfield"')
-        if capture.testfield.index() != first.testfield.index():  # type: ignore[union-attr]
+        if capture.testfield.index() != first.testfield.index():
             seen = f"another testfield than {first.name}"
             raise InputError(capture.path / "capture.json", seen, "calibrate with one board in all testfield captures")
     assert first.testfield is not None

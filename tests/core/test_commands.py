@@ -135,3 +135,32 @@ def test_the_module_is_the_command(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-m", "core", "decode", str(tmp_path)], capture_output=True, text=True)
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
+
+
+def mirrored_frames(folder: Path, y: int, z: int) -> Path:
+    """Write the nominal boards with y down, or count the plate's position the other way: other labs' conventions."""
+    for name in ("testfield.csv", "plate.csv"):
+        lines = []
+        for line in (folder / name).read_text().splitlines():
+            cells = line.split(",")
+            if cells[0].lstrip("-").isdigit():
+                cells[3] = str(y * float(cells[3]))
+            lines.append(",".join(cells))
+        (folder / name).write_text("\n".join(lines))
+    for path in folder.glob("captures/depth*/capture.json"):
+        data = json.loads(path.read_text())
+        path.write_text(json.dumps({**data, "z_mm": z * data["z_mm"]}))
+    return folder
+
+
+@pytest.mark.parametrize(("y", "z"), [(-1, 1), (1, -1)])
+def test_boards_may_be_described_with_y_down_and_plates_counted_backwards(
+    quick: Path, calibration: dict[str, Any], tmp_path: Path, y: int, z: int
+) -> None:
+    other = run("calibrate", mirrored_frames(quick, y, z), tmp_path=tmp_path)
+    for device in ("camera", "projector"):
+        for name in ("c_mm", "x0_mm", "y0_mm", "A3"):
+            was, now = calibration["photogrammetric"][device][name], other["photogrammetric"][device][name]
+            assert now["value"] == pytest.approx(was["value"], abs=0.02 * was["sigma"])  # the same observations
+    was, now = calibration["polynomial"]["residual_rms_mm"], other["polynomial"]["residual_rms_mm"]
+    assert now == pytest.approx(was, rel=1e-3)
