@@ -307,15 +307,16 @@ def adjust_network(folder: Path, progress: Progress = SILENT) -> Adjustment:
 
 
 def _common_testfield(captures: list[Capture]) -> Testfield:
-    first = captures[0]
+    common: Testfield | None = None
     for capture in captures:
         if capture.testfield is None:
             raise InputError(capture.path / "capture.json", "no testfield", 'name the board in "testfield"')
-        if capture.testfield.index() != first.testfield.index():
-            seen = f"another testfield than {first.name}"
+        if common is not None and capture.testfield.index() != common.index():
+            seen = f"another testfield than {captures[0].name}"
             raise InputError(capture.path / "capture.json", seen, "calibrate with one board in all testfield captures")
-    assert first.testfield is not None
-    return first.testfield
+        common = common or capture.testfield
+    assert common is not None
+    return common
 
 
 def load_calibrations(project: Project) -> dict[Method, Calibration]:
