@@ -106,7 +106,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--free-stations", action="store_true", help="no rigid rig: orient every station on its own")
     sub.add_argument("--degree", type=int, default=3, help="degree of the depth polynomial (default 3)")
     sub.add_argument("--table", action="store_true", help="piecewise-linear depth table instead of the polynomial")
-    sub.add_argument("--low-pass", type=float, default=0.0, metavar="PX", help="smooth the depth calibration")
+    sub.add_argument("--low-pass", type=float, default=2.0, metavar="PX", help="smooth the plate (default 2; 0: off)")
 
     sub = command("adjust", _adjust, "the bundle adjustment of a network alone")
     sub.add_argument("network", type=Path, metavar="NETWORK")

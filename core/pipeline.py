@@ -75,7 +75,7 @@ class CalibrateOptions:
 
     rigid: bool = True
     degree: int | None = 3
-    low_pass_px: float = 0.0
+    low_pass_px: float = 2.0
 
 
 def result_path(project: Project, name: str) -> Path:

@@ -53,7 +53,7 @@ class CalibrateChoice:
     method: str = "all"  # "all", "photogrammetric", "polynomial"
     rigid: bool = True
     degree: int | None = 3
-    low_pass_px: float = 0.0
+    low_pass_px: float = 2.0
 
 
 def calibrate(project: Project, choice: CalibrateChoice, progress: Progress = SILENT) -> dict[Method, Calibration]:
