@@ -5,11 +5,13 @@ run.py       the loop: show, wait, take, store; verify; take again
 store.py     shots on disk, the transcript, and how an interrupted capture resumes
 identity.py  which pattern a frame shows, told from the images alone
 quality.py   saturation, modulation, movement, the lamp
+preflight.py the checks before the first calibration: settle time, linearity, exposure, focus, orientation
 finding.py   what a check found, in words and figures
 """
 
 from core.capture.finding import Finding
 from core.capture.plan import Plan, describe, make_plan
+from core.capture.preflight import preflight
 from core.capture.run import CaptureReport, Loop, run_capture, verify
 from core.capture.store import Status, Store, capture_status, open_store
 
@@ -24,6 +26,7 @@ __all__ = [
     "describe",
     "make_plan",
     "open_store",
+    "preflight",
     "run_capture",
     "verify",
 ]

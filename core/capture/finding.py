@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 Level = Literal["good", "warning", "bad"]
 
 
@@ -14,7 +17,8 @@ class Finding:
     """One check's result.
 
     `level` good: nothing to do; warning: the capture is right but could be better; bad: frames do not show what they
-    claim. `shots` are the numbers of the shots concerned, to be taken again where the level is bad.
+    claim. `shots` are the numbers of the shots concerned, to be taken again where the level is bad. `picture` shows the
+    matter over the image, NaN where there is nothing to show; `curve` is a list of points (x, y); `check` says of what.
     """
 
     check: str
@@ -22,6 +26,8 @@ class Finding:
     text: str
     figures: Mapping[str, float] = field(default_factory=dict)
     shots: tuple[int, ...] = ()
+    picture: NDArray[np.float64] | None = field(default=None, compare=False, repr=False)
+    curve: tuple[tuple[float, float], ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Give the finding as capture.json holds it."""

@@ -82,6 +82,25 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
     return findings
 
 
+def coordinates(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> tuple[Array, Array]:
+    """Look up which projector column and row the lit pixels see, roughly: shape (n,) each, in lines.
+
+    NaN for an axis without patterns.
+    """
+    lit = np.flatnonzero(sampled.lit)
+    contrast = (sampled.white - sampled.black)[lit]
+    values = ((sampled.grey[:, lit] - sampled.black[lit]) / contrast).astype(np.float32)
+    found = []
+    for axis, count in (("x", lines[0]), ("y", lines[1])):
+        shots = [i for i, p in enumerate(plan.shots) if getattr(p, "axis", None) == axis]
+        if not shots:
+            found.append(np.full(len(lit), np.nan, np.float32))
+            continue
+        possible, at = dictionary([plan.shots[i] for i in shots], axis, count)  # type: ignore[arg-type]
+        found.append(at[_nearest(values[shots], possible)[1]])
+    return found[0], found[1]
+
+
 def dictionary(patterns: list[Pattern], axis: Axis, count: int) -> tuple[Array, Array]:
     """Give what patterns look like on every half line, sharp to blurred: (k, m), and those lines (m,)."""
     reach = int(np.ceil(3 * BLURS_LINES[-1]))

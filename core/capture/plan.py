@@ -80,7 +80,7 @@ def make_plan(
     chosen = tuple(reference_sequence(*lines) if patterns is None else patterns)
     if not chosen:
         raise InputError(where, "no patterns", "plan at least one")
-    return Plan(name, role, chosen, _guards(chosen, lines), testfield, z_mm, angle_deg)  # type: ignore[arg-type]
+    return Plan(name, role, chosen, guards_for(chosen, lines), testfield, z_mm, angle_deg)  # type: ignore[arg-type]
 
 
 def check_shown(plan: Plan, refusal: Any, projector: str) -> None:
@@ -112,8 +112,8 @@ def describe(pattern: Pattern) -> str:
     return f"line {data['index']} of the {along}" if "index" in data else str(data["kind"])
 
 
-def _guards(patterns: Sequence[Pattern], lines: tuple[int, int]) -> tuple[Pattern, ...]:
-    """White shows the object's own movement and the lamp, the finest stripes its movement in depth.
+def guards_for(patterns: Sequence[Pattern], lines: tuple[int, int]) -> tuple[Pattern, ...]:
+    """Choose the guards of a sequence: white shows movement across and the lamp, the finest stripes movement in depth.
 
     Black is added where the sequence has none: what is dark must be known to tell what is bright.
     """
