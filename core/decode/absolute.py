@@ -21,6 +21,7 @@ from core.parallel import run_in_bands
 from core.patterns import Pattern
 from core.progress import SILENT, Progress
 
+DEFAULT = DecodeOptions()
 BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
 
 
@@ -29,7 +30,7 @@ def decode(
     images: Sequence[Image],
     *,
     lines: tuple[int, int] | None = None,
-    options: DecodeOptions = DecodeOptions(),
+    options: DecodeOptions = DEFAULT,
     where: str = "capture",
     progress: Progress = SILENT,
 ) -> PhaseMap:

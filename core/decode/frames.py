@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +95,8 @@ def check_images(patterns: Sequence[Pattern], images: Sequence[Image], where: st
             raise InputError(place, seen, "give frames of one camera at one size")
         if array.dtype != first.dtype:
             raise InputError(place, f"{array.dtype} where frame 0 has {first.dtype}", "give all frames at one depth")
-    return [np.ascontiguousarray(image) for image in images]
+    contiguous: list[Any] = [np.ascontiguousarray(image) for image in images]
+    return contiguous
 
 
 def sort_frames(patterns: Sequence[Pattern]) -> SortedFrames:

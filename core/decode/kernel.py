@@ -1,18 +1,15 @@
 """The decoder's one pass over the pixels: every frame read once, every result written once.
 
 Pixels are taken in tiles that stay in the cache. Within a tile each step runs over a row of pixels, which compiles to
-vector instructions; `decode_pixels` at the end shows the order. Everything called by it lives in this file, because
-compiled kernels are cached by the file of the outermost function. All arithmetic is in single precision.
+vector instructions; `decode_pixels` at the end shows the order. What it calls lives in this file as far as it may
+change: compiled kernels are cached by the file of the outermost function alone. All arithmetic is in single precision.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
-from numba import carray, njit
 
-from core.decode.memory import pointer
+from core.decode.compiled import angle, brightest, fast, fill, weighted_sum
 from core.decode.options import Flag
 from core.decode.tables import CODE, NOTHING, SWEEP
 
@@ -22,12 +19,10 @@ DISAGREEMENT, OUTSIDE, NO_U = int(Flag.DISAGREEMENT), int(Flag.OUTSIDE), int(Fla
 F = np.float32
 HALF, ONE, TWO_PI = F(0.5), F(1), F(2 * np.pi)
 TINY = F(1e-20)
-# arctan(z) / (2 pi z) on [0, 1] as a polynomial in z², least maximum error: 2.4e-8 turns in single precision
-C0, C1, C2, C3 = F(0.159154832), F(-0.0530461147), F(0.0317458808), F(-0.0221359655)
-C4, C5, C6, C7 = F(0.0153452922), F(-0.00889775623), F(0.00347895455), F(-0.000645133085)
 SIGMAS = F(4.5)  # a step that rounds is trusted when this many of its standard deviations stay below half a cycle
 NOISE_BIT = F(3.5)  # a bit nearer to its threshold, in standard deviations, is unsure
 GATE = F(0.4)  # cycles: phases that differ by more contradict each other
+SAME = F(0.02)  # cycles²: less does not tell the two ends of the longest beat apart
 EDGE = F(0.35)  # cells: how far from the edge of a cell code and phase may see it
 LOOSE = F(0.75)  # part of half the contrast: a bit nearer to its threshold may be wrong
 BLUNT = F(0.158)  # part of half the contrast by which the prediction of a bit may err without noise
@@ -36,56 +31,7 @@ EVIDENCE = F(20)  # twice the logarithm of how much likelier than the second the
 TILE = 512  # pixels taken together: long enough to read every frame in runs, short enough for the cache
 
 
-class Limits(NamedTuple):
-    """Noise ``var(g) = dark + shot g`` (grey values²) and thresholds."""
-
-    dark: np.float32
-    shot: np.float32
-    snr: np.float32
-    modulation: np.float32
-    saturation: np.float32
-    bit_margin: np.float32
-
-
-def _fast(function: Any) -> Any:
-    """Compile for vector instructions: no checks for division by zero, products and sums fused."""
-    return njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"})(function)
-
-
-@_fast
-def _fill(out, start, stop, value):  # type: ignore[no-untyped-def]
-    """out[start:stop] = value, which as a slice would take long to compile."""
-    for i in range(start, stop):
-        out[i] = value
-
-
-@_fast
-def _row(rows, r, addresses, item_size, start, count, out):  # type: ignore[no-untyped-def]
-    """out = one row times the frames."""
-    first, column, value = rows.first, rows.column, rows.value
-    if first[r] == first[r + 1]:
-        _fill(out, 0, count, F(0))
-    for entry in range(first[r], first[r + 1]):
-        address, factor, fresh = addresses[column[entry]], value[entry], entry == first[r]
-        if item_size == 1:
-            narrow = carray(pointer(address + np.uint64(start)), (count,), np.uint8)
-            if fresh:
-                for i in range(count):
-                    out[i] = factor * F(narrow[i])
-            else:
-                for i in range(count):
-                    out[i] += factor * F(narrow[i])
-        else:
-            wide = carray(pointer(address + np.uint64(2 * start)), (count,), np.uint16)
-            if fresh:
-                for i in range(count):
-                    out[i] = factor * F(wide[i])
-            else:
-                for i in range(count):
-                    out[i] += factor * F(wide[i])
-
-
-@_fast
+@fast
 def _phases(table, values, limits, count, turns, variance, modulation, flags):  # type: ignore[no-untyped-def]
     """Phase (turns), its variance (turns²) and modulation of every period; the finest period's modulation is kept."""
     covariance, dark, shot = table.covariance, limits.dark, limits.shot
@@ -99,14 +45,7 @@ def _phases(table, values, limits, count, turns, variance, modulation, flags):  
             square = c * c + s * s + TINY
             noise = dark + shot * mean[i]
             v = noise * (cc * s * s - F(2) * cs * c * s + ss * c * c) / (square * square * TWO_PI * TWO_PI)
-            x, y = abs(c), abs(s)
-            low, high = min(x, y), max(x, y)
-            z = low / (high + TINY)
-            q = z * z
-            t = z * (C0 + q * (C1 + q * (C2 + q * (C3 + q * (C4 + q * (C5 + q * (C6 + q * C7)))))))
-            t = F(0.25) - t if y > x else t
-            t = HALF - t if c < F(0) else t
-            turn[i] = -t if s < F(0) else t
+            turn[i] = angle(c, s)
             var[i] = v
             amplitude = np.sqrt(square)
             if j == 0:
@@ -115,22 +54,7 @@ def _phases(table, values, limits, count, turns, variance, modulation, flags):  
             flags[i] |= LOW if weak else 0
 
 
-@_fast
-def _brightest(frames, addresses, item_size, start, count, out):  # type: ignore[no-untyped-def]
-    """out = the largest grey value of some frames."""
-    _fill(out, 0, count, F(0))
-    for f in frames:
-        if item_size == 1:
-            narrow = carray(pointer(addresses[f] + np.uint64(start)), (count,), np.uint8)
-            for i in range(count):
-                out[i] = max(out[i], F(narrow[i]))
-        else:
-            wide = carray(pointer(addresses[f] + np.uint64(2 * start)), (count,), np.uint16)
-            for i in range(count):
-                out[i] = max(out[i], F(wide[i]))
-
-
-@_fast
+@fast
 def _contrast(table, bits, limits, count, threshold, contrast, modulation, low, high, flags):  # type: ignore[no-untyped-def]
     """Threshold and half the contrast between on and off, where they must come from the bits themselves.
 
@@ -139,8 +63,8 @@ def _contrast(table, bits, limits, count, threshold, contrast, modulation, low, 
     """
     signs = table.sign
     if not table.has_threshold:
-        _fill(low, 0, count, F(np.inf))
-        _fill(high, 0, count, F(-np.inf))
+        fill(low, 0, count, F(np.inf))
+        fill(high, 0, count, F(-np.inf))
         for b in range(len(signs)):
             row, sign = bits[b], -signs[b]
             for i in range(count):
@@ -161,11 +85,11 @@ def _contrast(table, bits, limits, count, threshold, contrast, modulation, low, 
         flags[i] |= LOW if weak else 0
 
 
-@_fast
+@fast
 def _read_bits(table, bits, limits, count, threshold, contrast, word, unsure):  # type: ignore[no-untyped-def]
     """Bits about their threshold (in place), their hard word, most significant first, and a mask of the unsure ones."""
-    _fill(word, 0, count, 0)
-    _fill(unsure, 0, count, 0)
+    fill(word, 0, count, 0)
+    fill(unsure, 0, count, 0)
     signs, fading, spread, dark, shot = table.sign, table.fading, table.spread, limits.dark, limits.shot
     last = len(signs) - 1
     for b in range(last + 1):
@@ -179,7 +103,7 @@ def _read_bits(table, bits, limits, count, threshold, contrast, word, unsure):  
             unsure[i] |= mask if doubt else np.int32(0)
 
 
-@_fast
+@fast
 def _cell_of(gray, word):  # type: ignore[no-untyped-def]
     """Number of the cell that carries a word."""
     if gray:
@@ -191,12 +115,12 @@ def _cell_of(gray, word):  # type: ignore[no-untyped-def]
     return word
 
 
-@_fast
+@fast
 def _word_of(gray, cell):  # type: ignore[no-untyped-def]
     return cell ^ (cell >> 1) if gray else cell
 
 
-@_fast
+@fast
 def _locate(table, turns, variance, word, unsure, count, place, noise, doubtful):  # type: ignore[no-untyped-def]
     """Coordinate from the cell and the first combination of phases; not zero in `doubtful` where that is not certain.
 
@@ -207,8 +131,8 @@ def _locate(table, turns, variance, word, unsure, count, place, noise, doubtful)
     gray, cell, steps, errors, phased = table.gray, table.cell, table.steps, table.step_error, len(table.steps) > 0
     period = table.step_period[0] if phased else ONE
     top, two_places = np.int32((1 << len(table.sign)) - 1), np.int32(1 << 30)
-    _fill(place, 0, count, F(0))
-    _fill(noise, 0, count, F(0))
+    fill(place, 0, count, F(0))
+    fill(noise, 0, count, F(0))
     for j in range(steps.shape[1]):
         factor, error, turn, var = steps[0, j], errors[0, j], turns[j], variance[j]
         for i in range(count):
@@ -237,7 +161,7 @@ def _locate(table, turns, variance, word, unsure, count, place, noise, doubtful)
             doubtful[i] = unsure[i] & (unsure[i] - np.int32(1)) if gray else unsure[i]
 
 
-@_fast
+@fast
 def _misfit(gray, cell, soft, word, loose, u):  # type: ignore[no-untyped-def]
     """Sum of squares of a pixel's bits (off -1, on 1) against those a coordinate predicts, and how many change there.
 
@@ -264,7 +188,7 @@ def _misfit(gray, cell, soft, word, loose, u):  # type: ignore[no-untyped-def]
     return total, changing
 
 
-@_fast
+@fast
 def _alternative(gray, bit_count, word, unsure, n):  # type: ignore[no-untyped-def]
     """The n-th word that the unsure bits leave open besides the hard one, or -1.
 
@@ -280,7 +204,7 @@ def _alternative(gray, bit_count, word, unsure, n):  # type: ignore[no-untyped-d
     return prefix | ((1 << bit) - 1) if n < bit_count else prefix | (1 << bit)
 
 
-@_fast
+@fast
 def _most_likely(gray, cell, lines, period, sigma, blunt, soft, word, loose, turn):  # type: ignore[no-untyped-def]
     """The coordinate whose predicted bits fit best, and whether it is clearly the best.
 
@@ -318,7 +242,7 @@ def _most_likely(gray, cell, lines, period, sigma, blunt, soft, word, loose, tur
     return (place if period > F(0) else answer), certain
 
 
-@_fast
+@fast
 def _settle(table, limits, bits, turns, noise, threshold, contrast, word, unsure, doubtful, count, place, flags):  # type: ignore[no-untyped-def]
     """Decide the doubtful pixels one by one."""
     anything = 0
@@ -347,13 +271,51 @@ def _settle(table, limits, bits, turns, noise, threshold, contrast, word, unsure
                 flags[i] |= UNSURE if unsure[i] != 0 else DISAGREEMENT
 
 
-@_fast
+@fast
+def _follow(steps, step_period, periods, turns, i, place):  # type: ignore[no-untyped-def]
+    """Where all steps after the first lead one pixel, and the sum of squares of the disagreements (cycles²)."""
+    misfit = F(0)
+    for s in range(1, len(steps) + len(periods)):
+        psi, period = F(0), ONE
+        if s < len(steps):
+            period = step_period[s]
+            for j in range(len(periods)):
+                psi += steps[s, j] * turns[j, i]
+        else:
+            psi, period = turns[s - len(steps), i], periods[s - len(steps)]
+        d = psi - (place + HALF) / period
+        d -= np.rint(d)
+        misfit += d * d
+        place += period * d if s < len(steps) else F(0)
+    return place, misfit
+
+
+@fast
+def _choose_end(table, turns, noise, count, place, flags):  # type: ignore[no-untyped-def]
+    """At the ends of the longest beat, let the shorter ones tell if noise has carried a pixel to the other end."""
+    steps, step_period, periods = table.steps, table.step_period, table.period
+    beat, middle, half = step_period[0], HALF * (table.lines - ONE), HALF * table.lines + HALF * HALF
+    for i in range(count):
+        away = HALF * beat - abs(place[i] - middle)
+        if away * away < SIGMAS * SIGMAS * beat * beat * noise[i] and flags[i] == 0:
+            other = place[i] + (beat if place[i] < middle else -beat)
+            here, misfit = _follow(steps, step_period, periods, turns, i, place[i])
+            there, other_misfit = _follow(steps, step_period, periods, turns, i, other)
+            if abs(here - middle) > half:
+                misfit = F(1e9)
+            if abs(there - middle) > half:
+                other_misfit = F(1e9)
+            flags[i] |= UNSURE if abs(misfit - other_misfit) < SAME else 0
+            place[i] = other if other_misfit < misfit else place[i]
+
+
+@fast
 def _unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ignore[no-untyped-def]
     """Sharpen the coordinate by one combination of phases after the other."""
     steps, errors, periods = table.steps, table.step_error, table.step_period
     for s in range(1 if table.start == CODE else 0, len(steps)):
-        _fill(psi, 0, count, F(0))
-        _fill(noise, 0, count, F(0))
+        fill(psi, 0, count, F(0))
+        fill(noise, 0, count, F(0))
         for j in range(steps.shape[1]):
             factor, error, turn, var = steps[s, j], errors[s, j], turns[j], variance[j]
             for i in range(count):
@@ -367,9 +329,11 @@ def _unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: i
             if s > 0:
                 flags[i] |= UNSURE if noise[i] > most else 0
                 flags[i] |= DISAGREEMENT if abs(d) > GATE else 0
+        if s == 0 and len(steps) > 1:
+            _choose_end(table, turns, noise, count, place, flags)
 
 
-@_fast
+@fast
 def _weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  # type: ignore[no-untyped-def]
     """Mean of the coordinates by all periods, weighted by their variances."""
     periods = table.period
@@ -378,8 +342,8 @@ def _weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  
         for i in range(count):
             sigma[i] = period * np.sqrt(var[i])
     else:
-        _fill(shift, 0, count, F(0))
-        _fill(weight, 0, count, F(0))
+        fill(shift, 0, count, F(0))
+        fill(weight, 0, count, F(0))
         for j in range(len(periods)):
             period, turn, var = periods[j], turns[j], variance[j]
             for i in range(count):
@@ -400,7 +364,7 @@ def _weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  
             flags[i] |= UNSURE if HALF * beat - abs(place[i] - middle) < F(4) * sigma[i] else 0
 
 
-@_fast
+@fast
 def _finish(table, axis, first, count, place, sigma, modulation, flags, u, s, m, every):  # type: ignore[no-untyped-def]
     """Write one axis of a tile: coordinate and sigma, NaN where a flag is raised; the smaller modulation."""
     missing, last = NO_U << axis, table.lines - HALF
@@ -413,10 +377,10 @@ def _finish(table, axis, first, count, place, sigma, modulation, flags, u, s, m,
         every[i] |= flag | missing if flag != 0 else 0
 
 
-@_fast
-def decode_pixels(
+@fast
+def decode_pixels(  # type: ignore[no-untyped-def]
     start, stop, addresses, item_size, limits, image_rows, plain, tables, place, sigma, modulation, image, flags
-):  # type: ignore[no-untyped-def]
+):
     """Decode pixels start to stop - 1.
 
     Parameters
@@ -446,45 +410,43 @@ def decode_pixels(
     flag, every = np.empty(TILE, np.int32), np.empty(TILE, np.int32)
     for first in range(start, stop, TILE):
         count = min(TILE, stop - first)
-        _fill(every, 0, count, 0)
-        _fill(modulation, first, first + count, F(np.inf))
+        fill(every, 0, count, 0)
+        fill(modulation, first, first + count, F(np.inf))
         for axis in range(2):
             table = tables[axis]
             if table.start == NOTHING:
-                _fill(place[axis], first, first + count, F(np.nan))
-                _fill(sigma[axis], first, first + count, F(np.nan))
+                fill(place[axis], first, first + count, F(np.nan))
+                fill(sigma[axis], first, first + count, F(np.nan))
                 for i in range(count):
                     every[i] |= NO_U << axis
             if table.start == NOTHING or table.start == SWEEP:
                 continue
             rows = table.rows
             for r in range(len(rows.first) - 1):
-                _row(rows, r, addresses, item_size, first, count, values[r])
-            _brightest(table.phase_frames, addresses, item_size, first, count, one)
+                weighted_sum(rows, r, addresses, item_size, first, count, values[r])
+            brightest(table.phase_frames, addresses, item_size, first, count, one)
             for i in range(count):
                 flag[i] = SATURATED if one[i] >= saturation else 0
-            _fill(m, 0, count, F(0))
+            fill(m, 0, count, F(0))
             _phases(table, values, limits, count, turns, variance, m, flag)
-            _fill(u, 0, count, HALF * (table.lines - ONE))
+            fill(u, 0, count, HALF * (table.lines - ONE))
             if table.start == CODE:
                 bits = values[2 + 3 * len(table.period) :]
                 _contrast(table, bits, limits, count, values[0], values[1], m, one, two, flag)
                 _read_bits(table, bits, limits, count, values[0], values[1], word, unsure)
                 _locate(table, turns, variance, word, unsure, count, u, one, doubtful)
-                _settle(
-                    table, limits, bits, turns, one, values[0], values[1], word, unsure, doubtful, count, u, flag
-                )
+                _settle(table, limits, bits, turns, one, values[0], values[1], word, unsure, doubtful, count, u, flag)
             amplitude = m if len(table.period) > 0 else values[1]
             if len(table.period) > 0:
                 _unwrap(table, turns, variance, count, u, one, two, flag)
                 _weigh(table, turns, variance, count, u, one, two, s, flag)
             else:
-                _fill(s, 0, count, table.cell / np.sqrt(F(12)))
+                fill(s, 0, count, table.cell / np.sqrt(F(12)))
             _finish(table, axis, first, count, u, s, amplitude, flag, place[axis], sigma[axis], modulation, every)
         if len(image_rows.value) > 0:
-            _row(image_rows, 0, addresses, item_size, first, count, one)
+            weighted_sum(image_rows, 0, addresses, item_size, first, count, one)
         else:
-            _brightest(plain, addresses, item_size, first, count, one)
+            brightest(plain, addresses, item_size, first, count, one)
         for i in range(count):
             image[first + i] = one[i]
             flags[first + i] = every[i]

@@ -121,16 +121,15 @@ def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
         return Noise(floor, 0.0)
     square, low, high = np.square(residual), float(level.min()), float(level.max())
     number = ((level - low) * ((BINS - 0.001) / max(high - low, TINY))).astype(np.int8)
-    variances, levels, counts = [], [], []
+    bins: list[tuple[float, float, float]] = []
     for inside in (number == b for b in range(BINS)):
         if np.count_nonzero(inside) >= LEAST:
             part = square[inside]
-            variances.append(_robust_variance(part, floor))
-            levels.append(float(level[inside].mean()))
-            counts.append(len(part))
-    if not counts:
+            bins.append((_robust_variance(part, floor), float(level[inside].mean()), float(len(part))))
+    if not bins:
         return Noise(_robust_variance(square, floor), 0.0)
-    return _fit(np.array(variances), np.array(levels), np.array(counts), floor)
+    variance, where, count = np.array(bins).T
+    return _fit(variance, where, count, floor)
 
 
 def _robust_variance(square: Array, floor: float) -> float:

@@ -127,13 +127,12 @@ def _combine(frames: AxisFrames, code: UsedCode | None, extent: int | None) -> P
         return None if code is None or extent is None else Plan(extent, code, ())
     if extent is None:
         extent = ceil(longest_beat(periods) - TOLERANCE)
-    ways = [(safety, steps, None) for safety, steps in [safest_steps(periods, float(extent), False)] if steps]
+    safety, steps = safest_steps(periods, float(extent), False)
     if code is not None:
-        ways += [(safety, steps, code) for safety, steps in [safest_steps(periods, float(code.cell), True)] if steps]
-    if not ways:
-        return None
-    _, steps, start = max(ways, key=lambda way: way[0])
-    return Plan(extent, start, steps)
+        coded_safety, coded_steps = safest_steps(periods, float(code.cell), True)
+        if coded_safety >= safety and coded_steps:
+            return Plan(extent, code, coded_steps)
+    return Plan(extent, None, steps) if steps else None
 
 
 def combinations(periods: tuple[float, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from core.decode.frames import Image, Numbers, SortedFrames
-from core.decode.kernel import Limits
-from core.decode.noise import Noise, contrasts, estimate_noise, spatial_residual
+from core.decode.frames import Image, LineFrames, Numbers, SortedFrames
+from core.decode.noise import LEAST, MEDIAN_OF_SQUARE, Noise, contrasts, estimate_noise, spatial_residual
 from core.decode.options import DecodeOptions
-from core.decode.tables import AxisTable, Singles, image_row
+from core.decode.tables import AxisTable, Limits, Singles, image_row
 from core.errors import InputError
 
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
@@ -76,13 +75,32 @@ def measure_noise(frames: SortedFrames, sample: Singles, saturation: float, imag
         residual = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g)
         level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
     elif lines:
-        # nearly all sections leave a pixel dark: the lower half of its values is the background
-        g = np.sort(sample[[*lines[0].frames]], axis=0)
-        middle = g[len(g) // 2]
-        residual, level = (g[: len(g) // 2] - middle), np.broadcast_to(middle, (len(g) // 2, len(middle)))
+        return _sweep_noise(lines[0], sample, saturation, images)
     else:
         residual, level = _smoothness(frames, images, saturation)
     return estimate_noise(residual.ravel(), level.ravel(), step)
+
+
+def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: Sequence[Image]) -> Noise:
+    """Dark part from the frames that leave a pixel unlit, shot part from the smoothness of the light summed over lines.
+
+    Nearly all sections leave a pixel unlit: the lower half of its values tells the noise of its background.
+    """
+    frames, half = [*lines.frames], len(lines.frames) // 2
+    lower = np.sort(sample[frames], axis=0)[: half + 1]
+    dark = estimate_noise((lower[:half] - lower[half]).ravel(), np.zeros(half * lower.shape[1]), quantum(sample))
+    height = images[0].shape[0]
+    rows = slice(height // 32, None, max(1, height // 16))
+    g = np.stack([images[n][rows] for n in frames]).astype(np.float32)
+    centre = np.array(lines.centre, np.float32)
+    near = np.abs(centre[:, None, None] - centre[g.argmax(axis=0)]) <= lines.width + 2
+    total, number = np.where(near, g, 0).sum(axis=0), near.sum(axis=0)
+    lit = (g.max(axis=0) < saturation) & (g.max(axis=0) > lower[half].mean() + 10 * np.sqrt(dark.dark))
+    if lit[:, 1:-1].sum() < LEAST:
+        return dark
+    variance = np.median(np.square(spatial_residual(total)[lit[:, 1:-1]])) / MEDIAN_OF_SQUARE
+    shot = (variance - dark.dark * number[lit].mean()) / total[lit].mean()
+    return Noise(dark.dark, max(0.0, float(shot)))
 
 
 def _smoothness(frames: SortedFrames, images: Sequence[Image], saturation: float) -> tuple[Singles, Singles]:
@@ -93,8 +111,8 @@ def _smoothness(frames: SortedFrames, images: Sequence[Image], saturation: float
     if even:
         norm = np.sqrt(sum(value**2 for value in even.values()))
         scale = sum(even.values())
-        parts = [sum(value * images[n][rows].astype(np.float32) for n, value in even.items())]
-        residual, level = spatial_residual(parts[0]) / norm, parts[0][:, 1:-1] / scale
+        scene = np.sum([value * images[n][rows].astype(np.float32) for n, value in even.items()], axis=0)
+        residual, level = spatial_residual(scene) / norm, scene[:, 1:-1] / scale
     else:
         some = np.concatenate([image[rows].astype(np.float32) for image in images])
         residual, level = spatial_residual(some), some[:, 1:-1]
@@ -128,7 +146,8 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
         return table
     # a triangle wave's mean is half its peak: only bits below that have faded
     share = np.mean(raw[:, lit] / contrast[lit], axis=1)
-    usual = np.median(contrast[lit] / np.maximum(threshold[lit], 1)) if not table.has_contrast and not len(table.period) else 0
+    alone = not table.has_contrast and len(table.period) == 0
+    usual = np.median(contrast[lit] / np.maximum(threshold[lit], 1)) if alone else 0
     return table._replace(
         fading=np.clip(1.5 * share, 0.2, 1.0).astype(np.float32), least_contrast=np.float32(USUAL * usual)
     )

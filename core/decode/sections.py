@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import carray, njit
 
-from core.decode.memory import pointer
+from core.decode.compiled import fast, load
 from core.decode.options import Flag
+from core.decode.tables import TAIL as TAIL_PART
 
 LOW, SATURATED, NO_U = int(Flag.LOW_MODULATION), int(Flag.SATURATED), int(Flag.NO_U)
 DISAGREEMENT, OUTSIDE = int(Flag.DISAGREEMENT), int(Flag.OUTSIDE)
 
 F = np.float32
-HALF, ONE, TINY = F(0.5), F(1), F(1e-20)
-TAIL = F(0.12)  # part of a section's height below which light is not counted
+HALF, ONE, TWICE, TINY, TAIL = F(0.5), F(1), F(2), F(1e-20), F(TAIL_PART)
 RIVAL = F(0.5)  # part of its height that light may reach far from the section
 CHANCE = F(2)  # the brightest of some hundred frames is so many standard deviations higher by chance alone
-FAST = {"contract", "nsz", "arcp"}
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@fast
 def decode_sections(start, stop, addresses, item_size, limits, table, axis, place, sigma, modulation, image, flags):  # type: ignore[no-untyped-def]
     """Decode the axis of a sweep for pixels start to stop - 1.
 
@@ -43,26 +41,28 @@ def decode_sections(start, stop, addresses, item_size, limits, table, axis, plac
     Notes
     -----
     ``u = sum(w x) / sum(w)`` over lines x near the brightest, with ``w = max(g - T, 0)`` and T at `TAIL` of the
-    section's height above the background; ``var(u) = sum((x - u)² var(g)) / sum(w)²`` over the lines that count.
+    section's height above the background, but above its noise; ``var(u) = sum((x - u)² var(g)) / sum(w)²`` over the
+    lines that count, besides what their discreteness causes.
     """
-    frames, centres = table.line_frames, table.line_centre
+    frames, centres, ripple = table.line_frames, table.line_centre, table.line_ripple
     tile = max(64, min(512, 65536 // len(frames) // 16 * 16))
     grey = np.empty((len(frames), tile), F)
-    sums = np.empty((7, tile), F)
+    sums = np.empty((10, tile), F)
     for first in range(start, stop, tile):
         count = min(tile, stop - first)
-        _load(frames, addresses, item_size, first, count, grey)
+        load(frames, addresses, item_size, first, count, grey)
         peak, where, dark = sums[0], sums[1], sums[2]
         _find_peak(centres, grey, count, peak, where)
         rival, others = sums[3], sums[4]
         _background(centres, table.line_reach, grey, count, where, dark, rival, others)
         if table.black >= 0:
-            _load(np.array([table.black], np.int32), addresses, item_size, first, count, sums[2:3])
+            load(np.array([table.black], np.int32), addresses, item_size, first, count, sums[2:3])
         least = limits.snr + CHANCE
-        total, moment, noise0, noise1, noise2 = sums[4], sums[5], sums[6], np.zeros(count, F), np.zeros(count, F)
-        _moments(
-            centres, table.line_reach, limits, grey, count, peak, where, dark, total, moment, noise0, noise1, noise2
-        )
+        total, moment, noise0, noise1, noise2 = sums[4], sums[5], sums[6], sums[7], sums[8]
+        for i in range(count):
+            ground = TWICE * np.sqrt(limits.dark + limits.shot * dark[i])
+            sums[9, i] = dark[i] + max(TAIL * (peak[i] - dark[i]), ground)
+        _moments(centres, table.line_reach, limits, grey, count, where, sums[9], total, moment, noise0, noise1, noise2)
         for i in range(count):
             height = peak[i] - dark[i]
             mean = moment[i] / (total[i] + TINY)
@@ -74,27 +74,14 @@ def decode_sections(start, stop, addresses, item_size, limits, table, axis, plac
             flag |= DISAGREEMENT if rival[i] - dark[i] > RIVAL * height else 0
             flag |= OUTSIDE if flag == 0 and (u < -HALF or u > table.lines - HALF) else 0
             place[axis, first + i] = u if flag == 0 else F(np.nan)
-            sigma[axis, first + i] = np.sqrt(max(variance, F(0))) / (total[i] + TINY) if flag == 0 else F(np.nan)
+            variance = max(variance, F(0)) / (total[i] * total[i] + TINY) + ripple * ripple
+            sigma[axis, first + i] = np.sqrt(variance) if flag == 0 else F(np.nan)
             modulation[first + i] = min(modulation[first + i], HALF * height)
             image[first + i] = max(image[first + i], peak[i])
             flags[first + i] |= flag | (NO_U << axis) if flag != 0 else 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _load(frames, addresses, item_size, start, count, grey):  # type: ignore[no-untyped-def]
-    for n in range(len(frames)):
-        row = grey[n]
-        if item_size == 1:
-            narrow = carray(pointer(addresses[frames[n]] + np.uint64(start)), (count,), np.uint8)
-            for i in range(count):
-                row[i] = narrow[i]
-        else:
-            wide = carray(pointer(addresses[frames[n]] + np.uint64(2 * start)), (count,), np.uint16)
-            for i in range(count):
-                row[i] = wide[i]
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@fast
 def _find_peak(centres, grey, count, peak, where):  # type: ignore[no-untyped-def]
     """Grey value and line of the brightest frame."""
     peak[:count] = F(-1)
@@ -107,7 +94,7 @@ def _find_peak(centres, grey, count, peak, where):  # type: ignore[no-untyped-de
             where[i] = centre if brighter else where[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@fast
 def _background(centres, reach, grey, count, where, dark, rival, others):  # type: ignore[no-untyped-def]
     """Mean and maximum of the frames far from the brightest; of all but zero frames where none is far."""
     dark[:count] = F(0)
@@ -124,8 +111,8 @@ def _background(centres, reach, grey, count, where, dark, rival, others):  # typ
         dark[i] = dark[i] / others[i] if others[i] > F(0) else F(0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _moments(centres, reach, limits, grey, count, peak, where, dark, total, moment, noise0, noise1, noise2):  # type: ignore[no-untyped-def]
+@fast
+def _moments(centres, reach, limits, grey, count, where, floor, total, moment, noise0, noise1, noise2):  # type: ignore[no-untyped-def]
     """Sums of weights and of weights times distance, and of the noise times distance to the power of 0, 1, 2."""
     for sums in (total, moment, noise0, noise1, noise2):
         sums[:count] = F(0)
@@ -133,7 +120,7 @@ def _moments(centres, reach, limits, grey, count, peak, where, dark, total, mome
         row, centre = grey[n], centres[n]
         for i in range(count):
             x = centre - where[i]
-            w = row[i] - dark[i] - TAIL * (peak[i] - dark[i])
+            w = row[i] - floor[i]
             counts = w > F(0) and abs(x) <= reach
             w = w if counts else F(0)
             noise = limits.dark + limits.shot * row[i] if counts else F(0)

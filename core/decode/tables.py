@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import erf
 
 from core.decode.frames import AxisFrames, Numbers, PhaseFrames, SortedFrames
 from core.decode.plan import Plan, UsedCode
@@ -26,6 +27,8 @@ Shorts = NDArray[np.int32]
 
 NOTHING, PHASES, CODE, SWEEP = 0, 1, 2, 3  # where an axis' coordinate starts
 NEGLIGIBLE = 1e-9
+TAIL = 0.05  # part of a light section's height below which light is not counted
+BLUR = 0.5  # lines: as sharp as projection and camera can be expected to be
 
 
 class Rows(NamedTuple):
@@ -36,15 +39,27 @@ class Rows(NamedTuple):
     value: Singles
 
 
+class Limits(NamedTuple):
+    """Noise ``var(g) = dark + shot g`` (grey values²) and the thresholds of `DecodeOptions`."""
+
+    dark: np.float32
+    shot: np.float32
+    snr: np.float32
+    modulation: np.float32
+    saturation: np.float32
+    bit_margin: np.float32
+
+
 class AxisTable(NamedTuple):
     """What the kernel needs to know about one axis.
 
     `rows` yields, in this order: threshold of the code, half its contrast, then mean, cosine and sine part of each
-    period, then every bit. `covariance` (J, 3) holds the cofactors (cc, cs, ss) of the quadratures, `period` (J,) lines.
-    `steps` (S, J) are the integer combinations of phases, `step_period` (S,) theirs, `step_error` (S, J) the squares
-    that propagate the phases' variances (cycles²) to what a step must round. Of each bit: `sign` times the threshold
-    is added, `spread` is its variance per frame's variance, `fading` its contrast relative to the coarse bits. `least_contrast` is a part of the
-    threshold.
+    period, then every bit. `covariance` (J, 3) holds the cofactors (cc, cs, ss) of the quadratures, `period` (J,) is in
+    lines. `steps` (S, J) are the integer combinations of phases, `step_period` (S,) theirs, `step_error` (S, J) the
+    squares that propagate the phases' variances (cycles²) to what a step must round. Of each bit: `sign` times the
+    threshold is added, `spread` is its variance per frame's variance, `fading` its contrast relative to the coarse
+    bits; `least_contrast` is the least contrast as a part of the threshold. Of a sweep: frames, centres, how far
+    around the brightest the light is counted, and the standard deviation (lines) that its discrete lines cause.
     """
 
     start: int
@@ -67,6 +82,7 @@ class AxisTable(NamedTuple):
     line_frames: Shorts
     line_centre: Singles
     line_reach: np.float32
+    line_ripple: np.float32
     black: int
 
 
@@ -219,7 +235,8 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         phase_frames=np.array([n for phase in axis.phases for n in phase.frames] if fits else [], np.int32),
         line_frames=np.array(lines.frames if lines else [], np.int32),
         line_centre=np.array(lines.centre if lines else [], np.float32),
-        line_reach=np.float32(_reach(lines.centre, lines.width) if lines else 0),
+        line_reach=np.float32(lines.width + 2 * _pitch(lines.centre) + 3 if lines else 0),
+        line_ripple=np.float32(ripple(_pitch(lines.centre), lines.width) if lines else 0),
         black=frames.black[0] if frames.black else -1,
     )
 
@@ -272,7 +289,18 @@ def _steps(plan: Plan, periods: Array) -> tuple[Singles, Singles, Singles]:
     return vectors.astype(np.float32), beat.astype(np.float32), (error**2).astype(np.float32)
 
 
-def _reach(centre: Sequence[float], width: int) -> float:
-    """How far from the brightest line's centre the light of a section may still be seen, in lines."""
-    pitch = float(np.median(np.diff(np.unique(centre)))) if len(set(centre)) > 1 else 1.0
-    return width + 2 * pitch + 3
+def _pitch(centre: Sequence[float]) -> float:
+    """Distance between neighbouring sections in lines."""
+    return float(np.median(np.diff(np.unique(centre)))) if len(set(centre)) > 1 else 1.0
+
+
+def ripple(pitch: float, width: int) -> float:
+    """R.m.s. error in lines of a section's weighted centroid that comes from sampling it at discrete lines.
+
+    For lines `width` wide, shown every `pitch` lines and blurred by `BLUR`.
+    """
+    u = np.arange(32)[:, None] / 32 * pitch
+    x = np.arange(-20, 22) * pitch
+    light = erf((x + width / 2 - u) / (BLUR * np.sqrt(2))) - erf((x - width / 2 - u) / (BLUR * np.sqrt(2)))
+    weight = np.maximum(light - TAIL * light.max(axis=1, keepdims=True), 0)
+    return float(np.sqrt(np.mean(np.square((weight * x).sum(axis=1) / weight.sum(axis=1) - u[:, 0]))))
