@@ -108,7 +108,7 @@ class ImageView(QWidget):
         self.image_item = pg.ImageItem(axisOrder="row-major")
         self.canvas.box.addItem(self.image_item)
         self.bar = ColourBar()
-        self.bar.setVisible(bar)
+        self.bar.hide()  # until there is an image
         self._with_bar = bar
         self.readout = label("", "muted")
         self.readout.setAccessibleName(self.tr("Value under the cursor"))

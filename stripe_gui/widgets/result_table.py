@@ -84,7 +84,6 @@ class ResultTable(QWidget):
     def __init__(self, name: str = "", *, titled: bool = True) -> None:
         super().__init__()
         self.title = label("", "heading")
-        self.title.setVisible(titled)
         self._titled = titled
         self.model = TableModel()
         self._sorted = _Sorted(self)

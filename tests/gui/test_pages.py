@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QPushButton
+from PySide6.QtCore import QEvent, QObject, Qt
+from PySide6.QtWidgets import QPushButton, QWidget
 
+from stripe_gui.pages import PAGES
 from stripe_gui.presenters.status import State
 
 
@@ -33,6 +34,31 @@ def idle(window, qtbot) -> None:
 def click(button: QPushButton, qtbot) -> None:
     assert button.isEnabled()
     qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+
+
+class Shown(QObject):
+    """Notes every window that appears on the screen."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.windows: list[str] = []
+
+    def eventFilter(self, watched, event):
+        if event.type() == QEvent.Type.Show and isinstance(watched, QWidget) and watched.isWindow():
+            self.windows.append(type(watched).__name__)
+        return False
+
+
+def test_no_part_of_a_page_flashes_up_as_a_window_of_its_own(window, qapp, finished: Path, qtbot) -> None:
+    shown = Shown()
+    qapp.installEventFilter(shown)
+    window.open_path(finished)
+    for page in PAGES:
+        window.show_page(page)
+        idle(window, qtbot)
+    window.bench.notify("error", "something", "do this", "details")
+    qapp.removeEventFilter(shown)
+    assert shown.windows == []
 
 
 def test_the_capture_page_shows_captures_frames_and_the_frame(open_window, window, recorded: Path, qtbot) -> None:
