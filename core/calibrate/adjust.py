@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from core.calibrate.columns import without_unobservable
 from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
 from core.calibrate.datum import aligned
+from core.calibrate.elimination import invert
 from core.calibrate.equations import Equations, linearise
 from core.calibrate.initial import initial_state
 from core.calibrate.iterate import NotConvergedError, iterate
-from core.calibrate.normals import Inverse, SingularNormalsError, invert
+from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
 from core.calibrate.problem import Problem, State, problem_of, reweighted, station_orientations
 from core.calibrate.selection import adjustable, check_network, selected
@@ -77,6 +79,8 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
     """Adjust a network, reject gross errors where the options say so, and collect what weakens it."""
     check_network(network)
     network, warnings = adjustable(network)
+    network, more = without_unobservable(network)
+    warnings += more
     problem = problem_of(network)
     if problem.redundancy < 1:
         raise AdjustmentError(

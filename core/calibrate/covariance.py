@@ -7,37 +7,42 @@ from numba import njit
 from numpy.typing import NDArray
 
 from core.calibrate.equations import Equations
-from core.calibrate.normals import Inverse
+from core.calibrate.normals import Inverse, layout_of
 from core.calibrate.problem import Problem
 from core.parallel import run_in_bands
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
 def _cofactor_band(  # pragma: no cover  compiled
     start: int,
     stop: int,
-    device: NDArray[np.int64],
-    pose: NDArray[np.int64],
-    point: NDArray[np.int64],
-    columns: NDArray[np.int64],
+    device: Ints,
+    own: Ints,
+    kept: Ints,
+    columns: Ints,
     n_globals: int,
+    own_at: int,
+    kept_at: int,
+    kept_width: int,
     J: Array,
     Q: Array,
     CQ: Array,
-    Q_pose: Array,
+    Q_eliminated: Array,
     out: Array,
 ) -> None:
-    local, place = np.empty(18, np.int64), np.empty(18, np.int64)
+    width = Q_eliminated.shape[1]
+    local, place = np.empty(21, np.int64), np.empty(21, np.int64)
     for o in range(start, stop):
-        p, k = pose[o], 0
+        e, k = own[o], 0
         for j in range(15):
             if columns[device[o], j] >= 0:
                 local[k], place[k] = j, columns[device[o], j]
                 k += 1
-        for j in range(3):
-            local[k], place[k] = 21 + j, n_globals + 3 * point[o] + j
+        for j in range(kept_width):
+            local[k], place[k] = kept_at + j, n_globals + kept_width * kept[o] + j
             k += 1
         for a in range(2):
             row, total = J[o, a], 0.0
@@ -45,12 +50,12 @@ def _cofactor_band(  # pragma: no cover  compiled
                 part = 0.0
                 for t in range(k):
                     part += Q[place[s], place[t]] * row[local[t]]
-                for t in range(6):
-                    part -= 2.0 * CQ[p, t, place[s]] * row[15 + t]
+                for t in range(width):
+                    part -= 2.0 * CQ[e, t, place[s]] * row[own_at + t]
                 total += row[local[s]] * part
-            for s in range(6):
-                for t in range(6):
-                    total += row[15 + s] * Q_pose[p, s, t] * row[15 + t]
+            for s in range(width):
+                for t in range(width):
+                    total += row[own_at + s] * Q_eliminated[e, s, t] * row[own_at + t]
             out[o, a] = total
 
 
@@ -60,9 +65,9 @@ def redundancy_numbers(problem: Problem, equations: Equations, inverse: Inverse)
     ``r = 1 - a Q aᵀ / sigma²``; NaN where a coordinate was not observed. With that of a measured distance, their sum is
     the redundancy.
     """
-    P, U = problem.poses, len(inverse.Q)
-    CQ = (inverse.C.reshape(6 * P, U) @ inverse.Q).reshape(P, 6, U)
-    Q_pose = inverse.Q_own + CQ @ inverse.C.transpose(0, 2, 1)
+    layout = layout_of(problem)
+    CQ = (inverse.C.reshape(-1, len(inverse.Q)) @ inverse.Q).reshape(inverse.C.shape)
+    Q_eliminated = inverse.Q_own + CQ @ inverse.C.transpose(0, 2, 1)
     out = np.empty_like(equations.w)
 
     def band(start: int, stop: int) -> None:
@@ -70,14 +75,17 @@ def redundancy_numbers(problem: Problem, equations: Equations, inverse: Inverse)
             start,
             stop,
             problem.device,
-            problem.pose,
-            problem.point,
+            layout.own,
+            layout.kept,
             problem.columns,
             problem.globals,
+            layout.own_at,
+            layout.kept_at,
+            layout.kept_width,
             equations.J,
             inverse.Q,
             CQ,
-            Q_pose,
+            Q_eliminated,
             out,
         )
 
@@ -87,8 +95,23 @@ def redundancy_numbers(problem: Problem, equations: Equations, inverse: Inverse)
 
 def point_cofactors(problem: Problem, inverse: Inverse) -> Array:
     """Cofactors of every point, shape (n, 3, 3), mm²."""
+    if problem.by_points:
+        return inverse.Q_own + inverse.C @ inverse.Q @ inverse.C.transpose(0, 2, 1)
     at = problem.globals + 3 * np.arange(problem.points)[:, None] + np.arange(3)
     return inverse.Q[at[:, :, None], at[:, None, :]]
+
+
+def pose_cofactors(problem: Problem, inverse: Inverse) -> Array:
+    """Joint cofactors of globals and poses, shape (globals + 6 P, globals + 6 P)."""
+    if problem.by_points:
+        return inverse.Q
+    G, P = problem.globals, problem.poses
+    L = np.zeros((G + 6 * P, len(inverse.Q)))
+    L[:G, :G], L[G:] = np.eye(G), -inverse.C.reshape(6 * P, -1)
+    Q = L @ inverse.Q @ L.T
+    at = G + 6 * np.arange(P)[:, None] + np.arange(6)
+    Q[at[:, :, None], at[:, None, :]] += inverse.Q_own
+    return Q
 
 
 def global_cofactors(problem: Problem, inverse: Inverse) -> Array:

@@ -51,8 +51,9 @@ def null_space(problem: Problem, state: State) -> Array:
     H[G:] = _movements(state.xyz - state.xyz.mean(axis=0))[:, : problem.defect]
     if problem.defect == 7:
         for d, columns in enumerate(problem.columns):
-            if columns[12] >= 0:
-                H[columns[12:15], 6] = state.relative_shift[d]
+            for column, length in zip(columns[12:15], state.relative_shift[d], strict=True):
+                if column >= 0:
+                    H[column, 6] = length
     return H
 
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from core.calibrate.elimination import solve
 from core.calibrate.equations import Equations, linearise
-from core.calibrate.normals import SingularNormalsError, solve
+from core.calibrate.normals import SingularNormalsError
 from core.calibrate.problem import Problem, State, Step, moved
 from core.progress import SILENT, Progress
 

@@ -1,7 +1,7 @@
-"""Normal equations by blocks with the poses eliminated: what remains are the global unknowns and the points.
+"""Normal equations by blocks: the globals, the eliminated unknowns and the kept ones.
 
-The reduced system stays at the size of the globals and three times the points, however many stations there are.
-Its inverse holds the covariances of all that matters, and the inner constraints join it directly.
+Either the poses are eliminated (6 unknowns each) and the points kept (3 each), or the other way round; an eliminated
+block meets no other, which is what makes it cheap to eliminate.
 """
 
 from __future__ import annotations
@@ -10,69 +10,96 @@ from dataclasses import dataclass
 from threading import Lock
 
 import numpy as np
-import scipy.linalg as sla
 from numba import njit
 from numpy.typing import NDArray
 
-from core.calibrate.datum import datum_columns, null_space
-from core.calibrate.equations import Equations
-from core.calibrate.problem import Problem, State, Step
+from core.calibrate.equations import POINT, POSE, Equations
+from core.calibrate.problem import Problem
 from core.parallel import run_in_bands
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 class SingularNormalsError(Exception):
-    """The normal equations cannot be solved; `pose` is the culprit, or `direction` in the reduced unknowns."""
+    """The normal equations cannot be solved.
 
-    def __init__(self, pose: int | None = None, direction: Array | None = None) -> None:
-        super().__init__(pose, direction)
-        self.pose, self.direction = pose, direction
+    `block` is the eliminated pose or point that is to blame, or `direction` the combination of kept unknowns.
+    """
+
+    def __init__(self, block: int | None = None, direction: Array | None = None) -> None:
+        super().__init__(block, direction)
+        self.block, self.direction = block, direction
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the Jacobian's columns of eliminated and kept unknowns begin, how many there are, and whose they are.
+
+    `kept` has shape (m,); it numbers the pose or point whose unknowns stay in the system, `kept_count` of them.
+    """
+
+    own_at: int
+    own_width: int
+    kept_at: int
+    kept_width: int
+    own: Ints
+    kept: Ints
+    kept_count: int
+
+
+def layout_of(problem: Problem) -> Layout:
+    """Give the layout for the elimination that the problem asks for."""
+    if problem.by_points:
+        return Layout(POINT, 3, POSE, 6, problem.point, problem.pose, problem.poses)
+    return Layout(POSE, 6, POINT, 3, problem.pose, problem.point, problem.points)
 
 
 @dataclass(frozen=True)
 class Normals:
-    """Blocks of the normal equations; the reduced unknowns are the globals, then the points' coordinates.
+    """Blocks of the image observations' normal equations: U kept unknowns, the globals first, and E eliminated blocks.
 
     Attributes
     ----------
     N : array, shape (U, U)
-        Globals and points before the poses are eliminated, the measured distance included.
+        Kept unknowns, before the elimination.
     b : array, shape (U,)
-    N_pose, N_mixed : arrays, shape (P, 6, 6) and (P, 6, U)
-    b_pose : array, shape (P, 6)
+    N_own, N_mixed : arrays, shape (E, w, w) and (E, w, U)
+    b_own : array, shape (E, w)
     """
 
     N: Array
     b: Array
-    N_pose: Array
+    N_own: Array
     N_mixed: Array
-    b_pose: Array
+    b_own: Array
 
 
 @njit(cache=True, nogil=True)
 def _accumulate_band(  # pragma: no cover  compiled
     start: int,
     stop: int,
-    first: NDArray[np.int64],
-    device: NDArray[np.int64],
-    point: NDArray[np.int64],
-    columns: NDArray[np.int64],
-    points_free: bool,
+    first: Ints,
+    device: Ints,
+    kept: Ints,
+    columns: Ints,
+    own_at: int,
+    kept_at: int,
     w: Array,
     J: Array,
-    N_pose: Array,
+    N_own: Array,
     N_mixed: Array,
-    b_pose: Array,
+    b_own: Array,
     N_global: Array,
-    N_point: Array,
+    N_kept: Array,
     b: Array,
 ) -> None:
-    G = N_global.shape[0]
+    G, width, kept_width = N_global.shape[0], N_own.shape[1], N_kept.shape[1]
+    with_kept = N_kept.shape[0] > 0
     local, place = np.empty(15, np.int64), np.empty(15, np.int64)
-    for p in range(start, stop):
-        for o in range(first[p], first[p + 1]):
-            i, k = point[o], 0
+    for e in range(start, stop):
+        for o in range(first[e], first[e + 1]):
+            i, k = kept[o], 0
             for j in range(15):
                 if columns[device[o], j] >= 0:
                     local[k], place[k] = j, columns[device[o], j]
@@ -84,157 +111,97 @@ def _accumulate_band(  # pragma: no cover  compiled
                     b[place[s]] += value * misclosure
                     for t in range(k):
                         N_global[place[s], place[t]] += value * row[local[t]]
-                for s in range(6):
-                    value = row[15 + s]
-                    b_pose[p, s] += value * misclosure
-                    for t in range(6):
-                        N_pose[p, s, t] += value * row[15 + t]
+                for s in range(width):
+                    value = row[own_at + s]
+                    b_own[e, s] += value * misclosure
+                    for t in range(width):
+                        N_own[e, s, t] += value * row[own_at + t]
                     for t in range(k):
-                        N_mixed[p, s, place[t]] += value * row[local[t]]
-                if points_free:
-                    at = G + 3 * i
-                    for s in range(3):
-                        value = row[21 + s]
+                        N_mixed[e, s, place[t]] += value * row[local[t]]
+                if with_kept:
+                    at = G + kept_width * i
+                    for s in range(kept_width):
+                        value = row[kept_at + s]
                         b[at + s] += value * misclosure
-                        for t in range(3):
-                            N_point[i, s, t] += value * row[21 + t]
+                        for t in range(kept_width):
+                            N_kept[i, s, t] += value * row[kept_at + t]
                         for t in range(k):
                             N_global[place[t], at + s] += value * row[local[t]]
-                        for t in range(6):
-                            N_mixed[p, t, at + s] += value * row[15 + t]
+                        for t in range(width):
+                            N_mixed[e, t, at + s] += value * row[own_at + t]
 
 
 def assemble(problem: Problem, equations: Equations) -> Normals:
-    """Add up the normal equations, bands of poses on threads."""
-    P, G, n = problem.poses, problem.globals, problem.points
-    U = G + 3 * n
-    N_pose, N_mixed, b_pose = np.zeros((P, 6, 6)), np.zeros((P, 6, U)), np.zeros((P, 6))
-    N_global, N_point, b = np.zeros((G, U)), np.zeros((n, 3, 3)), np.zeros(U)
+    """Add up the normal equations, bands of eliminated blocks on threads."""
+    layout = layout_of(problem)
+    E, G, n, width, kept_width = (
+        len(problem.first) - 1,
+        problem.globals,
+        layout.kept_count,
+        layout.own_width,
+        layout.kept_width,
+    )
+    U = G + kept_width * n
+    N_own, N_mixed, b_own = np.zeros((E, width, width)), np.zeros((E, width, U)), np.zeros((E, width))
+    N_global, N_kept, b = np.zeros((G, U)), np.zeros((n, kept_width, kept_width)), np.zeros(U)
     lock = Lock()
 
     def band(start: int, stop: int) -> None:
-        parts = np.zeros((G, U)), np.zeros((n, 3, 3)), np.zeros(U)
+        parts = np.zeros_like(N_global), np.zeros_like(N_kept), np.zeros_like(b)
         _accumulate_band(
             start,
             stop,
             problem.first,
             problem.device,
-            problem.point,
+            layout.kept,
             problem.columns,
-            problem.points_free,
+            layout.own_at,
+            layout.kept_at,
             equations.w,
             equations.J,
-            N_pose,
+            N_own,
             N_mixed,
-            b_pose,
+            b_own,
             *parts,
         )
         with lock:
-            for whole, part in zip((N_global, N_point, b), parts, strict=True):
+            for whole, part in zip((N_global, N_kept, b), parts, strict=True):
                 whole += part
 
-    run_in_bands(band, P, least=max(1, 4096 * P // max(len(problem.point), 1)))  # threads pay from some 8000 points
+    # threads pay from some 8000 image points
+    run_in_bands(band, E, least=max(1, 4096 * E // max(len(problem.point), 1)))
     N = np.zeros((U, U))
     N[:G], N[G:, :G] = N_global, N_global[:, G:].T
-    at = G + 3 * np.arange(n)
-    for s in range(3):
-        for t in range(3):
-            N[at + s, at + t] = N_point[:, s, t]
-    if problem.scale is not None and n:
-        row = np.zeros(U)
-        row[G + 3 * problem.scale.start :][:3] = equations.J_scale
-        row[G + 3 * problem.scale.stop :][:3] = -equations.J_scale
-        used = np.flatnonzero(row)
-        N[np.ix_(used, used)] += np.outer(row[used], row[used])
-        b[used] += row[used] * equations.w_scale
-    return Normals(N, b, N_pose, N_mixed, b_pose)
+    at = G + kept_width * np.arange(n)
+    for s in range(kept_width):
+        for t in range(kept_width):
+            N[at + s, at + t] = N_kept[:, s, t]
+    return Normals(N, b, N_own, N_mixed, b_own)
+
+
+def factors_of_blocks(N_own: Array, damping: float) -> Array:
+    """Lower Cholesky factors of the eliminated blocks, their diagonals multiplied by 1 + damping.
+
+    Raises
+    ------
+    SingularNormalsError
+        Naming the block.
+    """
+    damped = N_own + damping * N_own * np.eye(N_own.shape[1])
+    try:
+        return np.asarray(np.linalg.cholesky(damped), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        with np.errstate(all="ignore"):
+            worst = [np.linalg.cond(block) for block in damped]
+        raise SingularNormalsError(block=int(np.argmax(worst))) from None
 
 
 @dataclass(frozen=True)
-class Reduced:
-    """The reduced system made regular by the datum, factorised.
+class Factor:
+    """Cholesky factor (lower) of a symmetric matrix scaled to a diagonal of 1 by `scale`."""
 
-    Attributes
-    ----------
-    factor : array, shape (U, U)
-        Lower Cholesky factor of ``D (N - N_mixedᵀ N_pose⁻¹ N_mixed + κGGᵀ) D``.
-    scale : array, shape (U,)
-        The diagonal of D, which makes the system's diagonal 1.
-    lower : array, shape (P, 6, 6)
-        Cholesky factors of the poses' blocks.
-    b : array, shape (U,)
-        Reduced right-hand side.
-    """
-
-    factor: Array
-    scale: Array
     lower: Array
-    b: Array
-
-
-def reduce(problem: Problem, state: State, normals: Normals, damping: float = 0.0) -> Reduced:
-    """Eliminate the poses, add the datum and factorise.
-
-    `damping` multiplies all diagonals by 1 + damping (Levenberg-Marquardt).
-
-    Raises
-    ------
-    SingularNormalsError
-        Naming the pose, or the direction of the reduced unknowns, that the observations do not determine.
-    """
-    N_pose = normals.N_pose + damping * np.einsum("pij,ij->pij", normals.N_pose, np.eye(6))
-    try:
-        lower = np.linalg.cholesky(N_pose)
-    except np.linalg.LinAlgError:
-        worst = [np.linalg.cond(block) for block in N_pose]
-        raise SingularNormalsError(pose=int(np.argmax(worst))) from None
-    U, P = len(normals.b), len(lower)
-    root = np.linalg.solve(lower, normals.N_mixed).reshape(6 * P, U)
-    M = normals.N - root.T @ root
-    b = normals.b - root.T @ np.linalg.solve(lower, normals.b_pose[..., None]).reshape(6 * P)
-    M[np.diag_indices(U)] += damping * np.diagonal(normals.N)
-    if problem.points_free and U:
-        G, n = problem.globals, problem.points
-        D = datum_columns(state.xyz, problem.defect)
-        M[G:, G:] += np.trace(normals.N[G:, G:]) / (3 * n) * (D @ D.T)
-    diagonal = np.diagonal(M)
-    if not np.all(diagonal > 0):
-        raise SingularNormalsError(direction=(diagonal <= 0).astype(float))
-    scale = 1.0 / np.sqrt(diagonal)
-    M *= scale
-    M *= scale[:, None]
-    try:
-        factor = sla.cholesky(M, lower=True, check_finite=False)
-    except np.linalg.LinAlgError:
-        raise SingularNormalsError(direction=np.linalg.eigh(M)[1][:, 0] * scale) from None
-    return Reduced(factor, scale, lower, b)
-
-
-def solve(problem: Problem, state: State, equations: Equations, damping: float = 0.0) -> Step:
-    """One step of the adjustment, under the inner constraints.
-
-    Raises
-    ------
-    SingularNormalsError
-    """
-    return solve_normals(problem, state, assemble(problem, equations), damping)
-
-
-def solve_normals(problem: Problem, state: State, normals: Normals, damping: float = 0.0) -> Step:
-    """Solve assembled normal equations.
-
-    Raises
-    ------
-    SingularNormalsError
-    """
-    reduced = reduce(problem, state, normals, damping)
-    dz = reduced.scale * sla.cho_solve((reduced.factor, True), reduced.scale * reduced.b, check_finite=False)
-    right = normals.b_pose - np.einsum("piu,u->pi", normals.N_mixed, dz)
-    half = np.linalg.solve(reduced.lower, right[..., None])
-    dp = np.linalg.solve(reduced.lower.transpose(0, 2, 1), half)[..., 0]
-    gain = float(normals.b @ dz + np.sum(normals.b_pose * dp))
-    G = problem.globals
-    return Step(dz[:G], np.asarray(dp, dtype=np.float64), dz[G:].reshape(-1, 3), gain)
+    scale: Array
 
 
 @dataclass(frozen=True)
@@ -244,11 +211,11 @@ class Inverse:
     Attributes
     ----------
     Q : array, shape (U, U)
-        Of the globals and points under the inner constraints.
-    C : array, shape (P, 6, U)
-        ``N_pose⁻¹ N_mixed``: a change dz of the reduced unknowns moves the poses by ``-C dz``.
-    Q_own : array, shape (P, 6, 6)
-        ``N_pose⁻¹``: the poses' cofactors were the reduced unknowns known.
+        Of the kept unknowns, the globals first.
+    C : array, shape (E, w, U)
+        A change dz of the kept unknowns moves the eliminated ones by ``-C dz``.
+    Q_own : array, shape (E, w, w)
+        Cofactors of the eliminated blocks were the kept unknowns known.
     strength : array, shape (globals,)
         ``1 / (Q_ii N_ii)``: 1 where a parameter is independent of all others, near 0 where it cannot be told from them.
     """
@@ -257,37 +224,3 @@ class Inverse:
     C: Array
     Q_own: Array
     strength: Array
-
-
-def invert(problem: Problem, state: State, equations: Equations) -> Inverse:
-    """Cofactors of all unknowns in the free network of least trace.
-
-    Notes
-    -----
-    With D the constraints' columns (points only) and H the null space of the reduced normals N (in a rigid rig without
-    measured distance its scale column reaches the relative orientations too)::
-
-        Q = (N + κDDᵀ)⁻¹ - κ⁻¹ H (DᵀH)⁻¹ (HᵀD)⁻¹ Hᵀ
-
-    which is the usual ``(N + κDDᵀ)⁻¹ - κ⁻¹ D (DᵀD)⁻² Dᵀ`` where H = D.
-
-    Raises
-    ------
-    SingularNormalsError
-    """
-    normals = assemble(problem, equations)
-    reduced = reduce(problem, state, normals)
-    Q, info = sla.lapack.dpotri(reduced.factor, lower=1, overwrite_c=1)
-    assert info == 0, "the factor has no zero on its diagonal"
-    Q = np.tril(Q) + np.tril(Q, -1).T
-    Q *= reduced.scale
-    Q *= reduced.scale[:, None]
-    G, n = problem.globals, problem.points
-    if problem.defect:
-        D, H = datum_columns(state.xyz, problem.defect), null_space(problem, state)
-        K = np.linalg.solve((D.T @ H[G:]).T, H.T)
-        Q -= 3 * n / np.trace(normals.N[G:, G:]) * (K.T @ K)
-    half = np.linalg.inv(reduced.lower)
-    Q_own = half.transpose(0, 2, 1) @ half
-    strength = 1.0 / (np.diagonal(Q)[:G] * np.diagonal(normals.N)[:G])
-    return Inverse(Q, Q_own @ normals.N_mixed, Q_own, strength)

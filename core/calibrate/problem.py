@@ -14,9 +14,14 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+MOST_REDUCED = 3000  # unknowns of points that are kept whole; more are eliminated if there are fewer of the poses
+
+
 @dataclass(frozen=True)
 class Problem:
-    """What stays the same while the unknowns move. Observations are sorted by pose.
+    """What stays the same while the unknowns move.
+
+    Observations are sorted by what the normal equations eliminate: the poses, or the points where these are many.
 
     Attributes
     ----------
@@ -35,8 +40,10 @@ class Problem:
         Where each device's nine interior and six relative parameters stand among the global unknowns; -1 if held.
     base : array, shape (devices,)
         The device whose frame each device's relative orientation refers to (itself where it has none).
-    first : array, shape (poses + 1,)
-        Where the observations of each pose begin.
+    by_points : bool
+        Whether the points are eliminated, not the poses.
+    first : array, shape (eliminated + 1,)
+        Where the observations of each pose (or point) begin.
     station_pose : array, shape (stations,)
     origin_mm : array, shape (3,)
         Taken off all object coordinates while adjusting, so that large coordinates cost no digits.
@@ -57,6 +64,7 @@ class Problem:
     r0: Array
     columns: Ints
     base: Ints
+    by_points: bool
     first: Ints
     station_pose: Ints
     station_device: Ints
@@ -68,7 +76,7 @@ class Problem:
     @property
     def poses(self) -> int:
         """Number of poses."""
-        return len(self.first) - 1
+        return int(self.station_pose.max()) + 1
 
     @property
     def globals(self) -> int:
@@ -114,6 +122,18 @@ class Step:
     gain: float
 
 
+def never_observed(network: Network) -> dict[str, str]:
+    """Devices of which one coordinate was observed nowhere, with that coordinate, "u" or "v"."""
+    seen = np.isfinite(network.observation_uv)
+    owner = np.array(network.station_device)[network.observation_station]
+    result = {}
+    for name in network.devices:
+        own = seen[owner == name]
+        if len(own) and not own.any(axis=0).all():
+            result[name] = "v" if own[:, 0].any() else "u"
+    return result
+
+
 def base_devices(network: Network) -> dict[str, str]:
     """Give for each device the device it is held rigidly to: the first of those it shares poses with, or itself."""
     base = {name: name for name in network.devices}
@@ -128,33 +148,40 @@ def base_devices(network: Network) -> dict[str, str]:
     return base
 
 
-def problem_of(network: Network) -> Problem:
-    """Sort a network's observations by pose and number its unknowns."""
+def problem_of(network: Network, *, by_points: bool | None = None) -> Problem:
+    """Number a network's unknowns and sort its observations by what is to be eliminated.
+
+    Parameters
+    ----------
+    network : Network
+    by_points : bool or None
+        Eliminate the points, not the poses; None decides by their numbers. The results are the same.
+
+    Notes
+    -----
+    Poses are eliminated while the system of the points that remains is small: it then grows with the board, not with
+    the experiment. Devices without stations are held.
+    """
     names = tuple(network.devices)
     number = {name: k for k, name in enumerate(names)}
     station_device = np.array([number[d] for d in network.station_device], dtype=np.int64)
     _, station_pose = np.unique(np.array(network.station_pose), return_inverse=True)
     base = np.array([number[b] for b in base_devices(network).values()], dtype=np.int64)
-    columns = np.full((len(names), 15), -1, dtype=np.int64)
-    count = 0
-    for d, name in enumerate(names):
-        for k, parameter in enumerate(INTERIOR_NAMES):
-            if parameter in network.devices[name].estimate:
-                columns[d, k] = count
-                count += 1
-    for d in range(len(names)):
-        if base[d] != d:
-            columns[d, 9:] = np.arange(count, count + 6)
-            count += 6
-    pose = station_pose[network.observation_station]
-    order = np.argsort(pose, kind="stable")
+    columns = _columns(network, base, set(station_device.tolist()))
+    pose = station_pose[network.observation_station].astype(np.int64)
+    groups, others = len(set(network.station_pose)), 3 * len(network.point_names)
+    if by_points is None:
+        by_points = others > MOST_REDUCED and others > 6 * groups
+    group = network.observation_point if by_points else pose
+    order = np.argsort(group, kind="stable")
+    count = len(network.point_names) if by_points else groups
     origin = network.point_xyz_mm.mean(axis=0)
     sigma = np.where(np.isfinite(network.observation_uv), network.observation_sigma, np.inf)
     specs = [network.devices[name].spec for name in names]
     return Problem(
         device_names=names,
         device=station_device[network.observation_station][order],
-        pose=pose[order].astype(np.int64),
+        pose=pose[order],
         point=network.observation_point[order].astype(np.int64),
         order=order,
         uv=np.nan_to_num(network.observation_uv, nan=0.0)[order],
@@ -163,13 +190,31 @@ def problem_of(network: Network) -> Problem:
         r0=np.array([s.zero_radius_mm for s in specs]),
         columns=columns,
         base=base,
-        first=np.searchsorted(pose[order], np.arange(int(station_pose.max()) + 2)).astype(np.int64),
+        by_points=by_points,
+        first=np.searchsorted(group[order], np.arange(count + 1)).astype(np.int64),
         station_pose=station_pose.astype(np.int64),
         station_device=station_device,
         origin_mm=origin,
         approximate=network.point_xyz_mm - origin,
         scale=network.scale,
     )
+
+
+def _columns(network: Network, base: Ints, used: set[int]) -> Ints:
+    """Places of every device's unknowns among the globals: all interior orientations, then the relative ones."""
+    columns = np.full((len(network.devices), 15), -1, dtype=np.int64)
+    wanted = np.zeros(columns.shape, bool)
+    for d, device in enumerate(network.devices.values()):
+        if d in used:
+            wanted[d, :9] = [p in device.estimate for p in INTERIOR_NAMES]
+            wanted[d, 9:] = base[d] != d
+    for name, coordinate in never_observed(network).items():
+        # the projection centre along the axis of a coordinate never observed
+        wanted[list(network.devices).index(name), 12 if coordinate == "u" else 13] = False
+    for part in (slice(0, 9), slice(9, 15)):
+        places = columns[:, part]
+        places[wanted[:, part]] = columns.max() + 1 + np.arange(np.count_nonzero(wanted[:, part]))
+    return columns
 
 
 def moved(problem: Problem, state: State, step: Step) -> State:
@@ -184,8 +229,8 @@ def moved(problem: Problem, state: State, step: Step) -> State:
         interior[d, free] += step.z[columns[:9][free]]
         if columns[9] >= 0:
             relative_rotation[d] = matrix_from_rotation_vector(step.z[columns[9:12]]) @ relative_rotation[d]
-            relative_shift[d] += step.z[columns[12:15]]
-    turns = np.array([matrix_from_rotation_vector(w) for w in step.pose[:, :3]])
+            relative_shift[d] += np.where(columns[12:15] >= 0, step.z[columns[12:15]], 0.0)
+    turns = _matrices(step.pose[:, :3])
     xyz = state.xyz + step.xyz if problem.points_free else state.xyz
     return State(
         interior,
@@ -195,6 +240,16 @@ def moved(problem: Problem, state: State, step: Step) -> State:
         state.pose_shift + step.pose[:, 3:],
         xyz,
     )
+
+
+def _matrices(vectors: Array) -> Array:
+    """Rotation matrices, shape (k, 3, 3), of rotation vectors, shape (k, 3): Rodrigues' formula for many."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    # sin(a)/a and (1 - cos a)/a² through sinc, which knows its limit at 0
+    return np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (K @ K)
 
 
 def reweighted(problem: Problem, factor: Array) -> Problem:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtri
 
 from core.calibrate.adjust import Solved, solve_network, weighted_problem
-from core.calibrate.covariance import global_cofactors
+from core.calibrate.covariance import pose_cofactors
 from core.calibrate.equations import linearise
 from core.calibrate.iterate import NotConvergedError, Solution, iterate
 from core.calibrate.normals import SingularNormalsError
@@ -134,35 +134,25 @@ def mean_relative_pose(solved: Solved, groups: Sequence[int], device: int) -> tu
     stations and interior orientations together, correlations included.
     """
     rigid = problem_of(replace(solved.network, station_pose=tuple(groups)))
-    free, state, inverse = solved.problem, solved.state, solved.inverse
+    state, G = solved.state, solved.problem.globals
+    Q = pose_cofactors(solved.problem, solved.inverse)
     pairs = _pairs(rigid, device)
     samples = [_relative(state, a, b) for a, b in pairs]
-    parts = [_relative_derivatives(state, a, b, s) for (a, b), s in zip(pairs, samples, strict=True)]
-    weights = []
-    for (a, b), (Ma, Mb) in zip(pairs, parts, strict=True):
-        C = Ma @ inverse.C[a] + Mb @ inverse.C[b]
-        own = Ma @ inverse.Q_own[a] @ Ma.T + Mb @ inverse.Q_own[b] @ Mb.T
-        weights.append(np.linalg.inv(own + C @ inverse.Q @ C.T))
-    total = np.linalg.inv(np.sum(weights, axis=0))
+    derivatives = np.zeros((len(pairs), 6, len(Q)))
+    for M, (a, b), sample in zip(derivatives, pairs, samples, strict=True):
+        M[:, G + 6 * a :][:, :6], M[:, G + 6 * b :][:, :6] = _relative_derivatives(state, a, sample)
+    weights = np.linalg.inv(derivatives @ Q @ derivatives.transpose(0, 2, 1))
+    shares = np.linalg.inv(weights.sum(axis=0)) @ weights
     mean = _plain_mean(samples)
     for _ in range(3):
-        step = total @ np.sum([W @ _difference(s, mean) for W, s in zip(weights, samples, strict=True)], axis=0)
+        step = np.sum([share @ _difference(s, mean) for share, s in zip(shares, samples, strict=True)], axis=0)
         mean = Pose(matrix_from_rotation_vector(step[:3]) @ mean.rotation, mean.translation_mm + step[3:])
-    # the mean moves by L (reduced unknowns) and by the poses' own share, independent of each other
-    L, own = np.zeros((6, len(inverse.Q))), np.zeros((6, 6))
-    for (a, b), (Ma, Mb), W in zip(pairs, parts, weights, strict=True):
-        for station, M in ((a, total @ W @ Ma), (b, total @ W @ Mb)):
-            L -= M @ inverse.C[station]
-            own += M @ inverse.Q_own[station] @ M.T
-    D = 9 * len(free.device_names)
-    columns = free.columns[:, :9].ravel()
-    held = columns < 0
-    cross = np.where(held[:, None], 0.0, (inverse.Q @ L.T)[columns])
-    covariance = np.zeros((D + 6, D + 6))
-    covariance[:D, :D] = global_cofactors(free, inverse)[:D, :D]
-    covariance[:D, D:], covariance[D:, :D] = cross, cross.T
-    covariance[D:, D:] = L @ inverse.Q @ L.T + own
-    return mean, solved.variance * covariance
+    # all interior parameters (those held have no row) and the mean, as functions of globals and poses
+    columns = solved.problem.columns[:, :9].ravel()
+    L = np.zeros((len(columns) + 6, len(Q)))
+    L[np.flatnonzero(columns >= 0), columns[columns >= 0]] = 1.0
+    L[len(columns) :] = np.sum(shares @ derivatives, axis=0)
+    return mean, solved.variance * (L @ Q @ L.T)
 
 
 def _pairs(rigid: Problem, device: int) -> list[tuple[int, int]]:
@@ -183,7 +173,7 @@ def _relative(state: State, base: int, other: int) -> Pose:
     return Pose(R, state.pose_shift[other] - R @ state.pose_shift[base])
 
 
-def _relative_derivatives(state: State, base: int, other: int, relative: Pose) -> tuple[Array, Array]:
+def _relative_derivatives(state: State, base: int, relative: Pose) -> tuple[Array, Array]:
     """Derivatives of a relative orientation, shape (6, 6) each, with respect to the base's and the other's."""
     R, arm = relative.rotation, relative.rotation @ state.pose_shift[base]
     cross = np.array([[0.0, -arm[2], arm[1]], [arm[2], 0.0, -arm[0]], [-arm[1], arm[0], 0.0]])

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from core.calibrate.covariance import point_cofactors
+from core.calibrate.elimination import invert
 from core.calibrate.equations import Equations
 from core.calibrate.iterate import Solution
-from core.calibrate.normals import Inverse, SingularNormalsError, invert
+from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.problem import Problem, State
 from core.calibrate.selection import listed
 from core.errors import AdjustmentError
@@ -90,7 +92,8 @@ def _poor_parameters(problem: Problem, equations: Equations, inverse: Inverse, v
 
 
 def _poor_points(network: Network, problem: Problem, state: State, inverse: Inverse, variance: float) -> list[str]:
-    squares = variance * np.abs(np.diagonal(inverse.Q)[problem.globals :].reshape(-1, 3)).sum(axis=1)
+    cofactors = np.diagonal(point_cofactors(problem, inverse), axis1=1, axis2=2)
+    squares = variance * np.abs(cofactors).sum(axis=1)
     sigma, extent = np.sqrt(squares), float(np.linalg.norm(np.ptp(state.xyz, axis=0)))
     order = np.argsort(-sigma)
     lost = [network.point_names[i] for i in order if sigma[i] > HOPELESS * extent]
@@ -124,25 +127,38 @@ def singular_error(
     network: Network, problem: Problem, state: State, equations: Equations, error: SingularNormalsError
 ) -> AdjustmentError:
     """Name the station, the parameters or the points that singular normal equations leave undetermined."""
-    if error.pose is not None:
-        names = [network.station_names[s] for s in np.flatnonzero(problem.station_pose == error.pose)]
-        return AdjustmentError(
-            f"station {' / '.join(names)}", "its orientation is not determined by its points", "add points to it"
-        )
+    if error.block is not None and problem.by_points:
+        return _loose_points([network.point_names[error.block]])
+    if error.block is not None:
+        return _loose_stations(network, problem, [error.block])
     assert error.direction is not None
     G = problem.globals
     shares, names, keys = _effects(problem, equations)
     effect = np.abs(error.direction[:G]) * shares
     extent = float(np.linalg.norm(np.ptp(state.xyz, axis=0)))
-    shift = np.linalg.norm(error.direction[G:].reshape(-1, 3), axis=1) / extent
+    width = 6 if problem.by_points else 3
+    shift = np.linalg.norm(error.direction[G:].reshape(-1, width)[:, -3:], axis=1) / extent
     if effect.max(initial=0.0) > 0.05 * shift.max(initial=0.0):
         worst = _largest(effect, effect > 0)
         return _not_estimable([names[k] for k in worst], keys[worst[0]], "the normal equations are singular")
-    lost = [network.point_names[i] for i in np.argsort(-shift) if shift[i] > 0.3 * shift.max()]
+    lost = [int(i) for i in np.argsort(-shift) if shift[i] > 0.3 * shift.max()]
+    if problem.by_points:
+        return _loose_stations(network, problem, lost)
+    return _loose_points([network.point_names[i] for i in lost])
+
+
+def _loose_points(names: list[str]) -> AdjustmentError:
     return AdjustmentError(
-        f"point {listed(lost)}",
+        f"point {listed(names)}",
         "can be moved without any observation noticing",
         "add images that tie these points to the others, or leave them out",
+    )
+
+
+def _loose_stations(network: Network, problem: Problem, poses: list[int]) -> AdjustmentError:
+    names = [network.station_names[s] for p in poses for s in np.flatnonzero(problem.station_pose == p)]
+    return AdjustmentError(
+        f"station {listed(names)}", "its orientation is not determined by its points", "add points to it"
     )
 
 
@@ -158,7 +174,7 @@ def unsolved_error(network: Network, problem: Problem, solution: Solution) -> Ad
     course = solution.convergence
     return AdjustmentError(
         "the adjustment",
-        f"does not converge: weighted sum of squares {course[0]:.4g}, {course[-1]:.4g} after {len(course) - 1} iterations",
+        f"does not converge: weighted sum of squares {course[0]:.4g}, after {len(course) - 1} steps {course[-1]:.4g}",
         "check the nominal focal lengths, the approximate points and the identities of the observed points",
     )
 

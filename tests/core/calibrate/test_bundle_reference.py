@@ -8,6 +8,11 @@ import numpy as np
 import pytest
 
 from core.calibrate import adjust
+from core.calibrate.covariance import point_cofactors, pose_cofactors, redundancy_numbers
+from core.calibrate.elimination import invert
+from core.calibrate.initial import initial_state
+from core.calibrate.iterate import iterate
+from core.calibrate.problem import problem_of
 from core.geometry import Pose, matrix_from_rotation_vector, project, rotation_vector_from_matrix
 from core.model import INTERIOR_NAMES, Interior
 
@@ -146,3 +151,27 @@ def test_redundancy_numbers_are_those_of_the_dense_solver_and_add_up(both):
     )
     # the measured distance is checked by nothing, so that all redundancy lies in the images
     assert adjustment.redundancy_numbers.sum() == pytest.approx(adjustment.redundancy, abs=1e-5)
+
+
+@pytest.mark.parametrize("setup", [{}, {"scale": False}, {"use": ("camera",), "scale": False}], ids=str)
+def test_eliminating_the_points_gives_what_eliminating_the_poses_gives(simulate, setup):
+    """Two orders of elimination share the observation equations only; networks of many points take the second."""
+    network = simulate(poses=8, **setup).network
+    results = []
+    for by_points in (False, True):
+        problem = problem_of(network, by_points=by_points)
+        solution = iterate(problem, initial_state(network, problem))
+        inverse = invert(problem, solution.state, solution.equations)
+        numbers = redundancy_numbers(problem, solution.equations, inverse)[np.argsort(problem.order)]
+        cofactors = point_cofactors(problem, inverse), pose_cofactors(problem, inverse)
+        results.append((solution.state.xyz, solution.state.interior, *cofactors, numbers))
+    for one, other in zip(*results, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-7 * np.abs(one).max(), rtol=1e-5)
+
+
+def test_networks_of_very_many_points_leave_the_poses_to_be_solved(simulate):
+    few, many = (simulate(use=("camera",), rows=n, cols=n, poses=4).network for n in (10, 40))
+    assert not problem_of(few).by_points
+    assert problem_of(many).by_points
+    adjustment = adjust(many)
+    assert adjustment.redundancy_numbers.sum() == pytest.approx(adjustment.redundancy, abs=1e-4)

@@ -140,7 +140,9 @@ def test_free_stations_give_the_relative_orientation_of_the_rigid_rig_and_no_sma
     free, _ = calibrate_photogrammetric(*specs, field, sets, scale=bar, rigid=False)
     ratio = np.sqrt(np.diagonal(free.covariance) / np.diagonal(rigid.covariance))
     assert np.all(ratio > 0.97)  # the variance factors of the two differ by a few per cent
-    assert np.all(ratio < 2.5)
+    # of ten poses; without one common roll and scale the projector's A4 and A3 lose most
+    assert np.all(ratio < 4)
+    assert np.all(ratio[-6:] < 1.6)
 
 
 def test_a_loose_rig_is_said_in_the_calibration(loose, simulate, measured):
@@ -191,3 +193,23 @@ def test_relative_orientation_of_a_rig_scales_with_a_free_network(simulate):
     np.testing.assert_allclose(
         np.sqrt(np.diagonal(double.parameter_cov)[-3:]), 2 * np.sqrt(np.diagonal(single.parameter_cov)[-3:]), rtol=1e-4
     )
+
+
+def test_a_projector_that_codes_columns_only_is_calibrated_without_what_columns_cannot_tell(simulate):
+    simulated = simulate(poses=12)
+    network = simulated.network
+    uv = network.observation_uv.copy()
+    projector = np.array([d == "projector" for d in network.station_device])[network.observation_station]
+    uv[projector, 1] = np.nan
+    adjustment = adjust(replace(network, observation_uv=uv))
+    assert any("v was never observed" in w and "A3" in w for w in adjustment.warnings)
+    device, truth = adjustment.devices["projector"], simulated.interior["projector"]
+    assert device.interior.y0_mm == 0
+    assert device.sigma[2] == 0
+    # the projection centre's height, 15 mm in truth, is held at 0 and reaches the rest through the distortion only
+    assert abs(device.interior.c_mm - truth.c_mm) < 5 * device.sigma[0]
+    found = adjustment.relative["projector"].translation_mm
+    assert found[1] == 0
+    np.testing.assert_allclose(found[[0, 2]], simulated.projector_from_camera.translation_mm[[0, 2]], atol=0.5)
+    camera = adjustment.devices["camera"]
+    assert np.abs((camera.interior.vector - simulated.interior["camera"].vector) / camera.sigma).max() < 4

@@ -125,7 +125,10 @@ def test_mistaken_identities_are_rejected_where_they_are_few(simulate):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda n: replace(n, observation_sigma=0 * n.observation_sigma), r"station 1/camera, point P\d+: has sigma \[0.0, 0.0\]"),
+        (
+            lambda n: replace(n, observation_sigma=0 * n.observation_sigma),
+            r"station 1/camera, point P\d+: has sigma \[0.0, 0.0\]",
+        ),
         (lambda n: replace(n, observation_uv=n.observation_uv * np.nan), "neither u nor v"),
         (lambda n: replace(n, point_xyz_mm=n.point_xyz_mm * np.nan), "no approximate coordinates"),
         (lambda n: replace(n, observation_point=0 * n.observation_point), "observed twice"),
