@@ -44,7 +44,7 @@ def _phases(table, values, limits, count, turns, variance, modulation, flags):  
             c, s = cosine[i], sine[i]
             square = c * c + s * s + TINY
             noise = dark + shot * mean[i]
-            v = noise * (cc * s * s - F(2) * cs * c * s + ss * c * c) / (square * square * TWO_PI * TWO_PI)
+            v = noise * (cc * s * s - F(2) * cs * c * s + ss * c * c + TINY) / (square * square * TWO_PI * TWO_PI)
             turn[i] = angle(c, s)
             var[i] = v
             amplitude = np.sqrt(square)

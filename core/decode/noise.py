@@ -84,10 +84,10 @@ def _joint(frames: SortedFrames, phases: list[PhaseFrames], white: Numbers, blac
             parts.append(([level] * len(group), np.zeros((len(group), 0))))
     width = 2 + sum(own.shape[1] for _, own in parts)
     design, row, column = np.zeros((len(numbers), width)), 0, 2
-    for level, own in parts:
+    for levels, own in parts:
         n, k = own.shape
         design[row : row + n, 0] = 1
-        design[row : row + n, 1] = level
+        design[row : row + n, 1] = levels
         design[row : row + n, column : column + k] = own
         row, column = row + n, column + k
     return tuple(numbers), design
