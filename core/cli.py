@@ -123,6 +123,14 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("report", _report, "the HTML and PDF report")
     _project(sub)
     sub.add_argument("--out", type=Path, metavar="DIR")
+
+    sub = command("batch", _batch, "decode, reconstruct and evaluate many captures on worker processes")
+    _project(sub)
+    sub.add_argument("captures", nargs="*", metavar="CAPTURE", help="names or folders; all of the project if unsaid")
+    sub.add_argument("--out", type=Path, required=True, metavar="DIR", help="a second run leaves what is up to date")
+    sub.add_argument("--do", default="decode,reconstruct,evaluate", metavar="STEPS", help="of these (default: all)")
+    sub.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler that is running; default: this machine")
+    sub.add_argument("--workers", type=int, metavar="N", help="worker processes to start (default: one per processor)")
     return parser
 
 
@@ -177,16 +185,11 @@ def _capture(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def _decode(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from core.figures import phase_figures
-    from core.pipeline import decode_capture
-    from core.project import atomic_write
+    from core.pipeline import decode_capture, write_phase
 
     _ending(options.out, ".npz")
     phase = decode_capture(options.capture, progress)
-    import numpy as np
-
-    with atomic_write(options.out) as file:
-        names = ("u", "v", "sigma_u", "sigma_v", "modulation", "image", "flags")
-        np.savez(file, **{name: getattr(phase, name) for name in names})
+    write_phase(options.out, phase)
     figures = phase_figures(phase)
     print(options.out)
     return figures
@@ -265,6 +268,25 @@ def _report(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     paths = report_project(read_project(options.project), options.out, progress)
     print(f"{paths.html}\n{paths.pdf}")
     return {"html": str(paths.html), "pdf": str(paths.pdf)}
+
+
+def _batch(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from core.batch import run_batch
+    from core.project import read_project
+
+    report = run_batch(
+        read_project(options.project),
+        options.out,
+        options.captures,
+        steps=options.do.split(","),
+        scheduler=options.scheduler,
+        workers=options.workers,
+        progress=progress,
+    )
+    print(f"{report.count('done')} done, {report.count('left')} up to date, {report.count('failed')} failed")
+    if bad := [outcome for outcome in report.outcomes if outcome.state == "failed"]:
+        raise StripeError(bad[0].capture, bad[0].error, f"see all in {options.out / 'summary.json'} and run it again")
+    return report.figures()
 
 
 def _ending(path: Path, *endings: str) -> None:

@@ -10,6 +10,12 @@ from itertools import pairwise
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
+def limit_threads(count: int) -> None:
+    """Use at most `count` threads from now on: for processes that share this machine's processors."""
+    global THREADS
+    THREADS = count
+
+
 def run_in_bands(function: Callable[[int, int], None], rows: int, least: int = 16) -> None:
     """Call ``function(start, stop)`` for bands that together cover ``range(rows)``, on all processors.
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from datetime import date
 from importlib.metadata import version
 from pathlib import Path
@@ -162,6 +162,18 @@ def phase_maps(
             if i + 1 < len(waiting):
                 ahead.append(pool.submit(load, waiting[i + 1]))
             yield capture, _decode(capture, images, project, SILENT)
+
+
+def write_phase(out: Path, phase: PhaseMap) -> None:
+    """Write a phase map as NPZ, one array for each of its fields."""
+    with atomic_write(out) as file:
+        np.savez(file, **{f.name: getattr(phase, f.name) for f in fields(PhaseMap)})
+
+
+def read_phase(path: Path) -> PhaseMap:
+    """Read what `write_phase` wrote."""
+    with np.load(path, allow_pickle=False) as stored:
+        return PhaseMap(**{f.name: stored[f.name] for f in fields(PhaseMap)})
 
 
 def captures_of(project: Project, role: Role) -> list[Capture]:

@@ -32,8 +32,9 @@ ALLOWED = {
     "figures": {"model"},
     "pipeline": GROUND
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"},
+    "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "demo": {"errors", "progress", "model", "figures", "pipeline", "report"},
-    "cli": {"errors", "progress", "figures", "project", "pipeline", "demo"},
+    "cli": {"errors", "progress", "figures", "project", "pipeline", "batch", "demo"},
     "__main__": {"cli"},
 }
 

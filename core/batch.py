@@ -1,0 +1,359 @@
+"""Decode, reconstruct and evaluate many captures on worker processes: of this machine, or of any Dask scheduler.
+
+Each capture is one task. Its results go to ``OUT/NAME/``: ``phase.npz`` (decode), ``points.npz`` (reconstruct),
+``evaluation.npz`` (evaluate, plane captures), each written whole or not at all, and last ``figures.json``, which also
+says from which state of the inputs they were made. A second run therefore leaves what is up to date and does the rest,
+whatever stopped the first. ``OUT/summary.json`` tells of all captures.
+
+Workers on other machines must see the project and OUT under the same paths.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, Literal
+
+from core.errors import InputError, StripeError
+from core.figures import evaluation_figures, phase_figures
+from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
+from core.parallel import THREADS, limit_threads
+from core.pipeline import (
+    find_capture,
+    load_calibrations,
+    phase_maps,
+    read_phase,
+    result_path,
+    write_cloud,
+    write_phase,
+)
+from core.progress import SILENT, Progress
+from core.project import read_capture, save_archive, write_json
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Step = Literal["decode", "reconstruct", "evaluate"]
+State = Literal["done", "left", "failed", "waiting"]
+STEPS: tuple[Step, ...] = ("decode", "reconstruct", "evaluate")
+FILES: dict[Step, str] = {"decode": "phase.npz", "reconstruct": "points.npz", "evaluate": "evaluation.npz"}
+RETRIES = 2
+_VERSION = 1
+_ASK_S = 0.25  # how often a waiting batch looks whether to stop
+
+
+@dataclass(frozen=True)
+class Job:
+    """One capture to be worked on.
+
+    Attributes
+    ----------
+    project : Project
+    capture : Capture
+    out : Path
+        Where its results go.
+    steps : tuple of str
+        What to do, in the order of `STEPS`.
+    inputs : mapping
+        For every step, a digest of the files it is made from as they were when the batch began.
+    changed_ns : tuple of int
+        When the calibrations were written: a worker reads them again when they changed.
+    threads : int
+        How many threads a kernel may use.
+    """
+
+    project: Project
+    capture: Capture
+    out: Path
+    steps: tuple[Step, ...]
+    inputs: Mapping[Step, str]
+    changed_ns: tuple[int, ...] = ()
+    threads: int = 1
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one capture; `figures` holds an entry for every step that has a result."""
+
+    capture: str
+    state: State = "waiting"
+    seconds: float = 0.0
+    figures: Figures = field(default_factory=dict)
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class BatchReport:
+    """What became of all captures, in the order given."""
+
+    outcomes: tuple[Outcome, ...]
+    seconds: float
+
+    def count(self, state: State) -> int:
+        """How many captures ended in a state."""
+        return sum(outcome.state == state for outcome in self.outcomes)
+
+    def figures(self) -> Figures:
+        """The summary as `OUT/summary.json` holds it."""
+        captures = []
+        for o in self.outcomes:
+            row: Figures = {"capture": o.capture, "state": o.state, "seconds": round(o.seconds, 3), **o.figures}
+            captures.append({**row, "error": o.error} if o.error else row)
+        states: tuple[State, ...] = ("done", "left", "failed", "waiting")
+        counts: Figures = {state: self.count(state) for state in states}
+        head: Figures = {"format": "stripe-batch", "version": _VERSION, "seconds": round(self.seconds, 3)}
+        return {**head, **counts, "captures": captures}
+
+
+def run_batch(
+    project: Project,
+    out: Path,
+    captures: Sequence[str] = (),
+    *,
+    steps: Iterable[str] = STEPS,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: Progress = SILENT,
+) -> BatchReport:
+    """Work on many captures at once; leave those whose results are there and up to date.
+
+    Parameters
+    ----------
+    project : Project
+    out : Path
+        Folder of the results.
+    captures : sequence of str
+        Names or folders; all captures of the project if empty.
+    steps : iterable of str
+        Which of `STEPS` to do. Planes alone are evaluated.
+    scheduler : str, optional
+        Address of a Dask scheduler; without it worker processes are started on this machine.
+    workers : int, optional
+        How many worker processes to start; as many as processors if unsaid.
+    progress : Progress
+        Cancelling stops what has not begun; results that are complete stay.
+
+    Returns
+    -------
+    report : BatchReport
+        Also written to ``out / "summary.json"``. A capture that failed three times is told there, and stops no other.
+
+    Raises
+    ------
+    InputError
+        If a name or a step is unknown, the calibration is missing, the scheduler does not answer, or the extra
+        ``batch`` is not installed.
+    """
+    started = time.monotonic()
+    chosen = _chosen_steps(steps)
+    if workers is not None and workers < 1:
+        raise InputError("--workers", f"is {workers}", "give 1 or more")
+    project, out = replace(project, path=project.path.resolve()), Path(out).resolve()
+    outcomes, jobs = _prepare(project, out, captures, chosen, progress)
+    count = max(1, min(workers or THREADS, len(jobs)))
+    jobs = [replace(job, threads=1 if scheduler else max(1, THREADS // count)) for job in jobs]
+    with _client(scheduler, count) if jobs else nullcontext() as client:
+        try:
+            if client is not None:
+                _run(client, jobs, outcomes, progress)
+        finally:
+            report = BatchReport(tuple(outcomes.values()), time.monotonic() - started)
+            write_json(out / "summary.json", report.figures())
+    progress(1.0, "the batch is done")
+    return report
+
+
+# ------------------------------------------------------------------------------------------------ what is to be done
+
+
+def _chosen_steps(steps: Iterable[str]) -> tuple[Step, ...]:
+    wanted = list(steps)
+    for step in wanted:
+        if step not in STEPS:
+            raise InputError("--do", f"names {step!r}", f"choose among {', '.join(STEPS)}")
+    if not wanted:
+        raise InputError("--do", "names no step", f"choose among {', '.join(STEPS)}")
+    return tuple(step for step in STEPS if step in wanted)
+
+
+def _prepare(
+    project: Project, out: Path, names: Sequence[str], steps: tuple[Step, ...], progress: Progress
+) -> tuple[dict[str, Outcome], list[Job]]:
+    """Find the captures and tell those that need work; the others have their outcome already."""
+    folders = [find_capture(project, name).path for name in names] if names else list(project.captures)
+    if not folders:
+        raise InputError(project.path, "the project has no captures", "record some first")
+    calibrations: list[Path] = []
+    if set(steps) & {"reconstruct", "evaluate"}:
+        load_calibrations(project)
+        methods: tuple[Method, ...] = ("photogrammetric", "polynomial")
+        calibrations = [p for m in methods if (p := result_path(project, f"{m}.npz")).exists()]
+    changed_ns = tuple(path.stat().st_mtime_ns for path in calibrations)
+    outcomes: dict[str, Outcome] = {}
+    jobs = []
+    for i, folder in enumerate(folders):
+        progress(0.02 * i / len(folders), "looking what is to be done")
+        name = folder.name
+        if name in outcomes:
+            raise InputError("captures", f"two are called {name!r}", "run them in two batches with an OUT of their own")
+        try:
+            capture = read_capture(folder.resolve(), project)
+            inputs = _inputs(project, capture, calibrations)
+        except (InputError, OSError) as error:
+            outcomes[name] = Outcome(name, "failed", error=str(error))
+            continue
+        todo = tuple(step for step in steps if step != "evaluate" or capture.role == "plane")
+        job = Job(project, capture, out / name, todo, inputs, changed_ns)
+        ready = _ready(job)
+        left = all(step in ready for step in todo)
+        outcomes[name] = Outcome(name, "left", figures=ready) if left else Outcome(name)
+        if not left:
+            jobs.append(job)
+    return outcomes, jobs
+
+
+def _inputs(project: Project, capture: Capture, calibrations: Iterable[Path]) -> dict[Step, str]:
+    """Digest what the steps are made from: the rig, and names, sizes and times of the files."""
+    digest = hashlib.sha256(f"{project.camera} {project.projector}".encode())
+
+    def add(path: Path) -> None:
+        seen = path.stat()
+        digest.update(f"{path.name} {seen.st_size} {seen.st_mtime_ns}\n".encode())
+
+    for path in (capture.path / "capture.json", *(frame.path for frame in capture.frames)):
+        add(path)
+    frames = digest.hexdigest()
+    for path in calibrations:
+        add(path)
+    return {"decode": frames, "reconstruct": digest.hexdigest(), "evaluate": digest.hexdigest()}
+
+
+def _ready(job: Job) -> Figures:
+    """Figures of the steps whose results are there and made from the inputs as they are."""
+    try:
+        kept = json.loads((job.out / "figures.json").read_text())
+        inputs = kept["inputs"]
+        return {
+            step: kept[step]
+            for step in STEPS
+            if step in kept and inputs[step] == job.inputs[step] and (job.out / FILES[step]).exists()
+        }
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+# ------------------------------------------------------------------------------------------------- what a worker does
+
+
+def process(job: Job) -> tuple[Figures, float]:
+    """Do what a capture still needs and write it; give the figures and the seconds it took. Runs on a worker."""
+    started = time.monotonic()
+    limit_threads(job.threads)
+    for part in job.out.glob(".*.part"):  # of a worker that was killed while it wrote
+        part.unlink(missing_ok=True)
+    figures = _ready(job)
+    if "decode" in figures:
+        phase = read_phase(job.out / FILES["decode"])
+    else:
+        ((_, phase),) = phase_maps(job.project, [job.capture])
+    for step in job.steps:
+        if step not in figures:
+            figures[step] = _do(step, job, phase)
+            inputs = {name: job.inputs[name] for name in STEPS if name in figures}
+            write_json(job.out / "figures.json", {"capture": job.capture.name, "inputs": inputs, **figures})
+    return figures, time.monotonic() - started
+
+
+def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
+    path = job.out / FILES[step]
+    if step == "decode":
+        write_phase(path, phase)
+        return phase_figures(phase)
+    from core.evaluate import evaluate_plane
+    from core.reconstruct import reconstruct
+
+    calibrations = _calibrations(job.project, job.changed_ns)
+    if step == "reconstruct":
+        method, calibration = next(iter(calibrations.items()))
+        return {"method": method, "points": write_cloud(path, phase, reconstruct(phase, calibration))}
+    name, angle = job.capture.name, job.capture.angle_deg
+    planes = tuple(
+        evaluate_plane(phase, reconstruct(phase, calibration), capture=name, angle_deg=angle, method=method)
+        for method, calibration in calibrations.items()
+    )
+    save_archive(path, planes)
+    return evaluation_figures(planes)["planes"]
+
+
+@lru_cache(maxsize=1)
+def _calibrations(project: Project, changed_ns: tuple[int, ...]) -> dict[Method, Calibration]:
+    return load_calibrations(project)
+
+
+# -------------------------------------------------------------------------------------------------------- the scheduler
+
+
+@contextmanager
+def _client(scheduler: str | None, workers: int) -> Iterator[Client]:
+    """Connect to a scheduler, or start one with its worker processes for as long as the batch runs."""
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise InputError(
+            "batch", "the package distributed is not installed", "run pip install 'stripe-workbench[batch]'"
+        ) from error
+    if scheduler is None:
+        with (
+            LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+        return
+    try:
+        client = Client(scheduler, timeout=10)
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError("--scheduler", f"{scheduler!r} does not answer", "start it, or mend its address") from error
+    with client:
+        yield client
+
+
+def _run(client: Client, jobs: Sequence[Job], outcomes: dict[str, Outcome], progress: Progress) -> None:
+    """Give all jobs to the scheduler and collect their outcomes as they come."""
+    finished: SimpleQueue[Future] = SimpleQueue()
+    futures = {}
+    for job in jobs:
+        future = client.submit(process, job, pure=False, retries=RETRIES)
+        futures[future.key] = future, job.capture.name
+        future.add_done_callback(finished.put)
+    try:
+        done = 0
+        message = f"{len(jobs)} captures"
+        while done < len(jobs):
+            progress(0.02 + 0.98 * done / len(jobs), message)
+            with suppress(Empty):
+                name = futures[finished.get(timeout=_ASK_S).key][1]
+                outcomes[name] = _outcome(name, next(f for f, n in futures.values() if n == name))
+                done += 1
+                message = f"{done} of {len(jobs)}: {name} {outcomes[name].state}"
+            if client.status != "running":
+                raise StripeError("--scheduler", "the connection is lost", "run the same command again to go on")
+    except BaseException:
+        if client.status == "running":
+            client.cancel([future for future, _ in futures.values()], force=True)
+        raise
+
+
+def _outcome(name: str, future: Future) -> Outcome:
+    if future.status == "finished":
+        figures, seconds = future.result()
+        return Outcome(name, "done", seconds, figures)
+    error = future.exception() if future.status == "error" else None
+    kind = "" if isinstance(error, StripeError) else f"{type(error).__name__}: "
+    return Outcome(name, "failed", error=f"{kind}{error}" if error else f"the scheduler {future.status} it")

@@ -1,0 +1,197 @@
+"""Many captures on a real local cluster of two worker processes."""
+
+from __future__ import annotations
+
+import builtins
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core.batch import run_batch
+from core.cli import main
+from core.errors import Cancelled, InputError
+from core.pipeline import decode_capture, evaluate_project, reconstruct_capture
+from core.progress import Progress
+from core.project import read_project
+
+
+def summary(out: Path) -> dict[str, dict[str, Any]]:
+    return {row["capture"]: row for row in json.loads((out / "summary.json").read_text())["captures"]}
+
+
+def test_workers_give_what_the_single_commands_give(calibrated: Path, tmp_path: Path) -> None:
+    out, project = tmp_path / "out", read_project(calibrated)
+    seen: list[float] = []
+    report = run_batch(project, out, workers=2, progress=Progress(lambda fraction, text: seen.append(fraction)))
+    names = [folder.name for folder in project.captures]
+    assert [(o.capture, o.state) for o in report.outcomes] == [(name, "done") for name in names]
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    phase = decode_capture(project.captures[0])
+    with np.load(out / names[0] / "phase.npz") as stored:
+        np.testing.assert_array_equal(stored["u"], phase.u)
+        np.testing.assert_array_equal(stored["sigma_v"], phase.sigma_v)
+    with np.load(out / names[-1] / "points.npz") as stored:
+        np.testing.assert_array_equal(stored["xyz"], reconstruct_capture(project, names[-1])[1].xyz_mm)
+    rows = summary(out)
+    for plane in evaluate_project(project):
+        (row,) = (r for r in rows[plane.capture]["evaluate"] if r["method"] == plane.method)
+        assert row["n"] == plane.n
+        assert row["rms_mm"] == pytest.approx(plane.rms_mm)
+    assert not list(out.rglob("*.part"))
+
+
+def test_a_second_run_does_only_what_changed(quick: Path, tmp_path: Path) -> None:
+    out, project = tmp_path / "out", read_project(quick)
+    names = [folder.name for folder in project.captures[:3]]
+    run_batch(project, out, names[:2], steps=["decode"], workers=2)
+    before = {name: (out / name / "phase.npz").stat().st_mtime_ns for name in names[:2]}
+    os.utime(next(iter(project.captures[1].glob("*.png"))))
+    report = run_batch(project, out, names, steps=["decode"], workers=2)
+    assert [o.state for o in report.outcomes] == ["left", "done", "done"]
+    assert (out / names[0] / "phase.npz").stat().st_mtime_ns == before[names[0]]
+    assert (out / names[1] / "phase.npz").stat().st_mtime_ns > before[names[1]]
+    rows = summary(out)
+    assert set(rows) == set(names)
+    assert rows[names[0]]["decode"]["u"]["valid_pixels"] > 0  # figures of captures that were left are told too
+
+
+def test_a_damaged_capture_stops_no_other_and_is_told(
+    quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, captures = tmp_path / "out", read_project(quick).captures[:3]
+    frame = captures[1] / "000.png"
+    whole = frame.read_bytes()
+    frame.write_bytes(whole[: len(whole) // 2])
+    names = [folder.name for folder in captures]
+    command = ["batch", str(quick), *names, "--do", "decode", "--out", str(out), "--workers", "2"]
+    assert main(command) == 1
+    told = capsys.readouterr().err.strip().splitlines()[-1]
+    assert names[1] in told
+    assert "truncated" in told
+    assert {row["state"] for row in summary(out).values()} == {"done", "failed"}
+    assert not (out / names[1] / "phase.npz").exists()
+    frame.write_bytes(whole)
+    assert main(command) == 0
+    assert {name: row["state"] for name, row in summary(out).items()} == {
+        names[0]: "left",
+        names[1]: "done",
+        names[2]: "left",
+    }
+
+
+def test_a_worker_that_dies_is_replaced_and_its_captures_are_done_again(quick: Path, tmp_path: Path) -> None:
+    project = read_project(quick)
+    killed: list[int] = []
+
+    def kill_one(fraction: float, text: str) -> None:
+        if not killed and fraction > 0.02 and (workers := _workers_of(os.getpid())):
+            os.kill(workers[0], signal.SIGKILL)
+            killed.append(workers[0])
+
+    report = run_batch(project, tmp_path / "out", steps=["decode"], workers=2, progress=Progress(kill_one))
+    assert killed
+    assert [o.state for o in report.outcomes] == ["done"] * len(project.captures)
+
+
+def _workers_of(parent: int) -> list[int]:
+    """Processes started by another one that are Dask workers."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            ours = int(stat.read_text().rpartition(")")[2].split()[1]) == parent
+            if ours and b"spawn_main" in stat.with_name("cmdline").read_bytes():
+                found.append(int(stat.parent.name))
+        except OSError:
+            continue
+    return sorted(found)
+
+
+def test_cancelling_keeps_what_is_complete(quick: Path, tmp_path: Path) -> None:
+    out, project = tmp_path / "out", read_project(quick)
+    last = [0.0]
+    progress = Progress(lambda fraction, text: last.__setitem__(0, fraction), lambda: last[0] > 0.05)
+    with pytest.raises(Cancelled):
+        run_batch(project, out, steps=["decode"], workers=2, progress=progress)
+    states = [row["state"] for row in summary(out).values()]
+    assert "done" in states
+    assert "waiting" in states
+    assert set(states) == {"done", "waiting"}
+    report = run_batch(project, out, steps=["decode"], workers=2)
+    assert report.count("left") >= states.count("done")
+    assert report.count("left") + report.count("done") == len(project.captures)
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[str]:
+    """A Dask scheduler with one worker, each a process of its own, as on a cluster."""
+    address_file, folder = tmp_path / "scheduler.json", tmp_path / "dask"
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    worker = [sys.executable, "-m", "distributed.cli.dask_worker"]
+    address = ["--scheduler-file", str(address_file)]
+    started = [
+        subprocess.Popen([*dask, "--host", "127.0.0.1", "--port", "0", "--no-dashboard", *address]),
+        subprocess.Popen([*worker, "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder), *address]),
+    ]
+    try:
+        until = time.monotonic() + 60
+        while not address_file.exists() and time.monotonic() < until:
+            time.sleep(0.1)
+        yield json.loads(address_file.read_text())["address"]
+    finally:
+        for process in reversed(started):
+            process.terminate()
+            process.wait(30)
+
+
+def test_any_dask_scheduler_does_the_work(scheduler: str, quick: Path, tmp_path: Path) -> None:
+    out, name = tmp_path / "out", read_project(quick).captures[0].name
+    command = ["batch", str(quick), name, "--do", "decode", "--out", str(out), "--scheduler", scheduler]
+    assert main(command) == 0
+    assert summary(out)[name]["state"] == "done"
+    assert (out / name / "phase.npz").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--do", "decode,polish"], "polish"),
+        (["--do", ""], "--do"),
+        (["--workers", "0"], "--workers"),
+        (["plane+00", "plane+00", "--do", "decode"], "plane+00"),
+        (["nowhere"], "nowhere"),
+        (["--do", "reconstruct"], "no calibration"),
+        (["--do", "decode", "--scheduler", "tcp://127.0.0.1:1"], "tcp://127.0.0.1:1"),
+        (["--do", "decode", "--scheduler", "nonsense://x"], "nonsense"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_one_line(
+    arguments: list[str], told: str, quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["batch", str(quick), *arguments, "--out", str(tmp_path / "out")]) == 2
+    message = capsys.readouterr().err.strip()
+    assert told in message
+    assert len(message.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_dask_the_extra_is_named(quick: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real: Callable[..., Any] = builtins.__import__
+
+    def without(name: str, *rest: Any) -> Any:
+        if name == "distributed":
+            raise ImportError(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(InputError, match=r"stripe-workbench\[batch\]"):
+        run_batch(read_project(quick), tmp_path / "out", steps=["decode"])
