@@ -1,6 +1,6 @@
 """Everything in the image that could be a dot: local contrast, threshold, connected components.
 
-Works on an image reduced until the smallest dots are about six pixels wide: identification needs no more, and the
+Works on an image reduced until the smallest dots may be four pixels wide: identification needs no more, and the
 centroid is taken in the full image later.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-SMALLEST_PX = 6.0  # diameter to which the smallest dots may be reduced
+SMALLEST_PX = 4.0  # diameter to which the smallest dots may be reduced
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,10 @@ def _square(size: float) -> NDArray[np.uint8]:
 def _components(mask: NDArray[np.uint8], contrast: NDArray[np.float32], factor: int) -> Blobs:
     """Moments of the connected parts of a mask."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
-    v, u = np.nonzero(mask)
-    label = np.asarray(labels[v, u], np.int64)
-    weight = contrast[v, u].astype(np.float64)
+    at = np.flatnonzero(mask.ravel())
+    v, u = np.divmod(at, mask.shape[1])
+    label = labels.ravel()[at].astype(np.int64)
+    weight = contrast.ravel()[at].astype(np.float64)
     area = np.bincount(label, minlength=count).astype(np.float64)
     area[0] = 1.0
     total = np.maximum(np.bincount(label, weight, minlength=count), 1e-12)

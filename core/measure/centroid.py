@@ -87,8 +87,8 @@ def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbo
     d = (uv[near] - uv[:, None, :]) / scale[..., None]
     A = np.concatenate([np.ones((*near.shape, 1)), d], axis=2)
     brightness = np.log(np.maximum(contrast, 1e-6))
-    y = brightness[near]
-    weight = (np.abs(y - np.median(y, axis=1, keepdims=True)) < 0.5).astype(np.float64)
+    y = brightness[near] - np.median(brightness[near], axis=1, keepdims=True)
+    weight = (np.abs(y) < 0.5).astype(np.float64)
     N, b = normal_equations(A, weight, y[..., None])
     slope = np.linalg.solve(N + 0.01 * np.eye(3), b)[:, 1:, 0]
     return np.asarray(np.clip(slope / scale, -0.05, 0.05))

@@ -25,9 +25,12 @@ def eccentricity(view: View, xyz_mm: Array, radius_mm: Array) -> Array:
     Notes
     -----
     With the homography H from the circle's plane (origin in its centre) to the image, the dual conic of the image is
-    ``H diag(r², r², -1) H'``; its last column is the ellipse's centre, the pole of the line at infinity. H's last
-    column is the image of the circle's centre. Exact; for a camera that looks at the circle's centre this is the closed
-    form ``c r² sin a cos a / (D² - r² sin² a)`` for a circle tilted by a at the distance D.
+    ``K = H diag(r², r², -1) H'``; its last column is the ellipse's centre m, the pole of the line at infinity, and H's
+    last column the image of the circle's centre. Exact; for a camera that looks at the circle's centre this is the
+    closed form ``c r² sin a cos a / (D² - r² sin² a)`` of a circle tilted by a at the distance D.
+
+    The lens then bends the ellipse: its centroid moves by ``A1 (tr S + 10 S) m`` more than the point m does, where S
+    are the ellipse's second moments (to first order in A1; the curvature of the distortion and the change of area).
 
     Examples
     --------
@@ -45,7 +48,12 @@ def eccentricity(view: View, xyz_mm: Array, radius_mm: Array) -> Array:
     H[:, :, :2] = image @ R[:, :2]
     H[:, :, 2] = centre @ image.T
     scale = np.stack([radius_mm**2, radius_mm**2, -np.ones(len(xyz_mm))], axis=1)
-    pole = np.einsum("nij,nj,nj->ni", H, scale, H[:, 2, :])
-    middle, point = pole[:, :2] / pole[:, 2:], H[:, :2, 2] / H[:, 2:, 2]
-    interior = view.interior
-    return image_to_pixel(view.spec, distort(interior, middle)) - image_to_pixel(view.spec, distort(interior, point))
+    dual = (H * scale[:, None, :]) @ np.swapaxes(H, 1, 2)
+    dual /= dual[:, 2:, 2:]
+    middle, point = dual[:, :2, 2], H[:, :2, 2] / H[:, 2:, 2]
+    moments = (middle[:, :, None] * middle[:, None, :] - dual[:, :2, :2]) / 4
+    bent = np.trace(moments, axis1=1, axis2=2)[:, None] * middle + 10 * (moments @ middle[..., None])[..., 0]
+    interior, spec = view.interior, view.spec
+    return image_to_pixel(spec, distort(interior, middle) + view.a1 * bent) - image_to_pixel(
+        spec, distort(interior, point)
+    )

@@ -119,7 +119,7 @@ def _background(image: Floats, rays: Rays, start: Array, spacing: Array, rounds:
         off = np.where(usable, np.abs(value - model), np.nan).astype(np.float32)
         weight = usable & (off <= 3.5 * 1.4826 * row_median(off)[:, None] + 1e-6)
         N, b = normal_equations(A, weight.astype(np.float64), value[..., None])
-        plane = np.linalg.solve(N + 1e-9 * np.eye(3), b)[..., 0]
+        plane = np.asarray(np.linalg.solve(N + 1e-9 * np.eye(3), b)[..., 0], np.float64)
         model = (A @ plane[..., None])[..., 0]
     return plane
 

@@ -29,6 +29,10 @@ from core.progress import SILENT, Progress
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
+ECCENTRICITY_SHARE = (
+    0.05  # uncertainty of the correction: nominal focal length, one lens parameter, board taken as flat
+)
+
 
 @dataclass(frozen=True)
 class Dots:
@@ -157,8 +161,10 @@ def _target_set(phase: PhaseMap, lattice: Lattice, dots: Dots, capture: str, opt
     board = lattice.board
     good = np.array([not f for f in dots.fault], dtype=bool)
     target, uv, ellipse = dots.target[good], dots.uv[good], dots.ellipse[good]
-    view = _final_view(lattice, target, uv)
-    shift = eccentricity(view, board.xyz_mm[target], board.radius_mm[target])
+    view, shift = lattice.view, np.zeros_like(uv)
+    for _ in range(2):  # the second view is fitted to the circles' centres, no longer to the ellipses'
+        view = _final_view(view, board, target, uv - shift)
+        shift = eccentricity(view, board.xyz_mm[target], board.radius_mm[target])
     centre = uv - shift
     projector, sigma = np.full((len(target), 2), np.nan), np.full((len(target), 2), np.nan)
     for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
@@ -176,7 +182,7 @@ def _target_set(phase: PhaseMap, lattice: Lattice, dots: Dots, capture: str, opt
         row=board.row[target],
         col=board.col[target],
         camera_uv=centre,
-        camera_cov=dots.cov[good],
+        camera_cov=dots.cov[good] + ECCENTRICITY_SHARE**2 * shift[:, :, None] * shift[:, None, :],
         projector_uv=projector,
         projector_sigma=sigma,
         eccentricity_px=shift,
@@ -185,8 +191,6 @@ def _target_set(phase: PhaseMap, lattice: Lattice, dots: Dots, capture: str, opt
     )
 
 
-def _final_view(lattice: Lattice, target: NDArray[np.int64], uv: Array) -> View:
-    """The view fitted to the measured centroids, where there are enough."""
-    if len(target) < 6:
-        return lattice.view
-    return fit_both_tilts(lattice.view, lattice.board.xyz_mm[target], uv, radial=len(target) >= 12)
+def _final_view(view: View, board: Board, target: NDArray[np.int64], uv: Array) -> View:
+    """Fit the view to measured targets, where there are enough."""
+    return fit_both_tilts(view, board.xyz_mm[target], uv, radial=len(target) >= 12) if len(target) >= 6 else view
