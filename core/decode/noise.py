@@ -142,22 +142,34 @@ def _robust_variance(square: Array, floor: float) -> float:
 
 
 def _fit(variance: Array, level: Array, count: Array, floor: float) -> Noise:
-    """Weighted straight line through variances, neither part negative."""
-    weight = count / np.square(variance)
+    """Weighted straight line through variances, neither part negative.
+
+    The weights follow from the line itself: those from the variances found would favour what is small by chance.
+    """
+    weight, line = count, Noise(floor, 0.0)
+    for _ in range(3):
+        line = _line(variance, level, weight, floor)
+        weight = count / np.square(line.dark + line.shot * level)
+    return line
+
+
+def _line(variance: Array, level: Array, weight: Array, floor: float) -> Noise:
     mean_level, mean_variance = np.average(level, weights=weight), np.average(variance, weights=weight)
     spread = np.average(np.square(level - mean_level), weights=weight)
-    if spread <= 1e-12:
-        return Noise(float(mean_variance), 0.0)
-    slope = np.average((level - mean_level) * (variance - mean_variance), weights=weight) / spread
+    slope = np.average((level - mean_level) * (variance - mean_variance), weights=weight) / max(spread, TINY)
     dark = mean_variance - slope * mean_level
-    if slope <= 0:
+    if slope <= 0 or spread <= TINY:
         return Noise(float(max(mean_variance, floor)), 0.0)
     if dark < floor:
         return Noise(floor, float(max((mean_variance - floor) / mean_level, 0.0)))
     return Noise(float(dark), float(slope))
 
 
-def spatial_residual(rows: Singles) -> Array:
-    """Second differences along image rows, of unit norm, shape (n, W - 2): noise where the scene is smooth."""
+def spatial_residual(rows: Singles) -> tuple[Array, Array]:
+    """Second differences along image rows, of unit norm, and the means they are taken at, shape (..., W - 2).
+
+    They are noise where the scene is smooth. The mean of the same three values is not correlated with them.
+    """
     g = np.asarray(rows, float)
-    return np.asarray((g[:, :-2] - 2 * g[:, 1:-1] + g[:, 2:]) / np.sqrt(6.0))
+    left, middle, right = g[..., :-2], g[..., 1:-1], g[..., 2:]
+    return (left - 2 * middle + right) / np.sqrt(6.0), (left + middle + right) / 3

@@ -188,7 +188,7 @@ def safest_steps(periods: tuple[float, ...], known: float, coded: bool) -> tuple
         through = np.minimum(_step_safety(vectors, beat, node), safety[:node])
         safety[node] = max(safety[node], through.max(initial=0.0))
     goal = int(np.flatnonzero((length == 1) & (vectors[:, 0] == 1))[0])
-    least = min(float(safety[goal]), SAFE)
+    least = min(0.9 * float(safety[goal]), SAFE)
     if least == 0:
         return 0.0, ()
     count, origin = np.where(start >= least, 1.0, np.inf), np.full(len(beat), -1)

@@ -98,13 +98,13 @@ def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: 
     lit = (g.max(axis=0) < saturation) & (g.max(axis=0) > lower[half].mean() + 10 * np.sqrt(dark.dark))
     if lit[:, 1:-1].sum() < LEAST:
         return dark
-    variance = np.median(np.square(spatial_residual(total)[lit[:, 1:-1]])) / MEDIAN_OF_SQUARE
+    variance = np.median(np.square(spatial_residual(total)[0][lit[:, 1:-1]])) / MEDIAN_OF_SQUARE
     shot = (variance - dark.dark * number[lit].mean()) / total[lit].mean()
     return Noise(dark.dark, max(0.0, float(shot)))
 
 
 def _smoothness(frames: SortedFrames, images: Sequence[Image], saturation: float) -> tuple[Singles, Singles]:
-    """Second differences along some rows of the evenly lit image, or of every frame, as residuals of one frame."""
+    """Second differences along some rows of the evenly lit image, else of the smoothest frame, as one frame's residuals."""
     height = images[0].shape[0]
     rows = slice(height // 64, None, max(1, height // 32))
     even = image_row(frames)
@@ -112,10 +112,12 @@ def _smoothness(frames: SortedFrames, images: Sequence[Image], saturation: float
         norm = np.sqrt(sum(value**2 for value in even.values()))
         scale = sum(even.values())
         scene = np.sum([value * images[n][rows].astype(np.float32) for n, value in even.items()], axis=0)
-        residual, level = spatial_residual(scene) / norm, scene[:, 1:-1] / scale
+        residual, level = spatial_residual(scene)
+        residual, level = residual / norm, level / scale
     else:
-        some = np.concatenate([image[rows].astype(np.float32) for image in images])
-        residual, level = spatial_residual(some), some[:, 1:-1]
+        # the frame with the widest stripes
+        each = [spatial_residual(image[rows].astype(np.float32)) for image in images]
+        residual, level = min(each, key=lambda pair: float(np.median(np.abs(pair[0]))))
     good = level < saturation
     return residual[good].astype(np.float32), level[good].astype(np.float32)
 

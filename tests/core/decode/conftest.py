@@ -1,4 +1,4 @@
-"""A forward model of its own: patterns as light over continuous line coordinates, blurred, with noise, in grey values."""
+"""A forward model of its own: patterns as light over continuous lines, blurred, with noise, in grey values."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Bench:
     seed: int = 1
 
     def light(self, pattern: Pattern) -> Array:
-        """Part of full light at every pixel: lines are rectangles, blurred by a Gaussian of `blur` lines; none outside."""
+        """Part of full light at every pixel: rectangular lines, blurred by a Gaussian of `blur` lines; none outside."""
         axis = getattr(pattern, "axis", None)
         if axis is None:
             across = np.ones_like(self.u) if self.v is None else _blurred(pattern, self.lines[1], self.blur, self.v)

@@ -1,0 +1,146 @@
+"""Sigma from the frames' own noise, and what makes a pixel invalid."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.decode import DecodeOptions, Flag, decode
+from core.decode.frames import sort_frames
+from core.decode.noise import contrasts, estimate_noise
+from core.patterns import Black, Phase, White, gray_and_phase, reference_sequence
+
+N = 640
+REFERENCE = [White(), Black()]
+
+
+def noise_of(steps: int, inverse: bool, reference: bool, dark: float, shot: float):
+    """The noise model from a capture of sine steps whose noise is known, without quantisation."""
+    patterns = gray_and_phase("x", 64, cell=8, periods=[16], steps=steps, inverse=inverse)
+    patterns += REFERENCE if reference else []
+    found = contrasts(sort_frames(patterns), len(patterns))
+    rng = np.random.default_rng(5)
+    u, albedo = rng.uniform(0, 63, 20000), rng.uniform(0.2, 1, 20000)
+    light = [np.interp(u, np.arange(64), _light(p)) for p in patterns]
+    grey = np.array([albedo * (20 + 200 * part) for part in light])
+    grey += rng.normal(size=grey.shape) * np.sqrt(dark + shot * grey)
+    return found, estimate_noise((found @ grey).ravel(), (found**2 @ grey).ravel(), 0.0)
+
+
+def _light(pattern):
+    from core.patterns import brightness
+
+    return brightness(pattern, np.arange(64))
+
+
+@pytest.mark.parametrize(
+    ("steps", "inverse", "reference"), [(4, False, False), (8, False, True), (3, True, False), (3, False, True)]
+)
+def test_the_noise_model_is_found(steps, inverse, reference) -> None:
+    """Read and shot noise from redundant steps; from bits with inverses; from white and black with three steps."""
+    found, noise = noise_of(steps, inverse, reference, dark=3.0, shot=0.05)
+    assert np.allclose(found @ found.T, np.eye(len(found)))
+    # at the middle grey value, from at least 20,000 residuals: their variance is known to 1 %
+    assert noise.dark + noise.shot * 70 == pytest.approx(3.0 + 0.05 * 70, rel=0.05)
+    assert noise.shot == pytest.approx(0.05, rel=0.2)
+
+
+def test_three_steps_and_nothing_else_have_no_redundancy() -> None:
+    phases = [Phase("x", 64, 3, k, 2 * np.pi * k / 3) for k in range(3)]
+    assert len(contrasts(sort_frames(phases), 3)) == 0
+
+
+def test_three_steps_alone_take_the_noise_from_the_scene(bench, judge) -> None:
+    phases = [Phase("x", 640, 3, k, 2 * np.pi * k / 3) for k in range(3)]
+    b = bench(blur=1.0, gain=150)
+    result = judge(decode(phases, b.take(phases), lines=(N, N)), b.u, 50)
+    assert 0.9 < result.sigma_ratio < 1.15
+
+
+def test_sigma_is_as_predicted_where_light_varies(bench) -> None:
+    """Shot noise and albedo: the ratio holds in the dark as in the bright half of the pixels."""
+    patterns = [*gray_and_phase("x", N, cell=8, periods=[16], steps=5), *REFERENCE]
+    b = bench(gain=np.linspace(40, 200, 40)[:, None], ambient=10.0, dark=1.0, shot=0.05)
+    phase = decode(patterns, b.take(patterns), lines=(N, N))
+    z = (phase.u - b.u) / phase.sigma_u
+    assert 0.9 < np.nanstd(z[:20]) < 1.15
+    assert 0.9 < np.nanstd(z[20:]) < 1.15
+
+
+def test_unlit_pixels_are_invalid(bench, judge) -> None:
+    patterns = reference_sequence(N, N)
+    b = bench(height=100, width=1000, both=True, gain=np.where(np.arange(1000) < 500, 68.0, 0.0)[None, :])
+    phase = decode(patterns, b.take(patterns), lines=(N, N))
+    dark = np.arange(1000) >= 500
+    assert np.isfinite(phase.u[:, dark]).mean() < 1e-4
+    assert (phase.flags[:, dark] & Flag.LOW_MODULATION > 0).mean() > 0.999
+    assert judge(phase, b.u, 2).gross == 0
+    assert np.isfinite(phase.u[:, ~dark]).mean() > 0.995
+
+
+@pytest.mark.parametrize(("bits", "shift"), [(8, 0), (12, 0), (12, 4)])
+def test_saturated_steps_are_invalid(bench, bits, shift) -> None:
+    """At the container's full scale, and at that of a 12-bit sensor in 16-bit files."""
+    patterns = [*gray_and_phase("x", N, cell=8, periods=[16]), *REFERENCE]
+    full = 2.0**bits
+    b = bench(gain=np.where(np.arange(40) < 20, 0.6, 1.1)[:, None] * full, ambient=0.05 * full, bits=bits, shift=shift)
+    phase = decode(patterns, b.take(patterns), lines=(N, N))
+    assert np.isfinite(phase.u[:20]).mean() > 0.99
+    peaks = phase.flags[20:] & Flag.SATURATED > 0
+    assert peaks.mean() > 0.3
+    assert np.isnan(phase.u[20:][peaks]).all()
+
+
+def test_a_saturated_white_frame_does_no_harm(bench, judge) -> None:
+    """Blur keeps the fringes from reaching the brightness of white."""
+    patterns = [*gray_and_phase("x", N, cell=4, periods=[4]), *REFERENCE]
+    b = bench(blur=0.9, gain=270.0)
+    images = b.take(patterns)
+    assert (images[-2] == 255).mean() > 0.9
+    result = judge(decode(patterns, images, lines=(N, N)), b.u, 2)
+    assert result.gross == 0
+    assert result.valid > 0.99
+
+
+def test_the_rim_of_the_field_is_invalid_where_the_image_shows_it(bench) -> None:
+    """Beyond the last line blurred light remains, whose phase is that of the last line."""
+    patterns = reference_sequence(64, 64, axes=["x"])
+    u = np.tile(np.linspace(-8, 72, 800), (20, 1))
+    b = bench(count=64).__class__(u, None, (64, 64), blur=0.6)
+    phase = decode(patterns, b.take(patterns), lines=(64, 64))
+    good = np.isfinite(phase.u)
+    assert np.abs(phase.u - u)[good].max() < 0.6
+    assert good[(u > 1) & (u < 62)].mean() > 0.99
+    assert not good[(u < -0.5) | (u > 63.5)].any()
+
+
+def test_a_code_that_contradicts_the_phase_is_flagged(bench) -> None:
+    """One Gray frame of another scene: the words are no longer those of the phases' places."""
+    patterns = [*gray_and_phase("x", N, cell=2, periods=[4]), *REFERENCE]
+    b = bench()
+    images = b.take(patterns)
+    images[7] = np.roll(images[7], 3, axis=1)
+    phase = decode(patterns, images, lines=(N, N))
+    wrong = np.abs(phase.u - b.u) > 2
+    assert (phase.flags & (Flag.DISAGREEMENT | Flag.UNSURE) > 0).mean() > 0.05
+    assert wrong.mean() < 0.25  # a shifted bit makes a consistent word of other cells as often
+
+
+def test_modulation_and_image_are_in_grey_values(bench) -> None:
+    patterns = [*gray_and_phase("x", N, cell=32, periods=[64], inverse=True), *REFERENCE]
+    b = bench(gain=100.0, ambient=20.0, blur=0.5)
+    phase = decode(patterns, b.take(patterns), lines=(N, N))
+    assert np.nanmedian(phase.modulation) == pytest.approx(50, abs=1)
+    assert phase.image.std() < 2.0  # lit evenly: less than the noise of one frame remains
+    assert phase.image.dtype == np.float32
+
+
+def test_options_set_the_thresholds(bench) -> None:
+    patterns = [*gray_and_phase("x", N, cell=8, periods=[16]), *REFERENCE]
+    b = bench(blur=1.0)
+    images = b.take(patterns)
+    strict = decode(patterns, images, lines=(N, N), options=DecodeOptions(min_modulation=60.0))
+    assert np.isnan(strict.u).all()
+    assert (strict.flags & Flag.LOW_MODULATION > 0).all()
+    capped = decode(patterns, images, lines=(N, N), options=DecodeOptions(saturation=50.0))
+    assert (capped.flags & Flag.SATURATED > 0).mean() > 0.9
