@@ -195,6 +195,7 @@ class MainWindow(QMainWindow):
         page = self.page_of(name)
         self.stack.setCurrentWidget(page)
         self.strip.show_page(name)
+        page.setFocus()
         page.refresh()
         if not self.help.isHidden():
             self.help.show_topic(name)

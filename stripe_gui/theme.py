@@ -10,8 +10,6 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QGuiApplication, QPalette
 from PySide6.QtWidgets import QApplication
 
-CHOICES = ("system", "light", "dark")
-
 
 @dataclass(frozen=True)
 class Theme:

@@ -39,12 +39,12 @@ def tour(out: Path, project: Path | None = None) -> int:
         except StripeError as error:
             print(f"stripe-gui: {error}", file=sys.stderr)
             return error.exit_code
+        command = [*_this_program(), "--tour", str(out), str(folder)]
+        running = []
         for scale in ("1", "2"):  # Qt reads the scale once, when a process starts
             environment = {**os.environ, _SCALE: scale, "QT_SCALE_FACTOR": scale}
-            done = subprocess.run([*_this_program(), "--tour", str(out), str(folder)], env=environment, check=False)
-            if done.returncode:
-                return done.returncode
-    return 0
+            running.append(subprocess.Popen(command, env=environment))
+        return max([process.wait() for process in running])
 
 
 def _this_program() -> list[str]:

@@ -41,7 +41,7 @@ class DecodePage(Page):
         self.view = ImageView(self.tr("Map of the decoded capture"))
         self.state = label(" ", "muted")
         self.figures = ResultTable(self.tr("Figures of the decoded capture"), titled=False)
-        self.figures.setMinimumWidth(270)
+        self.figures.setMinimumWidth(300)
         self.figures.setMaximumWidth(340)
         self.all_button = self.add_button(self.tr("Decode all captures"), self.run, "run", primary=True)
         self.all_button.setToolTip(self.tr("Decode every capture that has changed, and keep its figures (F5)."))

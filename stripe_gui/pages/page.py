@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
@@ -27,6 +28,7 @@ class Page(QWidget):
         self.bench = bench
         self.session = bench.session
         self.setAccessibleName(title)
+        self.setFocusPolicy(Qt.FocusPolicy.ClickFocus)  # takes the focus when it opens: Tab goes on from its top
         self.heading = label(title, "title")
         self.purpose = label(purpose, "muted", wrap=True)
         self.purpose.setMinimumWidth(200)
@@ -75,7 +77,3 @@ class Page(QWidget):
     def can_run(self) -> bool:
         """Say whether `run` would do something now."""
         return False
-
-    def settle(self) -> bool:
-        """Say whether nothing is on its way into the page any more (for pictures of it)."""
-        return not self.bench.views.busy

@@ -83,31 +83,24 @@ def flag_words(flags: int) -> list[str]:
 
 
 def figures_table(phase: PhaseMap) -> Table:
-    """Sum a decoded capture up."""
+    """Sum a decoded capture up: valid shares, median sigmas, and the share of pixels for every reason not to be."""
     count = phase.u.size
-    rows = []
+    rows: list[tuple] = []
     for name, values, sigma in (("u", phase.u, phase.sigma_u), ("v", phase.v, phase.sigma_v)):
         valid = np.isfinite(values)
         if valid.any():
-            text = translate("Decode", "{axis} valid").format(axis=name)
-            rows.append((text, Number(100 * np.count_nonzero(valid) / count, ".2f"), "%"))
-            text = translate("Decode", "σ of {axis}, median").format(axis=name)
-            rows.append((text, Number(float(np.median(sigma[valid])), ".4f"), translate("Decode", "lines")))
-    lit = phase.flags == 0
+            share, median = 100 * np.count_nonzero(valid) / count, float(np.median(sigma[valid]))
+            rows.append((translate("Decode", "{axis} valid [%]").format(axis=name), Number(share, ".2f")))
+            rows.append((translate("Decode", "σ of {axis}, median [lines]").format(axis=name), Number(median, ".4f")))
+    lit = np.isfinite(phase.u) | np.isfinite(phase.v)
     if lit.any():
-        rows.append(
-            (
-                translate("Decode", "modulation, median"),
-                Number(float(np.median(phase.modulation[lit])), ".1f"),
-                translate("Decode", "grey"),
-            )
-        )
+        median = float(np.median(phase.modulation[lit]))
+        rows.append((translate("Decode", "modulation, median [grey]"), Number(median, ".1f")))
     for flag in Flag:
-        share = 100 * np.count_nonzero(phase.flags & flag.value) / count if flag.value else 0.0
-        if share > 0:
-            rows.append((flag_words(flag.value)[0], Number(share, ".2f"), "%"))
-    columns = (translate("Decode", "quantity"), translate("Decode", "value"), translate("Decode", "unit"))
-    return Table("", columns, tuple(rows))
+        share = 100 * np.count_nonzero(phase.flags & flag.value) / count
+        if share > 0 and flag not in (Flag.NO_U, Flag.NO_V):
+            rows.append((f"{flag_words(flag.value)[0]} [%]", Number(share, ".2f")))
+    return Table("", (translate("Decode", "quantity"), translate("Decode", "value")), tuple(rows))
 
 
 class PhaseCache:

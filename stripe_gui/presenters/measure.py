@@ -110,7 +110,7 @@ def measure_view(capture: Capture, targets: TargetSet | None) -> MeasureView:
     ]
     for m in targets.missing:
         rows.append((Number(m.row, "d"), Number(m.col, "d"), None, None, None, None, None, m.reason))
-    text = translate("Measure", "{n} targets measured, {m} missing").format(n=len(targets.row), m=len(targets.missing))
+    text = translate("Measure", "{n} measured, {m} missing").format(n=len(targets.row), m=len(targets.missing))
     if len(sigma):
-        text += translate("Measure", "; σ of the centroids {s:.3f} px, median").format(s=float(np.median(sigma)))
+        text += translate("Measure", "; σ {s:.3f} px (median)").format(s=float(np.median(sigma)))
     return MeasureView(targets.camera_uv, picks, Table("", columns, tuple(rows)), text)

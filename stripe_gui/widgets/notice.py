@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QRectF, QSize, Qt, QTimer
+from PySide6.QtCore import QCoreApplication, QRectF, QSize, Qt, QTimer
 from PySide6.QtGui import QFontDatabase, QGuiApplication, QPainter
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QPlainTextEdit, QToolButton, QVBoxLayout, QWidget
 
@@ -44,7 +44,7 @@ class NoticeBox(QFrame):
         super().__init__()
         self.notice = notice
         self.setProperty("notice", notice.kind)
-        self.setAccessibleName(f"{_word(self, notice.kind)}: {notice.happened} {notice.remedy}".strip())
+        self.setAccessibleName(f"{_word(notice.kind)}: {notice.happened} {notice.remedy}".strip())
         text = label(f"{notice.happened[:1].upper()}{notice.happened[1:]}", wrap=True)
         font = text.font()
         font.setBold(bool(notice.remedy))
@@ -99,12 +99,13 @@ class NoticeBox(QFrame):
         self.deleteLater()
 
 
-def _word(widget: QWidget, kind: str) -> str:
+def _word(kind: str) -> str:
+    translate = QCoreApplication.translate
     return {
-        "info": widget.tr("Note"),
-        "success": widget.tr("Done"),
-        "warning": widget.tr("Warning"),
-        "error": widget.tr("Error"),
+        "info": translate("NoticeBox", "Note"),
+        "success": translate("NoticeBox", "Done"),
+        "warning": translate("NoticeBox", "Warning"),
+        "error": translate("NoticeBox", "Error"),
     }[kind]
 
 

@@ -71,9 +71,12 @@ def no_widget_left(qapp) -> Iterator[None]:
     before = set(QApplication.topLevelWidgets())
     yield
     settle()
-    gc.collect()
-    settle()
     left = [w for w in QApplication.topLevelWidgets() if w not in before]
+    if left:  # a cycle of references may still hold it
+        del left
+        gc.collect()
+        settle()
+        left = [w for w in QApplication.topLevelWidgets() if w not in before]
     assert not left, f"left behind: {[(type(w).__name__, w.objectName(), w.windowTitle()) for w in left]}"
 
 
