@@ -177,10 +177,10 @@ def _capture(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         angle_deg=options.angle_deg,
         progress=progress,
     )
-    for finding in report.findings:
-        print(finding)
     print(report.folder)
-    return report.figures()
+    for words in report.words:
+        print(f"  {words}")
+    return {"capture": str(report.folder), "frames": report.frames, "retakes": report.retakes, "findings": report.words}
 
 
 def _decode(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:

@@ -51,6 +51,7 @@ from core.project import (
 )
 
 if TYPE_CHECKING:
+    from core.bench import Rig
     from core.capture import CaptureReport
     from core.report import ReportData, ReportPaths
 
@@ -107,16 +108,22 @@ def capture_into(
     angle_deg: float | None = None,
     progress: Progress = SILENT,
 ) -> CaptureReport:
-    """Record one capture with a projector and a camera (by URL, else the virtual ones) and add it to a project."""
+    """Record one capture with a projector and a camera and add it to a project.
+
+    Without a URL of either, the virtual bench's rig of the project's sizes is taken.
+    """
     from core.capture import run_capture
 
     project = read_project(folder)
+    if projector is None or camera is None:
+        virtual = _virtual_rig(project)
+        projector, camera = projector or virtual, camera or virtual
     report = run_capture(
         project,
         name,
         role,
-        projector or "virtual:",
-        camera or "virtual:",
+        projector,
+        camera,
         testfield=testfield,
         z_mm=z_mm,
         angle_deg=angle_deg,
@@ -124,6 +131,22 @@ def capture_into(
     )
     add_capture(project.path, report.folder.resolve().relative_to(project.path.resolve()).as_posix())
     return report
+
+
+def _virtual_rig(project: Project) -> str:
+    from core.bench import experiment, scenarios
+
+    def sizes(owner: Project | Rig) -> tuple[int, int, int, int]:
+        return owner.camera.width, owner.camera.height, owner.projector.width, owner.projector.height
+
+    for name in scenarios():
+        if sizes(experiment(name).rig) == sizes(project):
+            return f"virtual:{name}"
+    raise InputError(
+        project.path,
+        "no virtual rig has this camera and projector",
+        "name the devices with --projector URL and --camera URL",
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------- decode

@@ -164,3 +164,12 @@ def test_boards_may_be_described_with_y_down_and_plates_counted_backwards(
             assert now["value"] == pytest.approx(was["value"], abs=0.02 * was["sigma"])  # the same observations
     was, now = calibration["polynomial"]["residual_rms_mm"], other["polynomial"]["residual_rms_mm"]
     assert now == pytest.approx(was, rel=1e-3)
+
+
+def test_capture_runs_the_virtual_rig_of_the_project(quick: Path, tmp_path: Path) -> None:
+    figures = run("capture", quick, "plane-new", "--role", "plane", "--angle-deg", 5, tmp_path=tmp_path)
+    assert figures["findings"]
+    assert json.loads((quick / "project.json").read_text())["captures"][-1] == "captures/plane-new"
+    capture = json.loads((quick / "captures/plane-new/capture.json").read_text())
+    assert (capture["role"], capture["angle_deg"], len(capture["frames"])) == ("plane", 5, figures["frames"])
+    run("decode", quick / "captures/plane-new", "--out", tmp_path / "phase.npz", tmp_path=tmp_path)
