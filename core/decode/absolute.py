@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
 from core.decode.kernel import decode_pixels
+from core.decode.noise import contrasts
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
 from core.decode.rim import drop_rim
@@ -18,7 +21,7 @@ from core.decode.tables import SWEEP, AxisTable, Rows, axis_table, image_row, ma
 from core.errors import InputError
 from core.model import PhaseMap
 from core.parallel import run_in_bands
-from core.patterns import Pattern
+from core.patterns import Axis, Pattern
 from core.progress import SILENT, Progress
 
 DEFAULT = DecodeOptions()
@@ -77,12 +80,16 @@ def decode(
     """
     arrays = check_images(patterns, images, where)
     progress(0.0, "reading the noise")
-    frames, tables, image_rows = _tables(tuple(patterns), lines, where)
+    try:
+        sequence = _prepare(tuple(patterns), lines)
+    except InputError as error:
+        raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
+    tables = sequence.tables
     sample = take_sample(arrays)
-    check_duplicates(frames, sample, where)
+    check_duplicates(sequence.frames, sample, where)
     measured = [n for table in tables for n in (*table.phase_frames, *table.line_frames)]
     saturation = full_scale(arrays, tuple(measured), sample, options)
-    noise = measure_noise(frames, sample, saturation, arrays)
+    noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, arrays)
     limits = limits_of(noise, saturation, options)
     tables = (measure_fading(tables[0], sample, noise), measure_fading(tables[1], sample, noise))
 
@@ -100,7 +107,7 @@ def decode(
         def band(first: int, last: int, top: int = top) -> None:
             common = ((top + first) * width, (top + last) * width, addresses, arrays[0].itemsize, limits)
             out = (place, sigma, modulation, image, flags)
-            decode_pixels(*common, image_rows, plain, tables, *out)
+            decode_pixels(*common, sequence.image_rows, plain, tables, *out)
             for axis, table in enumerate(tables):
                 if table.start == SWEEP:
                     decode_sections(*common, table, axis, *out)
@@ -115,17 +122,26 @@ def decode(
     return PhaseMap(u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags)
 
 
+@dataclass(frozen=True)
+class _Prepared:
+    """What follows from the patterns alone, the same for every capture of a sequence."""
+
+    frames: SortedFrames
+    tables: tuple[AxisTable, AxisTable]
+    image_rows: Rows
+    contrasts: NDArray[np.float64]
+
+
 @lru_cache(maxsize=16)
-def _tables(
-    patterns: tuple[Pattern, ...], lines: tuple[int, int] | None, where: str
-) -> tuple[SortedFrames, tuple[AxisTable, AxisTable], Rows]:
-    """Sort, plan and tabulate; the same for every capture of a sequence."""
+def _prepare(patterns: tuple[Pattern, ...], lines: tuple[int, int] | None) -> _Prepared:
+    """Sort, plan and tabulate."""
     frames = sort_frames(patterns)
     if not frames.axes:
-        raise InputError(where, "no code, phase or line frames", "give the frames of at least one projector axis")
+        raise InputError("", "no code, phase or line frames", "give the frames of at least one projector axis")
     tables = []
-    for number, axis in enumerate(("x", "y")):
-        mine = frames.axes.get(axis)  # type: ignore[call-overload]
-        plan = plan_axis(mine, lines[number] if lines else None, where) if mine else None
+    axes: tuple[Axis, Axis] = ("x", "y")
+    for number, axis in enumerate(axes):
+        mine = frames.axes.get(axis)
+        plan = plan_axis(mine, lines[number] if lines else None, "") if mine else None
         tables.append(axis_table(plan, mine, frames) if plan and mine else no_axis())
-    return frames, (tables[0], tables[1]), make_rows([image_row(frames)])
+    return _Prepared(frames, (tables[0], tables[1]), make_rows([image_row(frames)]), contrasts(frames, len(patterns)))

@@ -28,7 +28,7 @@ LOOSE = F(0.75)  # part of half the contrast: a bit nearer to its threshold may 
 BLUNT = F(0.158)  # part of half the contrast by which the prediction of a bit may err without noise
 RAMP = F(1.0)  # lines over which a code's edge is assumed to be blurred, each side
 EVIDENCE = F(20)  # twice the logarithm of how much likelier than the second the best must be
-TILE = 512  # pixels taken together: long enough to read every frame in runs, short enough for the cache
+TILE = 2048  # pixels taken together: long enough to read every frame in runs, short enough for the cache
 
 
 @fast
@@ -367,14 +367,15 @@ def _weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  
 @fast
 def _finish(table, axis, first, count, place, sigma, modulation, flags, u, s, m, every):  # type: ignore[no-untyped-def]
     """Write one axis of a tile: coordinate and sigma, NaN where a flag is raised; the smaller modulation."""
-    missing, last = NO_U << axis, table.lines - HALF
+    missing, last = np.int32(NO_U << axis), table.lines - HALF
     for i in range(count):
-        outside = place[i] < -HALF or place[i] > last
-        flag = flags[i] | (OUTSIDE if outside and flags[i] == 0 else 0)
+        flag = flags[i]
+        outside = (flag == 0) & ((place[i] < -HALF) | (place[i] > last))
+        flag = np.int32(OUTSIDE) if outside else flag
         u[first + i] = place[i] if flag == 0 else F(np.nan)
         s[first + i] = sigma[i] if flag == 0 else F(np.nan)
         m[first + i] = min(m[first + i], modulation[i])
-        every[i] |= flag | missing if flag != 0 else 0
+        every[i] |= flag | (missing if flag != 0 else np.int32(0))
 
 
 @fast

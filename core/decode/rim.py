@@ -32,15 +32,17 @@ def drop_rim(u: Singles, sigma: Singles, flags: np.ndarray, lines: float, period
         `Flag.NO_U` or `Flag.NO_V`.
     """
     width = max(1.0, SHARE * period)
-    rim = (u < width - 0.5) | (u > lines - 0.5 - width)
-    if not rim.any():
+    rim = np.flatnonzero((u < width - 0.5) | (u > lines - 0.5 - width))
+    if len(rim) == 0:
         return
-    steps = [np.abs(np.diff(u, axis=axis)) for axis in (0, 1)]
-    near = [step[rim[1:] if axis == 0 else rim[:, 1:]] for axis, step in enumerate(steps)]
-    slope = sum(float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0 for step in near)
+    row, column = np.unravel_index(rim, u.shape)
+    here = u[row, column]
+    across = np.abs(here - u[row, np.maximum(column - 1, 0)])
+    down = np.abs(here - u[np.maximum(row - 1, 0), column])
+    slope = sum(float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0 for step in (across, down))
     reach = int(min(FARTHEST, np.ceil(2 * width / max(slope, 1e-3)) + 1))
-    dark = ((flags & int(Flag.LOW_MODULATION)) > 0).astype(np.uint8)
-    beside = cv2.dilate(dark, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
-    lost = rim & (beside > 0)
-    u[lost] = sigma[lost] = np.nan
-    flags[lost] |= int(Flag.OUTSIDE | missing)
+    beside = cv2.dilate(flags & int(Flag.LOW_MODULATION), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+    lost = beside[row, column] > 0
+    row, column = row[lost], column[lost]
+    u[row, column] = sigma[row, column] = np.nan
+    flags[row, column] |= int(Flag.OUTSIDE | missing)

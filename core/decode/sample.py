@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from core.decode.frames import Image, LineFrames, Numbers, SortedFrames
-from core.decode.noise import LEAST, MEDIAN_OF_SQUARE, Noise, contrasts, estimate_noise, spatial_residual
+from core.decode.noise import LEAST, MEDIAN_OF_SQUARE, Noise, estimate_noise, spatial_residual
 from core.decode.options import DecodeOptions
-from core.decode.tables import AxisTable, Limits, Singles, image_row
+from core.decode.tables import Array, AxisTable, Limits, Singles, image_row
 from core.errors import InputError
 
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
@@ -34,6 +34,8 @@ def check_duplicates(frames: SortedFrames, sample: Singles, where: str) -> None:
     InputError
         Naming the frames and by how much they differ.
     """
+    if not frames.duplicates:
+        return
     low, high = np.percentile(sample, (1, 99))
     for first, *others in frames.duplicates:
         for other in others:
@@ -63,10 +65,11 @@ def quantum(sample: Singles) -> float:
     return float(bits & -bits) if bits else 1.0
 
 
-def measure_noise(frames: SortedFrames, sample: Singles, saturation: float, images: Sequence[Image]) -> Noise:
-    """Noise model from the redundancy of the frames, or where there is none from the scene's smoothness."""
-    found = contrasts(frames, len(sample))
-    step = quantum(sample)
+def measure_noise(
+    frames: SortedFrames, found: Array, sample: Singles, saturation: float, images: Sequence[Image]
+) -> Noise:
+    """Noise model from the redundancy of the frames, their `contrasts`; without any, from the scene's smoothness."""
+    step = quantum(sample) if images[0].itemsize > 1 else 1.0
     lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
     if len(found):
         used = np.abs(found).max(axis=0) > 0
@@ -104,7 +107,7 @@ def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: 
 
 
 def _smoothness(frames: SortedFrames, images: Sequence[Image], saturation: float) -> tuple[Singles, Singles]:
-    """Second differences along some rows of the evenly lit image, else of the smoothest frame, as one frame's residuals."""
+    """Second differences along some rows of the evenly lit image, else of the smoothest frame, and their levels."""
     height = images[0].shape[0]
     rows = slice(height // 64, None, max(1, height // 32))
     even = image_row(frames)
