@@ -23,6 +23,7 @@ $(STAMP): pyproject.toml packaging/setup.sh
 demo: setup
 	@echo "Simulating the reference experiment, calibrating both ways, judging the plane-table: about two minutes."
 	@$(BIN)/stripe-core demo $(OUT)
+	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ] && [ -z "$$CI" ]; then $(BIN)/stripe-gui $(OUT); fi
 
 test: setup
 	@echo "Running all tests: about five minutes on two cores."

@@ -154,12 +154,12 @@ def phase_figures(phase: PhaseMap) -> Figures:
         count = int(valid.sum())
         figures[name] = {
             "valid_pixels": count,
-            "least": plain(values[valid].min()) if count else None,
-            "greatest": plain(values[valid].max()) if count else None,
-            "median_sigma": plain(np.median(sigma[valid])) if count else None,
+            "least": plain(float(values[valid].min())) if count else None,
+            "greatest": plain(float(values[valid].max())) if count else None,
+            "median_sigma": plain(float(np.median(sigma[valid]))) if count else None,
         }
     lit = np.isfinite(phase.u) | np.isfinite(phase.v)
-    figures["median_modulation"] = plain(np.median(phase.modulation[lit])) if lit.any() else None
+    figures["median_modulation"] = plain(float(np.median(phase.modulation[lit]))) if lit.any() else None
     return figures
 
 

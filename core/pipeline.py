@@ -9,7 +9,7 @@ Nothing is written before a stage has succeeded.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from datetime import date
@@ -215,9 +215,13 @@ def measure_project(project: Project, progress: Progress = SILENT) -> tuple[Targ
     side = {role: _side_seen([c for c in captures if c.role == role]) for role in BOARDS}
     maps = phase_maps(project, captures, progress)
     targets = tuple(_measure(capture, phase, project, side[capture.role]) for capture, phase in maps)
-    save_archive(result_path(project, "targets.npz"), targets)
-    write_json(result_path(project, "targets.json"), targets_figures(targets))
+    _save_targets(project, targets)
     return targets
+
+
+def _save_targets(project: Project, targets: Sequence[TargetSet]) -> None:
+    save_archive(result_path(project, "targets.npz"), tuple(targets))
+    write_json(result_path(project, "targets.json"), targets_figures(targets))
 
 
 def _side_seen(captures: list[Capture]) -> Side:
@@ -274,22 +278,29 @@ def calibrate_project(
             "capture a moved testfield and pick 4 targets in each image, or a plate at known depths",
         )
     done: dict[Method, Calibration] = {}
+    targets: list[TargetSet] = []
     adjustment: Adjustment | None = None
     for i, name in enumerate(wanted):
         part = progress.part(i / len(wanted), (i + 1) / len(wanted))
         if name == "photogrammetric":
-            done[name], adjustment = _calibrate_photogrammetric(project, fields, options, part)
+            done[name], adjustment = _calibrate_photogrammetric(project, fields, options, targets, part)
         else:
-            done[name] = _calibrate_depth(project, plates, options, part)
+            done[name] = _calibrate_depth(project, plates, options, targets, part)
     for name, calibration in done.items():
         save_archive(result_path(project, f"{name}.npz"), calibration)
     if adjustment is not None:
         save_archive(result_path(project, "adjustment.npz"), adjustment)
+    if method == "all":
+        _save_targets(project, targets)
     return done
 
 
 def _calibrate_photogrammetric(
-    project: Project, captures: list[Capture], options: CalibrateOptions, progress: Progress
+    project: Project,
+    captures: list[Capture],
+    options: CalibrateOptions,
+    measured: list[TargetSet],
+    progress: Progress,
 ) -> tuple[PhotogrammetricCalibration, Adjustment]:
     from core.calibrate import calibrate_photogrammetric
 
@@ -300,6 +311,7 @@ def _calibrate_photogrammetric(
     targets = []
     for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.9)):
         targets.append(_measure(capture, phase, project, side))
+    measured += targets
     return calibrate_photogrammetric(
         project.camera,
         project.projector,
@@ -312,7 +324,11 @@ def _calibrate_photogrammetric(
 
 
 def _calibrate_depth(
-    project: Project, captures: list[Capture], options: CalibrateOptions, progress: Progress
+    project: Project,
+    captures: list[Capture],
+    options: CalibrateOptions,
+    measured: list[TargetSet],
+    progress: Progress,
 ) -> DepthCalibration:
     from core.calibrate import DepthOptions, DepthPlane, calibrate_depth
 
@@ -324,6 +340,7 @@ def _calibrate_depth(
         targets = _measure(capture, phase, project, side) if capture.seeds else None
         assert capture.z_mm is not None
         planes.append(DepthPlane(capture.z_mm, phase, targets))
+        measured += [targets] if targets else []
     fields = [c.testfield for c in captures if c.seeds]
     return calibrate_depth(
         project.camera,

@@ -4,8 +4,10 @@ set -eu
 python=$1
 venv=$2
 
-# Debian packages: the venv module, and the libraries the window and its tests load (offscreen platform included)
-libraries="libgl1 libegl1 libxkbcommon0 libfontconfig1 libglib2.0-0 libdbus-1-3"
+# Debian packages: the libraries the window loads, on a screen and without one, and the virtual screen of one test
+libraries="libgl1 libegl1 libxkbcommon0 libfontconfig1 libglib2.0-0 libdbus-1-3
+    libxcb-cursor0 libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-render-util0 libxcb-shape0 libxcb-xkb1
+    libxkbcommon-x11-0 xvfb xauth"
 
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || {
     echo "setup: $("$python" --version 2>&1) is too old; install Python 3.11 or newer and call make PYTHON=python3.11" >&2

@@ -9,9 +9,6 @@ from pathlib import Path
 from core.errors import InputError
 from core.progress import SILENT, Progress
 from core.report.data import ReportData, ReportPaths
-from core.report.document import compose
-from core.report.html import html_text
-from core.report.pdf import pdf_bytes
 
 
 def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) -> ReportPaths:
@@ -35,6 +32,11 @@ def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) ->
     Cancelled
         If the user stopped; nothing has been written then.
     """
+    # only now: drawing and typesetting take a second to import, and tables alone need neither
+    from core.report.document import compose
+    from core.report.html import html_text
+    from core.report.pdf import pdf_bytes
+
     document = compose(data, progress=progress.part(0.0, 0.3))
     html = html_text(document, progress=progress.part(0.3, 0.65)).encode("utf-8")
     pdf = pdf_bytes(document, progress=progress.part(0.65, 0.95))

@@ -86,6 +86,7 @@ class CalibratePage(Page):
         self.low_pass.setSingleStep(0.5)
         self.low_pass.setSuffix(" px")
         self.low_pass.setSpecialValueText(self.tr("none"))
+        self.low_pass.setValue(CalibrateChoice.low_pass_px)
         self.low_pass.lineEdit().setTextMargins(6, 0, 0, 0)
         choices = [
             (self.tr("Method"), self.method),
