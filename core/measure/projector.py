@@ -31,29 +31,50 @@ def bilinear(values: Floats, sigma: Floats, uv: Array) -> tuple[Array, Array]:
     return total, np.sqrt(variance)
 
 
-def plane_at(values: Floats, sigma: Floats, uv: Array, ellipse: Array) -> tuple[Array, Array]:
-    """Value and sigma (n,) at the middle of a weighted plane through all valid pixels of each dot's interior."""
+def inside_dot(values: Floats, sigma: Floats, uv: Array, ellipse: Array, window: Array) -> tuple[Array, Array]:
+    """Value and sigma (n,) at the middle of a weighted plane through the valid pixels of each dot's interior."""
+    return _surface(values, sigma, uv, ellipse, np.zeros(len(uv)), np.minimum(window, 0.85), 3)
+
+
+def around_dot(values: Floats, sigma: Floats, uv: Array, ellipse: Array, window: Array) -> tuple[Array, Array]:
+    """Value and sigma (n,) at the middle of a quadratic surface through the valid pixels round each dot.
+
+    For dots too dark, or too bright, to be decoded themselves: the board around them lies in the same surface. The
+    quadratic terms carry the perspective across the ring.
+    """
+    return _surface(values, sigma, uv, ellipse, window, window + 0.8, 6)
+
+
+def _surface(
+    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array, terms: int
+) -> tuple[Array, Array]:
+    """Weighted robust fit of 3 (plane) or 6 (quadratic) terms to the pixels between two radii in the unit disc."""
     result, spread = np.full(len(uv), np.nan), np.full(len(uv), np.nan)
     height, width = values.shape
     for k in np.flatnonzero(np.all(np.isfinite(uv), axis=1)).tolist():
-        half = np.abs(ellipse[k]).sum(axis=1) + 1
+        half = outer[k] * np.linalg.norm(ellipse[k], axis=1) + 1
         (u0, v0), (u1, v1) = np.floor(uv[k] - half).astype(int), np.ceil(uv[k] + half).astype(int)
         v, u = np.mgrid[max(v0, 0) : min(v1, height - 1) + 1, max(u0, 0) : min(u1, width - 1) + 1]
         d = np.stack([u.ravel(), v.ravel()], axis=1) - uv[k]
+        disc = np.linalg.solve(ellipse[k], d.T)
         y, s = values[v, u].ravel().astype(np.float64), sigma[v, u].ravel().astype(np.float64)
-        within = np.sum(np.linalg.solve(ellipse[k], d.T) ** 2, axis=0) < 0.85**2
-        use = within & np.isfinite(y) & (s > 0)
-        A = np.concatenate([np.ones((len(d), 1)), d], axis=1)
+        radius = np.hypot(*disc)
+        use = (radius >= inner[k]) & (radius <= outer[k]) & np.isfinite(y) & (s > 0)
+        x, z = disc  # in the unit disc the terms are of one size
+        A = np.stack([np.ones(len(d)), x, z, x * x, x * z, z * z], axis=1)[:, :terms]
         for _ in range(3):
-            if np.count_nonzero(use) < 6:
+            quadrants = np.bincount((2 * (x[use] > 0) + (z[use] > 0)).astype(int), minlength=4)
+            if quadrants.min() < terms - 1:  # never a value that only one side vouches for
+                result[k], spread[k] = np.nan, np.nan
                 break
-            N = (A[use] / s[use, None] ** 2).T @ A[use]
-            plane = np.linalg.solve(N, A[use].T @ (y[use] / s[use] ** 2))
-            result[k], spread[k] = plane[0], np.sqrt(np.linalg.inv(N)[0, 0])
-            again = within & (s > 0) & (np.abs(np.where(np.isfinite(y), y, np.inf) - A @ plane) < 5 * s + 0.05)
-            if np.array_equal(again, use):
+            cofactor = np.linalg.inv((A[use] / s[use, None] ** 2).T @ A[use])
+            surface = cofactor @ (A[use].T @ (y[use] / s[use] ** 2))
+            result[k], spread[k] = surface[0], np.sqrt(cofactor[0, 0])
+            off = np.abs(y - A @ surface)
+            keep = use & (off < 5 * s + max(3.0 * float(np.median(off[use])), 0.05))
+            if np.array_equal(keep, use):
                 break
-            use = again
+            use = keep
     return result, spread
 
 
@@ -69,3 +90,9 @@ def refuse_jumps(values: Floats, uv: Array, ellipse: Array, found: Array, sigma:
     enough = np.isfinite(pairs).sum(axis=1) >= 3
     with np.errstate(invalid="ignore"):
         return np.asarray(enough & (np.abs(found - row_median(pairs)) > JUMP_LINES + 6 * sigma))
+
+
+def decoded_inside(values: Floats, uv: Array, ellipse: Array) -> NDArray[np.bool_]:
+    """Whether most of a dot's interior (n,) is decoded: an invalid pixel in its middle is then an exception."""
+    inside = Rays(uv, ellipse).sample(values, np.array([0.0, 0.3, 0.6]))
+    return np.asarray(np.mean(np.isfinite(inside), axis=(1, 2)) > 0.5)

@@ -20,7 +20,7 @@ from core.measure.missing import reasons
 from core.measure.options import MeasureOptions
 from core.measure.picks import check_picks, snap
 from core.measure.profile import Profiles, profiles
-from core.measure.projector import bilinear, plane_at, refuse_jumps
+from core.measure.projector import around_dot, bilinear, decoded_inside, inside_dot, refuse_jumps
 from core.measure.rays import Rays
 from core.measure.view import View, fit_both_tilts
 from core.model import DeviceSpec, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
@@ -42,6 +42,7 @@ class Dots:
     uv: Array  # (m, 2) px, weighted centroid
     cov: Array  # (m, 2, 2) px²
     ellipse: Array  # (m, 2, 2) px, the unit disc's map to the dot
+    window: Array  # (m,) radius in the unit disc that holds the whole blurred dot
     fault: list[str]  # why it must not be used, empty where it may
 
 
@@ -129,7 +130,7 @@ def _measure_dots(image: Floats, modulation: Floats, lattice: Lattice, dark: boo
     board = lattice.board
     target = np.flatnonzero(lattice.known)
     if not len(target):
-        return Dots(target, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2, 2)), [])
+        return Dots(target, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2, 2)), np.zeros(0), [])
     centre = lattice.blobs.uv[lattice.blob[target]]
     nominal = lattice.view.jacobian(board.xyz_mm[target]) * board.radius_mm[target, None, None]
     spacing = board.spacing_mm[target] / board.radius_mm[target]
@@ -147,7 +148,8 @@ def _measure_dots(image: Floats, modulation: Floats, lattice: Lattice, dark: boo
     profile = _recentred(profile, rays.ellipse, uv - moved)
     ellipse = rays.ellipse
     fault = shape_faults(image, modulation, Rays(uv, ellipse), profile, size, noise, dark)
-    return Dots(target, uv, cov, ellipse * profile.contour[:, 0, None, None], fault)
+    scale = profile.contour[:, 0]
+    return Dots(target, uv, cov, ellipse * scale[:, None, None], profile.window / scale, fault)
 
 
 def _recentred(profile: Profiles, ellipse: Array, shift: Array) -> Profiles:
@@ -166,15 +168,7 @@ def _target_set(phase: PhaseMap, lattice: Lattice, dots: Dots, capture: str, opt
         view = _final_view(view, board, target, uv - shift)
         shift = eccentricity(view, board.xyz_mm[target], board.radius_mm[target])
     centre = uv - shift
-    projector, sigma = np.full((len(target), 2), np.nan), np.full((len(target), 2), np.nan)
-    for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
-        if options.projector == "plane":
-            projector[:, axis], sigma[:, axis] = plane_at(values, spread, centre, ellipse)
-        else:
-            projector[:, axis], sigma[:, axis] = bilinear(values, spread, centre)
-        wrong = refuse_jumps(values, centre, ellipse, projector[:, axis], sigma[:, axis])
-        projector[wrong, axis] = np.nan
-        sigma[~np.isfinite(projector[:, axis]), axis] = np.nan
+    projector, sigma = _projector(phase, centre, ellipse, dots.window[good], options)
     faults = {int(t): f for t, f in zip(dots.target, dots.fault, strict=True) if f}
     missing = reasons(phase, replace(lattice, view=view), faults)
     return TargetSet(
@@ -189,6 +183,29 @@ def _target_set(phase: PhaseMap, lattice: Lattice, dots: Dots, capture: str, opt
         diameter_px=2 * np.sqrt(np.abs(np.linalg.det(ellipse))),
         missing=tuple(MissingTarget(int(board.row[i]), int(board.col[i]), why) for i, why in missing.items()),
     )
+
+
+def _projector(
+    phase: PhaseMap, centre: Array, ellipse: Array, window: Array, options: MeasureOptions
+) -> tuple[Array, Array]:
+    """Projector coordinates (n, 2) and sigmas at the targets' centres.
+
+    Where a pixel at the centre is not decoded, or wrong, the rest of the dot tells; where the dot is not, its surroundings.
+    """
+    coordinate, sigma = np.full((len(centre), 2), np.nan), np.full((len(centre), 2), np.nan)
+    for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
+        if options.projector == "plane":
+            found, error = inside_dot(values, spread, centre, ellipse, window)
+        else:
+            found, error = bilinear(values, spread, centre)
+        found[refuse_jumps(values, centre, ellipse, found, error)] = np.nan
+        lost = ~np.isfinite(found)
+        lit = decoded_inside(values, centre, ellipse)
+        for which, fit in ((lost & lit, inside_dot), (lost & ~lit, around_dot)):
+            found[which], error[which] = fit(values, spread, centre[which], ellipse[which], window[which])
+        error[~np.isfinite(found)] = np.nan
+        coordinate[:, axis], sigma[:, axis] = found, error
+    return coordinate, sigma
 
 
 def _final_view(view: View, board: Board, target: NDArray[np.int64], uv: Array) -> View:
