@@ -34,7 +34,7 @@ TILE = 2048  # pixels taken together: long enough to read every frame in runs, s
 @fast
 def _phases(table, values, limits, count, turns, variance, modulation, flags):  # type: ignore[no-untyped-def]
     """Phase (turns), its variance (turns²) and modulation of every period; the finest period's modulation is kept."""
-    covariance, dark, shot = table.covariance, limits.dark, limits.shot
+    covariance, dark, shot, floor = table.covariance, limits.dark, limits.shot, limits.floor
     dimmest, least = limits.modulation, limits.snr * limits.snr * TWO_PI * TWO_PI
     for j in range(len(covariance)):
         mean, cosine, sine = values[2 + 3 * j], values[3 + 3 * j], values[4 + 3 * j]
@@ -43,7 +43,7 @@ def _phases(table, values, limits, count, turns, variance, modulation, flags):  
         for i in range(count):
             c, s = cosine[i], sine[i]
             square = c * c + s * s + TINY
-            noise = dark + shot * mean[i]
+            noise = max(dark + shot * mean[i], floor)
             v = noise * (cc * s * s - F(2) * cs * c * s + ss * c * c + TINY) / (square * square * TWO_PI * TWO_PI)
             turn[i] = angle(c, s)
             var[i] = v
@@ -78,10 +78,11 @@ def _contrast(table, bits, limits, count, threshold, contrast, modulation, low, 
             row, sign = bits[b], signs[b]
             for i in range(count):
                 contrast[i] = max(contrast[i], abs(row[i] + sign * threshold[i]))
-    dark, shot, least = limits.dark, limits.shot, HALF * limits.snr * limits.snr
+    dark, shot, floor, least = limits.dark, limits.shot, limits.floor, HALF * limits.snr * limits.snr
     share = table.least_contrast
     for i in range(count):
-        weak = contrast[i] <= share * threshold[i] or contrast[i] * contrast[i] < least * (dark + shot * threshold[i])
+        noise = max(dark + shot * threshold[i], floor)
+        weak = contrast[i] <= share * threshold[i] or contrast[i] * contrast[i] < least * noise
         flags[i] |= LOW if weak else 0
 
 
@@ -90,7 +91,8 @@ def _read_bits(table, bits, limits, count, threshold, contrast, word, unsure):  
     """Bits about their threshold (in place), their hard word, most significant first, and a mask of the unsure ones."""
     fill(word, 0, count, 0)
     fill(unsure, 0, count, 0)
-    signs, fading, spread, dark, shot = table.sign, table.fading, table.spread, limits.dark, limits.shot
+    signs, fading, spread = table.sign, table.fading, table.spread
+    dark, shot, floor = limits.dark, limits.shot, limits.floor
     last = len(signs) - 1
     for b in range(last + 1):
         row, sign, margin = bits[b], signs[b], limits.bit_margin * fading[b]
@@ -98,7 +100,7 @@ def _read_bits(table, bits, limits, count, threshold, contrast, word, unsure):  
         for i in range(count):
             x, near = row[i] + sign * threshold[i], margin * contrast[i]
             row[i] = x
-            doubt = x * x < max(near * near, noisy * (dark + shot * threshold[i]))
+            doubt = x * x < max(near * near, noisy * max(dark + shot * threshold[i], floor))
             word[i] |= mask if x > F(0) else np.int32(0)
             unsure[i] |= mask if doubt else np.int32(0)
 
@@ -252,7 +254,8 @@ def _settle(table, limits, bits, turns, noise, threshold, contrast, word, unsure
     if anything == 0:
         return
     gray, cell, fading, lines, steps = table.gray, table.cell, table.fading, table.lines, table.steps
-    period, dark, shot = table.step_period[0] if len(steps) > 0 else F(0), limits.dark, limits.shot
+    period = table.step_period[0] if len(steps) > 0 else F(0)
+    dark, shot, floor = limits.dark, limits.shot, limits.floor
     soft = np.empty(len(fading), F)
     for i in range(count):
         if doubtful[i] != 0:
@@ -263,7 +266,7 @@ def _settle(table, limits, bits, turns, noise, threshold, contrast, word, unsure
                 x = bits[b, i] / (contrast[i] * fading[b])
                 soft[b] = min(max(x, -ONE), ONE)
                 loose |= (1 if abs(x) < LOOSE else 0) << (len(soft) - 1 - b)
-            noisy = (dark + shot * threshold[i]) / (contrast[i] * contrast[i])
+            noisy = max(dark + shot * threshold[i], floor) / (contrast[i] * contrast[i])
             blunt = np.sqrt(max(noisy, BLUNT * BLUNT))
             sigma = period * np.sqrt(noise[i])
             place[i], certain = _most_likely(gray, cell, lines, period, sigma, blunt, soft, word[i], loose, turn)

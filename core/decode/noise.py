@@ -2,7 +2,8 @@
 
 Some combinations of frames carry no signal whatever the scene is: the alternating sum of four phase steps, the
 difference between the means of two axes' steps, of a bit plus its inverse and the next. What they show is noise. Its
-variance is taken as ``var(g) = dark + shot g`` (read and quantisation noise, shot noise).
+variance is taken as ``var(g) = max(dark + shot g, floor)``: read and quantisation noise, shot noise. `dark` is negative
+where the camera adds an offset to its grey values, for the offset is without shot noise.
 """
 
 from __future__ import annotations
@@ -19,16 +20,22 @@ Array = NDArray[np.float64]
 
 BINS = 12  # of grey values
 LEAST = 50  # residuals in a bin that tell a variance
+LOWEST = 0.5  # the noise is never taken below this part of the least seen
 TINY = 1e-12
 MEDIAN_OF_SQUARE = 0.45494  # of a normal deviate
 HARMONICS = (3, 5, 7)  # of a square wave, next to the first
 
 
 class Noise(NamedTuple):
-    """Variance of a grey value g: ``dark + shot g``, in grey values squared."""
+    """Variance of a grey value g: ``max(dark + shot g, floor)``, in grey values squared."""
 
     dark: float
     shot: float
+    floor: float
+
+    def variance(self, level: Array) -> Array:
+        """Give the variance at grey values, same shape."""
+        return np.maximum(self.dark + self.shot * level, self.floor)
 
 
 def contrasts(frames: SortedFrames, count: int) -> Array:
@@ -118,7 +125,7 @@ def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
     """
     floor = quantum * quantum / 12
     if len(residual) < BINS:
-        return Noise(floor, 0.0)
+        return Noise(floor, 0.0, floor)
     square, low, high = np.square(residual), float(level.min()), float(level.max())
     number = ((level - low) * ((BINS - 0.001) / max(high - low, TINY))).astype(np.int8)
     bins: list[tuple[float, float, float]] = []
@@ -127,7 +134,7 @@ def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
             part = square[inside]
             bins.append((_robust_variance(part, floor), float(level[inside].mean()), float(len(part))))
     if not bins:
-        return Noise(_robust_variance(square, floor), 0.0)
+        return Noise(_robust_variance(square, floor), 0.0, floor)
     variance, where, count = np.array(bins).T
     return _fit(variance, where, count, floor)
 
@@ -142,27 +149,19 @@ def _robust_variance(square: Array, floor: float) -> float:
 
 
 def _fit(variance: Array, level: Array, count: Array, floor: float) -> Noise:
-    """Weighted straight line through variances, neither part negative.
+    """Weighted straight line through variances, not falling.
 
     The weights follow from the line itself: those from the variances found would favour what is small by chance.
     """
-    weight, line = count, Noise(floor, 0.0)
+    weight, noise = count, Noise(floor, 0.0, floor)
     for _ in range(3):
-        line = _line(variance, level, weight, floor)
-        weight = count / np.square(line.dark + line.shot * level)
-    return line
-
-
-def _line(variance: Array, level: Array, weight: Array, floor: float) -> Noise:
-    mean_level, mean_variance = np.average(level, weights=weight), np.average(variance, weights=weight)
-    spread = np.average(np.square(level - mean_level), weights=weight)
-    slope = np.average((level - mean_level) * (variance - mean_variance), weights=weight) / max(spread, TINY)
-    dark = mean_variance - slope * mean_level
-    if slope <= 0 or spread <= TINY:
-        return Noise(float(max(mean_variance, floor)), 0.0)
-    if dark < floor:
-        return Noise(floor, float(max((mean_variance - floor) / mean_level, 0.0)))
-    return Noise(float(dark), float(slope))
+        mean_level, mean_variance = np.average(level, weights=weight), np.average(variance, weights=weight)
+        spread = np.average(np.square(level - mean_level), weights=weight)
+        slope = np.average((level - mean_level) * (variance - mean_variance), weights=weight) / max(spread, TINY)
+        slope = max(float(slope), 0.0)
+        noise = Noise(float(mean_variance - slope * mean_level), slope, max(floor, LOWEST * float(variance.min())))
+        weight = count / np.square(noise.variance(level))
+    return noise
 
 
 def spatial_residual(rows: Singles) -> tuple[Array, Array]:

@@ -92,18 +92,19 @@ def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: 
     frames, half = [*lines.frames], len(lines.frames) // 2
     lower = np.sort(sample[frames], axis=0)[: half + 1]
     dark = estimate_noise((lower[:half] - lower[half]).ravel(), np.zeros(half * lower.shape[1]), quantum(sample))
+    ground = max(dark.dark, dark.floor)
     height = images[0].shape[0]
     rows = slice(height // 32, None, max(1, height // 16))
     g = np.stack([images[n][rows] for n in frames]).astype(np.float32)
     centre = np.array(lines.centre, np.float32)
     near = np.abs(centre[:, None, None] - centre[g.argmax(axis=0)]) <= lines.width + 2
     total, number = np.where(near, g, 0).sum(axis=0), near.sum(axis=0)
-    lit = (g.max(axis=0) < saturation) & (g.max(axis=0) > lower[half].mean() + 10 * np.sqrt(dark.dark))
+    lit = (g.max(axis=0) < saturation) & (g.max(axis=0) > lower[half].mean() + 10 * np.sqrt(ground))
     if lit[:, 1:-1].sum() < LEAST:
         return dark
     variance = np.median(np.square(spatial_residual(total)[0][lit[:, 1:-1]])) / MEDIAN_OF_SQUARE
-    shot = (variance - dark.dark * number[lit].mean()) / total[lit].mean()
-    return Noise(dark.dark, max(0.0, float(shot)))
+    shot = (variance - ground * number[lit].mean()) / total[lit].mean()
+    return Noise(dark.dark, max(0.0, float(shot)), dark.floor)
 
 
 def _smoothness(frames: SortedFrames, images: Sequence[Image], saturation: float) -> tuple[Singles, Singles]:
@@ -127,7 +128,7 @@ def _smoothness(frames: SortedFrames, images: Sequence[Image], saturation: float
 
 def limits_of(noise: Noise, saturation: float, options: DecodeOptions) -> Limits:
     """Pack the thresholds for the kernel."""
-    values = (noise.dark, noise.shot, options.min_snr, options.min_modulation, saturation, options.bit_margin)
+    values = (*noise, options.min_snr, options.min_modulation, saturation, options.bit_margin)
     return Limits(*(np.float32(value) for value in values))
 
 
@@ -146,7 +147,7 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
     threshold = values[0] if table.has_threshold else (shown.max(axis=0) + shown.min(axis=0)) / 2
     raw = np.abs(raw + table.sign[:, None] * threshold)
     contrast = values[1] if table.has_contrast else raw.max(axis=0)
-    lit = contrast > 5 * np.sqrt(noise.dark + noise.shot * np.maximum(threshold, 0))
+    lit = contrast > 5 * np.sqrt(noise.variance(threshold))
     if lit.sum() < 100:
         return table
     # a triangle wave's mean is half its peak: only bits below that have faded

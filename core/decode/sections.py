@@ -60,7 +60,7 @@ def decode_sections(start, stop, addresses, item_size, limits, table, axis, plac
         least = limits.snr + CHANCE
         total, moment, noise0, noise1, noise2 = sums[4], sums[5], sums[6], sums[7], sums[8]
         for i in range(count):
-            ground = TWICE * np.sqrt(limits.dark + limits.shot * dark[i])
+            ground = TWICE * np.sqrt(max(limits.dark + limits.shot * dark[i], limits.floor))
             sums[9, i] = dark[i] + max(TAIL * (peak[i] - dark[i]), ground)
         _moments(centres, table.line_reach, limits, grey, count, where, sums[9], total, moment, noise0, noise1, noise2)
         for i in range(count):
@@ -68,7 +68,8 @@ def decode_sections(start, stop, addresses, item_size, limits, table, axis, plac
             mean = moment[i] / (total[i] + TINY)
             u = where[i] + mean
             variance = noise2[i] - F(2) * mean * noise1[i] + mean * mean * noise0[i]
-            weak = height < F(0) or height * height < least * least * (limits.dark + limits.shot * dark[i])
+            noise = max(limits.dark + limits.shot * dark[i], limits.floor)
+            weak = height < F(0) or height * height < least * least * noise
             flag = LOW if weak or HALF * height < limits.modulation else 0
             flag |= SATURATED if peak[i] >= limits.saturation else 0
             flag |= DISAGREEMENT if rival[i] - dark[i] > RIVAL * height else 0
@@ -123,7 +124,7 @@ def _moments(centres, reach, limits, grey, count, where, floor, total, moment, n
             w = row[i] - floor[i]
             counts = w > F(0) and abs(x) <= reach
             w = w if counts else F(0)
-            noise = limits.dark + limits.shot * row[i] if counts else F(0)
+            noise = max(limits.dark + limits.shot * row[i], limits.floor) if counts else F(0)
             total[i] += w
             moment[i] += w * x
             noise0[i] += noise

@@ -40,10 +40,11 @@ class Rows(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Noise ``var(g) = dark + shot g`` (grey values²) and the thresholds of `DecodeOptions`."""
+    """Noise ``var(g) = max(dark + shot g, floor)`` (grey values²) and the thresholds of `DecodeOptions`."""
 
     dark: np.float32
     shot: np.float32
+    floor: np.float32
     snr: np.float32
     modulation: np.float32
     saturation: np.float32

@@ -67,6 +67,17 @@ def test_sigma_is_as_predicted_where_light_varies(bench) -> None:
     assert 0.9 < np.nanstd(z[20:]) < 1.15
 
 
+@pytest.mark.parametrize("offset", [0.0, 60.0])
+def test_a_camera_that_adds_an_offset_has_no_shot_noise_in_it(bench, judge, offset) -> None:
+    """Dark and bright halves of a 12-bit image: a line through the origin would fit neither."""
+    patterns = [*gray_and_phase("x", N, cell=8, periods=[16]), *REFERENCE]
+    bright = np.where(np.arange(40) < 12, 2500.0, 0.0)[:, None]
+    b = bench(gain=bright, ambient=5.0 + offset, dark=16.0 - 0.35 * offset, shot=0.35, bits=12)
+    result = judge(decode(patterns, b.take(patterns), lines=(N, N)), b.u, 8)
+    assert result.gross == 0
+    assert 0.9 < result.sigma_ratio < 1.15
+
+
 def test_unlit_pixels_are_invalid(bench, judge) -> None:
     patterns = reference_sequence(N, N)
     b = bench(height=100, width=1000, both=True, gain=np.where(np.arange(1000) < 500, 68.0, 0.0)[None, :])
