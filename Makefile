@@ -5,6 +5,9 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.ready
 OUT    ?= demo
 
+# small matrices: the threads of the linear algebra would only spin beside our own
+export OPENBLAS_NUM_THREADS ?= 1
+
 .PHONY: help setup demo test check bench clean
 
 help:

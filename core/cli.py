@@ -43,16 +43,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Console:
-    """Progress on stderr: one line rewritten on a terminal, an occasional line elsewhere."""
+    """Progress on stderr: one line rewritten on a terminal; elsewhere a line now and then.
+
+    Where a program reads stderr, a refusal has to be the only line there: progress waits half a minute.
+    """
 
     def __init__(self, started: float) -> None:
         self.terminal = sys.stderr.isatty()
-        self.last, self.every = started, 0.1 if self.terminal else 3.0
+        self.due = started + (0.2 if self.terminal else 30.0)
 
     def report(self, fraction: float, message: str) -> None:
         now = time.monotonic()
-        if now - self.last >= self.every:
-            self.last = now
+        if now >= self.due:
+            self.due = now + (0.1 if self.terminal else 10.0)
             start, end = ("\r\033[K", "") if self.terminal else ("", "\n")
             print(f"{start}{fraction:4.0%}  {message}", end=end, file=sys.stderr, flush=True)
 

@@ -1,0 +1,1 @@
+"""What the program brings along: help, fonts, templates, reference values, command profiles, icons, translations."""

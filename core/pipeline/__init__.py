@@ -1,0 +1,42 @@
+"""The seven stages in order, each on a project folder: what the command line, the window and a script call.
+
+    capture -> decode -> measure -> calibrate -> reconstruct -> evaluate -> report
+
+One file for each, of the same name; `folders` says where a project keeps things. A stage takes what it needs from the
+captures and from ``results/`` in the project, and writes its own result there. Nothing is written before a stage has
+succeeded.
+"""
+
+from core.pipeline.calibrate import METHODS, CalibrateOptions, adjust_network, calibrate_project, load_calibrations
+from core.pipeline.capture import capture_into, simulate_project
+from core.pipeline.decode import decode_capture, phase_maps, read_phase, write_phase
+from core.pipeline.evaluate import evaluate_project, load_evaluation
+from core.pipeline.folders import captures_of, find_capture, result_path
+from core.pipeline.measure import measure_project
+from core.pipeline.reconstruct import reconstruct_capture, write_cloud
+from core.pipeline.report import report_data, report_project, result_tables
+
+__all__ = [
+    "METHODS",
+    "CalibrateOptions",
+    "adjust_network",
+    "calibrate_project",
+    "capture_into",
+    "captures_of",
+    "decode_capture",
+    "evaluate_project",
+    "find_capture",
+    "load_calibrations",
+    "load_evaluation",
+    "measure_project",
+    "phase_maps",
+    "read_phase",
+    "reconstruct_capture",
+    "report_data",
+    "report_project",
+    "result_path",
+    "result_tables",
+    "simulate_project",
+    "write_cloud",
+    "write_phase",
+]

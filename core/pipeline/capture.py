@@ -1,0 +1,77 @@
+"""Stage 1: captures come from the virtual bench, or from a projector and a camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from core.errors import InputError
+from core.model import Project, Role
+from core.progress import SILENT, Progress
+from core.project import add_capture, read_project
+
+if TYPE_CHECKING:
+    from core.bench import Rig
+    from core.capture import CaptureReport
+
+
+def simulate_project(out: Path, scenario: str = "paper", seed: int = 0, progress: Progress = SILENT) -> Project:
+    """Let the virtual bench record a project in a new folder, as a rig would."""
+    from core.bench import simulate
+
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(out, "there is something already", "give a new or empty folder")
+    return read_project(simulate(out, scenario, seed, progress))
+
+
+def capture_into(
+    folder: Path,
+    name: str,
+    role: Role,
+    *,
+    projector: str | None = None,
+    camera: str | None = None,
+    testfield: str | None = None,
+    z_mm: float | None = None,
+    angle_deg: float | None = None,
+    progress: Progress = SILENT,
+) -> CaptureReport:
+    """Record one capture with a projector and a camera and add it to a project.
+
+    Without a URL of either, the virtual bench's rig of the project's sizes is taken.
+    """
+    from core.capture import run_capture
+
+    project = read_project(folder)
+    if projector is None or camera is None:
+        virtual = _virtual_rig(project)
+        projector, camera = projector or virtual, camera or virtual
+    report = run_capture(
+        project,
+        name,
+        role,
+        projector,
+        camera,
+        testfield=testfield,
+        z_mm=z_mm,
+        angle_deg=angle_deg,
+        progress=progress,
+    )
+    add_capture(project.path, report.folder.resolve().relative_to(project.path.resolve()).as_posix())
+    return report
+
+
+def _virtual_rig(project: Project) -> str:
+    from core.bench import experiment, scenarios
+
+    def sizes(owner: Project | Rig) -> tuple[int, int, int, int]:
+        return owner.camera.width, owner.camera.height, owner.projector.width, owner.projector.height
+
+    for name in scenarios():
+        if sizes(experiment(name).rig) == sizes(project):
+            return f"virtual:{name}"
+    raise InputError(
+        project.path,
+        "no virtual rig has this camera and projector",
+        "name the devices with --projector URL and --camera URL",
+    )

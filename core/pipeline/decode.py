@@ -1,0 +1,62 @@
+"""Stage 2: projector coordinates of the pixels of one capture, or of many in a stream."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from core.model import Capture, PhaseMap, Project
+from core.progress import SILENT, Progress
+from core.project import atomic_write, find_project, iterate_images, read_capture, read_project
+
+
+def decode_capture(folder: Path, progress: Progress = SILENT) -> PhaseMap:
+    """Decode the frames of one capture, in a project or on its own."""
+    root = find_project(folder)
+    project = read_project(root) if root else None
+    capture = read_capture(folder, project)
+    return decode_images(capture, list(iterate_images(capture, project.camera if project else None)), project, progress)
+
+
+def decode_images(capture: Capture, images: list, project: Project | None, progress: Progress) -> PhaseMap:
+    """Decode frames that have been read already."""
+    from core.decode import decode
+
+    lines = (project.projector.width, project.projector.height) if project else None
+    patterns = [frame.pattern for frame in capture.frames]
+    return decode(patterns, images, lines=lines, where=str(capture.path), progress=progress)
+
+
+def phase_maps(
+    project: Project, captures: Iterable[Capture], progress: Progress = SILENT
+) -> Iterator[tuple[Capture, PhaseMap]]:
+    """Decode captures one after the other; the next one loads while this one decodes, so memory stays flat."""
+    waiting = list(captures)
+    with ThreadPoolExecutor(1) as pool:
+
+        def load(capture: Capture) -> list:
+            return list(iterate_images(capture, project.camera))
+
+        ahead = [pool.submit(load, waiting[0])] if waiting else []
+        for i, capture in enumerate(waiting):
+            progress(i / len(waiting), f"decoding {capture.name}")
+            images = ahead.pop().result()
+            if i + 1 < len(waiting):
+                ahead.append(pool.submit(load, waiting[i + 1]))
+            yield capture, decode_images(capture, images, project, SILENT)
+
+
+def write_phase(out: Path, phase: PhaseMap) -> None:
+    """Write a phase map as NPZ, one array for each of its fields."""
+    with atomic_write(out) as file:
+        np.savez(file, **{f.name: getattr(phase, f.name) for f in fields(PhaseMap)})
+
+
+def read_phase(path: Path) -> PhaseMap:
+    """Read what `write_phase` wrote."""
+    with np.load(path, allow_pickle=False) as stored:
+        return PhaseMap(**{f.name: stored[f.name] for f in fields(PhaseMap)})

@@ -1,0 +1,28 @@
+"""Where a project keeps its captures and results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from core.errors import InputError
+from core.model import Capture, Project, Role
+from core.project import read_capture
+
+
+def result_path(project: Project, name: str) -> Path:
+    """Where the program keeps a result of a project."""
+    return project.path / "results" / name
+
+
+def captures_of(project: Project, role: Role) -> list[Capture]:
+    """Read all captures of one role, in the project's order."""
+    return [c for c in (read_capture(folder, project) for folder in project.captures) if c.role == role]
+
+
+def find_capture(project: Project, name: str) -> Capture:
+    """Read the capture that a user named: the folder's name, its path from the project, or its path."""
+    for folder in (*(f for f in project.captures if f.name == name), project.path / name, Path(name)):
+        if (folder / "capture.json").is_file():
+            return read_capture(folder, project)
+    names = ", ".join(folder.name for folder in project.captures) or "no captures"
+    raise InputError(project.path, f"no capture {name!r}", f"choose among {names}")

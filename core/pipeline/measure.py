@@ -1,0 +1,69 @@
+"""Stage 3: the targets of all captures that have picks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+from core.errors import InputError
+from core.figures import targets_figures
+from core.model import Capture, PhaseMap, Project, Role, TargetSet
+from core.pipeline.decode import phase_maps
+from core.pipeline.folders import captures_of, result_path
+from core.progress import SILENT, Progress
+from core.project import save_archive, write_json
+
+Side = Literal["front", "back"]
+BOARDS: tuple[Role, ...] = ("testfield", "depth")
+
+
+def measure_project(project: Project, progress: Progress = SILENT) -> tuple[TargetSet, ...]:
+    """Measure the targets of all captures that have picks, and keep them in the project."""
+    captures = [c for role in BOARDS for c in captures_of(project, role) if c.seeds]
+    if not captures:
+        raise InputError(project.path, "no capture has picks.json", "pick 4 targets in each testfield capture")
+    side = {role: side_of([c for c in captures if c.role == role]) for role in BOARDS}
+    maps = phase_maps(project, captures, progress)
+    targets = tuple(measure_capture(capture, phase, project, side[capture.role]) for capture, phase in maps)
+    save_targets(project, targets)
+    return targets
+
+
+def save_targets(project: Project, targets: Sequence[TargetSet]) -> None:
+    """Keep measured targets in the project, for the program and as JSON."""
+    save_archive(result_path(project, "targets.npz"), tuple(targets))
+    write_json(result_path(project, "targets.json"), targets_figures(targets))
+
+
+def side_of(captures: list[Capture]) -> Side:
+    """From which side of its nominal frame most picks show a board; picks that show the other are then refused.
+
+    The nominal frame may have its Z axis towards the viewer (y up) or away from him (y down): both are in use.
+    """
+    from core.measure import side_seen
+
+    votes = 0
+    for capture in captures:
+        if capture.testfield is not None and len(capture.seeds) >= 4:
+            known = capture.testfield.index()
+            if all((seed.row, seed.col) in known for seed in capture.seeds):
+                votes += 1 if side_seen(capture.testfield, capture.seeds) == "front" else -1
+    return "front" if votes >= 0 else "back"
+
+
+def measure_capture(capture: Capture, phase: PhaseMap, project: Project, side: Side) -> TargetSet:
+    """Measure the targets of one decoded capture."""
+    from core.measure import MeasureOptions, measure_targets
+
+    if capture.testfield is None:
+        raise InputError(capture.path / "capture.json", "picks, but no testfield", 'name the board in "testfield"')
+    targets = measure_targets(
+        phase,
+        capture.testfield,
+        capture.seeds,
+        project.camera,
+        capture=str(capture.path),
+        options=MeasureOptions(side=side),
+    )
+    return replace(targets, capture=capture.name)

@@ -1,0 +1,46 @@
+"""Stage 5: the points of one capture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from core.errors import InputError
+from core.model import Method, PhaseMap, PointCloud, Project
+from core.pipeline.calibrate import load_calibrations
+from core.pipeline.decode import decode_images
+from core.pipeline.folders import find_capture
+from core.progress import SILENT, Progress
+from core.project import atomic_write, iterate_images
+
+
+def reconstruct_capture(
+    project: Project, name: str, method: Method | None = None, extrapolate: bool = False, progress: Progress = SILENT
+) -> tuple[PhaseMap, PointCloud]:
+    """Reconstruct one capture (by its name or its folder) with one calibration, the photogrammetric one by default."""
+    from core.reconstruct import reconstruct
+
+    calibrations = load_calibrations(project)
+    chosen = method or next(iter(calibrations))
+    if chosen not in calibrations:
+        raise InputError(
+            project.path, f"no {chosen} calibration", f"run `stripe-core calibrate --method {chosen}` first"
+        )
+    capture = find_capture(project, name)
+    images = list(iterate_images(capture, project.camera))
+    phase = decode_images(capture, images, project, progress.part(0.0, 0.5))
+    cloud = reconstruct(phase, calibrations[chosen], extrapolate=extrapolate, progress=progress.part(0.5, 1.0))
+    return phase, cloud
+
+
+def write_cloud(out: Path, phase: PhaseMap, cloud: PointCloud) -> int:
+    """Write a point cloud as NPZ or PLY, by the name's ending; give the number of valid points."""
+    from core.reconstruct import write_npz, write_ply
+
+    with atomic_write(out) as file:
+        if out.suffix.lower() == ".ply":
+            write_ply(file, cloud, phase.image)
+        else:
+            write_npz(file, cloud)
+    return int(np.isfinite(cloud.xyz_mm[..., 2]).sum())
