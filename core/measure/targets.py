@@ -190,7 +190,8 @@ def _projector(
 ) -> tuple[Array, Array]:
     """Projector coordinates (n, 2) and sigmas at the targets' centres.
 
-    Where a pixel at the centre is not decoded, or wrong, the rest of the dot tells; where the dot is not, its surroundings.
+    Where a pixel at the centre is not decoded, or wrong, the rest of the dot tells; where the dot is not, the board
+    round it.
     """
     coordinate, sigma = np.full((len(centre), 2), np.nan), np.full((len(centre), 2), np.nan)
     for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
