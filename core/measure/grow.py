@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 ADJACENT = 8  # targets that count as next to one another
-NEAR_FEW, NEAR = 0.35, 0.25  # how far a dot may lie from its prediction, in target spacings, by 1-2 and 3+ neighbours
+NEAR_FEW, NEAR = 0.35, 0.20  # how far a dot may lie from its prediction, in target spacings, by 1-2 and 3+ neighbours
 CHOICES = 4  # spots looked at round a prediction
 
 
@@ -108,26 +108,33 @@ def misfits(lattice: Lattice, targets: Ints) -> tuple[Array, Ints]:
     return _on_board(lattice, targets, lattice.uv()[targets] - uv, jacobian), support
 
 
-def prune(lattice: Lattice) -> None:
-    """Take back identities that their neighbours, on all sides by now, do not confirm."""
+def prune(lattice: Lattice) -> dict[int, float]:
+    """Take back identities that their neighbours, on all sides by now, do not confirm.
+
+    Returns
+    -------
+    misfit : dict
+        Targets that lay too far off, and how far, in target spacings.
+    """
     least = min(3, len(lattice.blob) - 1)
+    off: dict[int, float] = {}
     while True:
         targets = np.flatnonzero(lattice.known)
         if not len(targets):
-            return
+            return off
         misfit, support = misfits(lattice, targets)
-        limit = np.clip(9.0 * np.median(misfit), 0.10, 0.20)
         lonely = support < least
         worst = int(np.argmax(misfit))
         if np.any(lonely):
             drop, why = targets[lonely], "ambiguous: too few identified targets around it to be sure"
-        elif misfit[worst] > limit:
+        elif misfit[worst] > np.clip(9.0 * np.median(misfit), 0.10, 0.20):
             drop = targets[worst : worst + 1]
+            off[int(drop[0])] = float(misfit[worst])
             why = f"ambiguous: {misfit[worst]:.2f} of a spacing off the place its neighbours predict"
         else:
-            return
+            return off
         lattice.blob[drop] = -1
-        lattice.notes.update({int(t): why for t in drop})
+        lattice.notes.update(dict.fromkeys(drop.tolist(), why))
 
 
 def _on_board(lattice: Lattice, targets: Ints, offset_px: Array, jacobian: Array) -> Array:

@@ -44,10 +44,21 @@ def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots
         lattice = _grown_from(board, blobs, view, picks, spots, [start])
         tried[start] = lattice
         if np.all(lattice.blob[picks.target] == spots):
+            # a lattice that bends to meet a wrong pick is smaller than the one that passes it by
+            if any(len(other.conflicts) and other.known.sum() >= lattice.known.sum() for other in tried.values()):
+                _refuse_contradiction(tried, picks, spots)
             break
     else:
         lattice = _bridged(tried, picks, spots)
-    prune(lattice)
+    pruned = prune(lattice)
+    for k in np.flatnonzero(np.isin(picks.target, list(pruned))).tolist():
+        seen = (
+            f"{picks.name(board, k)} lies {pruned[int(picks.target[k])]:.2f} spacings off what the dots around it say"
+        )
+        raise InputError(picks.where, seen, "correct its row and column, or pick another target")
+    if np.count_nonzero(lattice.known) < len(picks.target):
+        seen = "no lattice of dots continues the picks as their rows and columns say"
+        raise InputError(picks.where, seen, "correct the rows and columns of the picks, or pick other targets")
     _refuse_if_shifted(lattice, picks)
     return lattice
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from core.geometry import Pose, matrix_from_axis_angle, project, ray_directions
-from core.model import DeviceSpec, Interior, PhaseMap, Seed, Testfield
+from core.model import DeviceSpec, Interior, PhaseMap, Seed, TargetSet, Testfield
 
 
 @dataclass(frozen=True)
@@ -93,13 +93,45 @@ class Scene:
             image = image + np.random.default_rng(seed).normal(0, self.noise, image.shape)
         return np.clip(np.rint(image), 0, 255).astype(np.float32) if bits else image.astype(np.float32)
 
-    def phase(self, seed: int = 0, bits: bool = True) -> PhaseMap:
-        """A phase map with the rendered image and u, v linear in the camera's pixels (made known to the tests)."""
+    def quick_image(self, seed: int = 0) -> np.ndarray:
+        """Draw each dot as the ellipse that its neighbourhood maps to, softened: for identity, not for centroids."""
+        h, w = self.spec.height, self.spec.width
+        cover = np.zeros((h, w))
+        centre = self.true_uv
+        ellipse = np.stack([self._shifted([1, 0, 0]), self._shifted([0, 1, 0])], axis=2) - centre[:, :, None]
+        ellipse *= self.field.diameter_mm[:, None, None] / 2
+        shapes = [(c, e) for c, e in zip(centre, ellipse, strict=True) if np.all(np.isfinite(e))]
+        shapes += [(np.array([u, v]), r * np.eye(2)) for u, v, r, _ in self.extra]
+        share = [1.0] * (len(shapes) - len(self.extra)) + [x[3] for x in self.extra]
+        for (c, e), bright in zip(shapes, share, strict=True):
+            half = np.linalg.norm(e, axis=1) + 3
+            (u0, v0), (u1, v1) = np.maximum(np.floor(c - half), 0).astype(int), np.ceil(c + half).astype(int) + 1
+            if u1 <= u0 or v1 <= v0 or u0 >= w or v0 >= h:
+                continue
+            u, v = np.arange(u0, min(u1, w)), np.arange(v0, min(v1, h))
+            x, y = np.einsum("ij,jab->iab", np.linalg.inv(e), np.stack(np.meshgrid(u - c[0], v - c[1])))
+            soft = np.sqrt(abs(np.linalg.det(e))) / (2 * self.blur + 0.5)
+            box = cover[v0 : v0 + len(v), u0 : u0 + len(u)]
+            np.maximum(box, bright * np.clip((1 - np.hypot(x, y)) * soft + 0.5, 0, 1), out=box)
+        return self._lit(cover, seed)
+
+    def _lit(self, cover: np.ndarray, seed: int) -> np.ndarray:
+        """Brightness from coverage: albedo, uneven light, its edge, noise, 8 bits."""
+        h, w = cover.shape
+        dots, board = (self.white, self.black) if self.field.polarity == "white-on-black" else (self.black, self.white)
+        light = (1 + self.light[0] * (np.arange(w) - w / 2)) * (1 + self.light[1] * (np.arange(h)[:, None] - h / 2))
+        if self.lit_from is not None:
+            light = light * np.clip(np.arange(w) - self.lit_from + 0.5, self.ambient, 1)
+        noise = np.random.default_rng(seed).standard_normal((h, w), dtype=np.float32) * self.noise
+        return np.clip(np.rint((board + (dots - board) * cover) * light + noise), 0, 255).astype(np.float32)
+
+    def phase(self, seed: int = 0, bits: bool = True, quick: bool = False) -> PhaseMap:
+        """Give a phase map with the rendered image and u, v linear in the camera's pixels, see `true_projector`."""
         h, w = self.spec.height, self.spec.width
         v, u = np.mgrid[0:h, 0:w]
-        image = self.image(seed, bits)
+        image = self.quick_image(seed) if quick else self.image(seed, bits)
         lit = np.ones((h, w), bool) if self.lit_from is None else u >= self.lit_from
-        a, b = 100 + 0.7 * u + 0.1 * v, 50 - 0.2 * u + 0.6 * v
+        a, b = np.moveaxis(true_projector(np.stack([u, v], axis=-1)), -1, 0)
         one = np.ones((h, w), np.float32)
         maps = [np.where(lit, x, np.nan).astype(np.float32) for x in (a, b, 0.03 * one, 0.04 * one)]
         return PhaseMap(*maps, np.where(lit, image / 4, 0).astype(np.float32), image, np.zeros((h, w), np.uint8))
@@ -110,6 +142,12 @@ class Scene:
         rng = np.random.default_rng(seed)
         clicks = [uv[index[c]] + rng.uniform(-error_px, error_px, 2) for c in cells]
         return [Seed(r, c, float(u), float(v)) for (r, c), (u, v) in zip(cells, clicks, strict=True)]
+
+
+def true_projector(uv: np.ndarray) -> np.ndarray:
+    """Projector coordinates (..., 2) that every rendered phase map has at camera pixels (..., 2)."""
+    u, v = uv[..., 0], uv[..., 1]
+    return np.stack([100 + 0.7 * u + 0.1 * v, 50 - 0.2 * u + 0.6 * v], axis=-1)
 
 
 def grid(rows=13, cols=19, pitch=14.0, diameter=5.0, polarity="white-on-black") -> Testfield:
@@ -145,11 +183,21 @@ def scene(pose=None, spec=SPEC, interior=PAPER, field=None, bend_mm=0.0, off_mm=
     return Scene(spec, interior, field, xyz, pose or look(), **more)
 
 
+def compare(found: TargetSet, truth: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the measured targets in the field, and their errors (n, 2) px."""
+    index = truth.field.index()
+    which = np.array([index[key] for key in zip(found.row.tolist(), found.col.tolist(), strict=True)], int)
+    return which, found.camera_uv - truth.true_uv[which]
+
+
 class Bench:
     """What the tests need of this file."""
 
     scene, grid, look = staticmethod(scene), staticmethod(grid), staticmethod(look)
-    spec, paper = SPEC, PAPER
+    compare, true_projector = staticmethod(compare), staticmethod(true_projector)
+    spec, paper, interior = SPEC, PAPER, Interior
+    corners = ((0, 0), (0, 18), (12, 18), (12, 0))
+    middle = ((4, 6), (4, 12), (8, 12), (8, 6))
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,48 @@
+"""The correction of the circle's eccentricity against its closed form and against a circle cut into pieces."""
+
+import numpy as np
+import pytest
+
+from core.geometry import Pose, matrix_from_axis_angle, matrix_from_rotation_vector
+from core.measure import View, eccentricity
+from core.model import DeviceSpec
+
+SPEC = DeviceSpec(748, 576, (0.008, 0.006), 12.0)
+
+
+@pytest.mark.parametrize("tilt_deg", [0, 10, 30, 45, 60])
+@pytest.mark.parametrize(("radius_mm", "distance_mm"), [(2.5, 1000.0), (20.0, 200.0)])
+def test_it_is_the_closed_form_where_the_camera_looks_at_the_circle(tilt_deg, radius_mm, distance_mm):
+    a = np.radians(tilt_deg)
+    pose = Pose(matrix_from_axis_angle([0, 1, 0], a), np.array([0.0, 0.0, -distance_mm]))
+    got = eccentricity(View(SPEC, pose), np.zeros((1, 3)), np.array([radius_mm]))[0]
+    c, r, D = SPEC.nominal_c_mm, radius_mm, distance_mm
+    expected = c * r**2 * np.sin(a) * np.cos(a) / (D**2 - r**2 * np.sin(a) ** 2) / SPEC.pitch_mm[0]
+    assert np.hypot(*got) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    assert got[1] == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("a1", [0.0, -6e-4, 2e-3])
+def test_it_is_the_centroid_of_the_pieces_of_a_circle(a1):
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        R = matrix_from_rotation_vector(rng.uniform(-0.6, 0.6, 3))
+        view = View(SPEC, Pose(R, np.array([*rng.uniform(-60, 60, 2), -300.0])), a1)
+        r, centre = 6.0, np.array([*rng.uniform(-20, 20, 2), 0.0])
+        # equal areas on the board, each with the area of its image as weight
+        n = 400
+        radius, angle = r * np.sqrt((np.arange(n) + 0.5) / n), np.arange(n) * np.pi * (3 - np.sqrt(5))
+        pieces = centre + np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(n)], axis=1)
+        weight = np.abs(np.linalg.det(view.jacobian(pieces)))
+        expected = weight @ view.project(pieces) / weight.sum() - view.project(centre[None])[0]
+        got = eccentricity(view, centre[None], np.array([r]))[0]
+        # 400 pieces of a disc of 30 px leave 0.002 px, terms of second order in A1 another 2 %
+        assert np.allclose(got, expected, atol=0.004 + 0.02 * np.hypot(*expected))
+
+
+def test_jacobian_is_that_of_the_projection():
+    view = View(SPEC, Pose(matrix_from_rotation_vector([0.3, -0.5, 1.0]), np.array([5.0, -8.0, -300.0])), 1e-3)
+    at, step = np.array([[10.0, -20.0, 3.0]]), 1e-4
+    for k, axis in enumerate(np.eye(3)[:2]):
+        slope = (view.project(at + step * axis) - view.project(at - step * axis)) / (2 * step)
+        assert np.allclose(view.jacobian(at)[:, :, k], slope, rtol=1e-6)

@@ -1,0 +1,92 @@
+"""Projector coordinates at the targets: linear maps are read exactly, sigmas are those of the scatter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.measure import MeasureOptions, measure_targets
+from core.measure.projector import bilinear
+
+CELLS = [(1, 2), (1, 6), (5, 6), (5, 2)]
+
+
+@pytest.fixture(scope="module")
+def truth(bench):
+    return bench.scene(bench.look(25, 20, 0), field=bench.grid(7, 9), noise=1.0, samples=3)
+
+
+def measured(truth, phase, projector="bilinear"):
+    options = MeasureOptions(projector=projector)
+    return measure_targets(phase, truth.field, truth.seeds(CELLS), truth.spec, options=options)
+
+
+@pytest.mark.parametrize("projector", ["bilinear", "plane"])
+def test_a_linear_map_is_read_exactly(bench, truth, projector):
+    found = measured(truth, truth.phase(), projector)
+    # float32 lines at some 500: 3e-5 each
+    assert np.allclose(found.projector_uv, bench.true_projector(found.camera_uv), atol=2e-4)
+
+
+@pytest.mark.parametrize("projector", ["bilinear", "plane"])
+def test_sigmas_are_those_of_repeated_phase_maps(bench, truth, projector):
+    phase, rng = truth.phase(), np.random.default_rng(2)
+    deviations = []
+    for _ in range(12):
+        u, v = (
+            (x + rng.normal(size=x.shape) * s).astype(np.float32)
+            for x, s in ((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))
+        )
+        found = measured(truth, replace(phase, u=u, v=v), projector)
+        deviations.append((found.projector_uv - bench.true_projector(found.camera_uv)) / found.projector_sigma)
+    # 12 x 63 x 2 deviations: their r.m.s. is known to 2 %; three times that
+    assert np.sqrt(np.mean(np.array(deviations) ** 2)) == pytest.approx(1.0, abs=0.06)
+
+
+def test_weights_reduce_the_variance_of_interpolated_values():
+    values, sigma = np.zeros((4, 4), np.float32), np.full((4, 4), 2.0, np.float32)
+    _, s = bilinear(values, sigma, np.array([[1.0, 1.0], [1.5, 1.0], [1.5, 1.5], [3.0, 3.0]]))
+    assert np.allclose(s, [2.0, 2.0 / np.sqrt(2), 1.0, 2.0])
+
+
+def test_all_four_neighbours_must_be_valid():
+    values = np.arange(16, dtype=np.float32).reshape(4, 4)
+    values[2, 2] = np.nan
+    got, s = bilinear(values, np.ones((4, 4), np.float32), np.array([[1.5, 1.5], [0.5, 0.5], [3.2, 1.0], [-0.1, 1.0]]))
+    assert np.array_equal(np.isfinite(got), [False, True, False, False])
+    assert np.array_equal(np.isfinite(s[:2]), [False, True]) or np.isfinite(s[1])
+    assert got[1] == pytest.approx(2.5)
+
+
+def test_an_axis_without_patterns_stays_nan(truth):
+    phase = truth.phase()
+    nothing = np.full_like(phase.v, np.nan)
+    found = measured(truth, replace(phase, v=nothing, sigma_v=nothing))
+    assert np.all(np.isfinite(found.projector_uv[:, 0]))
+    assert np.all(np.isnan(found.projector_uv[:, 1]))
+    assert np.all(np.isnan(found.projector_sigma[:, 1]))
+
+
+@pytest.mark.parametrize("wrong", [np.nan, 4.0])
+def test_an_invalid_or_wrong_pixel_in_the_middle_is_bridged_by_the_rest_of_the_dot(bench, truth, wrong):
+    phase = truth.phase()
+    before = measured(truth, phase)
+    u = phase.u.copy()
+    i, j = np.floor(before.camera_uv).astype(int).T
+    u[j, i] += wrong
+    found = measured(truth, replace(phase, u=u))
+    assert np.allclose(found.projector_uv, bench.true_projector(found.camera_uv), atol=2e-3)
+    # a plane through the whole dot knows better than four pixels
+    assert np.all(found.projector_sigma[:, 0] < before.projector_sigma[:, 0] + 1e-9)
+
+
+def test_dots_too_dark_to_be_decoded_take_their_coordinates_from_round_them(bench):
+    field = bench.grid(7, 9, polarity="black-on-white")
+    truth = bench.scene(bench.look(25, 20, 0), field=field, noise=1.0, samples=3)
+    phase = truth.phase()
+    dark = phase.image < 0.5 * phase.image.max()
+    u, v = np.where(dark, np.nan, phase.u), np.where(dark, np.nan, phase.v)
+    found = measured(truth, replace(phase, u=u, v=v))
+    assert len(found.row) == 63
+    assert np.allclose(found.projector_uv, bench.true_projector(found.camera_uv), atol=1e-3)
+    assert np.all((found.projector_sigma > 0) & (found.projector_sigma < 0.02))

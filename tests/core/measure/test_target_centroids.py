@@ -1,0 +1,89 @@
+"""Centroids against the true images of the circles' centres, and the errors they predict."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.measure import MeasureOptions, measure_targets
+
+
+@pytest.mark.parametrize("diameter_mm", [2.2, 5.0, 9.0])
+@pytest.mark.parametrize("tilt_deg", [0, 45])
+@pytest.mark.parametrize("blur_px", [0.5, 1.5])
+def test_centroids_are_within_two_hundredths_of_a_pixel(bench, diameter_mm, tilt_deg, blur_px):
+    # 0.02 px r.m.s. is what this project demands of itself at the published noise of 2 grey values
+    field = bench.grid(7, 9, pitch=max(14.0, 2.2 * diameter_mm), diameter=diameter_mm)
+    truth = bench.scene(bench.look(tilt_deg, 30, 200, 620), field=field, blur=blur_px, noise=2.0, off_mm=0.1)
+    found = measure_targets(truth.phase(), field, truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2))), truth.spec)
+    which, error = bench.compare(found, truth)
+    assert len(which) > 0.9 * np.sum(_inside(truth, 15))
+    # a dot of 3.7 x 5.2 px at 45 degrees is half noise: its own prediction allows up to 0.03 px
+    assert np.sqrt(np.mean(error**2)) < (0.02 if diameter_mm > 3 or (tilt_deg == 0 and blur_px < 1) else 0.035)
+
+
+def test_predicted_covariance_is_the_scatter_of_repeated_images(bench):
+    truth = bench.scene(bench.look(30, 40, 10), field=bench.grid(7, 9), samples=4)
+    clean, phase = truth.image(bits=False), truth.phase(bits=False)
+    seeds = truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2)))
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(40):
+        noisy = (clean + rng.normal(0, 3.0, clean.shape)).astype(np.float32)
+        found.append(measure_targets(replace(phase, image=noisy), truth.field, seeds, truth.spec))
+    assert {len(f.row) for f in found} == {63}
+    scatter = np.var([f.camera_uv for f in found], axis=0, ddof=1).mean(axis=0)
+    predicted = np.mean([np.diagonal(f.camera_cov, axis1=1, axis2=2) for f in found], axis=(0, 1))
+    # 63 targets x 39 degrees of freedom give the ratio to 2 %; the floor for what does not scatter adds up to 15 %
+    assert np.all(np.abs(np.sqrt(scatter / predicted) - 0.95) < 0.12)
+
+
+def test_errors_over_predicted_sigmas_are_near_one(bench):
+    squares = []
+    for k, tilt in enumerate((0, 20, 40)):
+        truth = bench.scene(bench.look(tilt, 77 * k, 50 * k), field=bench.grid(7, 9), noise=3.0, samples=14, seed=k)
+        found = measure_targets(truth.phase(k), truth.field, truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2))), truth.spec)
+        _, error = bench.compare(found, truth)
+        squares.append(np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.camera_cov), error) / 2)
+    # 378 coordinates: a ratio known to 4 %; twice that each way, and the renderer's own 14 x 14 rays per pixel
+    assert 0.85 < np.sqrt(np.mean(np.concatenate(squares))) < 1.2
+
+
+def test_dark_dots_are_as_good_as_bright_ones(bench):
+    for polarity in ("white-on-black", "black-on-white"):
+        truth = bench.scene(bench.look(25, 10, 0), field=bench.grid(7, 9, polarity=polarity), noise=2.0)
+        found = measure_targets(truth.phase(), truth.field, truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2))), truth.spec)
+        which, error = bench.compare(found, truth)
+        assert len(which) == 63
+        assert np.sqrt(np.mean(error**2)) < 0.02
+
+
+@pytest.mark.parametrize("polarity", ["white-on-black", "black-on-white"])
+def test_uneven_light_does_not_move_large_dots(bench, polarity):
+    # 0.1 % per px over a dot of radius 15 px moves its plain grey centroid by g r² / 4 = 0.056 px
+    field = bench.grid(7, 9, pitch=30.0, diameter=12.0, polarity=polarity)
+    truth = bench.scene(bench.look(20, 30, 0, 620), field=field, light=(0.001, -0.0005), samples=8)
+    found = measure_targets(truth.phase(bits=False), field, truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2))), truth.spec)
+    _, error = bench.compare(found, truth)
+    assert np.sqrt(np.mean(error**2)) < 0.01
+
+
+def test_diameters_are_those_of_the_projected_circles(bench):
+    truth = bench.scene(bench.look(0, 0, 0, 600), interior=bench.interior(12.0), noise=1.0)
+    found = measure_targets(truth.phase(), truth.field, truth.seeds(bench.middle), truth.spec)
+    assert np.allclose(found.diameter_px, 5.0 / 600 * 12.0 / 0.008, rtol=0.02)
+
+
+def test_a_higher_threshold_is_an_option(bench):
+    truth = bench.scene(bench.look(10), field=bench.grid(7, 9), noise=1.0)
+    seeds = truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2)))
+    low, high = (
+        measure_targets(truth.phase(), truth.field, seeds, truth.spec, options=MeasureOptions(threshold=t)).camera_uv
+        for t in (0.05, 0.3)
+    )
+    assert 0 < np.abs(low - high).max() < 0.1
+
+
+def _inside(truth, margin):
+    size = np.array([truth.spec.width, truth.spec.height])
+    return np.all((truth.true_uv > margin) & (truth.true_uv < size - margin), axis=1)
