@@ -38,7 +38,7 @@ def eccentricity(view: View, xyz_mm: Array, radius_mm: Array) -> Array:
     >>> from core.model import DeviceSpec
     >>> tilted = Pose(matrix_from_axis_angle([0, 1, 0], np.pi / 4), np.array([0.0, 0.0, -1000.0]))
     >>> view = View(DeviceSpec(748, 576, (0.008, 0.008), 12.0), tilted)
-    >>> np.round(np.hypot(*eccentricity(view, np.zeros((1, 3)), np.array([2.5]))[0]), 4)
+    >>> print(round(float(np.hypot(*eccentricity(view, np.zeros((1, 3)), np.array([2.5]))[0])), 4))
     0.0047
     """
     R, c = view.camera_from_board.rotation, view.spec.nominal_c_mm

@@ -97,11 +97,25 @@ def _beyond_border(image: Floats, rays: Rays, window: Array) -> NDArray[np.bool_
 
 
 def _half_lit(modulation: Floats, rays: Rays, profile: Profiles, dark: bool) -> NDArray[np.bool_]:
-    """Whether the modulation drops within a dot (for dark dots: in the ring around it) as it does where light ends."""
-    around = np.stack([profile.window, profile.window + 0.15], axis=1)
-    value = rays.sample(modulation, around if dark else np.array([0.3, 0.6, 0.8]))
+    """Whether the modulation drops on one side of a dot as it does where light ends.
+
+    Looked at inside bright dots and at the foot of their edge, round dark ones. Captures without modulation (nothing
+    decoded) say nothing about the light.
+    """
+    if dark:
+        around = profile.window[:, None] + np.array([0.0, 0.15])
+        return _one_sided(rays.sample(modulation, around))[0]
+    inside, scatter = _one_sided(rays.sample(modulation, np.array([0.3, 0.6, 0.8])))
+    foot = (profile.contour[:, 0] * (1.0 + 0.4 * profile.blur / rays.minor))[:, None]
+    return inside | _one_sided(rays.sample(modulation, foot), scatter)[0]
+
+
+def _one_sided(value: Floats, scatter: Array | None = None) -> tuple[NDArray[np.bool_], Array]:
+    """Whether samples (m, rays, k) sink far below the usual on neighbouring rays, and the rays' robust scatter."""
     along = np.nan_to_num(value).mean(axis=2)
     along = (along + np.roll(along, 1, axis=1) + np.roll(along, -1, axis=1)) / 3
     usual = np.median(along, axis=1)
-    # captures without modulation (none decoded) say nothing about the light
-    return (along.min(axis=1) < LIT * usual) & (usual > 0)
+    spread = 1.4826 * np.median(np.abs(along - usual[:, None]), axis=1)
+    least = 6.0 * (spread if scatter is None else scatter)
+    sunk = usual - along.min(axis=1)
+    return (sunk > (1 - LIT) * usual) & (sunk > least) & (usual > 0), spread

@@ -132,11 +132,7 @@ def _affine(board: Board, target: NDArray[np.int64], uv: Array, where: str) -> A
     if np.linalg.svd(centred, compute_uv=False)[1] < 0.3 * board.spacing_mm[target].min():
         raise InputError(where, "all picks lie on one line of the testfield", "pick at least one target off that line")
     linear = np.linalg.lstsq(centred, uv - uv.mean(axis=0), rcond=None)[0].T
-    long, short = np.linalg.svd(linear, compute_uv=False)
-    if short < 0.05 * long:
-        seen = "the picks lie on one line of the image, but not of the testfield"
-        raise InputError(where, seen, "correct the rows and columns of the picks")
-    return linear
+    return np.asarray(linear)
 
 
 def _check_order(board: Board, picks: Picks, side: str) -> None:
@@ -152,6 +148,10 @@ def _check_order(board: Board, picks: Picks, side: str) -> None:
                 seen = f"{picks.name(board, i)} and {picks.name(board, k)} look swapped: the picks cross over"
                 raise InputError(picks.where, seen, "correct their rows and columns")
         raise InputError(picks.where, "the picks cross over: no view of the board has them in this order", "pick again")
+    long, short = np.linalg.svd(picks.affine, compute_uv=False)
+    if short < 0.05 * long:
+        seen = "the picks lie on one line of the image, but not of the testfield"
+        raise InputError(picks.where, seen, "correct the rows and columns of the picks")
     seen_side = "front" if np.linalg.det(picks.affine) < 0 else "back"  # v points down: a front view turns round
     if board.has_front and side not in ("either", seen_side):
         seen = f"the picks are in mirrored order: they show the board from its {seen_side}"

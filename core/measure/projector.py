@@ -17,17 +17,23 @@ JUMP_LINES = 0.5  # a value this far (and six sigma) off the rest of the dot is 
 def bilinear(values: Floats, sigma: Floats, uv: Array) -> tuple[Array, Array]:
     """Interpolate a map at points (n, 2) px between its four pixels: values and sigmas (n,), NaN unless all are valid.
 
-    The four errors are independent, so that ``sigma² = sum(weight² sigma_i²)``: smaller than a pixel's own.
+    The four errors are independent, so that ``sigma² = sum(weight² sigma_i²)``: smaller than a pixel's own. In a smooth
+    map both diagonals have the same sum; where they differ by more than noise, one of the four is a decoding error.
     """
     height, width = values.shape
     inside = np.all((uv >= 0) & (uv <= np.array([width - 1, height - 1])), axis=1)
     i, j = np.floor(np.where(inside[:, None], uv, 0.0)).astype(int).T
     i, j = np.clip(i, 0, max(width - 2, 0)), np.clip(j, 0, max(height - 2, 0))
     a, b = np.where(inside, uv[:, 0] - i, np.nan), np.where(inside, uv[:, 1] - j, np.nan)
-    total, variance = np.zeros(len(uv)), np.zeros(len(uv))
+    total, variance, twist, spread = np.zeros((4, len(uv)))
     for du, dv, weight in ((0, 0, (1 - a) * (1 - b)), (1, 0, a * (1 - b)), (0, 1, (1 - a) * b), (1, 1, a * b)):
-        total += weight * values[j + dv, i + du]
-        variance += (weight * sigma[j + dv, i + du]) ** 2
+        value, error = values[j + dv, i + du].astype(np.float64), sigma[j + dv, i + du].astype(np.float64)
+        total += weight * value
+        variance += (weight * error) ** 2
+        twist += (1 if du == dv else -1) * value
+        spread += error**2
+    with np.errstate(invalid="ignore"):
+        total[np.abs(twist) > JUMP_LINES + 6 * np.sqrt(spread)] = np.nan
     return total, np.sqrt(variance)
 
 

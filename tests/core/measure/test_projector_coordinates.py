@@ -52,9 +52,8 @@ def test_weights_reduce_the_variance_of_interpolated_values():
 def test_all_four_neighbours_must_be_valid():
     values = np.arange(16, dtype=np.float32).reshape(4, 4)
     values[2, 2] = np.nan
-    got, s = bilinear(values, np.ones((4, 4), np.float32), np.array([[1.5, 1.5], [0.5, 0.5], [3.2, 1.0], [-0.1, 1.0]]))
+    got, _ = bilinear(values, np.ones((4, 4), np.float32), np.array([[1.5, 1.5], [0.5, 0.5], [3.2, 1.0], [-0.1, 1.0]]))
     assert np.array_equal(np.isfinite(got), [False, True, False, False])
-    assert np.array_equal(np.isfinite(s[:2]), [False, True]) or np.isfinite(s[1])
     assert got[1] == pytest.approx(2.5)
 
 
