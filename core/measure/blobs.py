@@ -44,15 +44,14 @@ def find_blobs(image: NDArray[np.float32], diameters_px: tuple[float, float], cl
     size = diameters_px[1] / factor
     # the opening is the background: nothing wider than the kernel stands out from it
     contrast = small - cv2.morphologyEx(small, cv2.MORPH_OPEN, _square(1.5 * size + 2))
-    threshold = 0.5 * cv2.dilate(contrast, _square(size))
+    threshold = np.float32(0.5) * cv2.dilate(contrast, _square(size))
     at = np.clip(np.rint((clicks_uv + 0.5) / factor - 0.5), 0, np.array(small.shape)[::-1] - 1).astype(int)
     reach = int(np.ceil(size / 2)) + 1
     typical = np.median(
         [contrast[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1].max() for u, v in at]
     )
     faintest = max(0.1 * float(typical), 2.0 * float(np.median(contrast[::3, ::3])), 1e-6)
-    mask = (contrast > np.maximum(threshold, faintest)).astype(np.uint8)
-    return _components(mask, contrast, factor)
+    return _components(contrast > np.maximum(threshold, np.float32(faintest)), contrast, factor)
 
 
 def _reduced(image: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
@@ -72,10 +71,11 @@ def _square(size: float) -> NDArray[np.uint8]:
     return np.ones((k, k), np.uint8)
 
 
-def _components(mask: NDArray[np.uint8], contrast: NDArray[np.float32], factor: int) -> Blobs:
+def _components(mask: NDArray[np.bool_], contrast: NDArray[np.float32], factor: int) -> Blobs:
     """Moments of the connected parts of a mask."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
-    at = np.flatnonzero(mask.ravel())
+    # without the library's statistics, which cost six times as much as the labels
+    count, labels = cv2.connectedComponents(mask.view(np.uint8), connectivity=4, ltype=cv2.CV_32S)
+    at = np.flatnonzero(mask)
     v, u = np.divmod(at, mask.shape[1])
     label = labels.ravel()[at].astype(np.int64)
     weight = contrast.ravel()[at].astype(np.float64)
@@ -90,8 +90,9 @@ def _components(mask: NDArray[np.uint8], contrast: NDArray[np.float32], factor: 
     suv = np.bincount(label, du * dv, minlength=count) / area
     peak = np.zeros(count)
     np.maximum.at(peak, label, weight)
-    x, y, w, h = (stats[:, k] for k in range(4))
-    border = (x <= 0) | (y <= 0) | (x + w >= mask.shape[1]) | (y + h >= mask.shape[0])
+    border = np.zeros(count, bool)
+    for line in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        border[line] = True
     cov = np.stack([np.stack([suu, suv], axis=1), np.stack([suv, svv], axis=1)], axis=1)
     centre = (np.stack([cu, cv], axis=1) + 0.5) * factor - 0.5
     return Blobs(centre[1:], area[1:] * factor**2, cov[1:] * factor**2, peak[1:], border[1:])

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from core.compiling import njit
 
 jit: Callable[..., Any] = njit(cache=True, nogil=True)
 

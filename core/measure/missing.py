@@ -49,13 +49,14 @@ def reasons(phase: PhaseMap, lattice: Lattice, faults: dict[int, str]) -> dict[i
 
 
 def _darkness(phase: PhaseMap, lattice: Lattice) -> float:
-    """Grey value that a lit board exceeds: a third of the way up from black to the background at identified targets."""
+    """Grey value that only lit things exceed: a third of the brighter of dot and board at identified targets."""
     known = np.flatnonzero(lattice.known)
     if not len(known):
         return 0.0
-    at = np.rint(lattice.blobs.uv[lattice.blob[known]]).astype(int)
-    at = np.clip(at, 0, np.array(phase.image.shape)[::-1] - 1)
-    return float(np.nanmedian(phase.image[at[:, 1], at[:, 0]])) / 3
+    ellipse = lattice.view.jacobian(lattice.board.xyz_mm[known]) * lattice.board.radius_mm[known, None, None]
+    rays = Rays(lattice.blobs.uv[lattice.blob[known]], ellipse)
+    value = np.nan_to_num(rays.sample(phase.image, np.array([0.0, 1.8])))
+    return float(np.median(value.max(axis=(1, 2)))) / 3
 
 
 def _share_lit(phase: PhaseMap, uv: Array, ellipse: Array, dark: float) -> float:

@@ -82,6 +82,20 @@ def measure_targets(
     ------
     InputError
         The testfield or the picks cannot be used: the message names the pick and what contradicts it.
+
+    Examples
+    --------
+    >>> rows, cols = (x.ravel() for x in np.mgrid[0:5, 0:6])
+    >>> field = Testfield(rows, cols, np.stack([20.0 * cols, 20.0 * rows, 0.0 * rows], axis=1), np.full(30, 8.0))
+    >>> v, u = np.mgrid[0:120, 0:140]  # a board seen straight on, row 0 at the bottom, 1 px per mm
+    >>> away = np.min([np.hypot(u - 20 - 20 * c, v - 100 + 20 * r) for r, c in zip(rows, cols)], axis=0)
+    >>> image = (20 + 150 * np.clip(4.5 - away, 0, 1)).astype(np.float32)
+    >>> nothing = np.full(image.shape, np.nan, np.float32)
+    >>> phase = PhaseMap(nothing, nothing, nothing, nothing, 0 * image, image, np.zeros(image.shape, np.uint8))
+    >>> seeds = [Seed(0, 0, 21, 99), Seed(0, 5, 119, 101), Seed(4, 5, 120, 20), Seed(4, 0, 19, 21)]
+    >>> targets = measure_targets(phase, field, seeds, DeviceSpec(140, 120, (0.01, 0.01), 12.0))
+    >>> len(targets.row), np.round(targets.camera_uv[7], 1)
+    (30, array([40., 80.]))
     """
     board = board_from_testfield(testfield)
     where = f"{capture}/picks.json" if capture else "picks.json"
