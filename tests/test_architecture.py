@@ -10,12 +10,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-GROUND = {"errors", "progress", "fields", "parallel", "model", "geometry", "patterns"}
+GROUND = {"errors", "progress", "fields", "parallel", "compiling", "model", "geometry", "patterns"}
 ALLOWED = {
     "errors": set(),
     "progress": {"errors"},
     "fields": {"errors"},
     "parallel": set(),
+    "compiling": set(),
     "model": {"geometry", "patterns"},  # for type annotations only: see below
     "geometry": {"model"},
     "patterns": {"errors", "fields"},
@@ -79,6 +80,18 @@ def test_a_room_imports_only_what_the_road_allows(room: str) -> None:
 
 def test_the_model_imports_nothing_at_run_time() -> None:
     assert not [n for n in imported(ROOT / "core/model.py", skip_type_checking=True) if n.startswith("core.")]
+
+
+def test_every_kernel_is_cached_by_the_content_of_its_room() -> None:
+    with_kernels = set()
+    for path in (ROOT / "core").rglob("*.py"):
+        names = imported(path)
+        assert "numba.njit" not in names or path.name == "compiling.py", f"{path}: take njit from core.compiling"
+        if "core.compiling" in names:
+            with_kernels.add(path.relative_to(ROOT / "core").parts[0])
+    from core import compiling
+
+    assert with_kernels == set(compiling._ROOMS)
 
 
 def test_the_core_names_no_window_toolkit() -> None:

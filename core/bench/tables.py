@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from core.compiling import njit
 
 Floats = NDArray[np.float32]
 PER_LINE = 16  # table entries per projector line, interpolated linearly

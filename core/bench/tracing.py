@@ -10,9 +10,9 @@ only.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from core.compiling import njit
 from core.model import DeviceSpec, Interior
 
 Array = NDArray[np.float64]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from core.calibrate.equations import Equations
 from core.calibrate.normals import Inverse, layout_of
 from core.calibrate.problem import Problem
+from core.compiling import njit
 from core.parallel import run_in_bands
 
 Array = NDArray[np.float64]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from core.compiling import njit
 from core.model import Array, Floats
 from core.parallel import run_in_bands
 

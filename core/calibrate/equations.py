@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from core.calibrate.problem import Problem, State
+from core.compiling import njit
 from core.parallel import run_in_bands
 
 Array = NDArray[np.float64]

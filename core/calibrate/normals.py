@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from threading import Lock
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from core.calibrate.equations import POINT, POSE, Equations
 from core.calibrate.problem import Problem
+from core.compiling import njit
 from core.parallel import run_in_bands
 
 Array = NDArray[np.float64]

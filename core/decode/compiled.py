@@ -1,16 +1,14 @@
-"""The bricks of the compiled kernels: images by address, sums over frames, the angle.
-
-Compiled kernels are cached by the file of their outermost function alone; who edits this file removes the caches
-(`__pycache__/*.nb?`) of kernel.py and sections.py.
-"""
+"""The bricks of the compiled kernels: images by address, sums over frames, the angle."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from numba import carray, njit, types
+from numba import carray, types
 from numba.extending import intrinsic
+
+from core.compiling import njit
 
 F = np.float32
 # arctan(z) / (2 pi z) on [0, 1] as a polynomial in z², least maximum error: 2.4e-8 turns in single precision

@@ -12,8 +12,8 @@ from the closed solution without distortion; two or three steps do. The rows of 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from core.compiling import njit
 from core.errors import InputError
 from core.model import PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands

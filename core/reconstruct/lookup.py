@@ -7,8 +7,8 @@ pixel's ray meets the plate's plane at that position, so X and Y come from the c
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from core.compiling import njit
 from core.errors import InputError
 from core.model import DepthCalibration, PhaseMap, PointCloud
 from core.parallel import run_in_bands

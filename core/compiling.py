@@ -1,0 +1,45 @@
+"""Compiled kernels and their cache.
+
+numba keeps a kernel until the file of its outermost function changes, and does not notice changes in the files of
+what that calls: after an update an old kernel would run, or fail to load. Here the cache's folder is named by the
+content of all rooms that have kernels, so what belongs to other sources is never found; it is deleted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from pathlib import Path
+
+import numba
+from numba import njit
+
+__all__ = ["njit"]
+
+_CORE = Path(__file__).parent
+_ROOMS = ("bench", "calibrate", "decode", "measure", "reconstruct")
+
+
+def _fingerprint() -> str:
+    digest = hashlib.sha256(numba.__version__.encode())
+    for room in _ROOMS:
+        for path in sorted((_CORE / room).glob("*.py")):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _cache_folder() -> Path:
+    """A folder of this version's own beside the sources, or in the user's cache where the sources cannot be written."""
+    base = _CORE / "__pycache__"
+    if not os.access(base if base.exists() else _CORE, os.W_OK):
+        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "stripe-workbench"
+    folder = base / f"kernels-{_fingerprint()}"
+    for old in base.glob("kernels-*"):
+        if old != folder:
+            shutil.rmtree(old, ignore_errors=True)
+    return folder
+
+
+if not os.environ.get("NUMBA_CACHE_DIR"):
+    numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
