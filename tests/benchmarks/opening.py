@@ -1,0 +1,54 @@
+"""Opening projects of many captures: project.json and every capture.json with its checks."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from core.model import DeviceSpec
+from core.patterns import reference_sequence
+from core.project import read_capture, read_project, write_image, write_project
+from core.project.captures import write_capture_json
+from tests.benchmarks.timing import Contestant, Row, race
+
+
+def run() -> list[Row]:
+    """Projects of 200 and 2,000 captures with 28 frames each; the frames are links to one tiny image."""
+    rows = []
+    for count in (200, 2000):
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            _write(folder, count)
+            opening = Contestant("stripe workbench", lambda f=folder: _open(f), lambda n, c=count: _all(n, c))
+            listing = Contestant("project.json alone", lambda f=folder: len(read_project(f).captures))
+            rows += race("opening", f"{count} captures", count, "captures", [opening, listing])
+    return rows
+
+
+def _write(folder: Path, count: int) -> None:
+    frames = [(f"../000/{i:03d}.png", pattern) for i, pattern in enumerate(reference_sequence())]
+    for i in range(len(frames)):
+        write_image(folder / "captures" / "000" / f"{i:03d}.png", np.zeros((4, 4), np.uint8), durable=False)
+    text = None
+    for k in range(count):
+        place = folder / "captures" / f"{k:03d}"
+        if text is None:
+            write_capture_json(place, "plane", frames, angle_deg=0.0)
+            text = (place / "capture.json").read_bytes()
+        else:
+            place.mkdir()
+            (place / "capture.json").write_bytes(text)
+    spec = DeviceSpec(4, 4, (0.01, 0.01), 12.0)
+    write_project(folder, "many", spec, spec, captures=[f"captures/{k:03d}" for k in range(count)])
+
+
+def _open(folder: Path) -> int:
+    project = read_project(folder)
+    return sum(len(read_capture(path, project).frames) == 28 for path in project.captures)
+
+
+def _all(found: int, expected: int) -> str:
+    assert found == expected
+    return f"{found} captures read"
