@@ -17,7 +17,7 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PARTS = ("decode", "intersection", "start", "opening")
+PARTS = ("decode", "intersection", "adjustment", "start", "opening")
 PEERS = ("fringes",)
 
 
