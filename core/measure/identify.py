@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -17,6 +18,7 @@ from core.model import DeviceSpec
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+LEFT_OVER = 0.15  # share of dots among the identified ones that may belong to no target (reflections, other boards)
 REACHED = 0.3  # spacings within which a lattice must foretell a pick that it could not grow to
 
 
@@ -50,7 +52,12 @@ def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots
             break
     else:
         lattice = _bridged(tried, picks, spots)
+    left, absent, among = _left_over(lattice), _absent(lattice), int(lattice.known.sum())
     pruned = prune(lattice)
+    # dots that are no targets are no fault, nor are targets without a dot; both together are a lattice that skips rows
+    if left >= 3 and left > LEFT_OVER * among and (pruned or absent > LEFT_OVER * among):
+        seen = f"{left} dots lie between the {among} that fit the picks best and belong to no target"
+        raise InputError(picks.where, seen, "correct the rows and columns of the picks")
     for k in np.flatnonzero(np.isin(picks.target, list(pruned))).tolist():
         seen = (
             f"{picks.name(board, k)} lies {pruned[int(picks.target[k])]:.2f} spacings off what the dots around it say"
@@ -113,6 +120,23 @@ def _refuse_contradiction(tried: dict[int, Lattice], picks: Picks, spots: Ints) 
     raise InputError(picks.where, seen, "correct the row and column of the wrong one")
 
 
+def _left_over(lattice: Lattice) -> int:
+    """How many dots like targets lie among the identified ones without being one."""
+    known = lattice.uv()[lattice.known].astype(np.float32)
+    if len(known) < 4:
+        return 0
+    hull = cv2.convexHull(known)
+    free = lattice.blobs.uv[_free(lattice, alike=True)]
+    return sum(cv2.pointPolygonTest(hull, (float(u), float(v)), False) > 0 for u, v in free)
+
+
+def _absent(lattice: Lattice) -> int:
+    """How many targets inside the image have no dot."""
+    uv, _, _ = predict(lattice, np.flatnonzero(~lattice.known))
+    spec = lattice.view.spec
+    return int(np.count_nonzero(np.all((uv > 0) & (uv < np.array([spec.width - 1, spec.height - 1])), axis=1)))
+
+
 def _refuse_if_shifted(lattice: Lattice, picks: Picks) -> None:
     """Raise if dots go on beyond one edge of the testfield while targets are absent along another.
 
@@ -164,12 +188,7 @@ def _ghosts(lattice: Lattice, on: Ints, inner: int, values: Ints) -> int:
 
 def _spots_at(lattice: Lattice, uv: Array, unit: Array, alike: bool = False) -> NDArray[np.bool_]:
     """Where a spot not identified yet lies within a fifth of a spacing; `alike`: of a target's usual area only."""
-    free = np.ones(len(lattice.blobs.uv), bool)
-    free[lattice.blob[lattice.known]] = False
-    if alike:
-        scale = np.sqrt(lattice.blobs.area_px[lattice.blob[lattice.known]])
-        own = np.sqrt(lattice.blobs.area_px)
-        free &= (own > 0.6 * scale.min()) & (own < 1.5 * scale.max())
+    free = _free(lattice, alike)
     sane = np.all(np.isfinite(uv), axis=1) & np.all(np.isfinite(unit), axis=(1, 2))
     found = np.zeros(len(uv), bool)
     if np.any(free) and np.any(sane):
@@ -177,3 +196,14 @@ def _spots_at(lattice: Lattice, uv: Array, unit: Array, alike: bool = False) -> 
         away = inverse_2x2(unit[sane]) @ (near - uv[sane])[..., None]
         found[sane] = np.hypot(away[:, 0, 0], away[:, 1, 0]) < 0.2
     return found
+
+
+def _free(lattice: Lattice, alike: bool) -> NDArray[np.bool_]:
+    """Which spots are not identified; `alike`: and have the size and contrast that targets have."""
+    blobs, own = lattice.blobs, lattice.blob[lattice.known]
+    free = np.ones(len(blobs.uv), bool)
+    free[own] = False
+    if alike:
+        for value, low, high in ((np.sqrt(blobs.area_px), 0.8, 1.25), (blobs.contrast, 0.6, 1.6)):
+            free &= (value > low * value[own].min()) & (value < high * value[own].max())
+    return free

@@ -152,3 +152,15 @@ def test_a_field_given_in_a_tilted_frame_is_measured_too(bench):
     which, error = bench.compare(found, truth)
     assert len(which) == 63
     assert np.hypot(*error.T).max() < 0.1
+
+
+def test_a_testfield_may_name_only_some_of_the_dots_on_the_board(bench):
+    truth = bench.scene(bench.look(20, 10, 0), field=bench.grid(9, 11), noise=1.0, samples=3)
+    named = (truth.field.row % 2 == 0) & (truth.field.col % 2 == 0)
+    some = type(truth.field)(
+        *(x[named] for x in (truth.field.row, truth.field.col, truth.field.xyz_mm)), np.full(30, 5.0)
+    )
+    found = measure_targets(truth.phase(), some, truth.seeds(((2, 2), (2, 8), (6, 8), (6, 2))), truth.spec)
+    _, error = bench.compare(found, truth)
+    assert len(found.row) == 30
+    assert np.hypot(*error.T).max() < 0.1
