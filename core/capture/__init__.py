@@ -4,6 +4,7 @@ plan.py      what shall be recorded, as plain data
 run.py       the loop: show, wait, take, store; verify; take again
 store.py     shots on disk, the transcript, and how an interrupted capture resumes
 identity.py  which pattern a frame shows, told from the images alone
+lookup.py    ... and what patterns look like on every projector line
 quality.py   saturation, modulation, movement, the lamp
 preflight.py the checks before the first calibration: settle time, linearity, exposure, focus, orientation
 finding.py   what a check found, in words and figures

@@ -9,42 +9,21 @@ each other nothing fits. Leaving out one frame at a time then tells which one is
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from core.capture.finding import Finding
+from core.capture.lookup import CONTRADICTION, LEAST, Fit, as_blurred, dictionary, leave_one_out, nearest, some
 from core.capture.plan import Plan, describe
 from core.capture.quality import LIT, Sampled
-from core.patterns import Axis, Black, Pattern, White, brightness
+from core.patterns import Black, Code, Pattern, White
 
 Array = NDArray[np.float32]
 
-BLURS_LINES = (0.35, 0.6, 0.9, 1.3, 1.8, 2.6)  # from sharp to a period of 4 lines that is nearly gone
-CONTRADICTION = (
-    0.12  # squared distance, white = 1: a right frame leaves below 0.05 on the virtual bench, one wrong bit 1
-)
 SHARE = 0.02  # of the pixels that may contradict: depth edges and interreflections do
 LOCAL = 0.5  # a part of the image or of the lines is wrong when half of it contradicts
-LEAST = 12  # pixels in a part for a judgement
-AGREEMENT = 0.9  # share of pixels at which a frame is bright or dark as the others say; wrong frames have 0.5
-_PIXELS = 6000  # looked up
-_LEAVE_ONE = 600  # pixels for the search of the wrong frame
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """The frames of one axis: their numbers, normalised values (k, n) and the possible ones (k, m) for lines (m,).
-
-    Shots of the same pattern share its `weight` (k,).
-    """
-
-    shots: tuple[int, ...]
-    values: Array
-    possible: Array
-    lines: Array
-    weight: Array
+EDGES = 0.3  # of a code frame's edges contradict when it was exchanged; on the virtual bench none when it was not
+_PIXELS = 9000  # looked up
 
 
 def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
@@ -77,7 +56,7 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
             patterns = [plan.shots[i] for i in shots]
             possible, at = dictionary(patterns, axis, count)  # type: ignore[arg-type]
             weight = np.array([1 / patterns.count(p) for p in patterns], np.float32)
-            fit = _Fit(shots, values[list(shots)], possible, at, weight)
+            fit = Fit(shots, values[list(shots)], possible, at, weight)
             findings.append(_axis(plan, fit, tolerance, sampled.at[:, lit], sampled.shape, count))
     return findings
 
@@ -97,25 +76,8 @@ def coordinates(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> tuple[A
             found.append(np.full(len(lit), np.nan, np.float32))
             continue
         possible, at = dictionary([plan.shots[i] for i in shots], axis, count)  # type: ignore[arg-type]
-        found.append(at[_nearest(values[shots], possible)[1]])
+        found.append(at[nearest(values[shots], possible)[1]])
     return found[0], found[1]
-
-
-def dictionary(patterns: list[Pattern], axis: Axis, count: int) -> tuple[Array, Array]:
-    """Give what patterns look like on every half line, sharp to blurred: (k, m), and those lines (m,)."""
-    reach = int(np.ceil(3 * BLURS_LINES[-1]))
-    fine = np.arange(-reach * 4, (count + reach) * 4)  # quarters of a line
-    inside = np.clip(fine // 4, 0, count - 1)
-    stack = np.array([brightness(p, np.arange(count))[inside] for p in patterns], dtype=np.float32)
-    keep = np.arange(reach * 4, (count + reach) * 4, 2)
-    blurred = []
-    for blur in BLURS_LINES:
-        offsets = np.arange(-4 * reach, 4 * reach + 1)
-        kernel = np.exp(-0.5 * (offsets / (4 * blur)) ** 2)
-        kernel /= kernel.sum()
-        blurred.append([np.convolve(line, kernel, mode="same")[keep] for line in stack])
-    at = (fine[keep] + 0.5) / 4 - 0.5
-    return np.concatenate(np.asarray(blurred, np.float32), axis=1), np.tile(at, len(BLURS_LINES)).astype(np.float32)
 
 
 def _plain(plan: Plan, values: Array) -> Finding:
@@ -131,19 +93,20 @@ def _plain(plan: Plan, values: Array) -> Finding:
     return Finding("identity", "good", "white and black frames are what they claim")
 
 
-def _axis(plan: Plan, fit: _Fit, tolerance: Array, at: NDArray[np.intp], shape: tuple[int, int], count: int) -> Finding:
+def _axis(plan: Plan, fit: Fit, tolerance: Array, at: NDArray[np.intp], shape: tuple[int, int], count: int) -> Finding:
     k, along = len(fit.shots), "columns" if getattr(plan.shots[fit.shots[0]], "axis", "x") == "x" else "rows"
     limit = max(CONTRADICTION, 0.01 * float(fit.weight.sum())) + 2 * k * tolerance**2
     root = np.sqrt(fit.weight)[:, None]
-    cost, best = _nearest(root * fit.values, root * fit.possible)
+    cost, best = nearest(root * fit.values, root * fit.possible)
     bad = cost > limit
     share = float(bad.mean())
     place = _local(bad, at, shape) or _local_lines(bad, fit.lines[best], count, along)
     figures = {"contradicting": share, "pixels": float(len(bad))}
-    few = np.linspace(0, len(bad) - 1, min(len(bad), _LEAVE_ONE, max(200, 20_000 // k))).astype(int)
-    sharp = _as_blurred(fit, best)
-    left = _leave_one_out(sharp, few, limit[few])
-    unlike = [j for j in range(k) if left.judged[j] and left.agreement[j] < AGREEMENT]
+    few = some(len(bad), k)
+    sharp = as_blurred(fit, best)
+    left = leave_one_out(sharp, few, limit[few], tolerance[few], at[0, few])
+    misplaced = _misplaced_edges([plan.shots[s] for s in fit.shots], fit.values, bad)
+    unlike = [j for j in range(k) if left.wrong[j] or j in misplaced]
     if share <= SHARE and place is None and not unlike:
         if not all(left.judged):
             open_ = ", ".join(describe(plan.shots[fit.shots[j]]) for j in range(k) if not left.judged[j])
@@ -164,59 +127,22 @@ def _axis(plan: Plan, fit: _Fit, tolerance: Array, at: NDArray[np.intp], shape: 
     return Finding("identity", "bad", text, figures, tuple(fit.shots[j] for j in culprits))
 
 
-@dataclass(frozen=True)
-class _LeftOut:
-    """For every frame: what the others say without it."""
+def _misplaced_edges(patterns: list[Pattern], values: Array, bad: NDArray[np.bool_]) -> set[int]:
+    """Find code frames whose edges lie where the other frames allow none: two that were exchanged.
 
-    share: list[float]  # of pixels at which the others contradict each other
-    agreement: list[float]  # share of pixels at which the frame is bright or dark as the others say
-    judged: list[bool]  # whether the others say anything about it
-    best: list[NDArray[np.intp]]
-
-
-def _nearest(values: Array, possible: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Find the possible column nearest to each column of values: squared distance (n,) and number (n,)."""
-    power = np.sum(possible**2, axis=0)
-    cost, best = [], []
-    for part in np.array_split(values, max(1, values.shape[1] // 500), axis=1):
-        distance = power[None, :] - 2 * (part.T @ possible)
-        number = np.argmin(distance, axis=1)
-        best.append(number)
-        cost.append(distance[np.arange(len(number)), number] + np.sum(part**2, axis=0))
-    return np.concatenate(cost), np.concatenate(best)
-
-
-def _as_blurred(fit: _Fit, best: NDArray[np.intp]) -> _Fit:
-    """Keep those blurs that the image has."""
-    m = fit.possible.shape[1] // len(BLURS_LINES)
-    used = np.bincount(best // m, minlength=len(BLURS_LINES)) > 0.05 * len(best)
-    keep = np.repeat(used, m)
-    return _Fit(fit.shots, fit.values, fit.possible[:, keep], fit.lines[keep], fit.weight)
-
-
-def _leave_one_out(fit: _Fit, few: NDArray[np.intp], limit: Array) -> _LeftOut:
-    """Look every pixel up again without frame j, for every j: its part is taken back from the whole distance.
-
-    The others say whether frame j is bright at a pixel where the lines that make it bright fit clearly better than
-    those that make it dark, or the reverse.
+    The parity of all bits does not tell these. At an edge of a Gray code one frame alone is half bright; where several
+    are, the pixel sees two surfaces.
     """
-    result = _LeftOut([], [], [], [])
-    values, weight = fit.values[:, few], fit.weight[:, None]
-    whole = np.sum(weight * fit.possible**2, axis=0)[None, :] - 2 * ((weight * values).T @ fit.possible)
-    whole += np.sum(weight * values**2, axis=0)[:, None]
-    for seen, possible, own in zip(values, fit.possible, fit.weight, strict=True):
-        distance = whole - own * (seen[:, None] - possible[None, :]) ** 2
-        best = np.argmin(distance, axis=1)
-        bright, dark = (
-            np.min(distance[:, chosen], axis=1, initial=np.inf) for chosen in (possible > 0.5, possible <= 0.5)
-        )
-        clear = (np.abs(bright - dark) > CONTRADICTION) & (np.abs(seen - 0.5) > 0.15)
-        right = (seen > 0.5) == (bright < dark)
-        result.share.append(float(np.mean(np.minimum(bright, dark) > limit)))
-        result.judged.append(bool(clear.sum() >= max(LEAST, 0.03 * len(few))))
-        result.agreement.append(float(right[clear].mean()) if clear.any() else 1.0)
-        result.best.append(best)
-    return result
+    codes = [j for j, p in enumerate(patterns) if isinstance(p, Code)]
+    half = np.abs(values - 0.5) < 0.25
+    distinct = [j for i, j in enumerate(codes) if patterns[j] not in [patterns[c] for c in codes[:i]]]
+    alone = half[distinct].sum(axis=0) == 1
+    found = set()
+    for j in codes:
+        edges = half[j] & alone
+        if edges.sum() >= LEAST // 2 and float(bad[edges].mean()) > EDGES:
+            found.add(j)
+    return found
 
 
 def _local(bad: NDArray[np.bool_], at: NDArray[np.intp], shape: tuple[int, int]) -> str | None:
@@ -240,7 +166,7 @@ def _local_lines(bad: NDArray[np.bool_], lines: Array, count: int, along: str) -
     return f"at projector {along} {8 * worst} to {8 * worst + 7}" if share[worst] > LOCAL else None
 
 
-def _shown(plan: Plan, fit: _Fit, few: NDArray[np.intp], best: NDArray[np.intp], j: int) -> str:
+def _shown(plan: Plan, fit: Fit, few: NDArray[np.intp], best: NDArray[np.intp], j: int) -> str:
     """Name the pattern that a frame shows instead of its own."""
     seen = fit.values[j, few]
     misfit = {

@@ -13,7 +13,7 @@ from core.capture.plan import Plan
 from core.patterns import Black, Phase, White
 
 Array = NDArray[np.float64]
-SAMPLES = 40_000
+SAMPLES = 100_000
 LIT = 0.01  # of the image must be lit by the projector
 MOVED_PX = 0.1  # a tenth of a pixel is ten times the centroid's precision
 MOVED_LINES = 0.15  # about what the phase of the reference rig resolves in a single pixel
@@ -22,7 +22,7 @@ DRIFT = 0.02  # two per cent of light between first and last frame is a fifth of
 
 @dataclass(frozen=True)
 class Sampled:
-    """The grey values of all shots at some ten thousand pixels.
+    """The grey values of all shots at a hundred thousand pixels.
 
     `grey` is (shots, n); `at` (2, n) holds the rows and columns of the pixels; `white`, `black` (n,) the brightest and
     darkest light, `noise` the standard deviation of a grey value. `full` is the grey value of saturation.

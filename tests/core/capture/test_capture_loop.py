@@ -44,7 +44,7 @@ def test_a_capture_holds_the_reference_sequence_in_order(project: Project) -> No
     assert capture_status(report.folder).state == "complete"
 
 
-@pytest.mark.parametrize("shot", range(24))
+@pytest.mark.parametrize("shot", range(0, 24, 4))
 @pytest.mark.parametrize("fault", ["stale-frame", "torn-frame", "no-frame"])
 def test_a_camera_fault_at_any_frame_is_mended(project: Project, fault: str, shot: int) -> None:
     report = run_capture(project, "a", "object", FLAT, f"{FLAT}?faults={fault}@{shot}")

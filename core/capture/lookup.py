@@ -1,0 +1,162 @@
+"""What patterns look like on every projector line, and which line fits what a pixel saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.patterns import Axis, Pattern, brightness
+
+Array = NDArray[np.float32]
+Numbers = NDArray[np.intp]
+
+BLURS_LINES = (0.35, 0.6, 0.9, 1.3, 1.8, 2.6)  # from sharp to a period of 4 lines that is nearly gone
+CONTRADICTION = (
+    0.12  # squared distance, white = 1: a right frame leaves below 0.05 on the virtual bench, one wrong bit 1
+)
+NEAR = 0.01  # of squared distance: lines that fit so much alike cannot be told apart
+LEAST = 12  # pixels for a judgement of bright and dark
+ENOUGH = 40  # pixels for a judgement of grey values
+AGREEMENT = 0.9  # share of pixels at which a frame is bright or dark as the others say; wrong frames have 0.5
+UNLIKE = 0.5  # difference from what the others say against the spread of that; a step of a quarter period has 1.4
+_LEAVE_ONE = 1000  # pixels for the search of the wrong frame
+_BANDS = 5  # of image rows: a torn frame is wrong in some of them only
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The frames of one axis: their numbers, normalised values (k, n) and the possible ones (k, m) for lines (m,).
+
+    Shots of the same pattern share its `weight` (k,).
+    """
+
+    shots: tuple[int, ...]
+    values: Array
+    possible: Array
+    lines: Array
+    weight: Array
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """For every frame: what the others say without it."""
+
+    share: list[float]  # of pixels at which the others contradict each other
+    wrong: list[bool]  # the frame is not what the others say
+    judged: list[bool]  # whether the others say anything about it
+    best: list[Numbers]
+
+
+def dictionary(patterns: list[Pattern], axis: Axis, count: int) -> tuple[Array, Array]:
+    """Give what patterns look like on every half line, sharp to blurred: (k, m), and those lines (m,)."""
+    reach = int(np.ceil(3 * BLURS_LINES[-1]))
+    fine = np.arange(-reach * 4, (count + reach) * 4)  # quarters of a line
+    inside = np.clip(fine // 4, 0, count - 1)
+    stack = np.array([brightness(p, np.arange(count))[inside] for p in patterns], dtype=np.float32)
+    keep = np.arange(reach * 4, (count + reach) * 4, 2)
+    blurred = []
+    for blur in BLURS_LINES:
+        offsets = np.arange(-4 * reach, 4 * reach + 1)
+        kernel = np.exp(-0.5 * (offsets / (4 * blur)) ** 2)
+        kernel /= kernel.sum()
+        blurred.append([np.convolve(line, kernel, mode="same")[keep] for line in stack])
+    at = (fine[keep] + 0.5) / 4 - 0.5
+    return np.concatenate(np.asarray(blurred, np.float32), axis=1), np.tile(at, len(BLURS_LINES)).astype(np.float32)
+
+
+def nearest(values: Array, possible: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Find the possible column nearest to each column of values: squared distance (n,) and number (n,)."""
+    power = np.sum(possible**2, axis=0)
+    cost, best = [], []
+    for part in np.array_split(values, max(1, values.shape[1] // 500), axis=1):
+        distance = power[None, :] - 2 * (part.T @ possible)
+        number = np.argmin(distance, axis=1)
+        best.append(number)
+        cost.append(distance[np.arange(len(number)), number] + np.sum(part**2, axis=0))
+    return np.concatenate(cost), np.concatenate(best)
+
+
+def some(count: int, frames: int) -> Numbers:
+    """Choose pixels for leaving frames out: fewer where there are many frames."""
+    return np.linspace(0, count - 1, min(count, _LEAVE_ONE, max(200, 20_000 // frames))).astype(np.intp)
+
+
+def as_blurred(fit: Fit, best: Numbers) -> Fit:
+    """Keep those blurs that the image has."""
+    m = fit.possible.shape[1] // len(BLURS_LINES)
+    used = np.bincount(best // m, minlength=len(BLURS_LINES)) > 0.05 * len(best)
+    keep = np.repeat(used, m)
+    return Fit(fit.shots, fit.values, fit.possible[:, keep], fit.lines[keep], fit.weight)
+
+
+def leave_one_out(fit: Fit, few: Numbers, limit: Array, tolerance: Array, rows: Numbers) -> LeftOut:
+    """Look pixels up again without frame j, for every j, and compare the frame with what the others say of it.
+
+    Parameters
+    ----------
+    fit : Fit
+    few : array, shape (n,)
+        Which pixels.
+    limit, tolerance, rows : array, shape (n,)
+        Squared distance above which the others contradict each other; noise, white = 1; image rows.
+    """
+    result = LeftOut([], [], [], [])
+    values, weight = fit.values[:, few], fit.weight[:, None]
+    whole = np.sum(weight * fit.possible**2, axis=0)[None, :] - 2 * ((weight * values).T @ fit.possible)
+    whole += np.sum(weight * values**2, axis=0)[:, None]
+    bands = np.minimum(np.argsort(np.argsort(rows, kind="stable")) * _BANDS // len(few), _BANDS - 1)
+    for seen, possible, own in zip(values, fit.possible, fit.weight, strict=True):
+        distance = whole - own * (seen[:, None] - possible[None, :]) ** 2  # the frame's own part is taken back
+        least = distance.min(axis=1)
+        clear, agrees = _bright_or_dark(seen, distance, possible)
+        sure, expected = _expected(distance, possible, least + NEAR + 4 * tolerance**2)
+        sure &= least <= limit
+        parts = [np.ones(len(few), bool), *(bands == band for band in range(_BANDS))]
+        judged, wrong = False, False
+        for part in parts:
+            told, denied = _denied(part & clear, agrees)
+            alike, unlike = _unlike(seen, expected, tolerance, part & sure)
+            judged, wrong = judged or told or alike, wrong or denied or unlike
+        result.share.append(float(np.mean(least > limit)))
+        result.wrong.append(wrong)
+        result.judged.append(judged)
+        result.best.append(np.argmin(distance, axis=1))
+    return result
+
+
+def _bright_or_dark(seen: Array, distance: Array, possible: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where the lines that make a frame bright fit clearly better than the dark ones, or the reverse; and is it so?"""
+    bright, dark = (np.min(distance[:, part], axis=1, initial=np.inf) for part in (possible > 0.5, possible <= 0.5))
+    clear = (np.abs(bright - dark) > CONTRADICTION) & (np.abs(seen - 0.5) > 0.15)
+    return clear, (seen > 0.5) == (bright < dark)
+
+
+def _expected(distance: Array, possible: Array, enough: Array) -> tuple[NDArray[np.bool_], Array]:
+    """What the frame should be by all lines that fit well enough, and where these agree about it."""
+    near = distance <= enough[:, None]
+    low = np.min(np.where(near, possible[None, :], np.inf), axis=1)
+    high = np.max(np.where(near, possible[None, :], -np.inf), axis=1)
+    return high - low < 0.35 * np.ptp(possible), (low + high) / 2
+
+
+def _denied(clear: NDArray[np.bool_], agrees: NDArray[np.bool_]) -> tuple[bool, bool]:
+    """Whether enough pixels tell bright from dark, and too many of them deny the frame."""
+    count = int(clear.sum())
+    told = count >= max(LEAST, 0.03 * len(clear))
+    return told, told and float(agrees[clear].mean()) < AGREEMENT
+
+
+def _unlike(seen: Array, expected: Array, tolerance: Array, sure: NDArray[np.bool_]) -> tuple[bool, bool]:
+    """Whether enough pixels are expected to vary, and the frame does not vary with them.
+
+    Medians, because at some pixels the others' word is wrong: near the edges of the code's cells.
+    """
+    if sure.sum() < ENOUGH:
+        return False, False
+    noise = float(np.median(tolerance[sure])) + 0.03
+    spread = float(np.median(np.abs(expected[sure] - np.median(expected[sure]))))
+    if spread < 2 * noise:
+        return False, False
+    return True, float(np.median(np.abs(seen[sure] - expected[sure]))) > UNLIKE * spread + noise

@@ -1,0 +1,117 @@
+"""Wrong frames among right ones, on scenes of the virtual bench: each must be seen, and none where there is none."""
+
+import itertools
+import random
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from core.capture.identity import identity
+from core.capture.plan import Plan, guards_for
+from core.capture.quality import Sampled, sample_grid, summarise
+from core.devices import open_camera, open_projector
+from core.patterns import Code, reference_sequence
+
+SCENES = ["testfield-03", "plane%2B15", "object-step"]
+
+
+@dataclass
+class Stack:
+    """All shots of a capture at the sampled pixels, and the check of them."""
+
+    plan: Plan
+    grey: np.ndarray
+    at: np.ndarray
+    shape: tuple[int, int]
+    lines: tuple[int, int]
+
+    def sampled(self, grey: np.ndarray) -> Sampled:
+        return summarise(self.plan, grey, self.at, self.shape, 255)
+
+    def wrong(self, grey: np.ndarray) -> set[int]:
+        findings = identity(self.plan, self.sampled(grey), self.lines)
+        return {shot for f in findings if f.level == "bad" for shot in f.shots}
+
+    def harm(self, grey: np.ndarray, shot: int) -> float:
+        """Share of the lit pixels that see something else than they should, by a fifth of full light and noise."""
+        sampled = self.sampled(self.grey)
+        contrast = (sampled.white - sampled.black)[sampled.lit]
+        off = np.abs(grey[shot] - self.grey[shot])[sampled.lit] / contrast
+        return float(np.mean(off > 0.2 + 4 * sampled.noise / contrast))
+
+
+def take(scene: str) -> Stack:
+    url = f"virtual:quick?shot={scene}"
+    projector, camera = open_projector(url), open_camera(url)
+    chosen = tuple(reference_sequence(*projector.size))
+    plan = Plan("a", "object", chosen, guards_for(chosen, projector.size))
+    images = []
+    for pattern in plan.shots:
+        projector.show(pattern)
+        images.append(camera.grab().pixels)
+    at = sample_grid(images[0].shape)[:, ::5]  # fewer than in earnest: what is found here is found there
+    return Stack(plan, np.array([i[at[0], at[1]] for i in images], float), at, images[0].shape, projector.size)
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def stack(request: pytest.FixtureRequest) -> Stack:
+    return take(request.param)
+
+
+def test_right_frames_raise_no_alarm(stack: Stack) -> None:
+    assert stack.wrong(stack.grey) == set()
+
+
+def test_a_frame_that_shows_another_pattern_is_among_those_taken_again(stack: Stack) -> None:
+    rng = random.Random(1)
+    for shot in stack.plan.own[::4]:
+        other = rng.choice([i for i, p in enumerate(stack.plan.shots) if p != stack.plan.shots[shot]])
+        grey = stack.grey.copy()
+        grey[shot] = stack.grey[other]
+        if stack.harm(grey, shot) > 0.02:
+            assert shot in stack.wrong(grey), (shot, other)
+
+
+def test_a_frame_that_shows_the_pattern_before_is_seen(stack: Stack) -> None:
+    for shot in stack.plan.own[::4]:
+        grey = stack.grey.copy()
+        grey[shot] = stack.grey[shot - 1]
+        if stack.harm(grey, shot) > 0.02:
+            assert shot in stack.wrong(grey), shot
+
+
+def test_any_two_exchanged_bits_are_seen(stack: Stack) -> None:
+    """Parity cannot tell these; only the places of the edges can."""
+    codes = [i for i in stack.plan.own if isinstance(stack.plan.shots[i], Code)]
+    pairs = [p for p in itertools.combinations(codes, 2) if len({stack.plan.shots[i].axis for i in p}) == 1]
+    for a, b in pairs[::8]:
+        grey = stack.grey.copy()
+        grey[[a, b]] = grey[[b, a]]
+        if stack.harm(grey, a) > 0.02:
+            assert stack.wrong(grey), (a, b)
+
+
+@pytest.mark.parametrize("late", [1, -1, 3])
+def test_a_sequence_that_is_late_or_early_as_a_whole_is_seen(stack: Stack, late: int) -> None:
+    assert stack.wrong(np.roll(stack.grey, late, axis=0))
+
+
+def test_frames_torn_at_half_their_lit_height_are_seen(stack: Stack) -> None:
+    lit = stack.sampled(stack.grey).lit
+    lower = stack.at[0] > np.median(stack.at[0][lit])
+    for shot in stack.plan.own[::4]:
+        grey = stack.grey.copy()
+        grey[shot][lower] = stack.grey[shot - 1][lower]
+        if stack.harm(grey, shot) > 0.05:
+            assert stack.wrong(grey), shot
+
+
+def test_the_finding_names_what_is_shown_instead() -> None:
+    stack = take("plane%2B15")
+    grey = stack.grey.copy()
+    first = stack.plan.own.start
+    grey[first + 10] = stack.grey[first + 9]
+    texts = [f.text for f in identity(stack.plan, stack.sampled(grey), stack.lines) if f.level == "bad"]
+    step = "square step {} of 4, period 4 across columns"
+    assert texts == [f"frame 10 claims {step.format(3)} and shows {step.format(2)}"]
