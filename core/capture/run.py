@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Sequence
 from contextlib import closing
@@ -23,7 +22,7 @@ from core.errors import DeviceError, InputError, PatternRefusedError
 from core.model import Project
 from core.patterns import Pattern
 from core.progress import SILENT, Progress
-from core.project import read_project, write_json
+from core.project import add_capture, read_project
 
 ROUNDS = 4  # times that wrong frames are taken again before the capture is given up
 TRIES = 3  # at one frame, when a device does not deliver
@@ -89,7 +88,7 @@ def run_capture(
     make_plan(project, name, role, patterns=patterns, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)
     folder = project.path / "captures" / name
     if folder.resolve() not in {path.resolve() for path in read_project(project.path).captures} and is_complete(folder):
-        _list_in_project(project, name)  # a run was interrupted at the very end
+        add_capture(project.path, f"captures/{name}")  # a run was interrupted at the very end
         return stored_report(folder)
     notes: list[Said] = []
 
@@ -105,7 +104,7 @@ def run_capture(
         store = open_store(folder, plan)
         loop = Loop(store, projector, camera, notes)
         report = loop.run(progress)
-    _list_in_project(project, name)
+    add_capture(project.path, f"captures/{name}")
     return report
 
 
@@ -261,13 +260,3 @@ def _check_sizes(project: Project, projector: Projector, camera: Camera) -> None
                 f"{device} is {spec.width}x{spec.height}, the device has {size[0]}x{size[1]} {unit}",
                 f"correct the {device} in project.json or connect the device it describes",
             )
-
-
-def _list_in_project(project: Project, name: str) -> None:
-    """Add the capture to project.json, whatever else has been added there meanwhile."""
-    path = project.path / "project.json"
-    entry = f"captures/{name}"
-    data = json.loads(path.read_text(encoding="utf-8-sig"))
-    if entry not in data.setdefault("captures", []):
-        data["captures"].append(entry)
-        write_json(path, data)

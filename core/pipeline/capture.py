@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from core.errors import InputError
 from core.model import Project, Role
 from core.progress import SILENT, Progress
-from core.project import add_capture, read_project
+from core.project import read_project
 
 if TYPE_CHECKING:
     from core.bench import Rig
@@ -46,7 +46,7 @@ def capture_into(
     if projector is None or camera is None:
         virtual = _virtual_rig(project)
         projector, camera = projector or virtual, camera or virtual
-    report = run_capture(
+    return run_capture(
         project,
         name,
         role,
@@ -57,8 +57,6 @@ def capture_into(
         angle_deg=angle_deg,
         progress=progress,
     )
-    add_capture(project.path, report.folder.resolve().relative_to(project.path.resolve()).as_posix())
-    return report
 
 
 def _virtual_rig(project: Project) -> str:

@@ -8,12 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from core.bench import experiment
-from core.geometry import Pose, project, ray_directions
+from core.geometry import project, ray_directions
 from core.model import (
     AdjustedDevice,
-    DepthCalibration,
     DeviceSpec,
-    Interior,
     PhaseMap,
     PhotogrammetricCalibration,
 )
@@ -104,36 +102,3 @@ def phase_of(calibration: PhotogrammetricCalibration, points: np.ndarray) -> Pha
     sigma = np.full(u.shape, 0.03, np.float32)
     grey = np.full(u.shape, 60, np.float32)
     return PhaseMap(u, v, sigma, sigma.copy(), grey, grey, np.zeros(u.shape, np.uint8))
-
-
-def depth_calibration(calibration: PhotogrammetricCalibration, degree: int = 3) -> DepthCalibration:
-    """Polynomials z(u) of all pixels through planes at known depths, fitted to the true coordinates."""
-    spec, interior = calibration.camera.spec, calibration.camera.interior
-    depths = np.linspace(-50.0, 50.0, degree + 3)
-    rays = ray_directions(spec, interior, pixels(spec))
-    u = np.stack(
-        [
-            project(
-                calibration.projector.spec,
-                calibration.projector.interior,
-                rays * (600.0 - z),
-                calibration.projector_from_camera,
-            )[..., 0]
-            for z in depths
-        ]
-    )
-    low, high = u.min(axis=0), u.max(axis=0)
-    t = (u - (low + high) / 2) / ((high - low) / 2)
-    powers = np.stack([t**k for k in range(degree + 1)], axis=-1).transpose(1, 2, 0, 3)  # (H, W, depth, power)
-    solved = np.linalg.pinv(powers) @ np.broadcast_to(depths[:, None], (*t.shape[1:], len(depths), 1))
-    coefficients = np.ascontiguousarray(solved[..., 0].transpose(2, 0, 1), np.float32)
-    plate = Pose(np.eye(3), np.array([0.0, 0.0, -600.0]))
-    span = np.stack([low, high]).astype(np.float32)
-    return DepthCalibration(
-        "u", depths, degree, coefficients, span, 0.0, low.size, spec, interior, plate, np.array([0.0, 0.0, 1.0])
-    )
-
-
-def pinhole(interior: Interior) -> Interior:
-    """The same device without its additional parameters: what every package can describe."""
-    return replace(interior, a=(0.0,) * 6)
