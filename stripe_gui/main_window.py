@@ -13,7 +13,6 @@ from stripe_gui.assets import asset
 from stripe_gui.commands import menu_titles, program_actions
 from stripe_gui.pages import PAGES, make_page
 from stripe_gui.pages.page import Page
-from stripe_gui.presenters.status import STAGES
 from stripe_gui.widgets.command_palette import CommandPalette
 from stripe_gui.widgets.help_panel import HelpPanel
 from stripe_gui.widgets.job_bar import JobBar
@@ -190,15 +189,15 @@ class MainWindow(QMainWindow):
 
     def show_page(self, name: str) -> None:
         """Bring a page to the front; without a project there is only the start page."""
-        if name not in PAGES or (name in STAGES and not self.bench.session.is_open):
-            name = "start"
-        page = self.page_of(name)
+        page = self.page_of(name if name in PAGES else "start")
+        if page.needs_project and not self.bench.session.is_open:
+            page = self.page_of("start")
         self.stack.setCurrentWidget(page)
-        self.strip.show_page(name)
+        self.strip.show_page(page.stage)
         page.setFocus()
         page.refresh()
         if not self.help.isHidden():
-            self.help.show_topic(name)
+            self.help.show_topic(page.stage or page.id)
         self.actions_.update()
 
     def open_palette(self) -> CommandPalette:
@@ -212,7 +211,7 @@ class MainWindow(QMainWindow):
         folder = self.bench.session.folder
         name = f"{folder.project.name} – " if folder else ""
         self.setWindowTitle(name + self.tr("Stripe workbench"))
-        if folder is None and self.page.id != "start":
+        if folder is None and self.page.needs_project:
             self.show_page("start")
         self._refreshed()
 
@@ -233,7 +232,7 @@ class MainWindow(QMainWindow):
         self.help.setVisible(visible)
         self.bench.settings.set("help", visible)
         if visible:
-            self.help.show_topic(self.page.id)
+            self.help.show_topic(self.page.stage or self.page.id)
         self.actions_.update()
 
     def _open_help(self, topic: str) -> None:

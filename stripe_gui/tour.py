@@ -7,16 +7,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication, QEvent
-from PySide6.QtWidgets import QTabWidget
 
 from core.errors import StripeError
 from stripe_gui.app import Program, make_application
 from stripe_gui.pages import PAGES
-from stripe_gui.pages.page import Page
 from stripe_gui.settings import Settings
 from stripe_gui.workbench import Workbench
 
@@ -84,25 +82,13 @@ def _pictures(out: Path, project: Path | None, scale: str) -> int:
                 if page == "reconstruct" and points:
                     bench.session.choose_capture(points[0].name.split(".")[0])
                 window.show_page(page)
-                for part in _parts(window.page):
+                for part in window.page.parts():
                     wait_until(lambda: not bench.views.busy)
                     window.grab().save(str(out / f"{page}{part}-{theme}-{scale}x.png"))
         window.close()
         for problem in problems:
             print(f"stripe-gui: {problem}", file=sys.stderr)
         return 1 if problems else 0
-
-
-def _parts(page: Page) -> Iterator[str]:
-    """Bring each tab of a page to the front, and name it."""
-    tabs = page.findChild(QTabWidget)
-    if tabs is None or tabs.isHidden():
-        yield ""
-        return
-    for i in range(tabs.count()):
-        tabs.setCurrentIndex(i)
-        yield f"-{tabs.widget(i).objectName()}"
-    tabs.setCurrentIndex(0)
 
 
 def wait_until(done: Callable[[], bool]) -> None:

@@ -1,6 +1,6 @@
 """The pages of the window, one a file, made when they are first shown.
 
-A new page: a subclass of `Page` in its own file, and a line in `PAGES`.
+A new page: a subclass of `Page` in its own file, and a line in `PAGES`. Wizards are pages too.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
     from stripe_gui.workbench import Workbench
 
 PAGES = {
-    "start": ("start_page", "StartPage"),
-    "capture": ("capture_page", "CapturePage"),
-    "decode": ("decode_page", "DecodePage"),
-    "measure": ("measure_page", "MeasurePage"),
-    "calibrate": ("calibrate_page", "CalibratePage"),
-    "reconstruct": ("reconstruct_page", "ReconstructPage"),
-    "evaluate": ("evaluate_page", "EvaluatePage"),
-    "report": ("report_page", "ReportPage"),
-}  # id of the page -> module below this package, class
+    "start": ("pages.start_page", "StartPage"),
+    "capture": ("pages.capture_page", "CapturePage"),
+    "decode": ("pages.decode_page", "DecodePage"),
+    "measure": ("pages.measure_page", "MeasurePage"),
+    "calibrate": ("pages.calibrate_page", "CalibratePage"),
+    "reconstruct": ("pages.reconstruct_page", "ReconstructPage"),
+    "evaluate": ("pages.evaluate_page", "EvaluatePage"),
+    "report": ("pages.report_page", "ReportPage"),
+}  # id of the page -> module below stripe_gui, class
 
 
 def make_page(name: str, bench: Workbench) -> Page:
     """Make the page of an id; its module is imported only now, so that the window appears quickly."""
     module, kind = PAGES[name]
-    page: Page = getattr(import_module(f"stripe_gui.pages.{module}"), kind)(bench)
+    page: Page = getattr(import_module(f"stripe_gui.{module}"), kind)(bench)
     return page

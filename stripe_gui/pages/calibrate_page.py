@@ -29,7 +29,7 @@ from stripe_gui.workbench import Workbench
 class CalibratePage(Page):
     """Options to the left, results to the right."""
 
-    id = "calibrate"
+    id = stage = "calibrate"
     action_ids = ("calibrate.wizard",)
 
     def __init__(self, bench: Workbench) -> None:

@@ -16,7 +16,7 @@ from stripe_gui.workbench import Workbench
 class CapturePage(Page):
     """What was recorded: captures to the left, their frames to the right, the chosen frame between."""
 
-    id = "capture"
+    id = stage = "capture"
     action_ids = ("capture.new",)
 
     def __init__(self, bench: Workbench) -> None:

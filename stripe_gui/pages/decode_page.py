@@ -22,7 +22,7 @@ from stripe_gui.workbench import Workbench
 class DecodePage(Page):
     """A viewer: choose a capture and a map, read values with the cursor."""
 
-    id = "decode"
+    id = stage = "decode"
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(

@@ -19,7 +19,7 @@ from stripe_gui.workbench import Workbench
 class EvaluatePage(Page):
     """One map per plane and method; they zoom together."""
 
-    id = "evaluate"
+    id = stage = "evaluate"
     action_ids = ("evaluate.wizard",)
 
     def __init__(self, bench: Workbench) -> None:

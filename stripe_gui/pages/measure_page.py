@@ -25,7 +25,7 @@ from stripe_gui.workbench import Workbench
 class MeasurePage(Page):
     """Boards to the left, the board with its targets in the middle, the table of targets below."""
 
-    id = "measure"
+    id = stage = "measure"
     action_ids = ("measure.pick",)
 
     def __init__(self, bench: Workbench) -> None:

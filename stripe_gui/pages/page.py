@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QTabWidget, QVBoxLayout, QWidget
 
 from stripe_gui.widgets.layout import MARGIN, SPACE, button, label
 from stripe_gui.workbench import Workbench
@@ -18,9 +18,19 @@ class Page(QWidget):
     A subclass sets `id` (a stage's word for a stage's page) and `action_ids`, fills `self.body` in its constructor and
     shows the project in `refresh`, which is called when the page comes to the front and whenever files have changed
     while it is there.
+
+    Attributes
+    ----------
+    id : str
+    stage : str
+        The stage it belongs to, marked in the strip; its word is also the page's help topic.
+    needs_project : bool
+        Whether it can be shown only while a project is open.
     """
 
     id = ""
+    stage = ""
+    needs_project = True
     action_ids: tuple[str, ...] = ()  # of actions, such as those of wizards, that get a button where they exist
 
     def __init__(self, bench: Workbench, title: str, purpose: str) -> None:
@@ -67,6 +77,17 @@ class Page(QWidget):
         action.enabledChanged.connect(made.setEnabled)
         self._buttons.insertWidget(0, made)
         return made
+
+    def parts(self) -> Iterator[str]:
+        """Bring each part of the page to the front, one after the other, and name it: for pictures of everything."""
+        tabs = self.findChild(QTabWidget)
+        if tabs is None or tabs.isHidden():
+            yield ""
+            return
+        for i in range(tabs.count()):
+            tabs.setCurrentIndex(i)
+            yield f"-{tabs.widget(i).objectName()}"
+        tabs.setCurrentIndex(0)
 
     def refresh(self) -> None:
         """Show the project as it is now."""

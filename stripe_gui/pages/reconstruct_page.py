@@ -21,7 +21,7 @@ from stripe_gui.workbench import Workbench
 class ReconstructPage(Page):
     """A viewer of points as maps over the camera's image."""
 
-    id = "reconstruct"
+    id = stage = "reconstruct"
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(

@@ -19,7 +19,7 @@ from stripe_gui.workbench import Workbench
 class ReportPage(Page):
     """The summary of the results, and the files made of them."""
 
-    id = "report"
+    id = stage = "report"
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(

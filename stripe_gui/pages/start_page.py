@@ -19,6 +19,7 @@ class StartPage(Page):
     """The page of an empty window."""
 
     id = "start"
+    needs_project = False
     action_ids = ("file.new", "file.open", "file.demo")
 
     def __init__(self, bench: Workbench) -> None:

@@ -1,8 +1,8 @@
 """Guided work that takes several steps: one wizard a file or folder, over Qt-free functions of `presenters`.
 
-A wizard offers its actions in a function ``actions() -> list[Action]`` of its module; naming the module in `WIZARDS`
-puts them into the menus, the shortcuts and the command palette. Pages find them by their id and show a button where
-there is one (see `Page.add_action_button`).
+A wizard is a page of the window (`wizard.Wizard`, with a line in `pages.PAGES`). It offers its actions in a function
+``actions() -> list[Action]`` of its module; naming the module in `WIZARDS` puts them into the menus, the shortcuts and
+the command palette. Pages find them by their id and show a button where there is one (see `Page.add_action_button`).
 """
 
 from __future__ import annotations
