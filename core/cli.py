@@ -300,7 +300,7 @@ def _ending(path: Path, *endings: str) -> None:
 def _write_figures(target: str, figures: dict[str, Any]) -> None:
     import json
 
-    from core.project.atomic import write_json
+    from core.atomic import write_json
 
     if target == "-":
         print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))

@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-GROUND = {"errors", "progress", "fields", "parallel", "compiling", "model", "geometry", "patterns"}
+GROUND = {"errors", "atomic", "progress", "fields", "parallel", "compiling", "model", "geometry", "patterns"}
 ALLOWED = {
     "errors": set(),
+    "atomic": {"errors"},
     "progress": {"errors"},
     "fields": {"errors"},
     "parallel": set(),
@@ -29,13 +30,13 @@ ALLOWED = {
     "calibrate": GROUND,
     "reconstruct": GROUND,
     "evaluate": GROUND,
-    "report": {"errors", "progress", "model", "geometry"},
+    "report": {"errors", "atomic", "progress", "model", "geometry"},
     "figures": {"model"},
     "pipeline": GROUND
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "demo": {"errors", "progress", "model", "figures", "pipeline", "report"},
-    "cli": {"errors", "progress", "figures", "project", "pipeline", "batch", "demo"},
+    "cli": {"errors", "atomic", "progress", "figures", "project", "pipeline", "batch", "demo"},
     "__main__": {"cli"},
 }
 

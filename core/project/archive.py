@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from core import model
+from core.atomic import atomic_write
 from core.errors import InputError
 from core.geometry import Pose
-from core.project.atomic import atomic_write
 
 T = TypeVar("T")
 VERSION = 1

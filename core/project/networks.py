@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from core.atomic import atomic_write, write_json
 from core.errors import InputError
 from core.fields import Fields
 from core.model import INTERIOR_NAMES, Network, NetworkDevice, NetworkScale
-from core.project.atomic import atomic_write, write_json
 from core.project.captures import VERSION, device_to_dict, read_device, read_document, read_table
 
 

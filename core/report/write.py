@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
-from core.errors import InputError
+from core.atomic import atomic_write
 from core.progress import SILENT, Progress
 from core.report.data import ReportData, ReportPaths
 
@@ -42,27 +40,8 @@ def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) ->
     pdf = pdf_bytes(document, progress=progress.part(0.65, 0.95))
     progress.check()
     paths = ReportPaths(Path(out) / "report.html", Path(out) / "report.pdf")
-    try:
-        Path(out).mkdir(parents=True, exist_ok=True)
-        _replace(paths.html, html)
-        _replace(paths.pdf, pdf)
-    except OSError as error:
-        seen = f"the report cannot be written ({error.strerror})"
-        raise InputError(out, seen, "name a folder that can be written to") from error
+    for path, content in ((paths.html, html), (paths.pdf, pdf)):
+        with atomic_write(path) as file:
+            file.write(content)
     progress(1.0, "report written")
     return paths
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Put a complete file in place of whatever is there."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
