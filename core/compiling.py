@@ -21,7 +21,8 @@ _CORE = Path(__file__).parent
 _ROOMS = ("bench", "calibrate", "decode", "measure", "reconstruct")
 
 
-def _fingerprint() -> str:
+def fingerprint() -> str:
+    """Sign the content of all rooms that have kernels."""
     digest = hashlib.sha256(numba.__version__.encode())
     for room in _ROOMS:
         for path in sorted((_CORE / room).glob("*.py")):
@@ -34,7 +35,7 @@ def _cache_folder() -> Path:
     base = _CORE / "__pycache__"
     if not os.access(base if base.exists() else _CORE, os.W_OK):
         base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "stripe-workbench"
-    folder = base / f"kernels-{_fingerprint()}"
+    folder = base / f"kernels-{fingerprint()}"
     for old in base.glob("kernels-*"):
         if old != folder:
             shutil.rmtree(old, ignore_errors=True)

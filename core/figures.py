@@ -82,6 +82,7 @@ def calibration_figures(calibrations: Mapping[Method, Calibration]) -> Figures:
 
 
 def _photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
+    relative_sigma = np.sqrt(np.diagonal(calibration.covariance)[18:])
     return {
         "sigma0": calibration.sigma0,
         "stations": calibration.stations,
@@ -94,6 +95,8 @@ def _photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures
         "projector_from_camera": {
             "rotation": calibration.projector_from_camera.rotation.tolist(),
             "translation_mm": calibration.projector_from_camera.translation_mm.tolist(),
+            "rotation_sigma_rad": [plain(s) for s in relative_sigma[:3]],
+            "translation_sigma_mm": [plain(s) for s in relative_sigma[3:]],
         },
         "warnings": list(calibration.warnings),
     }

@@ -10,9 +10,14 @@ from core.errors import Cancelled
 
 T = TypeVar("T")
 Report = Callable[[float, str], None]
+Course = Callable[[str, int, float], None]
 
 
 def _quiet(fraction: float, message: str) -> None:
+    return None
+
+
+def _untold(name: str, step: int, value: float) -> None:
     return None
 
 
@@ -25,7 +30,8 @@ class Progress:
     """A channel from long work to whoever waits for it.
 
     `report(fraction, message)` receives the fraction done, 0 to 1. `cancelled()` is asked between steps; when it says
-    yes the work stops with `Cancelled` at the next `check`, having written nothing half.
+    yes the work stops with `Cancelled` at the next `check`, having written nothing half. `course(name, step, value)`
+    receives a figure that shows where iterations are going; step 0 begins them anew.
 
     Examples
     --------
@@ -39,6 +45,7 @@ class Progress:
 
     report: Report = _quiet
     cancelled: Callable[[], bool] = _never
+    course: Course = _untold
 
     def check(self) -> None:
         """Raise `Cancelled` if the user asked to stop."""
@@ -52,7 +59,9 @@ class Progress:
 
     def part(self, start: float, stop: float) -> Progress:
         """Give the channel for a part of the work that runs from `start` to `stop` of the whole."""
-        return Progress(lambda f, message: self.report(start + f * (stop - start), message), self.cancelled)
+        return Progress(
+            lambda f, message: self.report(start + f * (stop - start), message), self.cancelled, self.course
+        )
 
     def over(self, items: Iterable[T], message: str = "{}") -> Iterator[T]:
         """Iterate over items, reporting before each one; `message` is formatted with the item."""

@@ -52,7 +52,8 @@ def iterate(
 ) -> Solution:
     """Iterate from approximate values to the least-squares solution.
 
-    Every step keeps the inner constraints. The last one is undamped and shorter than `tolerance` sigmas.
+    Every step keeps the inner constraints. The last one is undamped and shorter than `tolerance` sigmas. The progress's
+    course is told "sigma0" before every step and the step's length in sigmas, all unknowns together, as "correction".
 
     Raises
     ------
@@ -66,11 +67,13 @@ def iterate(
     for iteration in range(max_iterations):
         progress(iteration / max_iterations, f"iteration {iteration + 1}")
         step, damping = _solvable_step(problem, state, equations, damping)
+        _tell(progress, iteration, problem, equations, step)
         limit = max(tolerance**2 / max(problem.redundancy, 1), ROUNDING_SHARE) * equations.cost
         last = damping == 0 and step.gain <= max(limit, ROUNDING_GAIN)
         share, trial, trial_equations = _shortened(problem, state, equations, step)
         # where vᵀPv no longer falls, all that is left to gain is the rounding of its own sum
-        last = last or (damping == 0 and share == 0 and step.gain < ROUNDING_STALL * equations.cost)
+        stalled = share == 0 and step.gain < ROUNDING_STALL * equations.cost
+        last = last or (damping == 0 and stalled)
         if share > 0:
             state, equations = trial, trial_equations
         convergence.append(equations.cost)
@@ -78,11 +81,20 @@ def iterate(
             return Solution(state, equations, tuple(convergence))
         if share == 1:
             damping = damping / 10 if damping > LEAST_DAMPING else 0.0
+        elif stalled:
+            damping = 0.0  # it had been called for by rounding: a step without any decides
         elif share < SHORTEST_WELCOME:
             damping = max(30 * damping, LEAST_DAMPING)
         if damping > 1e9:
             break
     raise NotConvergedError(Solution(state, equations, tuple(convergence)))
+
+
+def _tell(progress: Progress, iteration: int, problem: Problem, equations: Equations, step: Step) -> None:
+    variance = equations.cost / max(problem.redundancy, 1)
+    progress.course("sigma0", iteration, variance**0.5)
+    if variance > 0:
+        progress.course("correction", iteration, (max(step.gain, 0.0) / variance) ** 0.5)
 
 
 def _shortened(problem: Problem, state: State, equations: Equations, step: Step) -> tuple[float, State, Equations]:

@@ -12,7 +12,7 @@ from core.calibrate.network import network_from_targets
 from core.calibrate.options import AdjustOptions
 from core.calibrate.rigid import mean_relative_pose, rigidity_of
 from core.errors import AdjustmentError
-from core.model import Adjustment, DeviceSpec, PhotogrammetricCalibration, ScaleBar, TargetSet, Testfield
+from core.model import Adjustment, DeviceSpec, Network, PhotogrammetricCalibration, ScaleBar, TargetSet, Testfield
 from core.progress import SILENT, Progress
 
 CALIBRATION_OPTIONS = AdjustOptions(variance_components=True, reject_beyond=6.0)
@@ -26,6 +26,7 @@ def calibrate_photogrammetric(
     *,
     scale: ScaleBar | None,
     rigid: bool = True,
+    hold: Sequence[str] = (),
     options: AdjustOptions = CALIBRATION_OPTIONS,
     progress: Progress = SILENT,
 ) -> tuple[PhotogrammetricCalibration, Adjustment]:
@@ -44,6 +45,8 @@ def calibrate_photogrammetric(
     rigid : bool
         True holds the projector fixed to the camera over all captures and says so if it was not; False adjusts all
         stations freely and returns the weighted mean of the captures' relative orientations.
+    hold : sequence of str
+        Parameters that are not estimated, such as "projector.A3": c stays at its nominal value, all others at zero.
     options : AdjustOptions
         By default with one variance factor per device, and observations beyond six sigma rejected and counted.
     progress : Progress
@@ -60,6 +63,7 @@ def calibrate_photogrammetric(
         As `core.calibrate.adjust`; also if no capture shows targets to both devices.
     """
     network = network_from_targets(camera, projector, testfield, targets, scale=scale, rigid=True)
+    network = _holding(network, hold)
     groups = dict(zip(network.station_names, network.station_pose, strict=True))
     if not rigid:
         network = replace(network, station_pose=tuple(range(len(network.station_names))))
@@ -99,3 +103,11 @@ def calibrate_photogrammetric(
         warnings=adjustment.warnings,
     )
     return calibration, adjustment
+
+
+def _holding(network: Network, hold: Sequence[str]) -> Network:
+    devices = {
+        name: replace(device, estimate=tuple(p for p in device.estimate if f"{name}.{p}" not in hold))
+        for name, device in network.devices.items()
+    }
+    return replace(network, devices=devices)
