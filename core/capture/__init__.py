@@ -3,6 +3,8 @@
 plan.py      what shall be recorded, as plain data
 run.py       the loop: show, wait, take, store; verify; take again
 store.py     shots on disk, the transcript, and how an interrupted capture resumes
+writer.py    ... while the next one is taken
+retake.py    one frame of a complete capture taken again
 identity.py  which pattern a frame shows, told from the images alone
 lookup.py    ... and what patterns look like on every projector line
 quality.py   saturation, modulation, movement, the lamp
@@ -13,6 +15,7 @@ finding.py   what a check found, in words and figures
 from core.capture.finding import Finding
 from core.capture.plan import Plan, describe, make_plan
 from core.capture.preflight import preflight
+from core.capture.retake import retake_frame
 from core.capture.run import CaptureReport, Loop, run_capture, verify
 from core.capture.store import Status, Store, capture_status, open_store
 
@@ -28,6 +31,7 @@ __all__ = [
     "make_plan",
     "open_store",
     "preflight",
+    "retake_frame",
     "run_capture",
     "verify",
 ]

@@ -9,6 +9,8 @@ each other nothing fits. Leaving out one frame at a time then tells which one is
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +18,7 @@ from core.capture.finding import Finding
 from core.capture.lookup import CONTRADICTION, LEAST, Fit, as_blurred, dictionary, leave_one_out, nearest, some
 from core.capture.plan import Plan, describe
 from core.capture.quality import LIT, Sampled
-from core.patterns import Black, Code, Pattern, White
+from core.patterns import Axis, Black, Code, Pattern, White
 
 Array = NDArray[np.float32]
 
@@ -49,16 +51,21 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
     contrast = (sampled.white - sampled.black)[lit]
     values = ((sampled.grey[:, lit] - sampled.black[lit]) / contrast).astype(np.float32)
     tolerance = (sampled.noise / contrast).astype(np.float32)
-    findings = [_plain(plan, values)]
-    for axis, count in (("x", lines[0]), ("y", lines[1])):
+
+    def of_axis(axis: Axis) -> Finding | None:
         shots = tuple(i for i, p in enumerate(plan.shots) if getattr(p, "axis", None) == axis)
-        if shots:
-            patterns = [plan.shots[i] for i in shots]
-            possible, at = dictionary(patterns, axis, count)  # type: ignore[arg-type]
-            weight = np.array([1 / patterns.count(p) for p in patterns], np.float32)
-            fit = Fit(shots, values[list(shots)], possible, at, weight)
-            findings.append(_axis(plan, fit, tolerance, sampled.at[:, lit], sampled.shape, count))
-    return findings
+        if not shots:
+            return None
+        patterns, count = [plan.shots[i] for i in shots], lines[0 if axis == "x" else 1]
+        possible, at = dictionary(patterns, axis, count)
+        weight = np.array([1 / patterns.count(p) for p in patterns], np.float32)
+        fit = Fit(shots, values[list(shots)], possible, at, weight)
+        return _axis(plan, fit, tolerance, sampled.at[:, lit], sampled.shape, count)
+
+    axes: tuple[Axis, ...] = ("x", "y")
+    with ThreadPoolExecutor(len(axes)) as pool:  # the work is in array operations, which leave the interpreter free
+        found = [finding for finding in pool.map(of_axis, axes) if finding is not None]
+    return [_plain(plan, values), *found]
 
 
 def coordinates(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> tuple[Array, Array]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,8 @@ from core.capture.finding import Finding
 from core.capture.identity import identity
 from core.capture.plan import Plan, check_shown, describe, make_plan
 from core.capture.quality import lamp, modulation, movement, sample_grid, saturation, summarise
-from core.capture.store import Store, capture_status, is_complete, open_store, read_findings
+from core.capture.store import Listen, Store, capture_status, is_complete, no_listener, open_store, read_findings
+from core.capture.writer import Writer
 from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.model import Project
@@ -60,6 +61,7 @@ def run_capture(
     angle_deg: float | None = None,
     testfield: str | None = None,
     progress: Progress = SILENT,
+    listen: Listen = no_listener,
 ) -> CaptureReport:
     """Record one sequence into ``captures/NAME`` of a project, or go on with one that was interrupted.
 
@@ -76,6 +78,8 @@ def run_capture(
         Without it the sequence that the projector is made for, else the reference sequence of its size.
     z_mm, angle_deg, testfield
         As capture.json holds them; the testfield is a path from the project.
+    listen : callable
+        Receives every entry of the transcript, from whatever thread writes it.
 
     Raises
     ------
@@ -96,12 +100,12 @@ def run_capture(
         notes.append((time.monotonic(), who, what))
 
     with closing(open_projector(projector_url, note)) as projector, closing(open_camera(camera_url, note)) as camera:
-        _check_sizes(project, projector, camera)
+        check_sizes(project, projector, camera)
         chosen = patterns if patterns is not None else projector.sequence
         plan = make_plan(project, name, role, patterns=chosen, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)
         plan = replace(plan, guards=tuple(g for g in plan.guards if projector.refusal(g) is None))
         check_shown(plan, projector.refusal, projector.name)
-        store = open_store(folder, plan)
+        store = open_store(folder, plan, listen)
         loop = Loop(store, projector, camera, notes)
         report = loop.run(progress)
     add_capture(project.path, f"captures/{name}")
@@ -124,6 +128,7 @@ class Loop:
         self.settle_s = projector.settle_s
         self.notes = notes if notes is not None else []
         self._loaded = False
+        self._shape: tuple[int, ...] | None = None  # of the images
 
     def run(self, progress: Progress = SILENT) -> CaptureReport:
         """Take what is missing, verify everything, take wrong frames again, and finish.
@@ -137,41 +142,51 @@ class Loop:
         for attempt in range(ROUNDS + 1):
             missing = [i for i in range(len(self.plan.shots)) if i not in self.store.shots]
             retakes += len(missing) if attempt else 0
-            for i in progress.part(0.9 * attempt / (attempt + 1), 0.9).over(missing, "frame {}"):
-                self._take(i)
-            findings = verify(self.store, (self.projector.size[0], self.projector.size[1]))
-            wrong = sorted({i for f in findings if f.level == "bad" for i in f.shots})
-            moved = next((f for f in findings if f.check == "movement" and f.level != "good"), None)
+            self.take(missing, progress.part(0.9 * attempt / (attempt + 1), 0.9))
+            findings = verify(self.store, self.projector.size, progress.part(0.9, 1.0))
+            wrong, moved = judge(findings)
             if not wrong and moved and not whole_again:
                 wrong, whole_again = list(range(len(self.plan.shots))), True
                 self.store.drop(wrong, moved.text)
                 continue
             if not wrong:
-                self._write_notes()
-                self.store.finish(findings, time.monotonic() - start, retakes)
-                progress(1.0, "verified")
-                own = len(self.plan.patterns)
-                return CaptureReport(
-                    self.store.folder, own, tuple(findings), retakes, time.monotonic() - start, resumed
-                )
+                return self.finish(findings, start, retakes, resumed)
             reasons = "; ".join(f.text for f in findings if f.level == "bad" or f is moved)
             self.store.drop(wrong, reasons)
-            self.settle_s = min(2 * self.settle_s + 0.005, 1.0)  # perhaps the light was not steady yet
-            self._loaded = False  # perhaps what the device has stored is not what was sent
+            self.doubt()
         raise DeviceError(
             self.store.folder,
             f"after {ROUNDS} further tries {reasons}",
             "check the projector's settle time, its cable and the camera's trigger; then start the same capture again",
         )
 
-    def _take(self, planned: int) -> None:
-        """Show, wait until steady, expose, store."""
+    def take(self, shots: Sequence[int], progress: Progress) -> None:
+        """Take shots one after the other; they are on disk when this returns."""
+        with Writer(self.store) as writer:
+            for i in progress.over(shots, "frame {}"):
+                writer.put(i, self._take(i, progress))
+            writer.wait()
+
+    def doubt(self) -> None:
+        """Wait longer from now on, perhaps the light was not steady; load again, perhaps the device is out of step."""
+        self.settle_s = min(2 * self.settle_s + 0.005, 1.0)
+        self._loaded = False
+
+    def finish(self, findings: Sequence[Finding], start_s: float, retakes: int, resumed: int) -> CaptureReport:
+        """List the verified frames, and tell how it went."""
+        self._write_notes()
+        seconds = time.monotonic() - start_s
+        self.store.finish(findings, seconds, retakes)
+        return CaptureReport(self.store.folder, len(self.plan.patterns), tuple(findings), retakes, seconds, resumed)
+
+    def _take(self, planned: int, progress: Progress) -> Image:
+        """Show, wait until steady, expose."""
         pattern = self.plan.shots[planned]
         for attempt in range(TRIES):
             try:
                 self._show(planned)
-                wait_until(time.monotonic() + self.settle_s)
-                image = self.camera.grab()
+                wait_until(time.monotonic() + self.settle_s, progress.check)
+                image = self.camera.grab(check=progress.check)
                 break
             except PatternRefusedError:
                 raise
@@ -183,7 +198,7 @@ class Loop:
                     raise
         self._write_notes()
         self._check_image(image, pattern)
-        self.store.keep(planned, image)
+        return image
 
     def _show(self, planned: int) -> None:
         shots = self.plan.shots
@@ -196,9 +211,8 @@ class Loop:
         self.projector.step(planned)
 
     def _check_image(self, image: Image, pattern: Pattern) -> None:
-        known = next(iter(self.store.shots), None)
-        expected = self.store.read(known).shape if known is not None and len(self.store.shots) == 1 else None
-        if image.pixels.ndim != 2 or (expected is not None and image.pixels.shape != expected):
+        self._shape = self._shape or image.pixels.shape
+        if image.pixels.ndim != 2 or image.pixels.shape != self._shape:
             raise DeviceError(
                 self.camera.name,
                 f"an image of shape {image.pixels.shape} for {describe(pattern)}",
@@ -211,7 +225,13 @@ class Loop:
         self.notes.clear()
 
 
-def verify(store: Store, lines: tuple[int, int]) -> list[Finding]:
+def judge(findings: Sequence[Finding]) -> tuple[list[int], Finding | None]:
+    """Give the shots that are to be taken again, and the finding that something moved."""
+    wrong = sorted({i for f in findings if f.level == "bad" for i in f.shots})
+    return wrong, next((f for f in findings if f.check == "movement" and f.level != "good"), None)
+
+
+def verify(store: Store, lines: tuple[int, int], progress: Progress = SILENT) -> list[Finding]:
     """Read all shots back from disk and run every check on them.
 
     Parameters
@@ -220,26 +240,37 @@ def verify(store: Store, lines: tuple[int, int]) -> list[Finding]:
         With every planned shot taken.
     lines : (int, int)
         The projector's columns and rows.
+    progress : Progress
+
+    Raises
+    ------
+    DeviceError
+        If frames have different sizes.
     """
     plan = store.plan
-    at: NDArray[np.intp] | None = None
-    grey: list[Any] = []
-    for i in range(len(plan.shots)):
-        pixels = store.read(i)
-        if at is None:
-            at, shape = sample_grid(pixels.shape), pixels.shape
+    shape = store.read(0).shape
+    at = sample_grid(shape)
+
+    def sample(shot: int) -> NDArray[np.float64]:
+        progress.check()
+        pixels = store.read(shot)
         if pixels.shape != shape:
             raise DeviceError(
-                store.folder / store.shots[i].file,
+                store.folder / store.shots[shot].file,
                 f"{pixels.shape[1]}x{pixels.shape[0]} px among frames of {shape[1]}x{shape[0]} px",
                 "remove the capture's folder and set the camera to one size",
             )
-        grey.append(pixels[at[0], at[1]].astype(np.float64))
-    assert at is not None  # a plan has at least one shot
+        return pixels[at[0], at[1]].astype(np.float64)
+
+    progress(0.0, "reading the frames back")
+    with ThreadPoolExecutor(2) as pool:  # decoding a PNG leaves the interpreter to others
+        grey = list(pool.map(sample, range(len(plan.shots))))
+    progress(0.3, "verifying")
     full = (1 << store.shots[0].bits) - 1
     sampled = summarise(plan, np.array(grey), at, shape, full)
     before = [store.read(i).astype(np.float64) for i, _ in plan.guard_pairs]
     after = [store.read(i).astype(np.float64) for _, i in plan.guard_pairs]
+    progress(0.5, "verifying")
     return [
         *identity(plan, sampled, lines),
         modulation(plan, sampled),
@@ -249,7 +280,13 @@ def verify(store: Store, lines: tuple[int, int]) -> list[Finding]:
     ]
 
 
-def _check_sizes(project: Project, projector: Projector, camera: Camera) -> None:
+def check_sizes(project: Project, projector: Projector, camera: Camera) -> None:
+    """See that the devices are those of the project.
+
+    Raises
+    ------
+    InputError
+    """
     for device, spec, size, unit in (
         ("projector", project.projector, projector.size, "lines"),
         ("camera", project.camera, camera.size, "px"),

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import json
 import os
+import threading
 import time
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,12 +24,18 @@ from core.capture.finding import Finding
 from core.capture.plan import Plan
 from core.devices import Image
 from core.errors import InputError, StripeError
-from core.patterns import pattern_to_dict
-from core.project import read_image, write_image
+from core.fields import Fields
+from core.patterns import pattern_from_dict, pattern_to_dict
+from core.project import read_capture, read_image, write_image
 from core.project.captures import VERSION, write_capture_json
 from core.project.images import Image as Pixels
+from core.project.unfinished import TRANSCRIPT, Status, is_intact, transcript, unfinished_status
 
-TRANSCRIPT = "transcript.jsonl"
+Listen = Callable[[dict[str, Any]], None]  # hears every line of the transcript as it is written, in whatever thread
+
+
+def no_listener(entry: dict[str, Any]) -> None:
+    """Hear nothing."""
 
 
 @dataclass(frozen=True)
@@ -49,15 +56,19 @@ class Store:
     shots: dict[int, Shot] = field(default_factory=dict)  # the latest of every planned shot
     taken: int = 0
     started_s: float = field(default_factory=time.monotonic)
+    listen: Listen = no_listener
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     def note(self, event: str, flush: bool = False, **details: Any) -> None:
         """Add a line to the transcript: seconds since the start (or since it was resumed), the event, its details."""
         entry = {"t": round(time.monotonic() - self.started_s, 6), "event": event, **details}
-        with _told(self.folder / TRANSCRIPT), (self.folder / TRANSCRIPT).open("ab") as file:
+        path = self.folder / TRANSCRIPT
+        with self._lock, _told(path), path.open("ab") as file:
             file.write(json.dumps(entry, ensure_ascii=False).encode() + b"\n")
             if flush:
                 file.flush()
                 os.fsync(file.fileno())
+        self.listen(entry)
 
     def keep(self, planned: int, image: Image) -> Shot:
         """Write an image to disk, durably, then its line in the transcript."""
@@ -119,7 +130,7 @@ class Store:
             )
 
 
-def open_store(folder: Path, plan: Plan) -> Store:
+def open_store(folder: Path, plan: Plan, listen: Listen = no_listener) -> Store:
     """Start a capture's folder, or go on with one that was interrupted.
 
     Raises
@@ -130,7 +141,7 @@ def open_store(folder: Path, plan: Plan) -> Store:
     if not folder.exists() or not any(p for p in folder.iterdir() if not p.name.endswith(".part")):
         with _told(folder):
             folder.mkdir(parents=True, exist_ok=True)
-        store = Store(folder, plan)
+        store = Store(folder, plan, listen=listen)
         store.begin()
         store.note("began", True, wall=_wall(), guards=len(plan.guards))
         return store
@@ -148,34 +159,42 @@ def open_store(folder: Path, plan: Plan) -> Store:
         )
     for part in folder.glob(".*.part"):
         part.unlink(missing_ok=True)
-    store = Store(folder, plan)
-    store.taken, entries = _numbers(folder), list(_transcript(folder))
+    store = Store(folder, plan, listen=listen)
+    store.taken, entries = _numbers(folder), list(transcript(folder))
     for entry in entries:
-        if entry.get("event") == "shot" and _intact(folder, entry):
+        if entry.get("event") == "shot" and is_intact(folder, entry):
             store.shots[entry["planned"]] = Shot(entry["planned"], entry["file"], entry["bits"])
         elif entry.get("event") == "rejected":
             store.shots.pop(entry.get("planned", -1), None)
     with _told(folder / TRANSCRIPT), (folder / TRANSCRIPT).open("ab") as file:
         file.write(b"\n")  # ends a line that a power cut has torn
-    store.note("resumed", True, wall=_wall(), guards=len(plan.guards), kept=len(store.shots))
+    store.note("resumed", True, wall=_wall(), guards=len(plan.guards), kept=sorted(store.shots))
     return store
 
 
-@dataclass(frozen=True)
-class Status:
-    """What is in a capture's folder: how many frames were planned, which of them have been taken and verified."""
+def reopen_store(folder: Path, listen: Listen = no_listener) -> Store:
+    """Open a complete capture to take single frames of it again; it stays as it is until `Store.finish`.
 
-    state: str
-    planned: int
-    taken: int
-    missing: tuple[int, ...]
-
-    def __str__(self) -> str:
-        if self.state == "complete":
-            return f"complete: {self.planned} frames"
-        numbers = ", ".join(str(i) for i in self.missing)
-        what = f"missing: {numbers}" if self.missing else "all taken, not yet verified"
-        return f"incomplete: {self.taken} of {self.planned} frames taken; {what}"
+    Raises
+    ------
+    InputError
+        If the capture is not complete, or was recorded by another program.
+    """
+    document = _document(folder)
+    if document.get("state") != "complete" or "guards" not in document:
+        raise InputError(folder, "was not recorded and verified by this program", "capture it under another name")
+    capture, where = read_capture(folder), str(folder / "capture.json")
+    kept = [Fields.of(item, f"{where}: guards") for item in document["guards"]]
+    guards = [(g.text("file"), pattern_from_dict(g.data.get("pattern"), g.where)) for g in kept]
+    half, frames = len(guards) // 2, [(frame.path.name, frame.pattern) for frame in capture.frames]
+    patterns, before = tuple(p for _, p in frames), tuple(p for _, p in guards[:half])
+    name, z_mm, angle = document.get("testfield"), capture.z_mm, capture.angle_deg
+    plan = Plan(folder.name, capture.role, patterns, before, name, z_mm, angle)
+    store = Store(folder, plan, taken=_numbers(folder), listen=listen)
+    bits = Fields.of(document, where).integer("camera_bits", 1, 16)
+    for i, (file, _) in enumerate([*guards[:half], *frames, *guards[half:]]):
+        store.shots[i] = Shot(i, file, bits)
+    return store
 
 
 def capture_status(folder: Path) -> Status:
@@ -190,16 +209,7 @@ def capture_status(folder: Path) -> Status:
     if document.get("state", "complete") == "complete":
         count = len(document.get("frames", []))
         return Status("complete", count, count, ())
-    planned, entries = len(document.get("planned", [])), list(_transcript(folder))
-    before = next((int(e["guards"]) for e in entries if "guards" in e), 0)
-    have: set[int] = set()
-    for entry in entries:
-        if entry.get("event") == "shot" and _intact(folder, entry):
-            have.add(entry["planned"] - before)
-        elif entry.get("event") == "rejected":
-            have.discard(entry["planned"] - before)
-    missing = tuple(i for i in range(planned) if i not in have)
-    return Status("taking", planned, planned - len(missing), missing)
+    return unfinished_status(folder, len(document.get("planned", [])))
 
 
 def is_complete(folder: Path) -> bool:
@@ -226,26 +236,6 @@ def _document(folder: Path) -> dict[str, Any]:
     if not isinstance(document, dict) or document.get("version") != VERSION:
         raise InputError(path, "not a capture of this program's version", "choose another name for the capture")
     return document
-
-
-def _transcript(folder: Path) -> Iterator[dict[str, Any]]:
-    """Read the transcript's whole lines; a power cut may have torn the last one."""
-    path = folder / TRANSCRIPT
-    for line in path.read_bytes().split(b"\n") if path.exists() else []:
-        try:
-            entry = json.loads(line)
-        except ValueError:
-            continue
-        if isinstance(entry, dict):
-            yield entry
-
-
-def _intact(folder: Path, entry: dict[str, Any]) -> bool:
-    try:
-        pixels = read_image(folder / entry["file"])
-        return zlib.crc32(pixels.tobytes()) == entry["crc"] and isinstance(entry["planned"], int) and "bits" in entry
-    except (InputError, KeyError, TypeError):
-        return False
 
 
 def _numbers(folder: Path) -> int:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from core.devices.protocol import Image, Note, Pixels, no_note
+from core.devices.protocol import GRAIN_S, Check, Image, Note, Pixels, Setting, no_check, no_note
 from core.errors import DeviceError
 
 SAME = 0.02  # a setting read back within two per cent counts as taken
@@ -80,7 +80,17 @@ class GenicamCamera:
         """Width and height in px."""
         return int(self._nodes.Width.value), int(self._nodes.Height.value)
 
-    def grab(self, timeout_s: float = 5.0) -> Image:
+    @property
+    def setting(self) -> Setting:
+        """The exposure time."""
+        return Setting("exposure_us", "exposure", "µs", 1e6 * self._exposure_s())
+
+    def adjust(self, value: float) -> Setting:
+        """Set the exposure time and read it back."""
+        self._expose("Exposure", value)
+        return self.setting
+
+    def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
         """Take one image."""
         if self._acquirer is None:
             raise DeviceError(self.name, "closed", "open it again")
@@ -88,10 +98,10 @@ class GenicamCamera:
         if self._triggered:
             with self._told("does not take the trigger", "switch the camera off and on"):
                 self._nodes.TriggerSoftware.execute()
-            return Image(self._fetch(timeout_s), self.bits, start)
+            return Image(self._fetch(timeout_s, check), self.bits, start)
         for passed in range(64):
             begun = time.monotonic()
-            pixels = self._fetch(max(0.01, start + timeout_s - begun))
+            pixels = self._fetch(max(0.01, start + timeout_s - begun), check)
             waited = time.monotonic() - begun
             # an image that was there at once came from a buffer, and the first that had to be waited for began before
             if passed and waited > 0.001 and time.monotonic() - start > self._exposure_s():
@@ -127,9 +137,7 @@ class GenicamCamera:
             raise DeviceError(self.name, seen, "choose a grey one: format=Mono8")
         for node, value in (("Exposure", exposure_us), ("Gain", gain)):
             if value is not None:
-                if hasattr(self._nodes, f"{node}Auto"):
-                    self._wanted(f"{node}Auto", "Off")
-                self._wanted("ExposureTime" if node == "Exposure" else node, value)
+                self._expose(node, value)
         self._triggered = hasattr(self._nodes, "TriggerSoftware") and hasattr(self._nodes, "TriggerMode")
         if self._triggered:
             for node, text in (("TriggerSelector", "FrameStart"), ("TriggerSource", "Software"), ("TriggerMode", "On")):
@@ -137,6 +145,12 @@ class GenicamCamera:
                     self._wanted(node, text)
         else:
             self.note(self.name, "has no software trigger and runs freely")
+
+    def _expose(self, node: str, value: float) -> None:
+        """Set exposure or gain, without the camera's own automatic."""
+        if hasattr(self._nodes, f"{node}Auto"):
+            self._wanted(f"{node}Auto", "Off")
+        self._wanted("ExposureTime" if node == "Exposure" else node, value)
 
     def _wanted(self, node: str, value: Any) -> None:
         """Set a node and read it back."""
@@ -152,11 +166,22 @@ class GenicamCamera:
     def _exposure_s(self) -> float:
         return float(self._nodes.ExposureTime.value) / 1e6 if hasattr(self._nodes, "ExposureTime") else 0.0
 
-    def _fetch(self, timeout_s: float) -> Pixels:
+    def _fetch(self, timeout_s: float, check: Check = no_check) -> Pixels:
         """Copy the next image out of the producer's buffer."""
+        end = time.monotonic() + timeout_s
+        while (rest := end - time.monotonic()) > GRAIN_S:
+            check()
+            try:
+                return self._fetched(min(rest, GRAIN_S), timeout_s)
+            except DeviceError:  # nothing yet, as a rule; what else it is the last try tells
+                if time.monotonic() < end - rest + GRAIN_S / 2:
+                    break  # it was not the waiting that failed
+        return self._fetched(max(0.01, end - time.monotonic()), timeout_s)
+
+    def _fetched(self, wait_s: float, patience_s: float) -> Pixels:
         with (
-            self._told(f"no image within {timeout_s:g} s", "check the camera's cable and trigger"),
-            self._acquirer.fetch(timeout=timeout_s) as buffer,
+            self._told(f"no image within {patience_s:g} s", "check the camera's cable and trigger"),
+            self._acquirer.fetch(timeout=wait_s) as buffer,
         ):
             part = buffer.payload.components[0]
             return np.array(part.data).reshape(int(part.height), int(part.width))

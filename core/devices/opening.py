@@ -75,8 +75,9 @@ def open_camera(url: str, note: Note = no_note) -> Camera:
             stage = open_stage(address)
             faults = parse_faults(address.text("faults", ""), CAMERA_FAULTS, url, address.integer("fault_seed", 0))
             exposure_s = address.real("exposure_ms", 0.0, 0.0, 60_000.0) / 1000
+            gain = address.real("gain", 1.0, 0.01, 100.0)
             address.finish()
-            return VirtualCamera(stage, exposure_s, faults)
+            return VirtualCamera(stage, exposure_s, faults, gain)
         case "folder":
             bits = address.integer("bits", 0, 0, 16)
             address.finish()

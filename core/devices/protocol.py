@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
 
@@ -13,10 +13,16 @@ from core.patterns import Pattern, Phase
 
 Pixels = NDArray[Any]  # (H, W), uint8 or uint16
 Note = Callable[[str, str], None]  # who, what: a device tells the transcript what it did beside the asked
+Check = Callable[[], None]  # raises when the user has cancelled
+GRAIN_S = 0.1  # longest wait between two checks
 
 
 def no_note(who: str, what: str) -> None:
     """Drop what a device tells."""
+
+
+def no_check() -> None:
+    """Never cancel."""
 
 
 @dataclass(frozen=True)
@@ -95,8 +101,10 @@ class Camera(Protocol):
         """Width and height in px; None where the device cannot tell before its first image."""
         ...
 
-    def grab(self, timeout_s: float = 5.0) -> Image:
+    def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
         """Take one image whose exposure begins after the call, never one that waited in a buffer.
+
+        `check` is called at least every `GRAIN_S` while nothing has come; what it raises ends the wait.
 
         Raises
         ------
@@ -110,6 +118,36 @@ class Camera(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Setting:
+    """What makes a camera's images brighter: the option of its URL, "exposure" or "gain", and the value that is set."""
+
+    option: str
+    what: str
+    unit: str
+    value: float
+
+
+@runtime_checkable
+class Adjustable(Protocol):
+    """A camera whose exposure can be set while it is open."""
+
+    @property
+    def setting(self) -> Setting:
+        """What is set now."""
+        ...
+
+    def adjust(self, value: float) -> Setting:
+        """Set the exposure and read it back.
+
+        Raises
+        ------
+        DeviceError
+            When the camera takes another value.
+        """
+        ...
+
+
 def refuse_grey(pattern: Pattern) -> str | None:
     """Say why a device of lines that are on or off cannot show a pattern."""
     if isinstance(pattern, Phase) and pattern.profile == "sine":
@@ -117,7 +155,8 @@ def refuse_grey(pattern: Pattern) -> str | None:
     return None
 
 
-def wait_until(moment_s: float) -> None:
+def wait_until(moment_s: float, check: Check = no_check) -> None:
     """Sleep until a moment of `time.monotonic`; never shorter, whatever the clock's grain."""
     while (rest := moment_s - time.monotonic()) > 0:
-        time.sleep(rest)
+        time.sleep(min(rest, GRAIN_S))
+        check()

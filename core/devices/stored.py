@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from core.devices.protocol import Image, Pixels
+from core.devices.protocol import Check, Image, Pixels, no_check
 from core.devices.scene import Lines
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.patterns import Pattern
@@ -79,11 +79,12 @@ class FolderCamera:
         """Width and height of the images so far."""
         return self._size
 
-    def grab(self, timeout_s: float = 5.0) -> Image:
+    def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
         """Wait for a file that was not there before this call, and read it once it is complete."""
         self._seen |= self._list()
         end = time.monotonic() + timeout_s
         while time.monotonic() < end:
+            check()
             fresh = sorted(self._list() - self._seen)
             if fresh and (pixels := self._read(fresh[0], end)) is not None:
                 self._seen.add(fresh[0])

@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from core.devices.protocol import Image, Note, Pixels, no_note
+from core.devices.protocol import GRAIN_S, Check, Image, Note, Pixels, Setting, no_check, no_note
 from core.errors import DeviceError
 
 MANUAL = (1.0, 0.25)  # what "no automatic exposure" is called by Video4Linux and by others
@@ -100,7 +100,17 @@ class UvcCamera:
         """Width and height in px."""
         return self._size
 
-    def grab(self, timeout_s: float = 5.0) -> Image:
+    @property
+    def setting(self) -> Setting:
+        """The exposure, in the unit of the device's driver."""
+        return Setting("exposure", "exposure", "", float(self._capture.get(cv2.CAP_PROP_EXPOSURE)))
+
+    def adjust(self, value: float) -> Setting:
+        """Set the exposure and read it back."""
+        self._expose(value)
+        return self.setting
+
+    def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
         """Give the first image that was exposed after this call.
 
         An image needs up to one period to be read out, and was exposed for at most one: it must arrive two periods
@@ -116,6 +126,7 @@ class UvcCamera:
                 self._latest is not None and self._count >= at_call + 2 and self._latest[1] - start >= 1.95 * period_s
             ),
             timeout_s,
+            check,
         )
         return Image(pixels, self._bits, max(start, arrived - period_s))
 
@@ -139,11 +150,14 @@ class UvcCamera:
         if height:
             self._wanted("height", cv2.CAP_PROP_FRAME_HEIGHT, float(height))
         if exposure is not None:
-            if not any(self._capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, manual) for manual in MANUAL):
-                self.note(self.name, "automatic exposure cannot be switched off")
-            self._wanted("exposure", cv2.CAP_PROP_EXPOSURE, exposure)
+            self._expose(exposure)
         if gain is not None:
             self._wanted("gain", cv2.CAP_PROP_GAIN, gain)
+
+    def _expose(self, exposure: float) -> None:
+        if not any(self._capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, manual) for manual in MANUAL):
+            self.note(self.name, "automatic exposure cannot be switched off")
+        self._wanted("exposure", cv2.CAP_PROP_EXPOSURE, exposure)
 
     def _wanted(self, what: str, key: int, value: float, text: Callable[[float], str] = "{:g}".format) -> None:
         """Set something and read it back."""
@@ -173,11 +187,14 @@ class UvcCamera:
             if not taken:
                 self._end.wait(0.01)
 
-    def _wait(self, ready: Callable[[], bool], timeout_s: float) -> tuple[Pixels, float]:
-        with self._news:
-            if self._news.wait_for(ready, timeout_s) and self._latest is not None:
-                return self._latest
-            why = f", {self._failures} failed reads" if self._failures else ""
+    def _wait(self, ready: Callable[[], bool], timeout_s: float, check: Check = no_check) -> tuple[Pixels, float]:
+        end = time.monotonic() + timeout_s
+        while (rest := end - time.monotonic()) > 0:
+            check()
+            with self._news:
+                if self._news.wait_for(ready, min(rest, GRAIN_S)) and self._latest is not None:
+                    return self._latest
+        why = f", {self._failures} failed reads" if self._failures else ""
         raise DeviceError(self.name, f"no image within {timeout_s:g} s{why}", "check the camera's cable and its light")
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.devices.faults import CAMERA_FAULTS, Faults
-from core.devices.protocol import Image, Pixels, wait_until
+from core.devices.protocol import Check, Image, Pixels, Setting, no_check, wait_until
 from core.devices.scene import Lines, Scene
 from core.errors import DeviceError, PatternRefusedError
 from core.patterns import Black, Pattern
@@ -101,11 +101,14 @@ class VirtualProjector:
 
 
 class VirtualCamera:
-    """A camera that looks at a stage, with faults on demand."""
+    """A camera that looks at a stage, with faults on demand.
 
-    def __init__(self, stage: Stage, exposure_s: float = 0.0, faults: Faults | None = None) -> None:
+    `gain` multiplies its grey values, as a camera's digital gain does.
+    """
+
+    def __init__(self, stage: Stage, exposure_s: float = 0.0, faults: Faults | None = None, gain: float = 1.0) -> None:
         self.name, self.bits, self.exposure_s = "virtual camera", stage.scene.bits, exposure_s
-        self.stage, self.faults = stage, faults or Faults()
+        self.stage, self.faults, self.gain = stage, faults or Faults(), gain
         self._previous: Pixels | None = None
         self._open = True
 
@@ -114,7 +117,17 @@ class VirtualCamera:
         """Width and height in px."""
         return self.stage.scene.camera_size
 
-    def grab(self, timeout_s: float = 5.0) -> Image:
+    @property
+    def setting(self) -> Setting:
+        """The gain."""
+        return Setting("gain", "gain", "", self.gain)
+
+    def adjust(self, value: float) -> Setting:
+        """Set the gain."""
+        self.gain = value
+        return self.setting
+
+    def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
         """Take one image."""
         if not self._open:
             raise DeviceError(self.name, "closed", "open it again")
@@ -125,7 +138,10 @@ class VirtualCamera:
                 self.name, f"no image within {timeout_s:g} s", "check the camera's cable, trigger and exposure time"
             )
         pixels = self.stage.expose()
-        wait_until(start + self.exposure_s)
+        if self.gain != 1.0:
+            top = (1 << self.bits) - 1
+            pixels = np.clip(np.rint(pixels * self.gain), 0, top).astype(pixels.dtype)
+        wait_until(start + self.exposure_s, check)
         previous, self._previous = self._previous, pixels
         if fault == "stale-frame" and previous is not None:
             pixels = previous

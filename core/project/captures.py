@@ -17,6 +17,7 @@ from core.model import Capture, DeviceSpec, Frame, Project, ScaleBar, Seed, Test
 from core.patterns import Pattern, pattern_from_dict, pattern_to_dict
 from core.project.atomic import atomic_write, write_json
 from core.project.images import Image, write_image
+from core.project.unfinished import unfinished_status
 
 VERSION = 1
 ROLES = ("testfield", "depth", "plane", "object")
@@ -128,6 +129,9 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
     path = folder / "capture.json"
     fields = read_document(path, "stripe-capture")
     role = fields.text("role", among=ROLES)
+    if fields.data.get("state") == "taking":
+        status = unfinished_status(folder, len(fields.items("planned")))
+        raise InputError(path, str(status), "start the same capture again: it goes on where it stopped")
     frames = []
     for i, item in enumerate(fields.items("frames")):
         entry = Fields.of(item, f"{path}: frame {i}")

@@ -1,0 +1,91 @@
+"""One frame of a complete capture taken again, or the capture left as it was."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from contextlib import closing
+
+from core.capture.plan import check_shown
+from core.capture.run import ROUNDS, CaptureReport, Loop, Said, check_sizes, judge, verify
+from core.capture.store import Listen, no_listener, reopen_store
+from core.devices import open_camera, open_projector
+from core.errors import DeviceError, InputError
+from core.model import Project
+from core.progress import SILENT, Progress
+
+
+def retake_frame(
+    project: Project,
+    name: str,
+    frame: int,
+    projector_url: str,
+    camera_url: str,
+    *,
+    progress: Progress = SILENT,
+    listen: Listen = no_listener,
+) -> CaptureReport:
+    """Take one frame of a complete capture again, with the guards after it, and verify the whole capture anew.
+
+    The capture stays as it is until the new frame has been verified together with all others: what interrupts this
+    costs no more than the new frame.
+
+    Parameters
+    ----------
+    project : Project
+    name : str
+        The capture's folder.
+    frame : int
+        Number of the frame in capture.json, from 0.
+    projector_url, camera_url, listen
+        As `run_capture` takes them.
+
+    Raises
+    ------
+    InputError
+        If there is no such capture or frame.
+    DeviceError
+        If a device fails, the new frame does not show its pattern, or something has moved since.
+    """
+    folder = project.path / "captures" / name
+    store = reopen_store(folder, listen)
+    plan = store.plan
+    if not 0 <= frame < len(plan.patterns):
+        raise InputError(folder, f"no frame {frame}", f"choose 0 to {len(plan.patterns) - 1}")
+    notes: list[Said] = []
+
+    def note(who: str, what: str) -> None:
+        notes.append((time.monotonic(), who, what))
+
+    with closing(open_projector(projector_url, note)) as projector, closing(open_camera(camera_url, note)) as camera:
+        check_sizes(project, projector, camera)
+        check_shown(plan, projector.refusal, projector.name)
+        store.note("retake", True, planned=plan.own[frame])
+        return _again(Loop(store, projector, camera, notes), plan.own[frame], progress)
+
+
+def _again(loop: Loop, shot: int, progress: Progress) -> CaptureReport:
+    store, start = loop.store, time.monotonic()
+    kept, first = dict(store.shots), store.taken
+    due: Sequence[int] = [shot, *range(loop.plan.own.stop, len(loop.plan.shots))]
+    try:
+        for attempt in range(ROUNDS + 1):
+            loop.take(due, progress.part(0.0, 0.8))
+            findings = verify(store, loop.projector.size, progress.part(0.8, 1.0))
+            due, moved = judge(findings)
+            if not due and moved is None:
+                return loop.finish(findings, start, attempt + 1, len(kept))
+            if moved is not None or not set(due) <= {shot, *range(loop.plan.own.stop, len(loop.plan.shots))}:
+                break
+            loop.doubt()
+        reasons = "; ".join(f.text for f in findings if f.level == "bad" or f is moved)
+        raise DeviceError(
+            store.folder,
+            f"the new frame does not fit the others ({reasons}); the capture is as it was",
+            "look whether the scene stands as it did then, or take a new capture",
+        )
+    except BaseException:
+        store.shots = kept
+        for number in range(first, store.taken):
+            (store.folder / f"shot-{number:04d}.png").unlink(missing_ok=True)
+        raise
