@@ -46,6 +46,7 @@ _HOME = {
     "reconstruct_capture": "core.pipeline",
     "evaluate_project": "core.pipeline",
     "report_project": "core.pipeline",
+    "print_testfield": "core.pipeline",
     "CalibrateOptions": "core.pipeline",
     "read_project": "core.project",
     "read_capture": "core.project",

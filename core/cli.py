@@ -87,6 +87,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("out", type=Path, metavar="OUT")
     _scenario(sub)
 
+    sub = command("testfield", _testfield, "a testfield to print at true size")
+    sub.add_argument("testfield", type=Path, metavar="PROJECT|TESTFIELD.csv")
+    sub.add_argument("--out", type=Path, required=True, metavar="FILE.pdf|FILE.svg")
+
     sub = command("capture", _capture, "run one sequence on real or virtual devices")
     _project(sub)
     sub.add_argument("name", metavar="NAME")
@@ -110,6 +114,11 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--degree", type=int, default=3, help="degree of the depth polynomial (default 3)")
     sub.add_argument("--table", action="store_true", help="piecewise-linear depth table instead of the polynomial")
     sub.add_argument("--low-pass", type=float, default=2.0, metavar="PX", help="smooth the plate (default 2; 0: off)")
+    sub.add_argument("--without", action="append", default=[], metavar="NAME", help="leave this capture out")
+    sub.add_argument("--hold", action="append", default=[], metavar="P", help="do not estimate, such as projector.A3")
+    sub.add_argument(
+        "--reject", type=float, default=6.0, metavar="SIGMAS", help="gross errors (default 6; 0: keep all)"
+    )
 
     sub = command("adjust", _adjust, "the bundle adjustment of a network alone")
     sub.add_argument("network", type=Path, metavar="NETWORK")
@@ -166,6 +175,21 @@ def _simulate(options: argparse.Namespace, progress: Progress) -> dict[str, Any]
     return {"project": str(project.path), "captures": len(project.captures), "seed": options.seed}
 
 
+def _testfield(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import print_testfield
+
+    sheet = print_testfield(options.testfield, options.out, progress)
+    across, down = sheet.bars_mm
+    print(f"{options.out}: page of {sheet.width_mm:.1f} x {sheet.height_mm:.1f} mm")
+    print(f"print at 100 %; its bars must then measure {across:g} mm across and {down:g} mm down")
+    return {
+        "out": str(options.out),
+        "targets": len(sheet.targets_mm),
+        "page_mm": [sheet.width_mm, sheet.height_mm],
+        "bars_mm": [across, down],
+    }
+
+
 def _capture(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from core.pipeline import capture_into
 
@@ -218,7 +242,14 @@ def _calibrate(options: argparse.Namespace, progress: Progress) -> dict[str, Any
         raise InputError("--degree", f"is {options.degree}", "give 1 or more")
     if not options.low_pass >= 0:
         raise InputError("--low-pass", f"is {options.low_pass}", "give 0 or more pixels")
-    chosen = CalibrateOptions(not options.free_stations, None if options.table else options.degree, options.low_pass)
+    chosen = CalibrateOptions(
+        rigid=not options.free_stations,
+        degree=None if options.table else options.degree,
+        low_pass_px=options.low_pass,
+        without=tuple(options.without),
+        hold=tuple(options.hold),
+        reject_beyond=options.reject or None,
+    )
     project = read_project(options.project)
     calibrations = calibrate_project(project, options.method, chosen, progress)
     print(result_tables(project))

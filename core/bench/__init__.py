@@ -23,10 +23,11 @@ from core.bench.optics import Lcd, Lens
 from core.bench.render import Exposure, Prepared, expose, lines_of, prepare, render
 from core.bench.rig import Rig, converging_pair, interior, look_at
 from core.bench.scenarios import experiment, plan, scenarios
-from core.bench.scene import Block, Board, Form, Scene, Sphere, board_as_made, nominal_testfield
+from core.bench.scene import Block, Board, Form, Scene, Sphere, board_as_made
 from core.bench.sensor import Sensor
 from core.bench.simulate import simulate, truth_of
 from core.bench.truth import TrueTargets, TruthMaps, operator_picks, true_targets, truth_maps
+from core.project import nominal_testfield
 
 __all__ = [
     "Block",

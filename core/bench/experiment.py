@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from core.bench.faults import displaced, fault
 from core.bench.render import Exposure, Prepared, expose, prepare
 from core.bench.rig import Rig
-from core.bench.scene import BLACK, Block, Board, Scene, Sphere, board_as_made, nominal_testfield, random_form
+from core.bench.scene import BLACK, Block, Board, Scene, Sphere, board_as_made, random_form
 from core.bench.truth import operator_picks, true_targets
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_axis_angle
 from core.model import Role, ScaleBar, Seed, Testfield
 from core.patterns import Pattern
 from core.progress import SILENT, Progress
+from core.project import nominal_testfield
 
 Array = NDArray[np.float64]
 Image = NDArray[Any]

@@ -130,27 +130,6 @@ def random_form(rng: np.random.Generator, half_size_mm: tuple[float, float], pea
     return Form(a * (peak_to_valley_mm / np.ptp(h)), scale)
 
 
-def nominal_testfield(
-    rows: int,
-    cols: int,
-    pitch_mm: float,
-    diameter_mm: float,
-    polarity: str = "white-on-black",
-) -> Testfield:
-    """Lay out a regular field, row 0 at the top and column 0 at the left, its middle at the origin, z = 0.
-
-    Examples
-    --------
-    >>> field = nominal_testfield(13, 19, 12.0, 5.0)
-    >>> len(field.row), field.xyz_mm[0]
-    (247, array([-108.,   72.,    0.]))
-    """
-    row, col = (a.ravel() for a in np.meshgrid(np.arange(rows), np.arange(cols), indexing="ij"))
-    x, y = (col - (cols - 1) / 2) * pitch_mm, ((rows - 1) / 2 - row) * pitch_mm
-    xyz = np.column_stack([x, y, np.zeros(row.size)])
-    return Testfield(row, col, xyz, np.full(row.size, diameter_mm), polarity)  # type: ignore[arg-type]
-
-
 def board_as_made(
     nominal: Testfield,
     rng: np.random.Generator,

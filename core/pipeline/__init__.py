@@ -15,6 +15,7 @@ from core.pipeline.folders import captures_of, find_capture, result_path
 from core.pipeline.measure import measure_project
 from core.pipeline.reconstruct import reconstruct_capture, write_cloud
 from core.pipeline.report import report_data, report_project, result_tables
+from core.pipeline.testfield import print_testfield
 
 __all__ = [
     "METHODS",
@@ -30,6 +31,7 @@ __all__ = [
     "load_evaluation",
     "measure_project",
     "phase_maps",
+    "print_testfield",
     "read_phase",
     "reconstruct_capture",
     "report_data",

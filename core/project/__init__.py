@@ -3,12 +3,14 @@
 atomic.py    a file is either the old one or the whole new one
 images.py    frames: single-channel PNG and TIFF of 8 or 16 bit; a truncated file is refused
 captures.py  project.json, testfield.csv, capture.json and picks.json, read and written
+boards.py    regular testfields, and a new project without captures
 networks.py  a network folder, read and written
 archive.py   the program's own results (targets, calibrations, evaluations), one file each
 """
 
 from core.project.archive import load_archive, save_archive
 from core.project.atomic import atomic_write, write_json
+from core.project.boards import create_project, nominal_testfield, refuse_used_folder
 from core.project.captures import (
     add_capture,
     find_project,
@@ -26,15 +28,18 @@ from core.project.networks import read_network, write_network
 __all__ = [
     "add_capture",
     "atomic_write",
+    "create_project",
     "find_project",
     "iterate_images",
     "load_archive",
+    "nominal_testfield",
     "read_capture",
     "read_image",
     "read_images",
     "read_network",
     "read_project",
     "read_testfield",
+    "refuse_used_folder",
     "save_archive",
     "write_capture",
     "write_image",

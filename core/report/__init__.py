@@ -11,6 +11,7 @@ words.py       the summary: sentences with the figures in them, what was warned 
 figures/       the drawings, one room of their own
 html.py        one self-contained HTML file
 pdf.py         the same content on A4 pages
+board.py       a testfield to print at true size, PDF and SVG
 write.py       both files, written whole or not at all
 
 Examples

@@ -1,0 +1,91 @@
+"""A new project: regular boards by rows and columns, and a folder written whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from core.errors import InputError
+from core.model import DeviceSpec, ScaleBar, Testfield
+from core.project.captures import write_project, write_testfield
+
+
+def nominal_testfield(
+    rows: int,
+    cols: int,
+    pitch_mm: float,
+    diameter_mm: float,
+    polarity: Literal["white-on-black", "black-on-white"] = "white-on-black",
+) -> Testfield:
+    """Lay out a regular field, row 0 at the top and column 0 at the left, its middle at the origin, z = 0.
+
+    Examples
+    --------
+    >>> field = nominal_testfield(13, 19, 12.0, 5.0)
+    >>> len(field.row), field.xyz_mm[0]
+    (247, array([-108.,   72.,    0.]))
+    """
+    row, col = (a.ravel() for a in np.meshgrid(np.arange(rows), np.arange(cols), indexing="ij"))
+    x, y = (col - (cols - 1) / 2) * pitch_mm, ((rows - 1) / 2 - row) * pitch_mm
+    xyz = np.column_stack([x, y, np.zeros(row.size)])
+    return Testfield(row, col, xyz, np.full(row.size, diameter_mm), polarity)
+
+
+def refuse_used_folder(folder: Path) -> None:
+    """See that a folder is new or empty.
+
+    Raises
+    ------
+    InputError
+        If something is there, or it cannot be looked into.
+    """
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise InputError(folder, "is a file", "choose a new or empty folder")
+        held = sorted(path.name for path in folder.iterdir()) if folder.exists() else []
+    except OSError as error:
+        raise InputError(folder, f"cannot be used ({error.strerror})", "choose a folder you may write to") from error
+    if held:
+        more = f" and {len(held) - 1} more" if len(held) > 1 else ""
+        raise InputError(folder, f"is not empty: it holds {held[0]}{more}", "choose a new or empty folder")
+
+
+def create_project(
+    folder: Path,
+    name: str,
+    camera: DeviceSpec,
+    projector: DeviceSpec,
+    boards: Mapping[str, Testfield],
+    scale: ScaleBar | None = None,
+) -> None:
+    """Write a project without captures: its boards first, then project.json, so that what it needs is there.
+
+    Parameters
+    ----------
+    folder : Path
+        New or empty; made if need be.
+    boards : mapping
+        Testfields by file name, such as "testfield.csv".
+
+    Raises
+    ------
+    InputError
+        If something is there already or the place cannot be written; nothing is left behind then.
+    """
+    folder = Path(folder)
+    refuse_used_folder(folder)
+    made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+    try:
+        for file, testfield in boards.items():
+            write_testfield(folder / file, testfield, f"nominal targets, {name}")
+        write_project(folder, name, camera, projector, scale)
+    except BaseException:
+        for file in boards:
+            (folder / file).unlink(missing_ok=True)
+        for parent in made:
+            if parent.is_dir():
+                parent.rmdir()
+        raise
