@@ -119,6 +119,7 @@ class Capture:
     z_mm: float | None = None
     angle_deg: float | None = None
     seeds: tuple[Seed, ...] = ()
+    excluded: tuple[tuple[int, int], ...] = ()  # (row, col) of targets that the operator does not want used
 
     @property
     def name(self) -> str:
@@ -188,7 +189,7 @@ class TargetSet:
 
     `camera_uv` (n, 2) px is the image of the circle's centre: the weighted centroid less `eccentricity_px` (n, 2).
     `camera_cov` (n, 2, 2) px². `projector_uv` (n, 2) lines and `projector_sigma` (n, 2) are NaN where that axis was not
-    decoded at the target.
+    decoded at the target. `made_from` signs what they were measured from, empty where nobody asked.
     """
 
     capture: str
@@ -201,6 +202,7 @@ class TargetSet:
     eccentricity_px: Array
     diameter_px: Array
     missing: tuple[MissingTarget, ...] = ()
+    made_from: str = ""
 
 
 # -------------------------------------------------------------------------------------------- networks and calibrations
@@ -349,6 +351,8 @@ class PlaneEvaluation:
     excluded_rule: str  # why; empty where none
     plane: Array  # (4,): unit normal towards the camera and offset, n . X = d
     deviation_mm: Floats = field(repr=False, compare=False, default_factory=lambda: np.zeros((0, 0), np.float32))
+    sigma_mm: Floats = field(repr=False, compare=False, default_factory=lambda: np.zeros((0, 0), np.float32))
+    camera: Interior | None = None  # by which the points were reconstructed
 
 
 Figures = dict[str, Any]  # what `--json` writes: plain numbers, strings, lists and dictionaries

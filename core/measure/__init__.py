@@ -20,9 +20,10 @@ kernels.py        the two loops over pixels
 """
 
 from core.measure.eccentricity import eccentricity
+from core.measure.missing import EXCLUDED
 from core.measure.options import MeasureOptions
 from core.measure.picks import side_seen
 from core.measure.targets import measure_targets
 from core.measure.view import View
 
-__all__ = ["MeasureOptions", "View", "eccentricity", "measure_targets", "side_seen"]
+__all__ = ["EXCLUDED", "MeasureOptions", "View", "eccentricity", "measure_targets", "side_seen"]

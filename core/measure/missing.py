@@ -10,6 +10,7 @@ from core.measure.rays import Rays
 from core.model import PhaseMap
 
 Array = NDArray[np.float64]
+EXCLUDED = "excluded by the operator"
 
 
 def reasons(phase: PhaseMap, lattice: Lattice, faults: dict[int, str]) -> dict[int, str]:

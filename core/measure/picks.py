@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
@@ -80,6 +80,21 @@ def check_picks(
     picks = Picks(where, np.array(target), uv, _affine(board, np.array(target), uv, where))
     _check_order(board, picks, side)
     return picks
+
+
+def check_excluded(board: Board, excluded: Collection[tuple[int, int]], where: str) -> set[int]:
+    """Find the targets (indices into the board) that an operator excluded.
+
+    Raises
+    ------
+    InputError
+        A target that the testfield does not have.
+    """
+    for row, col in excluded:
+        if (row, col) not in board.index:
+            seen = f"excluded has row {row}, col {col}, which is not in the testfield"
+            raise InputError(where, seen, "correct its row and column, or take it out")
+    return {board.index[target] for target in excluded}
 
 
 def side_seen(testfield: Testfield, seeds: Sequence[Seed]) -> Literal["front", "back"]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,9 +16,9 @@ from core.measure.eccentricity import eccentricity
 from core.measure.faults import shape_faults
 from core.measure.grow import Lattice
 from core.measure.identify import identify
-from core.measure.missing import reasons
+from core.measure.missing import EXCLUDED, reasons
 from core.measure.options import MeasureOptions
-from core.measure.picks import check_picks, snap
+from core.measure.picks import check_excluded, check_picks, snap
 from core.measure.profile import Profiles, profiles
 from core.measure.projector import around_dot, bilinear, decoded_inside, inside_dot, refuse_jumps
 from core.measure.rays import Rays
@@ -53,6 +53,7 @@ def measure_targets(
     camera: DeviceSpec,
     *,
     capture: str = "",
+    excluded: Collection[tuple[int, int]] = (),
     options: MeasureOptions = MeasureOptions(),  # noqa: B008  frozen
     progress: Progress = SILENT,
 ) -> TargetSet:
@@ -70,6 +71,8 @@ def measure_targets(
         Its nominal focal length gives the view of the board, needed for prediction and eccentricity only.
     capture : str
         Name of the capture, for the result and for messages.
+    excluded : collection of (row, col)
+        Targets that the operator does not want used: they end in `missing`. They still help to tell who is who.
     options : MeasureOptions
     progress : Progress
 
@@ -101,6 +104,7 @@ def measure_targets(
     where = f"{capture}/picks.json" if capture else "picks.json"
     image = _bright_dots(phase.image, testfield, camera, capture)
     picks = check_picks(board, seeds, (camera.width, camera.height), where, options.side)
+    unwanted = check_excluded(board, excluded, where)
     progress(0.0, "looking for dots")
     blobs = find_blobs(image, _diameters(board, picks.affine), picks.uv)
     spots = snap(board, picks, blobs)
@@ -115,7 +119,8 @@ def measure_targets(
         options.threshold,
     )
     progress(0.9, "reading projector coordinates")
-    return _target_set(phase, lattice, dots, capture, options)
+    fault = [EXCLUDED if int(t) in unwanted else f for t, f in zip(dots.target, dots.fault, strict=True)]
+    return _target_set(phase, lattice, replace(dots, fault=fault), unwanted, capture, options)
 
 
 def _bright_dots(image: Floats, testfield: Testfield, camera: DeviceSpec, capture: str) -> Floats:
@@ -172,7 +177,9 @@ def _recentred(profile: Profiles, ellipse: Array, shift: Array) -> Profiles:
     return replace(profile, off_centre=np.linalg.norm(offset, axis=1))
 
 
-def _target_set(phase: PhaseMap, lattice: Lattice, dots: Dots, capture: str, options: MeasureOptions) -> TargetSet:
+def _target_set(
+    phase: PhaseMap, lattice: Lattice, dots: Dots, unwanted: set[int], capture: str, options: MeasureOptions
+) -> TargetSet:
     """Correct the eccentricity, read the projector coordinates, and tell why the rest is missing."""
     board = lattice.board
     good = np.array([not f for f in dots.fault], dtype=bool)
@@ -184,7 +191,7 @@ def _target_set(phase: PhaseMap, lattice: Lattice, dots: Dots, capture: str, opt
     centre = uv - shift
     projector, sigma = _projector(phase, centre, ellipse, dots.window[good], options)
     faults = {int(t): f for t, f in zip(dots.target, dots.fault, strict=True) if f}
-    missing = reasons(phase, replace(lattice, view=view), faults)
+    missing = reasons(phase, replace(lattice, view=view), faults) | dict.fromkeys(sorted(unwanted), EXCLUDED)
     return TargetSet(
         capture=capture,
         row=board.row[target],

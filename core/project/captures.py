@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from core.atomic import atomic_write, write_json
 from core.errors import InputError
 from core.fields import Fields
 from core.model import Capture, DeviceSpec, Frame, Project, ScaleBar, Seed, Testfield
 from core.patterns import Pattern, pattern_from_dict, pattern_to_dict
-from core.project.atomic import atomic_write, write_json
 from core.project.images import Image, write_image
 from core.project.unfinished import unfinished_status
 
@@ -145,6 +145,7 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
     if role in ("testfield", "depth") and (name := fields.text("testfield", default=None)) is not None:
         root = project.path if project else find_project(folder) or folder
         testfield = read_testfield(root / name)
+    seeds, excluded = read_picks(folder / "picks.json") if (folder / "picks.json").exists() else ((), ())
     return Capture(
         folder,
         role,
@@ -152,12 +153,13 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
         testfield,
         fields.real("z_mm") if role == "depth" else None,
         fields.real("angle_deg", default=None),
-        read_picks(folder / "picks.json") if (folder / "picks.json").exists() else (),
+        seeds,
+        excluded,
     )
 
 
-def read_picks(path: Path) -> tuple[Seed, ...]:
-    """Read the targets an operator picked.
+def read_picks(path: Path) -> tuple[tuple[Seed, ...], tuple[tuple[int, int], ...]]:
+    """Read the targets an operator picked, and those (row, col) that he excluded.
 
     Raises
     ------
@@ -168,7 +170,13 @@ def read_picks(path: Path) -> tuple[Seed, ...]:
     for i, item in enumerate(fields.items("seeds")):
         seed = Fields.of(item, f"{path}: seed {i}")
         seeds.append(Seed(seed.integer("row"), seed.integer("col"), seed.real("u"), seed.real("v")))
-    return tuple(seeds)
+    excluded: dict[tuple[int, int], None] = {}
+    for i, item in enumerate(fields.items("excluded") if fields.data.get("excluded") is not None else ()):
+        if not isinstance(item, list) or len(item) != 2:
+            raise fields.refuse(f"excluded, entry {i},", item, "give [row, col]")
+        target = Fields({"row": item[0], "col": item[1]}, f"{path}: excluded, entry {i}")
+        excluded[target.integer("row"), target.integer("col")] = None
+    return tuple(seeds), tuple(excluded)
 
 
 def read_testfield(path: Path) -> Testfield:
@@ -299,10 +307,13 @@ def write_testfield(path: Path, testfield: Testfield, comment: str = "") -> None
         file.write(("\n".join(lines) + "\n").encode())
 
 
-def write_picks(path: Path, seeds: Sequence[Seed]) -> None:
-    """Write picks.json."""
+def write_picks(path: Path, seeds: Sequence[Seed], excluded: Sequence[tuple[int, int]] = ()) -> None:
+    """Write picks.json: the picks, and the targets (row, col) that must not be used in this capture."""
     picks = [{"row": s.row, "col": s.col, "u": s.u, "v": s.v} for s in seeds]
-    write_json(Path(path), {"format": "stripe-picks", "version": VERSION, "seeds": picks})
+    data: dict[str, Any] = {"format": "stripe-picks", "version": VERSION, "seeds": picks}
+    if excluded:
+        data["excluded"] = [[row, col] for row, col in excluded]
+    write_json(Path(path), data)
 
 
 def write_capture(

@@ -1,43 +1,67 @@
-"""Picks at work: `picks.json` once there are enough for measuring, `picks-draft.json` beside it before.
-
-No command reads a draft. Of two files that a crash left side by side the later one counts.
-"""
+"""A capture that was interrupted: what its transcript says has been taken and verified."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from core.model import Seed
-from core.project.captures import read_picks, write_picks
+from core.errors import InputError
+from core.project.images import read_image
 
-ENOUGH = 4  # picks that measuring needs
-PICKS, DRAFT = "picks.json", "picks-draft.json"
-
-
-def keep_picks(folder: Path, seeds: Sequence[Seed], excluded: Sequence[tuple[int, int]] = ()) -> None:
-    """Keep the picks of a capture, finished or not; the file that no longer holds goes after the other is there.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written.
-    """
-    kept, gone = (PICKS, DRAFT) if len(seeds) >= ENOUGH else (DRAFT, PICKS)
-    if seeds or excluded:
-        write_picks(Path(folder) / kept, seeds, excluded)
-    else:
-        (Path(folder) / kept).unlink(missing_ok=True)
-    (Path(folder) / gone).unlink(missing_ok=True)
+TRANSCRIPT = "transcript.jsonl"
 
 
-def kept_picks(folder: Path) -> tuple[tuple[Seed, ...], tuple[tuple[int, int], ...]]:
-    """Give the picks of a capture and the targets it excludes, as they were kept last.
+@dataclass(frozen=True)
+class Status:
+    """What is in a capture's folder: how many frames were planned, which of them have been taken and verified."""
 
-    Raises
-    ------
-    InputError
-        If the file cannot be used.
-    """
-    there = [path for path in (Path(folder) / PICKS, Path(folder) / DRAFT) if path.exists()]
-    return read_picks(max(there, key=lambda path: path.stat().st_mtime_ns)) if there else ((), ())
+    state: str
+    planned: int
+    taken: int
+    missing: tuple[int, ...]
+
+    def __str__(self) -> str:
+        if self.state == "complete":
+            return f"complete: {self.planned} frames"
+        numbers = ", ".join(str(i) for i in self.missing)
+        what = f"missing: {numbers}" if self.missing else "all taken, not yet verified"
+        return f"incomplete: {self.taken} of {self.planned} frames taken; {what}"
+
+
+def unfinished_status(folder: Path, planned: int) -> Status:
+    """Tell from the transcript which of the planned frames are there and whole."""
+    entries = list(transcript(folder))
+    before = next((int(e["guards"]) for e in entries if "guards" in e), 0)
+    have: set[int] = set()
+    for entry in entries:
+        if entry.get("event") == "shot" and is_intact(folder, entry):
+            have.add(entry["planned"] - before)
+        elif entry.get("event") == "rejected":
+            have.discard(entry["planned"] - before)
+    missing = tuple(i for i in range(planned) if i not in have)
+    return Status("taking", planned, planned - len(missing), missing)
+
+
+def transcript(folder: Path) -> Iterator[dict[str, Any]]:
+    """Read the transcript's whole lines; a power cut may have torn the last one."""
+    path = folder / TRANSCRIPT
+    for line in path.read_bytes().split(b"\n") if path.exists() else []:
+        try:
+            entry = json.loads(line)
+        except ValueError:
+            continue
+        if isinstance(entry, dict):
+            yield entry
+
+
+def is_intact(folder: Path, entry: dict[str, Any]) -> bool:
+    """Tell whether the frame of a transcript's entry is on the disk as it was written."""
+    try:
+        pixels = read_image(folder / entry["file"])
+        return zlib.crc32(pixels.tobytes()) == entry["crc"] and isinstance(entry["planned"], int) and "bits" in entry
+    except (InputError, KeyError, TypeError):
+        return False
