@@ -4,17 +4,19 @@ atomic.py    a file is either the old one or the whole new one
 images.py    frames: single-channel PNG and TIFF of 8 or 16 bit; a truncated file is refused
 captures.py  project.json, testfield.csv, capture.json and picks.json, read and written
 boards.py    regular testfields, and a new project without captures
+drafts.py    picks at work: finished or not, nothing is lost
 networks.py  a network folder, read and written
 archive.py   the program's own results (targets, calibrations, evaluations), one file each
 """
 
+from core.atomic import atomic_write, write_json
 from core.project.archive import load_archive, save_archive
-from core.project.atomic import atomic_write, write_json
 from core.project.boards import create_project, nominal_testfield, refuse_used_folder
 from core.project.captures import (
     add_capture,
     find_project,
     read_capture,
+    read_picks,
     read_project,
     read_testfield,
     write_capture,
@@ -22,21 +24,26 @@ from core.project.captures import (
     write_project,
     write_testfield,
 )
+from core.project.drafts import ENOUGH, keep_picks, kept_picks
 from core.project.images import iterate_images, read_image, read_images, write_image
 from core.project.networks import read_network, write_network
 
 __all__ = [
+    "ENOUGH",
     "add_capture",
     "atomic_write",
     "create_project",
     "find_project",
     "iterate_images",
+    "keep_picks",
+    "kept_picks",
     "load_archive",
     "nominal_testfield",
     "read_capture",
     "read_image",
     "read_images",
     "read_network",
+    "read_picks",
     "read_project",
     "read_testfield",
     "refuse_used_folder",
