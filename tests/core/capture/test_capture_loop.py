@@ -1,6 +1,7 @@
 """The loop on virtual devices: right frames, wrong frames taken again, interruptions."""
 
 import json
+import time
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,8 @@ def test_an_interrupted_capture_says_what_is_missing_and_goes_on_there(project: 
     assert 0 < status.taken < 20
     assert status.missing == tuple(range(status.taken, 20))
     assert f"{status.taken} of 20" in str(status)
+    with pytest.raises(InputError, match=f"{status.taken} of 20 frames taken; missing: {status.taken}"):
+        read_capture(project.path / "captures/a")
     report = run_capture(project, "a", "object", FLAT, FLAT)
     assert report.resumed == status.taken + 2  # and the two guards before
     assert truly_shows(report.folder)
@@ -137,6 +140,21 @@ def test_the_transcript_tells_every_shot_with_its_time(project: Project) -> None
     assert len(shots) == 24 + report.retakes
     assert times == sorted(times)
     assert any(e["event"] == "rejected" for e in lines)
+
+
+def test_waiting_for_a_camera_that_is_silent_can_be_cancelled_within_half_a_second(
+    project: Project, tmp_path: Path
+) -> None:
+    (tmp_path / "images").mkdir()
+    asked: list[float] = []
+
+    def cancelled() -> bool:
+        asked.append(time.monotonic())
+        return len(asked) > 1 and asked[-1] - asked[0] > 0.3
+
+    with pytest.raises(Cancelled):
+        run_capture(project, "a", "object", FLAT, f"folder:{tmp_path}/images", progress=Progress(cancelled=cancelled))
+    assert max(np.diff(asked)) < 0.5
 
 
 @pytest.mark.parametrize(
