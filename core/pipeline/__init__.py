@@ -2,38 +2,50 @@
 
     capture -> decode -> measure -> calibrate -> reconstruct -> evaluate -> report
 
-One file for each, of the same name; `folders` says where a project keeps things. A stage takes what it needs from the
+One file for each, of the same name; `folders` says where a project keeps things, `freshness` whether a result is
+current, `runs` and `compare` keep calibrations and set them side by side. A stage takes what it needs from the
 captures and from ``results/`` in the project, and writes its own result there. Nothing is written before a stage has
 succeeded.
 """
 
-from core.pipeline.calibrate import METHODS, CalibrateOptions, adjust_network, calibrate_project, load_calibrations
+from core.pipeline.calibrate import METHODS, adjust_network, calibrate_project, load_calibrations
 from core.pipeline.capture import capture_into, simulate_project
+from core.pipeline.compare import Difference, compare_runs
 from core.pipeline.decode import decode_capture, phase_maps, read_phase, write_phase
 from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, find_capture, result_path
 from core.pipeline.measure import measure_project
+from core.pipeline.options import CalibrateOptions
 from core.pipeline.reconstruct import reconstruct_capture, write_cloud
 from core.pipeline.report import report_data, report_project, result_tables
+from core.pipeline.runs import Run, current_runs, delete_run, list_runs, make_current, rename_run
 from core.pipeline.testfield import print_testfield
 
 __all__ = [
     "METHODS",
     "CalibrateOptions",
+    "Difference",
+    "Run",
     "adjust_network",
     "calibrate_project",
     "capture_into",
     "captures_of",
+    "compare_runs",
+    "current_runs",
     "decode_capture",
+    "delete_run",
     "evaluate_project",
     "find_capture",
+    "list_runs",
     "load_calibrations",
     "load_evaluation",
+    "make_current",
     "measure_project",
     "phase_maps",
     "print_testfield",
     "read_phase",
     "reconstruct_capture",
+    "rename_run",
     "report_data",
     "report_project",
     "result_path",

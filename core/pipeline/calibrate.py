@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 from core.errors import InputError
+from core.figures import calibration_figures
 from core.model import (
     Adjustment,
     Calibration,
@@ -20,30 +22,14 @@ from core.model import (
 )
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
-from core.pipeline.measure import measure_capture, save_targets, side_of
+from core.pipeline.freshness import made_from
+from core.pipeline.measure import BOARDS, kept_targets, measure_capture, measured_targets, save_targets, side_of
+from core.pipeline.options import CalibrateOptions, check_options
+from core.pipeline.runs import Run, current_run, keep_run, now
 from core.progress import SILENT, Progress
-from core.project import load_archive, read_network, save_archive
+from core.project import load_archive, read_network
 
 METHODS: tuple[Method, ...] = ("photogrammetric", "polynomial")
-
-
-@dataclass(frozen=True)
-class CalibrateOptions:
-    """What the operator may choose for both calibrations.
-
-    Attributes
-    ----------
-    rigid : bool
-        One relative orientation of camera and projector for all poses; otherwise every station is free.
-    degree : int or None
-        Degree of the depth polynomial; None for the piecewise-linear table.
-    low_pass_px : float
-        Standard deviation of the Gaussian that smooths the depth calibration; 0 for none.
-    """
-
-    rigid: bool = True
-    degree: int | None = 3
-    low_pass_px: float = 2.0
 
 
 def calibrate_project(
@@ -52,34 +38,79 @@ def calibrate_project(
     options: CalibrateOptions | None = None,
     progress: Progress = SILENT,
 ) -> dict[Method, Calibration]:
-    """Calibrate the sensor by one method, or by every method the project has captures for; keep the results."""
+    """Calibrate the sensor by one method, or by every method the project has captures for; keep the run.
+
+    What follows from the same captures, picks and rig as before is not computed again: the targets of each capture,
+    and the depth calibration.
+
+    Raises
+    ------
+    InputError
+        If there are no captures for it, or an option names something unknown.
+    AdjustmentError
+        If they do not determine the calibration.
+    """
     options = options or CalibrateOptions()
-    fields = [c for c in captures_of(project, "testfield") if c.seeds]
-    plates = captures_of(project, "depth")
-    wanted = [m for m, found in zip(METHODS, (fields, plates), strict=True) if found or m == method]
-    wanted = [m for m in wanted if method in (m, "all")]
-    if not wanted:
+    check_options(project, options)
+    read_ns = time.time_ns()
+    captures = _captures_for(project, method, options)
+    done: dict[Method, Calibration] = {}
+    archives: dict[str, object] = {}
+    signs: dict[Method, str] = {}
+    targets: list[TargetSet] = []
+    for i, (name, used) in enumerate(captures.items()):
+        part = progress.part(i / len(captures), (i + 1) / len(captures))
+        if name == "photogrammetric":
+            done[name], adjustment = _calibrate_photogrammetric(project, used, options, targets, part)
+            archives |= {"photogrammetric.npz": done[name], "adjustment.npz": adjustment}
+            continue
+        signs[name] = _depth_sign(project, used, options)
+        kept = _kept_depth(project, signs[name])
+        done[name] = kept or _calibrate_depth(project, used, options, targets, part)
+        archives["polynomial.npz"] = result_path(project, "polynomial.npz") if kept else done[name]
+    progress.check()
+    _keep_targets(project, targets)
+    run = Run(
+        number=0,
+        made_at=now(),
+        read_ns=read_ns,
+        options=options,
+        captures={m: tuple(c.name for c in used) for m, used in captures.items()},
+        excluded={c.name: c.excluded for used in captures.values() for c in used if c.excluded},
+        made_from=signs,
+        figures=calibration_figures(done),
+    )
+    keep_run(project, run, archives)
+    return done
+
+
+def _captures_for(
+    project: Project, method: Method | Literal["all"], options: CalibrateOptions
+) -> dict[Method, list[Capture]]:
+    """Captures of every method asked for; of "all" those methods that there are captures for."""
+    fields = [c for c in captures_of(project, "testfield") if c.seeds and c.name not in options.without]
+    plates = [c for c in captures_of(project, "depth") if c.name not in options.without]
+    found: dict[Method, list[Capture]] = {"photogrammetric": fields, "polynomial": plates}
+    if method != "all":
+        return {method: found[method]}
+    if not fields and not plates:
         raise InputError(
             project.path,
             "neither testfield captures with picks nor depth captures",
             "capture a moved testfield and pick 4 targets in each image, or a plate at known depths",
         )
-    done: dict[Method, Calibration] = {}
-    targets: list[TargetSet] = []
-    adjustment: Adjustment | None = None
-    for i, name in enumerate(wanted):
-        part = progress.part(i / len(wanted), (i + 1) / len(wanted))
-        if name == "photogrammetric":
-            done[name], adjustment = _calibrate_photogrammetric(project, fields, options, targets, part)
-        else:
-            done[name] = _calibrate_depth(project, plates, options, targets, part)
-    for name, calibration in done.items():
-        save_archive(result_path(project, f"{name}.npz"), calibration)
-    if adjustment is not None:
-        save_archive(result_path(project, "adjustment.npz"), adjustment)
-    if method == "all":
-        save_targets(project, targets)
-    return done
+    return {m: captures for m, captures in found.items() if captures}
+
+
+def _keep_targets(project: Project, targets: list[TargetSet]) -> None:
+    """Keep what was measured, and what was measured before in captures that had no part, as far as it is current."""
+    if not targets:
+        return
+    names = {t.capture for t in targets}
+    boards = [c for role in BOARDS for c in captures_of(project, role) if c.seeds]
+    current = {made_from(project, c, side_of([b for b in boards if b.role == c.role])) for c in boards}
+    others = [t for t in kept_targets(project) if t.capture not in names and t.made_from in current]
+    save_targets(project, [*targets, *others])
 
 
 def _calibrate_photogrammetric(
@@ -89,15 +120,12 @@ def _calibrate_photogrammetric(
     measured: list[TargetSet],
     progress: Progress,
 ) -> tuple[PhotogrammetricCalibration, Adjustment]:
-    from core.calibrate import calibrate_photogrammetric
+    from core.calibrate import CALIBRATION_OPTIONS, calibrate_photogrammetric
 
     if not captures:
         raise InputError(project.path, "no testfield capture has picks", "pick 4 targets in each testfield capture")
     testfield = _common_testfield(captures)
-    side = side_of(captures)
-    targets = []
-    for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.9)):
-        targets.append(measure_capture(capture, phase, project, side))
+    targets = measured_targets(project, captures, progress.part(0.0, 0.9))
     measured += targets
     return calibrate_photogrammetric(
         project.camera,
@@ -106,8 +134,27 @@ def _calibrate_photogrammetric(
         targets,
         scale=project.scale,
         rigid=options.rigid,
+        hold=options.hold,
+        options=replace(CALIBRATION_OPTIONS, reject_beyond=options.reject_beyond),
         progress=progress.part(0.9, 1.0),
     )
+
+
+def _depth_sign(project: Project, captures: list[Capture], options: CalibrateOptions) -> str:
+    """Sign all that a depth calibration follows from."""
+    choices = (options.degree, options.low_pass_px, side_of(captures))
+    return " ".join(made_from(project, c, *choices)[:16] for c in captures)
+
+
+def _kept_depth(project: Project, sign: str) -> DepthCalibration | None:
+    """Give the depth calibration in use if it follows from just this."""
+    run = current_run(project, "polynomial")
+    if run is None or run.made_from.get("polynomial") != sign:
+        return None
+    try:
+        return load_archive(result_path(project, "polynomial.npz"), DepthCalibration)
+    except InputError:
+        return None
 
 
 def _calibrate_depth(
@@ -127,7 +174,8 @@ def _calibrate_depth(
         targets = measure_capture(capture, phase, project, side) if capture.seeds else None
         assert capture.z_mm is not None
         planes.append(DepthPlane(capture.z_mm, phase, targets))
-        measured += [targets] if targets else []
+        if targets:
+            measured.append(replace(targets, made_from=made_from(project, capture, side)))
     fields = [c.testfield for c in captures if c.seeds]
     return calibrate_depth(
         project.camera,

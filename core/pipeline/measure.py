@@ -11,23 +11,46 @@ from core.figures import targets_figures
 from core.model import Capture, PhaseMap, Project, Role, TargetSet
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
+from core.pipeline.freshness import made_from
 from core.progress import SILENT, Progress
-from core.project import save_archive, write_json
+from core.project import load_archive, save_archive, write_json
 
 Side = Literal["front", "back"]
 BOARDS: tuple[Role, ...] = ("testfield", "depth")
 
 
 def measure_project(project: Project, progress: Progress = SILENT) -> tuple[TargetSet, ...]:
-    """Measure the targets of all captures that have picks, and keep them in the project."""
+    """Measure the targets of all captures that have picks, and keep them in the project.
+
+    What was measured before from the same frames, picks, board and rig is taken as it is.
+    """
     captures = [c for role in BOARDS for c in captures_of(project, role) if c.seeds]
     if not captures:
         raise InputError(project.path, "no capture has picks.json", "pick 4 targets in each testfield capture")
-    side = {role: side_of([c for c in captures if c.role == role]) for role in BOARDS}
-    maps = phase_maps(project, captures, progress)
-    targets = tuple(measure_capture(capture, phase, project, side[capture.role]) for capture, phase in maps)
+    targets = measured_targets(project, captures, progress)
     save_targets(project, targets)
-    return targets
+    return tuple(targets)
+
+
+def measured_targets(project: Project, captures: Sequence[Capture], progress: Progress = SILENT) -> list[TargetSet]:
+    """Measure the targets of captures, or take what was measured before where nothing has changed since."""
+    side = {role: side_of([c for c in captures if c.role == role]) for role in BOARDS}
+    signs = {c.path: made_from(project, c, side[c.role]) for c in captures}
+    found = {t.made_from: t for t in kept_targets(project)}
+    due = [c for c in captures if signs[c.path] not in found]
+    for capture, phase in phase_maps(project, due, progress):
+        sign = signs[capture.path]
+        found[sign] = replace(measure_capture(capture, phase, project, side[capture.role]), made_from=sign)
+    return [found[signs[c.path]] for c in captures]
+
+
+def kept_targets(project: Project) -> tuple[TargetSet, ...]:
+    """Give the targets that the project keeps; none where the file is missing or damaged."""
+    try:
+        kept: tuple[TargetSet, ...] = load_archive(result_path(project, "targets.npz"), tuple)
+    except InputError:
+        return ()
+    return kept
 
 
 def save_targets(project: Project, targets: Sequence[TargetSet]) -> None:
@@ -64,6 +87,7 @@ def measure_capture(capture: Capture, phase: PhaseMap, project: Project, side: S
         capture.seeds,
         project.camera,
         capture=str(capture.path),
+        excluded=capture.excluded,
         options=MeasureOptions(side=side),
     )
     return replace(targets, capture=capture.name)

@@ -1,0 +1,59 @@
+"""What may be chosen about the calibration of a project."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from core.errors import InputError
+from core.model import INTERIOR_NAMES, Project
+
+DEVICES = ("camera", "projector")
+
+
+@dataclass(frozen=True)
+class CalibrateOptions:
+    """What the operator may choose for both calibrations.
+
+    Attributes
+    ----------
+    rigid : bool
+        One relative orientation of camera and projector for all poses; otherwise every station is free.
+    degree : int or None
+        Degree of the depth polynomial; None for the piecewise-linear table.
+    low_pass_px : float
+        Standard deviation of the Gaussian that smooths the depth calibration; 0 for none.
+    without : tuple of str
+        Names of captures that take no part.
+    hold : tuple of str
+        Parameters that are not estimated, such as "projector.A3": c stays at its nominal value, all others at zero.
+    reject_beyond : float or None
+        Observations with a normalised residual beyond this are left out as gross errors; None keeps them all.
+    """
+
+    rigid: bool = True
+    degree: int | None = 3
+    low_pass_px: float = 2.0
+    without: tuple[str, ...] = ()
+    hold: tuple[str, ...] = ()
+    reject_beyond: float | None = 6.0
+
+
+def check_options(project: Project, options: CalibrateOptions) -> None:
+    """See that the names chosen are names of something.
+
+    Raises
+    ------
+    InputError
+    """
+    names = [folder.name for folder in project.captures]
+    for name in options.without:
+        if name not in names:
+            raise InputError(project.path, f"no capture {name!r} to leave out", f"choose among {', '.join(names)}")
+    for name in options.hold:
+        device, _, parameter = name.partition(".")
+        if device not in DEVICES or parameter not in INTERIOR_NAMES:
+            known = f"camera or projector, a dot, and one of {', '.join(INTERIOR_NAMES)}"
+            raise InputError("the parameters to hold", f"{name!r} is none", f"give {known}")
+    if options.reject_beyond is not None and not options.reject_beyond >= 3:
+        seen = f"is {options.reject_beyond:g}, which good observations exceed too"
+        raise InputError("the limit of gross errors", seen, "give 3 or more, or none")
