@@ -2,11 +2,23 @@
 
 * `plane` the plane itself: `fit_plane`, `Plane`;
 * `planes` the judgement of one capture: `evaluate_plane` is the stage;
+* `profile` the deviations along a line: `read_profile`, `Profile`;
 * `sphere` the same for a ball: `fit_sphere`.
 """
 
 from core.evaluate.plane import Plane, fit_plane
 from core.evaluate.planes import evaluate_plane
+from core.evaluate.profile import Profile, interpolate, points_on_plane, read_profile
 from core.evaluate.sphere import Sphere, fit_sphere
 
-__all__ = ["Plane", "Sphere", "evaluate_plane", "fit_plane", "fit_sphere"]
+__all__ = [
+    "Plane",
+    "Profile",
+    "Sphere",
+    "evaluate_plane",
+    "fit_plane",
+    "fit_sphere",
+    "interpolate",
+    "points_on_plane",
+    "read_profile",
+]

@@ -6,11 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.evaluate.plane import Plane, fit_plane
-from core.model import Array, Method, PhaseMap, PlaneEvaluation, PointCloud
+from core.model import Array, Floats, Interior, Method, PhaseMap, PlaneEvaluation, PointCloud
 
 
 def evaluate_plane(
-    phase: PhaseMap, cloud: PointCloud, *, capture: str, angle_deg: float | None, method: Method
+    phase: PhaseMap,
+    cloud: PointCloud,
+    *,
+    capture: str,
+    angle_deg: float | None,
+    method: Method,
+    camera: Interior | None = None,
 ) -> PlaneEvaluation:
     """Fit a plane to all points of a capture and describe their deviations from it.
 
@@ -26,12 +32,15 @@ def evaluate_plane(
         The plane's nominal angle, for the report.
     method : {"photogrammetric", "polynomial"}
         By which the points were reconstructed.
+    camera : Interior, optional
+        The camera they were reconstructed with, kept for profiles along the plane.
 
     Returns
     -------
     evaluation : PlaneEvaluation
         Every point takes part: r.m.s. = sqrt(Σ d²/n), the largest |d| and the most negative d, where d is the signed
-        distance along the normal, positive towards the camera. `deviation_mm` has shape (H, W), NaN without point.
+        distance along the normal, positive towards the camera. `deviation_mm` has shape (H, W), NaN without point;
+        `sigma_mm` likewise, predicted, of shape (0, 0) where the phase noise is not known.
 
     Raises
     ------
@@ -40,10 +49,10 @@ def evaluate_plane(
 
     Notes
     -----
-    The predicted r.m.s. comes from the phase noise alone: a pixel's noise moves its point along the pixel's ray, and
-    ``X / Z`` is that movement per mm of Z, so d has the sigma ``sigma_Z |n · X / Z|``. Errors of the calibration move
-    neighbouring points together; they tilt, shift and bend the whole plane and are part of each point's own sigma, not
-    of this figure.
+    The predicted sigmas and their r.m.s. come from the phase noise alone: a pixel's noise moves its point along the
+    pixel's ray, and ``X / Z`` is that movement per mm of Z, so d has the sigma ``sigma_Z |n · X / Z|``. Errors of the
+    calibration move neighbouring points together; they tilt, shift and bend the whole plane and are part of each
+    point's own sigma, not of these.
     """
     valid = np.asarray(np.isfinite(cloud.xyz_mm).all(axis=-1))
     points = cloud.xyz_mm[valid].astype(np.float64)
@@ -51,6 +60,8 @@ def evaluate_plane(
     deviation = plane.deviations(points)
     pictured = np.full(valid.shape, np.nan, np.float32)
     pictured[valid] = deviation
+    sigma = _predicted_sigma(cloud, valid, points, plane)
+    known = sigma[np.isfinite(sigma)].astype(np.float64)
     excluded, rule = _excluded(phase, valid, method)
     return PlaneEvaluation(
         capture=capture,
@@ -60,23 +71,22 @@ def evaluate_plane(
         rms_mm=float(np.sqrt(np.mean(deviation**2))),
         max_mm=float(np.abs(deviation).max()),
         min_mm=float(deviation.min()),
-        predicted_rms_mm=_predicted_rms(cloud, valid, points, plane),
+        predicted_rms_mm=float(np.sqrt(np.mean(known**2))) if len(known) else None,
         excluded=excluded,
         excluded_rule=rule,
         plane=np.array([*plane.normal, plane.offset_mm]),
         deviation_mm=pictured,
+        sigma_mm=sigma,
+        camera=camera,
     )
 
 
-def _predicted_rms(cloud: PointCloud, valid: NDArray[np.bool_], points: Array, plane: Plane) -> float | None:
+def _predicted_sigma(cloud: PointCloud, valid: NDArray[np.bool_], points: Array, plane: Plane) -> Floats:
     if cloud.sigma_depth_mm is None:
-        return None
-    sigma_z = cloud.sigma_depth_mm[valid].astype(np.float64)
-    known = np.isfinite(sigma_z)
-    if not known.any():
-        return None
-    sigma = sigma_z[known] * (points[known] @ plane.normal) / points[known, 2]
-    return float(np.sqrt(np.mean(sigma**2)))
+        return np.zeros((0, 0), np.float32)
+    sigma = np.full(valid.shape, np.nan, np.float32)
+    sigma[valid] = np.abs(cloud.sigma_depth_mm[valid] * (points @ plane.normal) / points[:, 2])
+    return sigma
 
 
 def _excluded(phase: PhaseMap, valid: NDArray[np.bool_], method: Method) -> tuple[int, str]:

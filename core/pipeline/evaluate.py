@@ -1,10 +1,12 @@
-"""Stage 6: every plane capture by every calibration."""
+"""Stage 6: plane captures by calibrations, all of either unless some are chosen."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from core.errors import InputError
 from core.figures import evaluation_figures
-from core.model import PlaneEvaluation, Project
+from core.model import AdjustedDevice, Method, PlaneEvaluation, Project
 from core.pipeline.calibrate import METHODS, load_calibrations
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
@@ -12,13 +14,29 @@ from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
 
 
-def evaluate_project(project: Project, progress: Progress = SILENT) -> tuple[PlaneEvaluation, ...]:
-    """Judge every plane capture by every calibration; keep the deviations in the project."""
+def evaluate_project(
+    project: Project,
+    progress: Progress = SILENT,
+    *,
+    captures: Collection[str] | None = None,
+    methods: Collection[Method] | None = None,
+) -> tuple[PlaneEvaluation, ...]:
+    """Judge plane captures by calibrations, all of either unless some are named; keep the deviations in the project.
+
+    Raises
+    ------
+    InputError
+        If there is no such plane capture or calibration; nothing has been written then.
+    """
     from core.evaluate import evaluate_plane
     from core.reconstruct import reconstruct
 
-    calibrations = load_calibrations(project)
-    planes = captures_of(project, "plane")
+    calibrations = {m: c for m, c in load_calibrations(project).items() if methods is None or m in methods}
+    planes = [c for c in captures_of(project, "plane") if captures is None or c.name in captures]
+    missing = sorted({*(captures or ()), *(methods or ())} - {c.name for c in planes} - {*calibrations})
+    if missing or not calibrations:
+        names = ", ".join(missing) or "none at all"
+        raise InputError(project.path, f"chosen to evaluate: {names}", "choose plane captures and calibrations it has")
     if not planes:
         raise InputError(
             project.path, "no capture of role plane", "capture the plane-table and list it in project.json"
@@ -26,10 +44,17 @@ def evaluate_project(project: Project, progress: Progress = SILENT) -> tuple[Pla
     evaluations = []
     for capture, phase in phase_maps(project, planes, progress):
         for method, calibration in calibrations.items():
+            progress.check()
+            camera = calibration.camera
+            if isinstance(camera, AdjustedDevice):
+                camera = camera.interior
             cloud = reconstruct(phase, calibration)
             evaluations.append(
-                evaluate_plane(phase, cloud, capture=capture.name, angle_deg=capture.angle_deg, method=method)
+                evaluate_plane(
+                    phase, cloud, capture=capture.name, angle_deg=capture.angle_deg, method=method, camera=camera
+                )
             )
+    progress.check()
     result = tuple(sorted(evaluations, key=lambda e: METHODS.index(e.method)))
     save_archive(result_path(project, "evaluation.npz"), result)
     write_json(result_path(project, "evaluation.json"), evaluation_figures(result))

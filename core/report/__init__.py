@@ -7,6 +7,8 @@ published.py   the printed results of an experiment that the rig repeats
 table.py       a table of plain numbers, and its form in a terminal
 numbers.py     Tables 1 to 3: interior orientation, adjustment, plane-table; and the depth calibration
 interior.py    true parameters referred to another radius r0
+sign_off.py    who answers for the figures, and whether the planes stay within a tolerance
+csv_files.py   tables and measured values as CSV
 words.py       the summary: sentences with the figures in them, what was warned of, what is missing
 figures/       the drawings, one room of their own
 html.py        one self-contained HTML file
@@ -25,8 +27,10 @@ length    250.0
 measured twice
 """
 
-from core.report.data import ReportData, ReportPaths
+from core.report.csv_files import write_columns_csv, write_table_csv
+from core.report.data import ReportData, ReportPaths, SignOff, Tolerance
 from core.report.numbers import tables
+from core.report.sign_off import Verdict, verdict
 from core.report.table import Number, Table, cell_text, text_table
 from core.report.words import Summary, summary
 from core.report.write import write_report
@@ -35,11 +39,17 @@ __all__ = [
     "Number",
     "ReportData",
     "ReportPaths",
+    "SignOff",
     "Summary",
     "Table",
+    "Tolerance",
+    "Verdict",
     "cell_text",
     "summary",
     "tables",
     "text_table",
+    "verdict",
+    "write_columns_csv",
     "write_report",
+    "write_table_csv",
 ]

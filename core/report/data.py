@@ -23,6 +23,25 @@ Kind = Literal["camera", "projector"]
 
 
 @dataclass(frozen=True)
+class Tolerance:
+    """What an operator allows the deviations of every plane: their r.m.s. or the largest of them."""
+
+    limit_mm: float
+    of: Literal["rms", "max"] = "rms"
+
+
+@dataclass(frozen=True)
+class SignOff:
+    """Who answers for the figures; only `operator` must be given. `date` is ISO 8601."""
+
+    operator: str
+    instrument: str = ""
+    remark: str = ""
+    date: str = ""
+    tolerance: Tolerance | None = None
+
+
+@dataclass(frozen=True)
 class ReportData:
     """Everything the report tells of; a part that is None or empty is left out and the report says so.
 
@@ -37,6 +56,8 @@ class ReportData:
         Date and program for the title block. The report never reads the clock, so equal data give equal files.
     colour_limit_mm : float, optional
         End of the deviation maps' common colour scale; by default it follows from the deviations.
+    sign_off : SignOff, optional
+        Who signed for `evaluations`.
     """
 
     project: Project
@@ -48,6 +69,7 @@ class ReportData:
     made_on: str = ""
     made_by: str = ""
     colour_limit_mm: float | None = None
+    sign_off: SignOff | None = None
 
     @property
     def name(self) -> str:

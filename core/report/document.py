@@ -9,6 +9,7 @@ from core.progress import SILENT, Progress
 from core.report.data import ReportData
 from core.report.figures import Drawing, drawings
 from core.report.numbers import adjustment_table, depth_table, interior_tables, plane_table, published_of
+from core.report.sign_off import sign_off_table
 from core.report.table import Table
 from core.report.words import Highlight, Summary, highlights, summary
 
@@ -50,10 +51,12 @@ def compose(data: ReportData, *, progress: Progress = SILENT) -> Document:
         calibrated.append(adjustment_table(data, published))
     planes = [plane_table(data.evaluations, published)] if data.evaluations else []
     depth = [depth_table(data.depth)] if data.depth is not None else []
+    signed = [sign_off_table(data.sign_off, data.evaluations)] if data.sign_off is not None else []
     chapters = (
         ("adjustment", "Photogrammetric calibration", calibrated),
         ("depth", "Depth calibration", depth),
         ("planes", "Plane-table", planes),
+        ("sign-off", "Sign-off", signed),
     )
     sections = tuple(
         Section(key, title, tuple(tables), tuple(d for d in figures if d.section == key))

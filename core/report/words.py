@@ -17,6 +17,7 @@ from core.report.data import (
 )
 from core.report.numbers import network_counts, normalised_errors, object_sigmas_um, published_of, true_parameters
 from core.report.published import Published
+from core.report.sign_off import sign_off_sentence
 from core.report.table import Number
 
 
@@ -70,6 +71,8 @@ def summary(data: ReportData) -> Summary:
     for method in methods_in_order(data.evaluations):
         findings.append(_plane_finding(method, data.evaluations, published))
     findings += _exclusion_findings(data.evaluations)
+    if data.sign_off is not None:
+        findings.insert(0, sign_off_sentence(data.sign_off, data.evaluations))
     warnings = tuple(f"{source[0].upper()}{source[1:]}: {text}" for source, text in warnings_of(data))
     return Summary(tuple(findings), warnings, tuple(_missing(data)))
 

@@ -1,0 +1,134 @@
+"""The deviations of a plane along a line drawn across the camera's image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.errors import InputError
+from core.geometry import ray_directions
+from core.model import Array, DeviceSpec, Interior, PlaneEvaluation
+
+LEAST_PX = 1.0  # a shorter line has no direction worth a profile
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Deviations at points of a line, one row of every array per point, about one a pixel.
+
+    Attributes
+    ----------
+    uv : array, shape (n, 2)
+        Where they lie in the camera's image, px.
+    length_mm : array, shape (n,)
+        Distance from the first point, measured along the fitted plane; NaN throughout where the camera is not known.
+    deviation_mm : array, shape (n,)
+        Interpolated between pixels; NaN beside a pixel without point.
+    sigma_mm : array, shape (n,)
+        Predicted from the phase noise of the pixels it was interpolated from, NaN where that is not known.
+    """
+
+    uv: Array
+    length_mm: Array
+    deviation_mm: Array
+    sigma_mm: Array
+
+
+def read_profile(evaluation: PlaneEvaluation, spec: DeviceSpec, start: Pair, stop: Pair) -> Profile:
+    """Read the deviations along a line.
+
+    Parameters
+    ----------
+    evaluation : PlaneEvaluation
+    spec : DeviceSpec
+        The camera's raster.
+    start, stop : (u, v)
+        Ends of the line in the camera's image, px; they may lie outside it.
+
+    Raises
+    ------
+    InputError
+        If the ends are less than a pixel apart.
+
+    Notes
+    -----
+    Neighbouring pixels are independent, so a value interpolated with the weights w has the variance Σ w² σ².
+    """
+    ends = np.array([start, stop], np.float64)
+    distance = float(np.hypot(*(ends[1] - ends[0])))
+    if not distance >= LEAST_PX:
+        raise InputError("profile", f"its ends are {distance:.2f} px apart", "draw a longer line")
+    uv = ends[0] + np.linspace(0, 1, round(distance) + 1)[:, None] * (ends[1] - ends[0])
+    deviation, _ = interpolate(evaluation.deviation_mm, uv)
+    sigma = np.full(len(uv), np.nan)
+    if evaluation.sigma_mm.shape == evaluation.deviation_mm.shape:
+        sigma = np.sqrt(interpolate(evaluation.sigma_mm.astype(np.float64) ** 2, uv)[1])
+    length = np.full(len(uv), np.nan)
+    if evaluation.camera is not None:
+        points = points_on_plane(evaluation.plane, spec, evaluation.camera, uv)
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return Profile(uv, length, deviation, sigma)
+
+
+def interpolate(image: NDArray, uv: ArrayLike) -> tuple[Array, Array]:
+    """Interpolate bilinearly between the four pixels around every point.
+
+    Parameters
+    ----------
+    image : array, shape (H, W)
+    uv : array, shape (n, 2)
+        Points, px.
+
+    Returns
+    -------
+    mean, squared : array, shape (n,)
+        Σ w g and Σ w² g with the weights w of the four pixels' values g; NaN outside the image, and where a pixel of
+        weight above zero is NaN.
+
+    Examples
+    --------
+    >>> interpolate(np.array([[0.0, 1.0], [2.0, 3.0]]), [[0.5, 0.5], [1.0, 0.0]])[0].tolist()
+    [1.5, 1.0]
+    """
+    p = np.asarray(uv, np.float64).reshape(-1, 2)
+    height, width = image.shape
+    inside = ((p >= 0) & (p <= (width - 1, height - 1))).all(axis=1)
+    p = np.where(inside[:, None], p, 0.0)
+    corner = np.minimum(np.floor(p).astype(np.intp), (max(width - 2, 0), max(height - 2, 0)))
+    fraction = p - corner
+    mean, squared = np.zeros(len(p)), np.zeros(len(p))
+    for du in (0, 1):
+        for dv in (0, 1):
+            weight = np.abs(1 - du - fraction[:, 0]) * np.abs(1 - dv - fraction[:, 1])
+            column, row = np.minimum(corner[:, 0] + du, width - 1), np.minimum(corner[:, 1] + dv, height - 1)
+            value = np.where(weight > 0, image[row, column], 0.0)
+            mean += weight * value
+            squared += weight**2 * value
+    return np.where(inside, mean, np.nan), np.where(inside, squared, np.nan)
+
+
+def points_on_plane(plane: ArrayLike, spec: DeviceSpec, camera: Interior, uv: ArrayLike) -> Array:
+    """Where the rays of pixels meet a plane.
+
+    Parameters
+    ----------
+    plane : array, shape (4,)
+        Unit normal and offset (mm) in the camera's frame, as `PlaneEvaluation.plane`.
+    spec, camera
+        The camera.
+    uv : array, shape (..., 2)
+        Pixel coordinates.
+
+    Returns
+    -------
+    points : array, shape (..., 3)
+        In mm in the camera's frame; NaN where a ray does not meet the plane in front of the camera.
+    """
+    normal, offset = np.asarray(plane, np.float64)[:3], float(np.asarray(plane)[3])
+    rays = ray_directions(spec, camera, uv)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = offset / (rays @ normal)
+    return np.where(distance > 0, distance, np.nan)[..., None] * rays

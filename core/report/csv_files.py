@@ -1,0 +1,82 @@
+"""Tables and measured values as CSV for other programs: units in the header, whole files or none.
+
+Commas between values, a point in numbers, UTF-8 with the mark by which spreadsheets know it; lines that start with #
+are notes.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from core.atomic import atomic_write
+from core.progress import SILENT, Progress
+from core.report.table import Cell, Number, Table
+
+ENCODING = "utf-8-sig"
+ROWS_AT_ONCE = 20_000  # between two looks at whether to stop
+
+
+def write_table_csv(path: Path, table: Table) -> None:
+    """Write a table: header, rows, and the notes as comment lines.
+
+    Numbers have the table's digits, without the marks that refer to notes; what is not known is empty.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written; what was there before stays.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\r\n")
+    writer.writerow(table.columns)
+    writer.writerows([[_plain(cell) for cell in row] for row in table.rows])
+    for note in table.notes:
+        text.write(f"# {note}\r\n")
+    with atomic_write(path) as file:
+        file.write(text.getvalue().encode(ENCODING))
+
+
+def write_columns_csv(
+    path: Path, columns: Mapping[str, ArrayLike], digits: Sequence[int], *, progress: Progress = SILENT
+) -> int:
+    """Write arrays of equal length side by side; give the number of rows.
+
+    Parameters
+    ----------
+    columns : mapping
+        From the name with its unit, such as ``"u [px]"``, to the values, shape (n,); NaN becomes an empty field.
+    digits : sequence of int
+        Decimals of every column.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    Cancelled
+        If the user stopped. In both cases what was there before stays.
+    """
+    values = np.column_stack([np.asarray(v, np.float64) for v in columns.values()])
+    line = ",".join(f"%.{d}f" for d in digits)
+    head = io.StringIO()
+    csv.writer(head, lineterminator="\r\n").writerow(columns)
+    with atomic_write(path) as file:
+        file.write(head.getvalue().encode(ENCODING))
+        for start in range(0, len(values), ROWS_AT_ONCE):
+            progress(start / len(values), path.name)
+            rows = values[start : start + ROWS_AT_ONCE]
+            text = "\r\n".join(line % tuple(row) for row in rows.tolist())
+            file.write(text.replace("nan", "").encode() + b"\r\n")
+    progress(1.0, path.name)
+    return len(values)
+
+
+def _plain(cell: Cell) -> str:
+    if isinstance(cell, Number):
+        return Number(cell.value, cell.spec).text if np.isfinite(cell.value) else ""
+    return cell or ""
