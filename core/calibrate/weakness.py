@@ -24,6 +24,8 @@ ROLL_CONCENTRATION = 0.9  # mean length of the doubled roll angles; 1 where all 
 LEAST_CONVERGENCE_DEG = 20.0  # between the viewing directions of the images that differ most
 CONVERGENT_DEG = 10.0  # inclination to the mean direction at which an image counts as convergent
 LEAST_CONVERGENT = 3
+LEAST_IMAGES = 6  # fewer leave hardly any redundancy to tell a device's parameters from its stations
+CORNER = 0.25  # share of width and of height that makes a corner of the image
 
 REMEDIES = {
     "c": "add convergent images (inclined 30° and more) or depth in the field, or hold c",
@@ -180,31 +182,92 @@ def unsolved_error(network: Network, problem: Problem, solution: Solution) -> Ad
 
 
 def geometry_warnings(problem: Problem, state: State) -> list[str]:
-    """Warn of devices without rolled or without convergent images."""
+    """Warn of what every device's images lack: number, rolls, convergence, corners; say what to photograph next."""
     warnings = []
     for d, name in enumerate(problem.device_names):
-        poses = np.unique(problem.pose[problem.device == d])
-        if len(poses) == 0:
+        own = problem.device == d
+        poses = np.unique(problem.pose[own])
+        estimated = [p for p, column in zip(INTERIOR_NAMES, problem.columns[d], strict=False) if column >= 0]
+        if len(poses) == 0 or not estimated:
             continue
         R = state.relative_rotation[d] @ state.pose_rotation[poses]
-        estimated = {p for p, column in zip(INTERIOR_NAMES, problem.columns[d], strict=False) if column >= 0}
-        weak = [p for p in ("A3", "A4", "x0", "y0") if p in estimated]
-        if weak and _roll_concentration(R) > ROLL_CONCENTRATION:
-            warnings.append(
-                f"{name}: no images rolled by 90° about the viewing axis: {', '.join(weak)} are weak; add some"
-            )
-        directions = -R[:, 2, :]
-        mean = directions.mean(axis=0)
-        mean /= max(float(np.linalg.norm(mean)), 1e-12)
-        tilt = np.degrees(np.arccos(np.clip(directions @ mean, -1, 1)))
-        widest = float(np.degrees(np.arccos(np.clip(directions @ directions.T, -1, 1))).max())
-        count = int(np.count_nonzero(tilt > CONVERGENT_DEG))
-        if "c" in estimated and (widest < LEAST_CONVERGENCE_DEG or count < LEAST_CONVERGENT):
-            warnings.append(
-                f"{name}: only {count} of {len(poses)} images are inclined by more than {CONVERGENT_DEG:.0f}° to the "
-                f"mean viewing direction (widest angle {widest:.0f}°): c, x0, y0 are weak; add convergent images"
-            )
+        found = (_few_images(len(poses)), _no_rolls(R, estimated), _no_convergence(R, estimated))
+        empty = empty_corners(problem.uv[own], 2 * problem.raster[d, 2:] + 1)
+        warnings += [f"{name}: {text}" for text in (*found, _no_points(empty, estimated)) if text]
     return warnings
+
+
+def _few_images(count: int) -> str:
+    if count >= LEAST_IMAGES:
+        return ""
+    return f"only {count} images: photograph the field at least {LEAST_IMAGES} times, tilted to all sides and rolled"
+
+
+def _no_rolls(R: Array, estimated: list[str]) -> str:
+    weak = [p for p in ("A3", "A4", "x0", "y0") if p in estimated]
+    if not weak or _roll_concentration(R) <= ROLL_CONCENTRATION:
+        return ""
+    return (
+        f"no images rolled by 90° about the viewing axis: {', '.join(weak)} are weak; "
+        "photograph the field again, turned by 90° in its own plane"
+    )
+
+
+def _no_convergence(R: Array, estimated: list[str]) -> str:
+    directions = -R[:, 2, :]
+    mean = directions.mean(axis=0)
+    mean /= max(float(np.linalg.norm(mean)), 1e-12)
+    tilt = np.degrees(np.arccos(np.clip(directions @ mean, -1, 1)))
+    widest = float(np.degrees(np.arccos(np.clip(directions @ directions.T, -1, 1))).max())
+    count = int(np.count_nonzero(tilt > CONVERGENT_DEG))
+    if "c" not in estimated or (widest >= LEAST_CONVERGENCE_DEG and count >= LEAST_CONVERGENT):
+        return ""
+    normals = R @ mean  # of the field, in the device's frame: towards the device or away from it
+    normals *= np.sign(normals[:, 2:])
+    limit = np.sin(np.radians(CONVERGENT_DEG))
+    shown = {"left": -normals[:, 0], "right": normals[:, 0], "up": normals[:, 1], "down": -normals[:, 1]}
+    missing = [side for side, lean in shown.items() if not np.any(lean > limit)] or list(shown)
+    return (
+        f"only {count} of {len(R)} images are inclined by more than {CONVERGENT_DEG:.0f}° to the mean viewing "
+        f"direction (widest angle {widest:.0f}°): c, x0, y0 are weak; add convergent images: "
+        f"tilt the field by 30° so that it faces {', '.join(missing)}"
+    )
+
+
+def empty_corners(uv: Array, size: Array) -> list[str]:
+    """Name the corners of an image, a quarter of its width and height each, that hold no image point.
+
+    Parameters
+    ----------
+    uv : array, shape (n, 2)
+        px
+    size : array, shape (2,)
+        Width and height, px.
+
+    Examples
+    --------
+    >>> empty_corners(np.array([[1.0, 1.0], [99.0, 79.0], [50.0, 5.0]]), np.array([100, 80]))
+    ['upper right', 'lower left']
+    """
+    low, high = uv + 0.5 < CORNER * size, uv + 0.5 > (1 - CORNER) * size
+    sides = {"upper": low[:, 1], "lower": high[:, 1]}
+    return [
+        f"{vertical} {horizontal}"
+        for vertical, rows in sides.items()
+        for horizontal, columns in (("left", low[:, 0]), ("right", high[:, 0]))
+        if not np.any(rows & columns)
+    ]
+
+
+def _no_points(empty: list[str], estimated: list[str]) -> str:
+    weak = [p for p in estimated if p.startswith("A")]
+    if not empty or not weak:
+        return ""
+    corners = f"{' and '.join(empty)} corner{'s' if len(empty) > 1 else ''}"
+    return (
+        f"no image points in the {corners} of the image: {', '.join(weak)} are extrapolated there; "
+        "photograph the field there"
+    )
 
 
 def _roll_concentration(R: Array) -> float:
