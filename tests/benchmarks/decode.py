@@ -12,7 +12,7 @@ import numpy as np
 from core.decode import decode
 from core.patterns import Black, Pattern, White, gray_and_phase, reference_sequence
 from tests.benchmarks.scenes import LINES, SIZES, Frames, frames
-from tests.benchmarks.timing import Contestant, Row, copying, race
+from tests.benchmarks.timing import Contestant, Row, floor, race
 
 OUTPUT_BYTES = 17  # a pixel: u, v, sigma_u, sigma_v float32, and validity
 PERIOD, CELL = 4, 2
@@ -23,9 +23,8 @@ def run() -> list[Row]:
     rows = []
     for size, (width, height) in SIZES.items():
         data = frames(reference_sequence(), width, height)
-        floor = copying("copy of input and 17 B/px", data.images, OUTPUT_BYTES * width * height)
         field = [
-            floor,
+            *floor(data.images, OUTPUT_BYTES * width * height),
             Contestant("stripe workbench", lambda d=data: _ours(d), _close(data)),
             Contestant("OpenCV primitives", lambda d=data: _opencv(d), _close(data)),
             Contestant("plain numpy", lambda d=data: _numpy(d), _close(data), warm=width < 1000),
@@ -35,17 +34,17 @@ def run() -> list[Row]:
         rows += race("decode", f"{size} x 28", width * height, "pixels", field)
         for name, patterns in _others().items():
             other = frames(patterns, width, height)
-            floor = copying("copy of input and 17 B/px", other.images, OUTPUT_BYTES * width * height)
+            copies = floor(other.images, OUTPUT_BYTES * width * height)
             ours = Contestant("stripe workbench", lambda d=other: _ours(d), _close(other))
             rows += race(
-                "decode, other sequences", f"{size} x {len(patterns)} {name}", width * height, "", [floor, ours]
+                "decode, other sequences", f"{size} x {len(patterns)} {name}", width * height, "", [*copies, ours]
             )
     for steps in (4, 16, 64):
         patterns = [p for axis in "xy" for p in _codes(axis, [4], steps)]
         data = frames(patterns, *SIZES["748x576"])
-        floor = copying("copy of input and 17 B/px", data.images, OUTPUT_BYTES * data.u.size)
+        copies = floor(data.images, OUTPUT_BYTES * data.u.size)
         ours = Contestant("stripe workbench", lambda d=data: _ours(d), _close(data))
-        rows += race("decode, frames", f"748x576 x {len(patterns)}", len(patterns), "frames", [floor, ours])
+        rows += race("decode, frames", f"748x576 x {len(patterns)}", len(patterns), "frames", [*copies, ours])
     return rows
 
 

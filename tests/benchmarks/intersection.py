@@ -10,7 +10,7 @@ import numpy as np
 from core.model import PhaseMap, PointCloud
 from core.reconstruct import reconstruct
 from tests.benchmarks.scenes import phase_of, plane_points, rig
-from tests.benchmarks.timing import Contestant, Row, copying, race
+from tests.benchmarks.timing import Contestant, Row, floor, race
 
 
 def run() -> list[Row]:
@@ -33,8 +33,8 @@ def run() -> list[Row]:
     single = replace(phase, v=nan, sigma_v=nan)
     size, n = "748x576", phase.u.size
     rows = race("intersection, 4", size, n, "pixels", [ours("stripe workbench", phase), _cv2(n)])
-    floor = copying("copy of input and output", [phase.u, phase.sigma_u], 28 * n)
-    return rows + race("intersection, 3", size, n, "pixels", [floor, ours("stripe workbench", single)])
+    copies = floor([phase.u, phase.sigma_u], 28 * n)
+    return rows + race("intersection, 3", size, n, "pixels", [*copies, ours("stripe workbench", single)])
 
 
 def _cv2(n: int) -> Contestant:

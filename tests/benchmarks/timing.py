@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+import math
 import statistics
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,16 +14,29 @@ from typing import Any
 
 import numpy as np
 
-BUDGET_S = 2.0  # of one contestant's timed rounds
-ROUNDS = 15
+OURS = "stripe workbench"
+FLOOR = "fresh copy of its bytes"
+WARM = "copy into warm memory"
+
+
+@dataclass
+class Effort:
+    """How much is measured: seconds of timed rounds a contestant may take, and the most rounds."""
+
+    seconds: float = 1.0
+    rounds: int = 15
+    quick: bool = False
+
+
+EFFORT = Effort()
 
 
 @dataclass(frozen=True)
 class Contestant:
-    """Work to be timed; `right` looks at its result and says in words how right it is, or raises.
+    """Work to be timed; `right` compares its result with the truth and says in words how right it is, or raises.
 
     `prepare` runs before every call and is not timed. A contestant without `warm` is timed at its first call already:
-    for slow work that neither compiles nor keeps anything.
+    for slow work that neither compiles nor keeps anything. `peer` tells what others wrote and may fail here.
     """
 
     name: str
@@ -29,65 +44,157 @@ class Contestant:
     right: Callable[[Any], str] = lambda result: ""
     prepare: Callable[[], Any] | None = None
     warm: bool = True
+    peer: bool = False
+
+    def once(self) -> tuple[float, float, Any]:
+        """Do the work: give seconds, peak memory above what was in use before (MB), and the result."""
+        arguments = () if self.prepare is None else (self.prepare(),)
+        gc.collect()
+        before = _reset_peak()
+        started = time.perf_counter()
+        result = self.work(*arguments)
+        seconds = time.perf_counter() - started
+        return seconds, max(0.0, _status_mb("VmHWM") - before), result
+
+    def close(self) -> None:
+        """Let go of what it holds."""
+
+
+@dataclass(frozen=True)
+class Absent:
+    """A contestant that could not take part, and why."""
+
+    name: str
+    reason: str
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: a contestant at one size."""
+    """One line of the table: a contestant at one size. Times are NaN where it did not take part or was wrong."""
 
     part: str
     size: str
     amount: float
-    unit: str
+    unit: str  # of amount, the plots' abscissa; empty: not to be plotted
     contestant: str
-    seconds: float
+    seconds: float  # the median
+    least: float
     rounds: int
-    ratio: float  # to the part's reference at this size
+    ratio: float  # to the reference's median in the same rounds
     reference: str
     peak_mb: float
     right: str
+    failed: bool = False
 
 
 def race(
-    part: str, size: str, amount: float, unit: str, contestants: Sequence[Contestant], reference: str = ""
+    part: str,
+    size: str,
+    amount: float,
+    unit: str,
+    contestants: Sequence[Contestant | Absent],
+    reference: str = "",
 ) -> list[Row]:
     """Time contestants in turns; the median counts. The reference is the first one unless named.
 
-    Every result is checked before anything is timed; then peak memory is taken in a round of its own.
+    Every result is checked before anything is timed. Who is wrong (AssertionError), or fails as a peer, gets a row that
+    says so.
     """
-    reference = reference or contestants[0].name
-    times: dict[str, list[float]] = {c.name: [] for c in contestants}
-    right, peak = {}, {}
-    for c in contestants:
-        seconds, peak[c.name], result = _once(c)
-        if not c.warm:
-            times[c.name].append(seconds)
-        right[c.name] = c.right(result)
-        del result
-    for _ in range(ROUNDS):
-        for c in contestants:
-            if sum(times[c.name]) < BUDGET_S:
-                times[c.name].append(_once(c, memory=False)[0])
-    medians = {name: statistics.median(t) for name, t in times.items()}
+    times: dict[str, list[float]] = {}
+    peak, right, failed = {}, {}, {c.name: f"not run: {c.reason}" for c in contestants if isinstance(c, Absent)}
+    running = []
+    for c in (c for c in contestants if isinstance(c, Contestant)):
+        try:
+            seconds, peak[c.name], result = c.once()
+            right[c.name] = c.right(result)
+        except AssertionError as error:
+            failed[c.name] = f"WRONG: {error}"
+        except Exception as error:
+            if not c.peer:
+                raise
+            failed[c.name] = f"failed: {type(error).__name__}: {error}".splitlines()[0][:160]
+        else:
+            times[c.name] = [] if c.warm else [seconds]
+            running.append(c)
+        result = None
+    for _ in range(EFFORT.rounds):
+        for c in running:
+            if sum(times[c.name]) < EFFORT.seconds:
+                times[c.name].append(c.once()[0])
+        running = running[1:] + running[:1]  # nobody always follows the same one
+    for c in running:
+        c.close()
+    return _rows(part, size, amount, unit, [c.name for c in contestants], reference, times, peak, right, failed)
+
+
+def _rows(
+    part: str,
+    size: str,
+    amount: float,
+    unit: str,
+    names: Sequence[str],
+    reference: str,
+    times: dict[str, list[float]],
+    peak: dict[str, float],
+    right: dict[str, str],
+    failed: dict[str, str],
+) -> list[Row]:
+    median = {name: statistics.median(t) for name, t in times.items()}
+    reference = reference or next((name for name in names if name in times), names[0])
+    against = median.get(reference, math.nan)
     rows = []
-    for c in contestants:
-        seconds, rounds = medians[c.name], len(times[c.name])
-        ratio = seconds / medians[reference]
+    for name in names:
+        own = times.get(name, [])
         rows.append(
-            Row(part, size, amount, unit, c.name, seconds, rounds, ratio, reference, peak[c.name], right[c.name])
+            Row(
+                part,
+                size,
+                amount,
+                unit,
+                name,
+                median.get(name, math.nan),
+                min(own, default=math.nan),
+                len(own),
+                median.get(name, math.nan) / against,
+                reference,
+                peak.get(name, math.nan),
+                failed.get(name) or right[name],
+                name in failed,
+            )
         )
-        print(f"  {size:24s} {c.name:44s} {1e3 * seconds:10.1f} ms  {ratio:8.2f} x  {right[c.name]}", flush=True)
+        r = rows[-1]
+        say(f"  {size:32s} {name:42s} {1e3 * r.seconds:10.2f} ms {r.ratio:8.2f} x  {r.right}")
     return rows
 
 
-def _once(c: Contestant, memory: bool = True) -> tuple[float, float, Any]:
-    arguments = () if c.prepare is None else (c.prepare(),)
-    gc.collect()
-    before = _reset_peak() if memory else 0.0
-    started = time.perf_counter()
-    result = c.work(*arguments)
-    seconds = time.perf_counter() - started
-    return seconds, max(0.0, _status_mb("VmHWM") - before) if memory else 0.0, result
+def say(text: str) -> None:
+    """Tell how far it is, on stderr."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def floor(arrays: Sequence[np.ndarray], output_bytes: int = 0) -> list[Contestant]:
+    """Give the floor: a copy of these arrays and as many further bytes, into new memory and into memory that is there.
+
+    New memory is what a result costs: its pages are not there until the first touch.
+    """
+    sources = [*arrays, np.ones(output_bytes, np.uint8)]
+    targets = [np.zeros_like(a) for a in sources]
+    megabytes = sum(a.nbytes for a in sources) / 1e6
+
+    def fresh() -> list[np.ndarray]:
+        return [a.copy() for a in sources]
+
+    def warm() -> list[np.ndarray]:
+        for target, source in zip(targets, sources, strict=True):
+            np.copyto(target, source)
+        return targets
+
+    def equal(copies: list[np.ndarray]) -> str:
+        for copy, source in zip(copies, sources, strict=True):
+            assert np.array_equal(copy, source, equal_nan=source.dtype.kind == "f"), "the copy differs"
+        return f"{megabytes:.1f} MB"
+
+    return [Contestant(FLOOR, fresh, equal), Contestant(WARM, warm, equal)]
 
 
 def _reset_peak() -> float:
@@ -95,7 +202,7 @@ def _reset_peak() -> float:
     try:
         Path("/proc/self/clear_refs").write_text("5")
     except OSError:
-        return float("nan")
+        return math.nan
     return _status_mb("VmRSS")
 
 
@@ -103,17 +210,5 @@ def _status_mb(name: str) -> float:
     try:
         lines = Path("/proc/self/status").read_text().splitlines()
     except OSError:
-        return float("nan")
-    return next(int(line.split()[1]) / 1e3 for line in lines if line.startswith(name))
-
-
-def copying(name: str, arrays: Sequence[np.ndarray], extra_bytes: int = 0) -> Contestant:
-    """The floor: copy these arrays, and as many further bytes, into memory that is there already."""
-    sources = [*arrays, np.ones(extra_bytes, np.uint8)]
-    targets = [np.zeros_like(a) for a in sources]
-
-    def copy() -> None:
-        for target, source in zip(targets, sources, strict=True):
-            np.copyto(target, source)
-
-    return Contestant(name, copy)
+        return math.nan
+    return next((int(line.split()[1]) / 1e3 for line in lines if line.startswith(name)), math.nan)
