@@ -46,6 +46,7 @@ class Job(QObject):
     """One run of a function; `succeeded(result)`, `failed(Failure)` or `cancelled()`, then `ended()`."""
 
     progressed = Signal(float, str)
+    told = Signal(str, int, float)  # a figure of its course: name, step (0 begins anew), value
     succeeded = Signal(object)
     failed = Signal(object)
     cancelled = Signal()
@@ -62,6 +63,7 @@ class Job(QObject):
         self._function, self._arguments, self._keywords = function, arguments, keywords
         self._stop = threading.Event()
         self._latest = (0.0, "")  # written by the worker: one assignment is atomic
+        self._course: deque[tuple[str, int, float]] = deque()  # so are append and popleft
         self._thread: threading.Thread | None = None
 
     @property
@@ -89,7 +91,7 @@ class Job(QObject):
         self._latest = (fraction, message or self._latest[1])
 
     def _work(self) -> None:
-        progress = Progress(self._report, self._stop.is_set)
+        progress = Progress(self._report, self._stop.is_set, lambda *figure: self._course.append(figure))
         try:
             progress.check()
             self.result = self._function(*self._arguments, progress=progress, **self._keywords)
@@ -107,6 +109,8 @@ class Job(QObject):
         if self._latest != (self.fraction, self.message):
             self.fraction, self.message = self._latest
             self.progressed.emit(self.fraction, self.message)
+        while self._course:
+            self.told.emit(*self._course.popleft())
         return over
 
     def _end(self) -> None:

@@ -27,6 +27,7 @@ class Session(QObject):
         self.settings = settings
         self._folder: ProjectFolder | None = None
         self._capture = ""
+        self._target: tuple[int, int] | None = None
         self._statuses: dict[str, StageStatus] = {}
 
     @property
@@ -98,8 +99,14 @@ class Session(QObject):
         """The same, as read from its folder."""
         return self._folder.entry(self._capture) if self._folder and self._capture else None
 
-    def choose_capture(self, name: str) -> None:
-        """Look at another capture."""
+    def choose_capture(self, name: str, target: tuple[int, int] | None = None) -> None:
+        """Look at another capture; `target` (row, col) is what the page that comes next shall point at."""
+        self._target = target
         if name != self._capture:
             self._capture = name
             self.capture_changed.emit(name)
+
+    def take_target(self) -> tuple[int, int] | None:
+        """Give the target to point at, once."""
+        target, self._target = self._target, None
+        return target

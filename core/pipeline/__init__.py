@@ -8,14 +8,14 @@ captures and from ``results/`` in the project, and writes its own result there. 
 succeeded.
 """
 
-from core.pipeline.calibrate import METHODS, adjust_network, calibrate_project, load_calibrations
+from core.pipeline.calibrate import adjust_network, calibrate_project, load_calibrations
 from core.pipeline.capture import capture_into, simulate_project
 from core.pipeline.compare import Difference, compare_runs
 from core.pipeline.decode import decode_capture, phase_maps, read_phase, write_phase
 from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, find_capture, result_path
 from core.pipeline.measure import measure_project
-from core.pipeline.options import CalibrateOptions
+from core.pipeline.options import METHODS, CalibrateOptions
 from core.pipeline.reconstruct import reconstruct_capture, write_cloud
 from core.pipeline.report import report_data, report_project, result_tables
 from core.pipeline.runs import Run, current_runs, delete_run, list_runs, make_current, rename_run

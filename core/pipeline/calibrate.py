@@ -29,8 +29,6 @@ from core.pipeline.runs import Run, current_run, keep_run, now
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_network
 
-METHODS: tuple[Method, ...] = ("photogrammetric", "polynomial")
-
 
 def calibrate_project(
     project: Project,

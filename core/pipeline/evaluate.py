@@ -7,9 +7,10 @@ from collections.abc import Collection
 from core.errors import InputError
 from core.figures import evaluation_figures
 from core.model import AdjustedDevice, Method, PlaneEvaluation, Project
-from core.pipeline.calibrate import METHODS, load_calibrations
+from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
+from core.pipeline.options import METHODS
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
 

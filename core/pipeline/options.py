@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from core.errors import InputError
-from core.model import INTERIOR_NAMES, Project
+from core.model import INTERIOR_NAMES, Method, Project
 
+METHODS: tuple[Method, ...] = ("photogrammetric", "polynomial")
 DEVICES = ("camera", "projector")
 
 

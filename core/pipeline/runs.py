@@ -214,15 +214,18 @@ def _to_dict(run: Run) -> dict[str, Any]:
 
 
 def _from_dict(data: dict[str, Any]) -> Run:
-    options = {f.name: data["options"][f.name] for f in fields(CalibrateOptions) if f.name in data["options"]}
-    lists = {name: tuple(options[name]) for name in ("without", "hold") if name in options}
-    captures: dict[str, list[str]] = data["captures"]
-    signs: dict[str, str] = data["made_from"]
+    options: dict[str, Any] = {
+        f.name: data["options"][f.name] for f in fields(CalibrateOptions) if f.name in data["options"]
+    }
+    for name in {"without", "hold"} & set(options):
+        options[name] = tuple(options[name])
+    captures: dict[Method, list[str]] = data["captures"]
+    signs: dict[Method, str] = data["made_from"]
     return Run(
         number=int(data["number"]),
         made_at=str(data["made_at"]),
         read_ns=int(data["read_ns"]),
-        options=CalibrateOptions(**{**options, **lists}),
+        options=CalibrateOptions(**options),
         captures={m: tuple(captures[m]) for m in ARCHIVES if m in captures},
         excluded={str(c): tuple((int(r), int(k)) for r, k in pairs) for c, pairs in data["excluded"].items()},
         made_from={m: signs[m] for m in ARCHIVES if m in signs},

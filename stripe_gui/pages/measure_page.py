@@ -121,6 +121,15 @@ class MeasurePage(Page):
         self.chosen.setData([], [])
         self.state.setText(view.summary if view else self.tr("no board"))
         self.table.show_table(view.table if view else EMPTY)
+        target = self.session.take_target()
+        if view is not None and target in view.targets:
+            self._bring(view, view.targets.index(target))
+
+    def _bring(self, view: MeasureView, index: int) -> None:
+        """Point at a target that another page asked for, in the middle of the picture."""
+        self.table.choose_row(index)
+        if index < len(view.measured):
+            self.view.centre_on(*view.measured[index], width_px=60)
 
     def _point_at(self, index: int) -> None:
         if self._shown is not None and index < len(self._shown.measured):

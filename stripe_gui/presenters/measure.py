@@ -23,6 +23,7 @@ class MeasureView:
 
     measured: Array
     picks: Array
+    targets: tuple[tuple[int, int], ...]  # (row, col) of every row of `table`, the measured ones first
     table: Table
     summary: str
 
@@ -93,7 +94,7 @@ def measure_view(capture: Capture, targets: TargetSet | None) -> MeasureView:
     if targets is None:
         text = translate("Measure", "{n} targets picked, not measured yet") if len(picks) else ""
         summary = text.format(n=len(picks)) or translate("Measure", "no targets picked yet")
-        return MeasureView(np.zeros((0, 2)), picks, Table("", columns, ()), summary)
+        return MeasureView(np.zeros((0, 2)), picks, (), Table("", columns, ()), summary)
     sigma = np.sqrt(np.einsum("nii->n", targets.camera_cov) / 2)
     rows: list[tuple] = [
         (
@@ -113,4 +114,8 @@ def measure_view(capture: Capture, targets: TargetSet | None) -> MeasureView:
     text = translate("Measure", "{n} measured, {m} missing").format(n=len(targets.row), m=len(targets.missing))
     if len(sigma):
         text += translate("Measure", "; σ {s:.3f} px (median)").format(s=float(np.median(sigma)))
-    return MeasureView(targets.camera_uv, picks, Table("", columns, tuple(rows)), text)
+    identities = [
+        *zip(targets.row.tolist(), targets.col.tolist(), strict=True),
+        *((m.row, m.col) for m in targets.missing),
+    ]
+    return MeasureView(targets.camera_uv, picks, tuple(identities), Table("", columns, tuple(rows)), text)

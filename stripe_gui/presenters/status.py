@@ -15,7 +15,9 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication
 
 from core.errors import StripeError
-from core.model import Adjustment, DeviceSpec, PhotogrammetricCalibration
+from core.model import Adjustment, DeviceSpec, Method, PhotogrammetricCalibration
+from core.pipeline.options import METHODS
+from core.pipeline.runs import current_run
 from stripe_gui.presenters.failures import StageFailure, read_failures
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder, written_ns
 
@@ -95,8 +97,19 @@ class _Facts:
         self.planes = [e for e in self.readable if e.role == "plane"]
         names = ("targets", "photogrammetric", "polynomial", "evaluation")
         self.written = {name: written_ns(folder.result_file(f"{name}.npz")) for name in names}
+        self.runs = {method: current_run(folder.project, method) for method in METHODS}
         self.report = written_ns(folder.result_file("report/report.html"))
         self.newest = newest(self.readable)
+
+    def read_ns(self, method: Method) -> int | None:
+        """When the calibration in use began to read its captures; where that is not known, when it was written."""
+        run, written = self.runs[method], self.written[method]
+        return run.read_ns if run is not None and written is not None else written
+
+    def used(self, method: Method, entries: list[CaptureEntry]) -> list[CaptureEntry]:
+        """Leave out the captures that took no part on purpose."""
+        run = self.runs[method]
+        return [e for e in entries if run is None or e.name not in run.options.without]
 
 
 def newest(entries: Iterable[CaptureEntry]) -> int:
@@ -157,7 +170,7 @@ def _measure(facts: _Facts, calibrate: StageStatus) -> StageStatus:
 
 
 def _calibrate(facts: _Facts) -> StageStatus:
-    inputs = {"photogrammetric": facts.picked, "polynomial": facts.plates}
+    inputs: dict[Method, list[CaptureEntry]] = {"photogrammetric": facts.picked, "polynomial": facts.plates}
     wanted = [m for m, entries in inputs.items() if entries]
     if not wanted and not any(facts.written[m] for m in inputs):
         text = translate("Stages", "needs picked testfields or plates at known depths")
@@ -166,10 +179,10 @@ def _calibrate(facts: _Facts) -> StageStatus:
     if absent:
         return StageStatus("calibrate", State.TODO, translate("Stages", "ready to run"))
     for method, entries in inputs.items():
-        written = facts.written[method]
-        if written is not None and written < newest(entries):
+        read = facts.read_ns(method)
+        if read is not None and read < newest(facts.used(method, entries)):
             return StageStatus("calibrate", State.STALE, translate("Stages", "captures or picks changed since"))
-    if _rig_changed(facts.folder):
+    if _rig_changed(facts):
         return StageStatus("calibrate", State.STALE, translate("Stages", "the rig or its scale changed since"))
     done = [m for m in inputs if facts.written[m]]
     text = translate("Stages", "both methods") if len(done) == 2 else method_name(done[0])
@@ -233,10 +246,10 @@ def _last_calibration(facts: _Facts) -> int | None:
     return max(times) if times else None
 
 
-def _rig_changed(folder: ProjectFolder) -> bool:
+def _rig_changed(facts: _Facts) -> bool:
     """Whether project.json now describes another rig than the one that was calibrated."""
-    written = written_ns(folder.result_file("photogrammetric.npz"))
-    if written is None or (written_ns(folder.path / "project.json") or 0) <= written:
+    folder, read = facts.folder, facts.read_ns("photogrammetric")
+    if read is None or (written_ns(folder.path / "project.json") or 0) <= read:
         return False
     try:
         calibration = folder.result("photogrammetric.npz", PhotogrammetricCalibration)
