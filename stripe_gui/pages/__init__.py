@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 PAGES = {
     "start": ("pages.start_page", "StartPage"),
+    "new-project": ("wizards.new_project_wizard", "NewProjectWizard"),
     "capture": ("pages.capture_page", "CapturePage"),
     "decode": ("pages.decode_page", "DecodePage"),
     "measure": ("pages.measure_page", "MeasurePage"),

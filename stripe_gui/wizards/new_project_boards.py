@@ -1,0 +1,331 @@
+"""Boards, scale and summary of a new project: one widget a step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QGridLayout, QLineEdit, QRadioButton, QWidget
+
+from core.model import ScaleBar, Testfield
+from stripe_gui.presenters.new_project import (
+    FIELD_FILE,
+    PLATE_FILE,
+    BoardPlan,
+    BoardView,
+    Draft,
+    board_text,
+    board_words,
+    look_at_board,
+    scale_problem,
+    scale_words,
+)
+from stripe_gui.presenters.rig_view import RigView, rig_text
+from stripe_gui.widgets.layout import boxed, button, card, column, label, row
+from stripe_gui.wizards.new_project import print_board
+from stripe_gui.wizards.new_project_pictures import SheetView
+from stripe_gui.wizards.new_project_steps import FORM_WIDTH, form, real, whole
+from stripe_gui.workbench import Workbench
+
+POLARITIES = ("white-on-black", "black-on-white")
+
+
+class BoardStep(QWidget):
+    """A board from numbers or from a CSV file, with its picture; one that may be left out has a check box."""
+
+    changed = Signal()
+
+    def __init__(self, bench: Workbench, wanted: str = "", why: str = "") -> None:
+        super().__init__()
+        self._bench = bench
+        self.wanted = QCheckBox(wanted)
+        self.wanted.setChecked(not wanted)
+        self.wanted.toggled.connect(self._typed)
+        self.by_numbers = QRadioButton(self.tr("Rows and columns"))
+        self.by_file = QRadioButton(self.tr("CSV file"))
+        self.by_file.toggled.connect(self._typed)
+        self.rows = whole(self.tr("Rows"), 2, 200, self._typed)
+        self.columns = whole(self.tr("Columns"), 2, 200, self._typed)
+        self.spacing = real(self.tr("Spacing"), 0.1, 1000.0, 3, self._typed, " mm")
+        self.diameter = real(self.tr("Target diameter"), 0.05, 1000.0, 3, self._typed, " mm")
+        self.polarity = QComboBox()
+        self.polarity.setAccessibleName(self.tr("Targets"))
+        self.polarity.addItems([self.tr("white on black"), self.tr("black on white")])
+        self.polarity.activated.connect(self._typed)
+        self.file = QLineEdit()
+        self.file.setAccessibleName(self.tr("CSV file with the targets"))
+        self.file.setPlaceholderText("row,col,x_mm,y_mm,z_mm,diameter_mm")
+        self.file.textChanged.connect(self._typed)
+        self.choose_button = button(self.tr("Choose…"), self._choose, "open")
+        self.choose_button.setAccessibleName(self.tr("Choose the CSV file"))
+        self.print_button = button(self.tr("Print this board…"), self._print, "print")
+        self.picture = SheetView()
+        self.words = label("", "muted", wrap=True)
+        self.board = BoardView(None, None)
+        self._plan: BoardPlan | None = None
+        self._rig: RigView | None = None
+        self._lay_out(why)
+
+    def _lay_out(self, why: str) -> None:
+        self._numbers = boxed(
+            form(
+                (self.tr("Rows"), self.rows),
+                (self.tr("Columns"), self.columns),
+                (self.tr("Spacing"), self.spacing),
+                (self.tr("Target diameter"), self.diameter),
+                (self.tr("Targets"), self.polarity),
+            )
+        )
+        self._file_row = boxed(row(self.file, self.choose_button, spacing=8))
+        self._form = boxed(
+            column(
+                row(self.by_numbers, self.by_file),
+                self._numbers,
+                self._file_row,
+                row(self.print_button, None),
+                spacing=10,
+            )
+        )
+        head = [self.wanted, label(why, "muted", wrap=True)] if self.wanted.text() else []
+        left = boxed(column(*head, self._form, None, spacing=10))
+        left.setFixedWidth(FORM_WIDTH)
+        frame, layout = card()
+        layout.addWidget(self.picture, 1)
+        layout.addWidget(self.words)
+        outer = row(left, frame, spacing=16)
+        outer.setContentsMargins(0, 4, 0, 0)
+        self.setLayout(outer)
+
+    def show_plan(self, plan: BoardPlan, wanted: bool = True) -> None:
+        """Show a board."""
+        fields = (self.wanted, self.by_file, self.by_numbers, self.rows, self.columns, self.spacing, self.diameter)
+        blockers = [QSignalBlocker(field) for field in (*fields, self.file)]
+        self.wanted.setChecked(wanted)
+        (self.by_file if plan.from_file else self.by_numbers).setChecked(True)
+        self.rows.setValue(plan.rows)
+        self.columns.setValue(plan.columns)
+        self.spacing.setValue(plan.spacing_mm)
+        self.diameter.setValue(plan.diameter_mm)
+        self.polarity.setCurrentIndex(POLARITIES.index(plan.polarity) if plan.polarity in POLARITIES else 0)
+        self.file.setText(plan.file)
+        del blockers
+        self._typed()
+
+    def plan(self) -> BoardPlan:
+        """Give the board."""
+        return BoardPlan(
+            self.rows.value(),
+            self.columns.value(),
+            self.spacing.value(),
+            self.diameter.value(),
+            POLARITIES[self.polarity.currentIndex()],
+            self.by_file.isChecked(),
+            self.file.text(),
+        )
+
+    @property
+    def testfield(self) -> Testfield | None:
+        """The board's targets; None where it is left out or not right yet."""
+        return self.board.testfield if self.wanted.isChecked() else None
+
+    def problem(self) -> str:
+        """Say what is wrong; empty if nothing is."""
+        return self.board.problem if self.wanted.isChecked() else ""
+
+    def show_rig(self, rig: RigView | None) -> None:
+        """Say what the board is to a rig."""
+        self._rig = rig
+        self._say()
+
+    def look_again(self) -> None:
+        """Read the CSV file anew: it may have been mended."""
+        if self.by_file.isChecked():
+            self._plan = None
+            self._typed()
+
+    def _typed(self) -> None:
+        plan = self.plan()
+        if plan != self._plan:
+            self._plan, self.board = plan, look_at_board(plan)
+        wanted = self.wanted.isChecked()
+        self._form.setEnabled(wanted)
+        self._numbers.setVisible(not plan.from_file)
+        self._file_row.setVisible(plan.from_file)
+        self.print_button.setEnabled(self.board.sheet is not None)
+        self.picture.show_sheet(self.board.sheet if wanted else None)
+        self._say()
+        self.changed.emit()
+
+    def _say(self) -> None:
+        if not self.wanted.isChecked():
+            self.words.setText(self.tr("No such board in this project."))
+        elif self.board.testfield is None:
+            self.words.setText(self.board.problem)
+        elif self._rig is not None:
+            self.words.setText(" ".join(board_words(self.board.testfield, self._rig.camera, self._rig.projector)))
+
+    def _choose(self) -> None:
+        title, kinds = self.tr("Choose the targets of the board"), self.tr("Targets (*.csv);;All files (*)")
+        chosen = self._bench.dialogs.open_file(self, title, kinds, Path(self.file.text() or Path.home()))
+        if chosen is not None:
+            self.file.setText(str(chosen))
+
+    def _print(self) -> None:
+        if self.board.testfield is not None:
+            print_board(self._bench, self.board.testfield, Path.home() / "testfield.pdf")
+
+
+class ScaleStep(QWidget):
+    """A measured distance between two targets, compared with the nominal one."""
+
+    changed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.wanted = QCheckBox(self.tr("A distance on the board was measured"))
+        self.wanted.toggled.connect(self._typed)
+        self.ends = [whole(name, 0, 9999, self._typed) for name in self._names()]
+        self.length = real(self.tr("Measured length"), 0.0, 100_000.0, 4, self._typed, " mm")
+        self.length.setSpecialValueText(self.tr("not typed yet"))
+        self.sigma = real(self.tr("Standard deviation"), 0.0, 1000.0, 4, self._typed, " mm")
+        self.comparison, self._doubt = label("", wrap=True), label("", wrap=True)
+        self._warning = QFrame()
+        self._warning.setProperty("notice", "warning")
+        self._warning.setLayout(column(self._doubt))
+        self._warning.layout().setContentsMargins(12, 10, 12, 10)
+        self._warning.hide()
+        self.picture = SheetView()
+        self._board = BoardView(None, None)
+        places = [boxed(row(a, b, spacing=8)) for a, b in (self.ends[:2], self.ends[2:])]
+        self._form = boxed(
+            form(
+                (self.tr("From row, column"), places[0]),
+                (self.tr("to row, column"), places[1]),
+                (self.tr("Measured length"), self.length),
+                (self.tr("Standard deviation"), self.sigma),
+            )
+        )
+        why = self.tr(
+            "One distance between two targets, measured with a calliper or a scale bar, gives the calibration its "
+            "scale. Without it the nominal coordinates do, and a print is seldom true to a thousandth."
+        )
+        left = boxed(
+            column(
+                self.wanted,
+                label(why, "muted", wrap=True),
+                self._form,
+                self.comparison,
+                self._warning,
+                None,
+                spacing=10,
+            )
+        )
+        left.setFixedWidth(FORM_WIDTH)
+        frame, layout = card()
+        layout.addWidget(self.picture, 1)
+        outer = row(left, frame, spacing=16)
+        outer.setContentsMargins(0, 4, 0, 0)
+        self.setLayout(outer)
+
+    def _names(self) -> list[str]:
+        return [self.tr("From row"), self.tr("From column"), self.tr("To row"), self.tr("To column")]
+
+    def show_scale(self, scale: ScaleBar, wanted: bool) -> None:
+        """Show a distance."""
+        fields = (self.wanted, *self.ends, self.length, self.sigma)
+        blockers = [QSignalBlocker(field) for field in fields]
+        self.wanted.setChecked(wanted)
+        for field, value in zip(self.ends, (*scale.start, *scale.stop), strict=True):
+            field.setValue(value)
+        self.length.setValue(scale.length_mm)
+        self.sigma.setValue(scale.sigma_mm)
+        del blockers
+        self._typed()
+
+    def scale(self) -> ScaleBar:
+        """Give the distance."""
+        a, b, c, d = (field.value() for field in self.ends)
+        return ScaleBar((a, b), (c, d), self.length.value(), self.sigma.value())
+
+    def show_board(self, board: BoardView) -> None:
+        """Measure on another board: its outermost corners until targets are chosen that it has."""
+        self._board = board
+        field = board.testfield
+        if field is not None and scale_problem(field, replace(self.scale(), length_mm=1.0, sigma_mm=1.0)):
+            first, last = (min(field.index()), max(field.index()))
+            self.show_scale(replace(self.scale(), start=first, stop=last), self.wanted.isChecked())
+        self._typed()
+
+    def problem(self) -> str:
+        """Say what is wrong; empty if nothing is."""
+        if not self.wanted.isChecked() or self._board.testfield is None:
+            return ""
+        return scale_problem(self._board.testfield, self.scale())
+
+    def _typed(self) -> None:
+        self._form.setEnabled(self.wanted.isChecked())
+        field, scale, ends = self._board.testfield, self.scale(), None
+        words = doubt = ""
+        if field is not None and self.wanted.isChecked():
+            words, doubt = scale_words(field, scale)
+            index = field.index()
+            if scale.start in index and scale.stop in index:
+                ends = index[scale.start], index[scale.stop]
+        self.comparison.setText(words)
+        self._doubt.setText(doubt)
+        self._warning.setVisible(bool(doubt))
+        self.picture.show_sheet(self._board.sheet, ends)
+        self.changed.emit()
+
+
+class SummaryStep(QWidget):
+    """All answers at a glance, before anything is written."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        frame, self._layout = card()
+        self._grid = QGridLayout()
+        self._grid.setHorizontalSpacing(24)
+        self._grid.setVerticalSpacing(10)
+        self._grid.setColumnStretch(1, 1)
+        self._layout.addLayout(self._grid)
+        self.rows = {
+            name: label("", wrap=True) for name in ("name", "folder", "rig", "field", "plate", "scale", "files")
+        }
+        titles = (
+            self.tr("Name"),
+            self.tr("Folder"),
+            self.tr("Rig"),
+            self.tr("Testfield"),
+            self.tr("Depth plate"),
+            self.tr("Scale"),
+            self.tr("Will be written"),
+        )
+        for i, (title, value) in enumerate(zip(titles, self.rows.values(), strict=True)):
+            self._grid.addWidget(label(title, "muted"), i, 0)
+            self._grid.addWidget(value, i, 1)
+        outer = column(frame, None)
+        outer.setContentsMargins(0, 4, 0, 0)
+        self.setLayout(outer)
+
+    def show_draft(self, draft: Draft, field: BoardView, plate: BoardView) -> None:
+        """Show the answers."""
+        none = self.tr("none")
+        bar = draft.scale
+        text = self.tr("{length:.4f} mm ± {sigma:.4f} mm from row {a}, column {b} to row {c}, column {d}")
+        scale = text.format(
+            length=bar.length_mm, sigma=bar.sigma_mm, a=bar.start[0], b=bar.start[1], c=bar.stop[0], d=bar.stop[1]
+        )
+        files = ["project.json", FIELD_FILE, *([PLATE_FILE] if draft.with_plate else [])]
+        values = {
+            "name": draft.name.strip(),
+            "folder": draft.folder.strip(),
+            "rig": rig_text(draft.rig),
+            "field": board_text(draft.board, field),
+            "plate": board_text(draft.plate, plate) if draft.with_plate else none,
+            "scale": scale if draft.with_scale else self.tr("from the nominal coordinates of the testfield"),
+            "files": ", ".join(files),
+        }
+        for key, value in values.items():
+            self.rows[key].setText(value)
