@@ -14,6 +14,7 @@ faults.py         dots that must not be measured, and why
 centroid.py       weighted centroid, its covariance, the image's noise, the light's gradient
 eccentricity.py   the middle of an ellipse is not the image of the circle's centre
 projector.py      projector coordinates from the phase maps
+single.py         what an operator sees while picking: the dot at hand, the predicted grid
 missing.py        why a target was not measured, in words
 robust.py         small fits and medians over many targets at once
 kernels.py        the two loops over pixels
@@ -23,7 +24,18 @@ from core.measure.eccentricity import eccentricity
 from core.measure.missing import EXCLUDED
 from core.measure.options import MeasureOptions
 from core.measure.picks import side_seen
+from core.measure.single import dot_at, measured_view, predicted_view
 from core.measure.targets import measure_targets
 from core.measure.view import View
 
-__all__ = ["EXCLUDED", "MeasureOptions", "View", "eccentricity", "measure_targets", "side_seen"]
+__all__ = [
+    "EXCLUDED",
+    "MeasureOptions",
+    "View",
+    "dot_at",
+    "eccentricity",
+    "measure_targets",
+    "measured_view",
+    "predicted_view",
+    "side_seen",
+]

@@ -1,0 +1,134 @@
+"""Work behind the picking page: measuring what was accepted, and making the next images ready."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+
+from core.errors import StripeError
+from core.model import Capture, PhaseMap, Project, TargetSet
+from core.pipeline.picking import current_targets, measure_one
+from stripe_gui.jobs import Failure, JobQueue
+from stripe_gui.presenters.failures import describe
+from stripe_gui.wizards.picking_model import Measurement, Picking, Picks
+from stripe_gui.wizards.picking_work import Kept, Look, decode_board, look_at, signature
+from stripe_gui.workbench import Workbench
+
+
+class Background(QObject):
+    """Measures in the program's queue of jobs, so that it is shown and can be cancelled; prepares in one of its own.
+
+    Attributes
+    ----------
+    at_work : set of int
+        Images that are being measured or wait for it.
+    """
+
+    measured = Signal(int)  # an image was measured, refused or cancelled
+    looked = Signal(int)  # an image and its guesses are here
+
+    def __init__(self, bench: Workbench, model: Picking, project: Project, kept: Kept, parent: QObject) -> None:
+        super().__init__(parent)
+        self._bench, self._model, self._project, self._kept = bench, model, project, kept
+        self._ahead = JobQueue(self)
+        self._version: tuple[object, ...] = ()
+        self._unreadable: set[int] = set()
+        self.at_work: set[int] = set()
+
+    @property
+    def preparing(self) -> bool:
+        """Whether anything is being made ready."""
+        return self._ahead.busy
+
+    def stop(self) -> None:
+        """Prepare nothing more."""
+        self._ahead.shut_down()
+
+    def take_measured(self) -> None:
+        """Take over the targets that the project keeps, where they follow from the picks as they are."""
+        now = signature(self._project)
+        if now == self._version or self.at_work:
+            return
+        self._version = now
+        found = self._bench.guarded(current_targets, self._project) or {}
+        for i, capture in enumerate(self._model.captures):
+            if capture.name in found:
+                self._model.keep_measurement(i, Measurement(self._model.picks_of(i), found[capture.name]))
+
+    # ---------------------------------------------------------------------------------------------------- measuring
+
+    def measure(self, image: int) -> None:
+        """Measure an image from its picks."""
+        capture, picks = self._model.captures[image], self._model.picks_of(image)
+        self.at_work.add(image)
+        job = self._bench.jobs.run(
+            self.tr("Measuring {name}").format(name=capture.name),
+            measure_one,
+            self._project,
+            capture.name,
+            self._kept.phase(capture),
+            on_done=partial(self._done, image, picks),
+            on_failed=partial(self._refused, image, picks),
+        )
+        job.cancelled.connect(partial(self._ended, image))
+
+    def _done(self, image: int, picks: Picks, targets: TargetSet) -> None:
+        self._model.keep_measurement(image, Measurement(picks, targets))
+        self._version = signature(self._project)
+        self._ended(image)
+
+    def _refused(self, image: int, picks: Picks, failure: Failure) -> None:
+        told = describe(failure.error, failure.trace)
+        if isinstance(failure.error, StripeError):
+            why = f"{failure.error.seen}; {failure.error.remedy}"
+            self._model.keep_measurement(image, Measurement(picks, None, why))
+        self._bench.notify("error", told.happened, told.remedy, told.details)
+        self._ended(image)
+
+    def _ended(self, image: int) -> None:
+        self.at_work.discard(image)
+        self.measured.emit(image)
+
+    # ---------------------------------------------------------------------------------------------------- preparing
+
+    def prepare(self) -> None:
+        """Make ready what the operator will need next: this image, then the next ones, looked at and decoded."""
+        if self._ahead.busy:
+            return
+        model = self._model
+        for image in dict.fromkeys((model.image, model.next_image(due=True), model.next_image(1))):
+            if image is None or image in self._unreadable:
+                continue
+            capture = model.captures[image]
+            guess = not model.has_guesses(image) and not model.picks_of(image).seeds
+            if guess or self._kept.frame(capture) is None:
+                board = (self._project.camera, model.neighbour(image), model.side(), guess)
+                return self._run(image, look_at, self._have_looked, *board)
+            if self._kept.phase(capture) is None and model.measured(image) is None:
+                return self._run(image, decode_board, self._have_decoded)
+        return None
+
+    def _run(self, image: int, function: Callable[..., Any], done: Callable[..., None], *arguments: Any) -> None:
+        capture = self._model.captures[image]
+        job = self._ahead.run(
+            capture.name,
+            function,
+            capture,
+            *arguments,
+            on_done=partial(done, image, capture),
+            on_failed=lambda _: self._unreadable.add(image),
+        )
+        job.ended.connect(self.prepare)
+
+    def _have_looked(self, image: int, capture: Capture, look: Look) -> None:
+        self._kept.keep_frame(capture, look.frame)
+        self._model.find(image, look.dots)
+        if look.guesses is not None:
+            self._model.suggest(image, look.guesses)
+        self.looked.emit(image)
+
+    def _have_decoded(self, image: int, capture: Capture, phase: PhaseMap) -> None:
+        self._kept.keep_phase(capture, phase)

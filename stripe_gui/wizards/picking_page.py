@@ -1,0 +1,444 @@
+"""The picking page: image by image, four targets each, by mouse or keys; measuring goes on behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+from PySide6.QtCore import QEvent, QObject, Qt
+from PySide6.QtGui import QKeyEvent, QKeySequence, QShortcut
+from PySide6.QtWidgets import QSplitter
+
+from core.measure import dot_at
+from core.model import Capture
+from stripe_gui.pages.page import Page
+from stripe_gui.presenters.capture import FrameView
+from stripe_gui.presenters.measure import lit_frame
+from stripe_gui.widgets.image_view import ImageView
+from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.wizards.picking_background import Background
+from stripe_gui.wizards.picking_marks import MarksOverlay
+from stripe_gui.wizards.picking_model import Picking, Target
+from stripe_gui.wizards.picking_side import SidePanel
+from stripe_gui.wizards.picking_view import NextStep, PickingView, next_step, picking_view, question
+from stripe_gui.wizards.picking_work import Kept, boards
+from stripe_gui.workbench import Workbench
+
+ARROWS = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
+REACH_PX = 12  # on the screen: how far beside a dot a click may be
+Modifier = Qt.KeyboardModifier
+
+
+class PickPage(Page):
+    """The image in the middle; to the right the map of the field, the loupe, and the images and targets as lists."""
+
+    id, stage = "pick", "measure"
+
+    def __init__(self, bench: Workbench) -> None:
+        super().__init__(
+            bench,
+            self.tr("Pick targets"),
+            self.tr("Pick four dots in each image and say which targets they are: all others follow from them."),
+        )
+        self.model: Picking | None = None
+        self.background: Background | None = None
+        self.kept = Kept()
+        self._frame: FrameView | None = None
+        self._shown: PickingView | None = None
+        self._cursor = (0.0, 0.0)
+        self._lay_out()
+        self._connect()
+        self._keys: dict[int, Callable[[], object]] = {
+            Qt.Key.Key_Space: self.pick,
+            Qt.Key.Key_Return: self.advance,
+            Qt.Key.Key_Enter: self.advance,
+            Qt.Key.Key_Backspace: self.remove,
+            Qt.Key.Key_Delete: self.remove,
+            Qt.Key.Key_Tab: lambda: self.cycle(1),
+            Qt.Key.Key_Backtab: lambda: self.cycle(-1),
+            Qt.Key.Key_X: self.exclude,
+            Qt.Key.Key_R: self.turn_guess,
+            **{Qt.Key(Qt.Key.Key_1 + i): partial(self.choose_number, i) for i in range(9)},
+        }
+
+    def _lay_out(self) -> None:
+        self.undo_button = self.add_button(self.tr("Undo"), self.undo, "undo")
+        self.undo_button.setToolTip(self.tr("Take the last change back, in whichever image it was made (Ctrl+Z)"))
+        self.redo_button = self.add_button(self.tr("Redo"), self.redo, "redo")
+        self.redo_button.setToolTip(self.tr("Make it again (Ctrl+Shift+Z)"))
+        self.primary = self.add_button(self.tr("Accept and measure"), self.advance, "next", primary=True)
+        self.view = ImageView(self.tr("Image with its targets"), bar=False)
+        self.view.canvas.setAccessibleDescription(
+            self.tr(
+                "1 to 4 and Tab choose a target, arrows move the cross hairs, Space picks, Enter does the next step, "
+                "F6 goes to the map and the lists."
+            )
+        )
+        self.marks = MarksOverlay(self.view)
+        self.side = SidePanel()
+        self.state = label(" ", "heading")
+        self.ask = label(" ", wrap=True)
+        self.legend = label(" ", "muted", wrap=True)
+        keys = label(
+            self.tr(
+                "Arrows 1 px, with Shift 0.1 px, with Ctrl to the next dot · Space picks · 1–4, Tab target · "
+                "Backspace removes · X excludes · Page Up, Page Down image · + − 0 zoom · F6 map and lists"
+            ),
+            "muted",
+            wrap=True,
+        )
+        fit = button(self.tr("Whole image"), self.view.fit, "fit", flat=True)
+        left = column(row(self.state, None, fit), self.ask, self.view, self.legend, keys, spacing=6)
+        left.setStretch(2, 1)
+        split = QSplitter(Qt.Orientation.Horizontal)
+        split.addWidget(boxed(left))
+        split.addWidget(self.side)
+        split.setStretchFactor(0, 1)
+        split.setChildrenCollapsible(False)
+        split.setHandleWidth(14)
+        self.body.addWidget(split, 1)
+        self.setFocusProxy(self.view.canvas)
+
+    def _connect(self) -> None:
+        self.view.canvas.installEventFilter(self)
+        self.view.clicked.connect(self._clicked)
+        self.view.hovered.connect(self._look_through)
+        self.view.canvas.left.connect(lambda: self._look_through(*self._cursor))
+        self.side.image_chosen.connect(self.go_to)
+        self.side.target_chosen.connect(lambda r, c: self.choose((r, c)))
+        self.side.excluded.connect(self.exclude)
+        self.side.left.connect(self.view.canvas.setFocus)
+        self.session.project_changed.connect(self._forget)
+        for keys, slot in (
+            ("Ctrl+Z", self.undo),
+            ("Ctrl+Shift+Z", self.redo),
+            ("PgDown", lambda: self.turn_over(1)),
+            ("PgUp", lambda: self.turn_over(-1)),
+            ("F6", lambda: self.side.next_pane(self.view.canvas)),
+            ("Escape", self.view.canvas.setFocus),
+        ):
+            here = Qt.ShortcutContext.WidgetWithChildrenShortcut
+            QShortcut(QKeySequence(keys), self, context=here).activated.connect(slot)
+
+    # --------------------------------------------------------------------------------------------------------- showing
+
+    def refresh(self) -> None:
+        """Show the project as it is now; picks that others changed are taken over."""
+        folder = self.session.folder
+        captures = boards(folder.captures()) if folder else []
+        if self.model is None or not self.model.is_about(captures):
+            self._forget()
+            self.model = self.bench.guarded(Picking, captures) if captures else None
+            if self.model is not None:
+                self._begin(self.model)
+        else:
+            self.bench.guarded(self.model.reload)
+        if self.background is not None:
+            self.background.take_measured()
+        self._show_image()
+
+    def _begin(self, model: Picking) -> None:
+        """Start at the image the operator looks at, or at the first one that is not picked."""
+        folder = self.session.folder
+        assert folder is not None
+        self.background = Background(self.bench, model, folder.project, self.kept, self)
+        self.background.measured.connect(self._measured)
+        self.background.looked.connect(self._looked)
+        names = [c.name for c in model.captures]
+        model.go_to(names.index(self.session.capture_name) if self.session.capture_name in names else 0)
+        if model.complete and (due := model.next_image(due=True)) is not None:
+            model.go_to(due)
+
+    def _forget(self) -> None:
+        """Let go of a project that is no longer open or has other captures now."""
+        if self.background is not None:
+            self.background.stop()
+            self.background.deleteLater()
+        self.model, self.background, self._frame = None, None, None
+
+    def _show_image(self) -> None:
+        """Show the image at work: at once where it is here, else when it has been read."""
+        model = self.model
+        if model is None or self.background is None:
+            self._show_nothing()
+            return
+        capture = model.captures[model.image]
+        self.session.choose_capture(capture.name)
+        frame = self.kept.frame(capture)
+        if frame is not None:
+            self._show_frame(capture, frame)
+        else:
+            self.bench.views.run(capture.name, lit_frame, capture, on_done=partial(self._show_frame, capture))
+        self._show_marks(move=True)
+        self.background.prepare()
+
+    def _show_frame(self, capture: Capture, frame: FrameView) -> None:
+        self.kept.keep_frame(capture, frame)
+        if self.model is not None and self.model.captures[self.model.image] == capture and frame is not self._frame:
+            self._frame = frame
+            self.view.set_image(frame.image, (0.0, frame.bright))
+            self._look_through(*self._cursor)
+
+    def _show_nothing(self) -> None:
+        self._frame = self._shown = None
+        self.view.set_image(None)
+        self.state.setText(self.tr("no board"))
+        self.ask.setText(self.tr("Capture a testfield first; its board must be named in capture.json."))
+        self.legend.setText(" ")
+        self.side.clear()
+        for made in (self.undo_button, self.redo_button, self.primary):
+            made.setEnabled(False)
+
+    def _show_marks(self, *, move: bool) -> None:
+        """Show everything but the image anew; `move` takes the cross hairs to the target at work."""
+        if self.model is None or self.background is None or self.session.folder is None:
+            return
+        self._shown = picking_view(self.model, self.session.folder.project.camera)
+        self.marks.show(self._shown.marks)
+        self.state.setText(self.model.capture.name)
+        self.legend.setText(self._shown.legend or " ")
+        self.side.show_image(self.model, self._shown, self.background.at_work)
+        self._show_target(move=move)
+
+    def _show_target(self, *, move: bool) -> None:
+        """Show which target is at work, and what comes next."""
+        model, view = self.model, self._shown
+        if model is None or view is None or self.background is None:
+            return
+        if move:
+            self._set_cursor(*(view.places.get(model.target) or model.likely() or self._middle()))
+        self.side.show_target(model, view)
+        self.marks.show_chosen(view.places.get(model.target) if len(view.marks.measured) else None)
+        step = next_step(model, view, self.background.at_work)
+        ask, does = question(model, view, step)
+        self.ask.setText(ask)
+        key = self.tr("Space") if step is NextStep.PICK else self.tr("Enter")
+        self.primary.setText(f" {does} ({key})")
+        self.primary.setAccessibleName(does)
+        self.primary.setEnabled(not (step is NextStep.ACCEPT and view.problem))
+        self.undo_button.setEnabled(model.can_undo)
+        self.redo_button.setEnabled(model.can_redo)
+
+    # ------------------------------------------------------------------------------------------------- the cross hairs
+
+    def _middle(self) -> tuple[float, float]:
+        (x0, x1), (y0, y1) = self.view.canvas.box.viewRange()
+        return (x0 + x1) / 2, (y0 + y1) / 2
+
+    def _set_cursor(self, u: float, v: float, *, follow: bool = False) -> None:
+        """Move the cross hairs; `follow` brings them into view where they would leave it."""
+        if self.session.folder is not None:
+            camera = self.session.folder.project.camera
+            u, v = min(max(u, 0.0), camera.width - 1.0), min(max(v, 0.0), camera.height - 1.0)
+        self._cursor = (u, v)
+        self.marks.show_cursor(self._cursor)
+        self._look_through(u, v)
+        (x0, x1), (y0, y1) = self.view.canvas.box.viewRange()
+        if follow and not (x0 <= u <= x1 and y0 <= v <= y1):
+            self.view.centre_on(u, v)
+
+    def _look_through(self, u: float, v: float) -> None:
+        """Look at a position through the loupe."""
+        picks = self._shown.marks.picks if self._shown else np.zeros((0, 2))
+        image, bright = (self._frame.image, self._frame.bright) if self._frame else (None, 1.0)
+        self.side.loupe.show_at(image, bright, u, v, tuple((float(a), float(b)) for a, b in picks))
+
+    def nudge(self, key: int, modifiers: Qt.KeyboardModifier) -> None:
+        """Nudge the pick at work, or the cross hairs: 1 px, with Shift or Alt 0.1 px, with Ctrl to the next dot."""
+        du, dv = ARROWS[Qt.Key(key)]
+        u, v = self._cursor
+        if self.model is None:
+            return
+        if modifiers & Modifier.ControlModifier:
+            self._set_cursor(*self._next_dot(du, dv), follow=True)
+            return
+        step = 0.1 if modifiers & (Modifier.ShiftModifier | Modifier.AltModifier) else 1.0
+        self._set_cursor(round(u + du * step, 3), round(v + dv * step, 3), follow=True)
+        if self.model.target in self.model.picked:
+            self._change(self.model.pick, *self._cursor, move=False)
+
+    def _next_dot(self, du: int, dv: int) -> tuple[float, float]:
+        """Where the next dot lies in a direction; a tenth of the view further where there is none."""
+        u, v = self._cursor
+        (x0, x1), (y0, y1) = self.view.canvas.box.viewRange()
+        ahead = du * (x1 - x0) / 10, dv * (y1 - y0) / 10
+        dots = self.model.dots if self.model is not None else np.zeros((0, 2))
+        away = dots - (u, v)
+        along, across = away @ (du, dv), np.abs(away @ (dv, du))
+        cost = np.where((along > 3) & (across < along), along + 2 * across, np.inf)
+        if len(cost) and np.isfinite(cost.min()):
+            u, v = dots[int(np.argmin(cost))]
+            return float(u), float(v)
+        return u + ahead[0], v + ahead[1]
+
+    # ------------------------------------------------------------------------------------------------------- the picks
+
+    def pick(self, *, snap: bool = True) -> None:
+        """Put the target at work where the cross hairs are, onto the dot's centre, and ask for the next one."""
+        if self.model is None or self._frame is None:
+            return
+        at = self._snapped(*self._cursor) if snap else self._cursor
+        if at is None:
+            self.ask.setText(self.tr("There is no dot under the cross hairs; Shift+Space picks all the same."))
+            return
+        self._change(self.model.pick, *at, onward=True)
+
+    def _snapped(self, u: float, v: float) -> tuple[float, float] | None:
+        assert self.model is not None
+        assert self._frame is not None
+        reach = max(REACH_PX * self.view.canvas.box.viewPixelSize()[0], 4.0)
+        dark = self.model.field.polarity == "black-on-white"
+        return dot_at(self._frame.image, u, v, dark=dark, reach_px=min(reach, self._frame.image.shape[1] / 20))
+
+    def _change(
+        self, function: Callable[..., object], *arguments: object, move: bool = True, onward: bool = False
+    ) -> None:
+        """Change the picks and show it; what cannot be saved is told and not shown."""
+        model, background = self.model, self.background
+        if model is None or background is None:
+            return
+        image = model.image
+        self.bench.guarded(function, *arguments)
+        if onward and (following := model.next_target()) is not None:
+            model.target = following
+        if model.image != image:
+            self._show_image()
+        else:
+            self._show_marks(move=move)
+        if model.due(model.image):
+            self._measure()
+
+    def remove(self) -> None:
+        """Take the pick of the target at work away."""
+        if self.model is not None:
+            self._change(self.model.remove)
+
+    def exclude(self) -> None:
+        """Exclude the target at work from this image, or restore it."""
+        if self.model is not None:
+            self._change(self.model.exclude, self.model.target, move=False)
+
+    def undo(self) -> None:
+        """Take the last change back."""
+        if self.model is not None:
+            self._change(self.model.undo)
+
+    def redo(self) -> None:
+        """Make the last change again."""
+        if self.model is not None:
+            self._change(self.model.redo)
+
+    # ----------------------------------------------------------------------------------------------- choosing targets
+
+    def choose(self, target: Target) -> None:
+        """Ask for a target, or look at it."""
+        if self.model is not None:
+            self.model.choose(target)
+            self._show_marks(move=True)
+
+    def choose_number(self, index: int) -> None:
+        """Choose one of the targets asked for by its number."""
+        if self.model is not None and index < len(self.model.wanted):
+            self.choose(self.model.wanted[index])
+
+    def cycle(self, step: int) -> None:
+        """Choose the next of the targets asked for."""
+        if self.model is not None:
+            self.model.cycle(step)
+            self._show_target(move=True)
+
+    def turn_guess(self) -> None:
+        """Show the next guess."""
+        if self.model is not None and not self.model.picks.seeds:
+            self.model.turn_guess()
+            self._show_marks(move=True)
+
+    def _clicked(self, u: float, v: float, which: Qt.MouseButton, modifiers: Qt.KeyboardModifier) -> None:
+        """Pick the dot that was clicked; once the picks are complete a click looks at a target, with Shift it picks."""
+        if self.model is None or which != Qt.MouseButton.LeftButton:
+            return
+        if self.model.complete and not modifiers & Modifier.ShiftModifier and self._shown and self._shown.places:
+            targets = list(self._shown.places)
+            away = np.hypot(*(np.array([self._shown.places[t] for t in targets]) - (u, v)).T)
+            self.choose(targets[int(np.argmin(away))])
+            return
+        self._set_cursor(u, v)
+        self.pick()
+
+    # ---------------------------------------------------------------------------------------------------------- images
+
+    def go_to(self, image: int) -> None:
+        """Work on another image; the zoom stays."""
+        if self.model is not None and 0 <= image < len(self.model.captures) and image != self.model.image:
+            self.model.go_to(image)
+            self._show_image()
+
+    def turn_over(self, step: int) -> None:
+        """Go to the next or the last image."""
+        if self.model is not None and (there := self.model.next_image(step)) is not None:
+            self.go_to(there)
+
+    def advance(self) -> None:
+        """Do the next step: take the guess, accept and measure, or go on to the next image."""
+        model = self.model
+        if model is None or self._shown is None or self.background is None or not self.primary.isEnabled():
+            return
+        step = next_step(model, self._shown, self.background.at_work)
+        if step is NextStep.PICK:
+            self.pick()
+        elif step is NextStep.DONE:
+            self.bench.show_page("measure")
+        elif step is NextStep.NEXT:
+            due = model.next_image(due=True)
+            self.go_to(model.image if due is None else due)
+        else:
+            if step is NextStep.GUESS and model.guess:
+                self._change(model.take, model.guess)
+            if model.complete:
+                self._measure()
+
+    def _measure(self) -> None:
+        if self.model is not None and self.background is not None:
+            self.background.measure(self.model.image)
+            self._show_marks(move=False)
+
+    def _measured(self, image: int) -> None:
+        """Show what came out; where targets were excluded meanwhile it is measured again."""
+        if self.model is not None and self.background is not None:
+            if self.model.due(image):
+                self.background.measure(image)
+            self.bench.refresh()
+            if self.isVisible():
+                self._show_marks(move=False)
+
+    def _looked(self, image: int) -> None:
+        """Show the guess of the image at work, unless the operator was quicker."""
+        if self.model is not None and image == self.model.image and self.model.guess and not self.model.picks.seeds:
+            self._show_marks(move=True)
+
+    # ------------------------------------------------------------------------------------------------------------ keys
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
+        """Take the keys of the image before the image itself does: here they pick instead of moving it."""
+        if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent) and self._image_key(event):
+            return True
+        return super().eventFilter(watched, event)
+
+    def _image_key(self, event: QKeyEvent) -> bool:
+        if event.key() in ARROWS:
+            self.nudge(event.key(), event.modifiers())
+        elif event.key() == Qt.Key.Key_Space and event.modifiers() & Modifier.ShiftModifier:
+            self.pick(snap=False)
+        elif event.key() in self._keys and not event.modifiers() & (Modifier.ControlModifier | Modifier.AltModifier):
+            self._keys[event.key()]()
+        else:
+            return False
+        return True
+
+    def parts(self) -> Iterator[str]:
+        """Show the targets of an image, and the images."""
+        tabs = self.side.tabs
+        for i in (1, 0):
+            tabs.setCurrentIndex(i)
+            yield f"-{tabs.widget(i).objectName()}"

@@ -1,0 +1,91 @@
+"""What is made ready while the operator looks at an image: frames, guesses and decoded maps, kept for a while."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.model import Array, Capture, DeviceSpec, PhaseMap, Project, Seed
+from core.pipeline import decode_capture
+from core.pipeline.measure import Side
+from core.progress import SILENT, Progress
+from stripe_gui.presenters.capture import FrameView
+from stripe_gui.presenters.decode import PhaseCache
+from stripe_gui.presenters.folder import CaptureEntry, written_ns
+from stripe_gui.presenters.measure import lit_frame
+
+FRAMES_KEPT = 6
+
+
+@dataclass(frozen=True)
+class Look:
+    """An image, where its dots are, and the guesses of its picks, the likeliest first; None where not asked for."""
+
+    frame: FrameView
+    dots: Array
+    guesses: tuple[tuple[Seed, ...], ...] | None
+
+
+def look_at(
+    capture: Capture,
+    camera: DeviceSpec,
+    neighbour: tuple[Seed, ...],
+    side: Side,
+    guess: bool,
+    progress: Progress = SILENT,
+) -> Look:
+    """Read the evenly lit image of a capture, find its dots, and guess its picks if asked to."""
+    frame = lit_frame(capture, progress)
+    progress(0.5, capture.name)
+    return Look(frame, np.zeros((0, 2)), () if guess else None)
+
+
+def decode_board(capture: Capture, progress: Progress = SILENT) -> PhaseMap:
+    """Decode a capture, so that measuring need not."""
+    return decode_capture(capture.path, progress)
+
+
+class Kept:
+    """Frames and maps of the images worked on last, by capture and only while its frames are the same."""
+
+    def __init__(self) -> None:
+        self._frames: OrderedDict[CaptureEntry, FrameView] = OrderedDict()
+        self._phases = PhaseCache()
+
+    def frame(self, capture: Capture) -> FrameView | None:
+        """Give the evenly lit image, None where it is not here."""
+        key = _key(capture)
+        if key in self._frames:
+            self._frames.move_to_end(key)
+        return self._frames.get(key)
+
+    def keep_frame(self, capture: Capture, frame: FrameView) -> None:
+        """Keep an image."""
+        self._frames[_key(capture)] = frame
+        while len(self._frames) > FRAMES_KEPT:
+            self._frames.popitem(last=False)
+
+    def phase(self, capture: Capture) -> PhaseMap | None:
+        """Give the decoded maps, None where they are not here."""
+        return self._phases.get(_key(capture))
+
+    def keep_phase(self, capture: Capture, phase: PhaseMap) -> None:
+        """Keep decoded maps, up to a limit of memory."""
+        self._phases.put(_key(capture), phase)
+
+
+def _key(capture: Capture) -> CaptureEntry:
+    """Name a capture's frames: the same whatever is picked in them."""
+    return CaptureEntry(capture.path, None, None, max(written_ns(frame.path) or 0 for frame in capture.frames))
+
+
+def boards(entries: list[CaptureEntry]) -> list[Capture]:
+    """Give the captures in which targets can be picked."""
+    return [e.capture for e in entries if e.capture is not None and e.capture.testfield is not None]
+
+
+def signature(project: Project) -> tuple[object, ...]:
+    """Tell whether kept targets or their captures may have changed."""
+    return (written_ns(project.path / "results" / "targets.npz"), project.camera, project.projector)
