@@ -18,6 +18,7 @@ PAGES = {
     "capture": ("pages.capture_page", "CapturePage"),
     "decode": ("pages.decode_page", "DecodePage"),
     "measure": ("pages.measure_page", "MeasurePage"),
+    "pick": ("wizards.picking_page", "PickPage"),
     "calibrate": ("pages.calibrate_page", "CalibratePage"),
     "reconstruct": ("pages.reconstruct_page", "ReconstructPage"),
     "evaluate": ("pages.evaluate_page", "EvaluatePage"),
