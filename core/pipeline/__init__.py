@@ -17,7 +17,7 @@ from core.pipeline.folders import captures_of, find_capture, result_path
 from core.pipeline.measure import measure_project
 from core.pipeline.options import METHODS, CalibrateOptions
 from core.pipeline.reconstruct import reconstruct_capture, write_cloud
-from core.pipeline.report import report_data, report_project, result_tables
+from core.pipeline.report import load_sign_off, report_data, report_project, result_tables, save_sign_off
 from core.pipeline.runs import Run, current_runs, delete_run, list_runs, make_current, rename_run
 from core.pipeline.testfield import print_testfield
 
@@ -39,6 +39,7 @@ __all__ = [
     "list_runs",
     "load_calibrations",
     "load_evaluation",
+    "load_sign_off",
     "make_current",
     "measure_project",
     "phase_maps",
@@ -50,6 +51,7 @@ __all__ = [
     "report_project",
     "result_path",
     "result_tables",
+    "save_sign_off",
     "simulate_project",
     "write_cloud",
     "write_phase",

@@ -39,7 +39,11 @@ def phase_maps(
     with ThreadPoolExecutor(1) as pool:
 
         def load(capture: Capture) -> list:
-            return list(iterate_images(capture, project.camera))
+            images = []
+            for image in iterate_images(capture, project.camera):
+                progress.check()  # a large capture takes seconds to read
+                images.append(image)
+            return images
 
         ahead = [pool.submit(load, waiting[0])] if waiting else []
         for i, capture in enumerate(waiting):

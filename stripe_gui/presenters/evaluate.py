@@ -1,22 +1,32 @@
-"""The evaluated planes: maps on one scale, histograms, Table 3."""
+"""The evaluated planes: maps on one scale, readings, profiles, distributions, Table 3."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from core.model import PlaneEvaluation
+import numpy as np
+from PySide6.QtCore import QCoreApplication
+
+from core.evaluate import Profile, points_on_plane, read_profile
+from core.model import DeviceSpec, PlaneEvaluation
 from core.progress import SILENT, Progress
 from core.report import ReportData, Table, tables
 from stripe_gui.presenters.folder import ProjectFolder
+from stripe_gui.presenters.status import method_name
+
+translate = QCoreApplication.translate
+Pair = tuple[float, float]
+NORMAL_SHARES = (68.27, 95.45, 99.73)  # percent of a normal distribution within 1, 2 and 3 sigma
 
 
 @dataclass(frozen=True)
 class EvaluationView:
-    """Everything the evaluate page shows; maps and histograms share the scale ±`limit_mm`."""
+    """Everything that is shown of an evaluation; maps and histograms share the scale ±`limit_mm`."""
 
     evaluations: tuple[PlaneEvaluation, ...]
     limit_mm: float
     table: Table
+    camera: DeviceSpec
 
     @property
     def methods(self) -> list[str]:
@@ -31,6 +41,10 @@ class EvaluationView:
     def of(self, capture: str, method: str) -> PlaneEvaluation | None:
         """Give one evaluation."""
         return next((e for e in self.evaluations if (e.capture, e.method) == (capture, method)), None)
+
+    def by_method(self, capture: str) -> list[PlaneEvaluation]:
+        """Give a capture's evaluations, in the order of the methods."""
+        return [e for e in self.evaluations if e.capture == capture]
 
 
 def load_evaluation(folder: ProjectFolder, progress: Progress = SILENT) -> EvaluationView | None:
@@ -47,6 +61,91 @@ def load_evaluation(folder: ProjectFolder, progress: Progress = SILENT) -> Evalu
     progress.check()
     if not evaluations:
         return None
-    return EvaluationView(
-        evaluations, colour_limit_mm(evaluations), tables(ReportData(folder.project, evaluations=evaluations))[-1]
+    table = tables(ReportData(folder.project, evaluations=evaluations))[-1]
+    return EvaluationView(evaluations, colour_limit_mm(evaluations), table, folder.project.camera)
+
+
+def plane_name(evaluation: PlaneEvaluation) -> str:
+    """Name a plane with its angle."""
+    return f"{evaluation.capture}, {angle_text(evaluation.angle_deg)}".rstrip(", ")
+
+
+def angle_text(angle_deg: float | None) -> str:
+    """Give an angle with its sign, nothing where it is not known.
+
+    Examples
+    --------
+    >>> angle_text(-15.0), angle_text(0.0)
+    ('-15°', '0°')
+    """
+    if angle_deg is None:
+        return ""
+    return f"{angle_deg:+g}°" if angle_deg else "0°"
+
+
+def reading(view: EvaluationView, capture: str, u: float, v: float) -> str:
+    """Say what is known of a pixel: its place in the image and on the plane, and its deviation by every method."""
+    column, row = round(u), round(v)
+    parts = [f"u {column}   v {row} px"]
+    own = view.by_method(capture)
+    for e in own[:1]:
+        if e.camera is not None:
+            x, y, z = points_on_plane(e.plane, view.camera, e.camera, (column, row))
+            parts.append(f"X {x:+.2f}   Y {y:+.2f}   Z {z:+.2f} mm")
+    for e in own:
+        height, width = e.deviation_mm.shape
+        inside = 0 <= row < height and 0 <= column < width
+        value = float(e.deviation_mm[row, column]) if inside else float("nan")
+        text = f"{1000 * value:+.1f} µm" if np.isfinite(value) else translate("Evaluate", "no value")
+        parts.append(f"{method_name(e.method)} {text}")
+    return "     ".join(parts)
+
+
+def profiles(view: EvaluationView, capture: str, start: Pair, stop: Pair) -> dict[str, Profile]:
+    """Read the deviations along a line, by every method that knows the camera it was made with.
+
+    Raises
+    ------
+    InputError
+        If the line is shorter than a pixel.
+    """
+    return {
+        e.method: read_profile(e, view.camera, start, stop) for e in view.by_method(capture) if e.camera is not None
+    }
+
+
+def profile_text(method: str, line: Profile) -> str:
+    """Sum a profile up: r.m.s. and range of the deviations."""
+    known = line.deviation_mm[np.isfinite(line.deviation_mm)] * 1000
+    if not len(known):
+        return translate("Evaluate", "{method}: no values").format(method=method_name(method))
+    text = translate("Evaluate", "{method}: {rms:.1f} µm r.m.s., {low:+.0f} to {high:+.0f} µm")
+    rms = float(np.sqrt(np.mean(known**2)))
+    return text.format(method=method_name(method), rms=rms, low=known.min(), high=known.max())
+
+
+def distribution_text(view: EvaluationView, capture: str) -> str:
+    """Set the shares within one, two and three r.m.s. beside those of a normal distribution; one line per method."""
+    text = translate(
+        "Evaluate", "{method}: within 1, 2, 3 r.m.s. {shares} % (normal {normal} %); r.m.s. {rms:.4f} mm{predicted}"
     )
+    lines = []
+    for e in (e for e in view.by_method(capture) if e.rms_mm > 0):
+        shares = ", ".join(f"{_share_within(e, times):.2f}" for times in (1, 2, 3))
+        predicted = translate("Evaluate", ", from the noise {rms:.4f} mm").format(rms=e.predicted_rms_mm or 0)
+        normal = ", ".join(f"{share:.2f}" for share in NORMAL_SHARES)
+        lines.append(
+            text.format(
+                method=method_name(e.method),
+                shares=shares,
+                normal=normal,
+                rms=e.rms_mm,
+                predicted=predicted if e.predicted_rms_mm else "",
+            )
+        )
+    return "\n".join(lines)
+
+
+def _share_within(evaluation: PlaneEvaluation, times: int) -> float:
+    values = evaluation.deviation_mm[np.isfinite(evaluation.deviation_mm)]
+    return 100 * float(np.mean(np.abs(values) <= times * evaluation.rms_mm))

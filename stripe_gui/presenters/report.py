@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
 from core.errors import InputError
+from core.pipeline import load_sign_off
 from core.progress import SILENT, Progress
-from core.project import atomic_write
-from core.report import Summary, Table, cell_text, summary, tables
+from core.report import Summary, summary, tables, write_table_csv
 from stripe_gui.presenters.calibrate import gather
 from stripe_gui.presenters.folder import ProjectFolder, written_ns
 
@@ -36,6 +34,7 @@ def load_report(folder: ProjectFolder, progress: Progress = SILENT) -> ReportVie
         If a result is damaged.
     """
     data = gather(folder)
+    data = replace(data, sign_off=load_sign_off(folder.project, data.evaluations))
     progress.check()
     files = [folder.result_file(f"report/report.{kind}") for kind in ("html", "pdf")]
     html, pdf = (file if file.is_file() else None for file in files)
@@ -64,19 +63,9 @@ def export_report(folder: ProjectFolder, out: Path, progress: Progress = SILENT)
     except OSError as error:
         raise InputError(out, f"cannot be written ({error.strerror})", "choose a folder you may write to") from error
     for table in tables(gather(folder)):
-        path = out / f"{_file_name(table.title)}.csv"
-        with atomic_write(path) as file:
-            file.write(_csv(table).encode("utf-8-sig"))
-        written.append(path)
+        written.append(out / f"{_file_name(table.title)}.csv")
+        write_table_csv(written[-1], table)
     return written
-
-
-def _csv(table: Table) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\r\n")
-    writer.writerow(table.columns)
-    writer.writerows([[cell_text(cell) for cell in row] for row in table.rows])
-    return text.getvalue()
 
 
 def _file_name(title: str) -> str:

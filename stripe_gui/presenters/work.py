@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from core.progress import SILENT, Progress
 from core.project import write_json
 from core.report import ReportPaths
 from stripe_gui.presenters.folder import ProjectFolder
-from stripe_gui.presenters.status import decoded_captures
+from stripe_gui.presenters.status import State, decoded_captures, stage_statuses
 
 
 def decode_all(project: Project, progress: Progress = SILENT) -> int:
@@ -48,18 +49,15 @@ def measure(project: Project, progress: Progress = SILENT) -> tuple[TargetSet, .
 
 @dataclass(frozen=True)
 class CalibrateChoice:
-    """What the operator chose on the calibrate page."""
+    """What the operator chose for a calibration."""
 
     method: str = "all"  # "all", "photogrammetric", "polynomial"
-    rigid: bool = True
-    degree: int | None = 3
-    low_pass_px: float = 2.0
+    options: CalibrateOptions = CalibrateOptions()  # noqa: RUF009  frozen
 
 
 def calibrate(project: Project, choice: CalibrateChoice, progress: Progress = SILENT) -> dict[Method, Calibration]:
     """Calibrate by the chosen method."""
-    options = CalibrateOptions(rigid=choice.rigid, degree=choice.degree, low_pass_px=choice.low_pass_px)
-    return pipeline.calibrate_project(project, choice.method, options, progress)  # type: ignore[arg-type]
+    return pipeline.calibrate_project(project, choice.method, choice.options, progress)  # type: ignore[arg-type]
 
 
 def cloud_file(project: Project, capture: str, method: str) -> Path:
@@ -96,14 +94,22 @@ def _write_xyz(out: Path, cloud: PointCloud) -> int:
     return len(points)
 
 
-def evaluate(project: Project, progress: Progress = SILENT) -> tuple[PlaneEvaluation, ...]:
-    """Judge every plane capture by every calibration."""
-    return pipeline.evaluate_project(project, progress)
+def evaluate(
+    project: Project,
+    progress: Progress = SILENT,
+    *,
+    captures: Collection[str] | None = None,
+    methods: Collection[Method] | None = None,
+) -> tuple[PlaneEvaluation, ...]:
+    """Judge plane captures by calibrations, all of either unless some are named."""
+    return pipeline.evaluate_project(project, progress, captures=captures, methods=methods)
 
 
 def write_report(project: Project, progress: Progress = SILENT) -> ReportPaths:
-    """Evaluate the planes and write the report into the project."""
-    return pipeline.report_project(project, progress=progress)
+    """Write the report into the project; its planes are evaluated anew where that is out of date."""
+    current = stage_statuses(ProjectFolder(project.path))["evaluate"].state is State.DONE
+    evaluations = pipeline.load_evaluation(project) if current else None
+    return pipeline.report_project(project, progress=progress, evaluations=evaluations)
 
 
 def decode_one(folder: Path, progress: Progress = SILENT) -> PhaseMap:

@@ -210,10 +210,11 @@ def test_reconstructing_shows_the_surface_and_exports_it(
 
 def test_the_planes_are_shown_on_one_scale_and_zoom_together(open_window, finished: Path, qtbot) -> None:
     page = open_window(finished, "evaluate")
-    assert len(page.maps) == 4
-    assert len({tuple(m.image_item.levels) for m in page.maps}) == 1
-    qtbot.keyClick(page.maps[0].canvas, Qt.Key.Key_Plus)
-    ranges = [np.ptp(m.canvas.box.viewRange()[0]) for m in page.maps]
+    maps = page.deviations.maps
+    assert len(maps) == 4
+    assert len({tuple(m.image_item.levels) for m in maps}) == 1
+    qtbot.keyClick(maps[0].canvas, Qt.Key.Key_Plus)
+    ranges = [np.ptp(m.canvas.box.viewRange()[0]) for m in maps]
     assert np.allclose(ranges, ranges[0], rtol=0.02)
     assert page.table.model.rowCount() == 4
 

@@ -1,0 +1,179 @@
+"""Signed deviations of planes as maps on one colour scale, with a cursor at the same place of every method's map."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtWidgets import QDoubleSpinBox, QFrame, QGridLayout, QScrollArea, QVBoxLayout, QWidget
+
+from core.model import PlaneEvaluation
+from stripe_gui.presenters.evaluate import EvaluationView, plane_name, reading
+from stripe_gui.presenters.status import method_name
+from stripe_gui.widgets.colour_bar import ColourBar
+from stripe_gui.widgets.image_view import ImageView
+from stripe_gui.widgets.layout import boxed, button, column, label, row
+
+ARROWS = {
+    Qt.Key.Key_Left: (-1, 0),
+    Qt.Key.Key_Right: (1, 0),
+    Qt.Key.Key_Up: (0, -1),
+    Qt.Key.Key_Down: (0, 1),
+}
+CURSOR = "#101010"  # dark on the light middle of the scale, in both appearances
+
+
+class DeviationMaps(QWidget):
+    """One map per plane and method, methods below each other (or `beside`); they zoom together.
+
+    Shift and the arrow keys move the cursor by a pixel, with Ctrl by ten.
+    """
+
+    limit_changed = Signal(float)
+
+    def __init__(self, *, beside: bool = False, hint: str = "") -> None:
+        super().__init__()
+        self._beside = beside
+        self._hint = hint or self.tr("Move the mouse over a map, or Shift and the arrow keys, to read values.")
+        self.maps: list[ImageView] = []
+        self._view: EvaluationView | None = None
+        self._captures: list[str] = []  # of every map
+        self._cursors: list[pg.ScatterPlotItem] = []
+        self._at: tuple[int, float, float] | None = None  # map, u, v
+        self._grid = QGridLayout()
+        self._grid.setSpacing(12)
+        self._grid.setContentsMargins(0, 0, 0, 0)
+        inner = QWidget()
+        inner.setLayout(self._grid)
+        scroll = QScrollArea()
+        scroll.setWidgetResizable(True)
+        scroll.setFrameShape(QFrame.Shape.NoFrame)
+        scroll.setWidget(inner)
+        self.bar = ColourBar()
+        self.limit = QDoubleSpinBox()
+        self.limit.setAccessibleName(self.tr("End of the colour scale"))
+        self.limit.setDecimals(3)
+        self.limit.setRange(0.001, 100.0)
+        self.limit.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
+        self.limit.setPrefix("± ")
+        self.limit.setSuffix(" mm")
+        self.limit.valueChanged.connect(self._scale)
+        self.automatic = button(self.tr("Automatic"), self._automatic, flat=True)
+        self.automatic.setToolTip(self.tr("Three times the largest r.m.s., as in the report."))
+        self.limit.setToolTip(self.tr("Deviations are positive towards the camera."))
+        towards = label(self.tr("+ is towards the camera"), "muted")
+        fit = button(self.tr("Whole images"), self.fit, "fit", flat=True)
+        self.controls = boxed(row(label(self.tr("Scale")), self.limit, self.automatic, towards, None, fit))
+        self.readout = label(" ", "muted")
+        self.readout.setAccessibleName(self.tr("Values under the cursor"))
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(8)
+        self.foot = row(self.readout, None)
+        layout.addWidget(self.controls)
+        layout.addLayout(row(scroll, self.bar), 1)
+        layout.addLayout(self.foot)
+
+    def show_view(self, view: EvaluationView, captures: list[str] | None = None) -> None:
+        """Show the maps of all captures, or of some."""
+        self._clear()
+        before, self._view = self._view, view
+        for i, method in enumerate(view.methods):
+            for j, capture in enumerate(captures or view.captures):
+                evaluation = view.of(capture, method)
+                if evaluation is not None:
+                    self._grid.addWidget(self._map(evaluation), *((j, i) if self._beside else (i, j)))
+        if before is not None and before.evaluations is view.evaluations:
+            self._scale(self.limit.value())
+        else:
+            self._automatic()
+        self._say(None)
+
+    def fit(self) -> None:
+        """Show every map whole."""
+        for made in self.maps:
+            made.fit()
+
+    def _map(self, evaluation: PlaneEvaluation) -> QWidget:
+        method = method_name(evaluation.method)
+        name = self.tr("Deviations of {capture}, {method}").format(capture=evaluation.capture, method=method)
+        made = ImageView(name, bar=False)
+        made.setMinimumSize(140, 84)
+        made.readout.hide()  # one for all maps
+        made.set_image(evaluation.deviation_mm, (-1, 1), scale="deviation", unit="mm", digits=4)
+        made.canvas.setAccessibleDescription(
+            self.tr("Shift and the arrow keys move the cursor; plus and minus zoom, the arrow keys move the map.")
+        )
+        index = len(self.maps)
+        made.hovered.connect(partial(self._hover, index))
+        made.canvas.left.connect(partial(self._say, None))
+        made.canvas.moved.connect(partial(self._follow, made))
+        made.canvas.installEventFilter(self)
+        cursor = pg.ScatterPlotItem(size=17, symbol="+", brush=None, pen=pg.mkPen(CURSOR, width=1.5))
+        made.add_item(cursor)
+        self.maps.append(made)
+        self._captures.append(evaluation.capture)
+        self._cursors.append(cursor)
+        parts = [] if self._beside else [label(plane_name(evaluation), "heading")]
+        figures = label(self.tr("{method}: {rms:.4f} mm r.m.s.").format(method=method, rms=evaluation.rms_mm), "muted")
+        figures.setToolTip(self.tr("{n} points").format(n=evaluation.n))
+        figures.setMinimumWidth(100)
+        return boxed(column(*parts, figures, made, spacing=4))
+
+    def _automatic(self) -> None:
+        if self._view is not None:
+            self.limit.setValue(self._view.limit_mm)
+            self._scale(self._view.limit_mm)
+
+    def _scale(self, limit: float) -> None:
+        for made in self.maps:
+            made.image_item.setLevels((-limit, limit))
+        self.bar.show_scale("deviation", (-limit, limit), "mm")
+        self.limit_changed.emit(limit)
+
+    def _hover(self, index: int, u: float, v: float) -> None:
+        self._say((index, u, v))
+
+    def _say(self, at: tuple[int, float, float] | None) -> None:
+        """Put the cursor at a place of a map, and at the same place of the other methods' maps."""
+        if at is not None:
+            height, width = self.maps[at[0]].image.shape
+            u, v = float(round(at[1])), float(round(at[2]))
+            at = (at[0], u, v) if 0 <= u < width and 0 <= v < height else None
+        self._at = at
+        for i, cursor in enumerate(self._cursors):
+            same = at is not None and self._captures[i] == self._captures[at[0]]
+            cursor.setData([at[1]], [at[2]]) if same else cursor.setData([], [])
+        if at is None or self._view is None:
+            self.readout.setText(self._hint)
+            self.bar.mark(None)
+            return
+        self.readout.setText(reading(self._view, self._captures[at[0]], at[1], at[2]))
+        self.bar.mark(self.maps[at[0]].value_at(at[1], at[2]))
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
+        """Move the cursor by keys."""
+        if event.type() == QEvent.Type.KeyPress and event.key() in ARROWS:
+            held = event.modifiers()
+            if held & Qt.KeyboardModifier.ShiftModifier:
+                index = next(i for i, made in enumerate(self.maps) if made.canvas is watched)
+                height, width = self.maps[index].image.shape
+                _, u, v = self._at if self._at is not None else (index, width // 2, height // 2)
+                step = 10 if held & Qt.KeyboardModifier.ControlModifier else 1
+                du, dv = ARROWS[event.key()]
+                self._say((index, min(max(u + step * du, 0), width - 1), min(max(v + step * dv, 0), height - 1)))
+                return True
+        return super().eventFilter(watched, event)
+
+    def _follow(self, moved: ImageView) -> None:
+        for other in self.maps:
+            if other is not moved:
+                other.show_as(moved)
+
+    def _clear(self) -> None:
+        self.maps, self._captures, self._cursors, self._at = [], [], [], None
+        while self._grid.count():
+            widget = self._grid.takeAt(0).widget()
+            widget.hide()
+            widget.deleteLater()

@@ -1,0 +1,132 @@
+"""Curves over two axes, with bands and a legend, in the colours of the theme."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import pyqtgraph as pg
+from numpy.typing import ArrayLike
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+
+from stripe_gui import theme
+
+STYLES = {
+    "line": Qt.PenStyle.SolidLine,
+    "dash": Qt.PenStyle.DashLine,
+    "dot": Qt.PenStyle.DotLine,
+    "dash-dot": Qt.PenStyle.DashDotLine,
+}
+SAMPLES = {"line": "━━━", "dash": "╍╍╍", "dot": "┈┈┈", "dash-dot": "━╍━"}  # as the legend draws them
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line of a plot.
+
+    Attributes
+    ----------
+    name : str
+        For the legend; empty for none.
+    x, y : array
+        Of equal length, or one x more than y for steps. NaN leaves a gap.
+    tone : int
+        0 or 1: which of the theme's two colours for marks.
+    style : {"line", "dash", "dot", "dash-dot"}
+    band : array, optional
+        The area between ±band is tinted.
+    """
+
+    name: str
+    x: ArrayLike
+    y: ArrayLike
+    tone: int = 0
+    style: str = "line"
+    band: ArrayLike | None = None
+
+
+class Plot(QWidget):
+    """Curves told apart by colour and by dashes.
+
+    Put together from a view box and two axes: a pyqtgraph plot would make seven menus that nobody asked for.
+    """
+
+    def __init__(self, name: str, bottom: str, left: str) -> None:
+        super().__init__()
+        self.canvas = pg.GraphicsView(background=None)
+        self.canvas.setAccessibleName(name)
+        self.box = pg.ViewBox(enableMenu=False, enableMouse=False)
+        self.axes = {side: pg.AxisItem(side) for side in ("left", "bottom")}
+        self.axes["bottom"].setLabel(bottom)
+        self.axes["left"].setLabel(left)
+        layout = pg.GraphicsLayout()
+        layout.setContentsMargins(8, 8, 16, 2)
+        layout.addItem(self.axes["left"], 0, 0)
+        layout.addItem(self.box, 0, 1)
+        layout.addItem(self.axes["bottom"], 1, 1)
+        for axis in self.axes.values():
+            axis.enableAutoSIPrefix(False)
+            axis.linkToView(self.box)
+        self.canvas.setCentralItem(layout)
+        self.legend = QLabel()
+        self.legend.setTextFormat(Qt.TextFormat.RichText)
+        self.legend.setWordWrap(True)
+        self.curves: tuple[Curve, ...] = ()
+        self._items: list[tuple[Curve, pg.PlotCurveItem, pg.FillBetweenItem | None]] = []
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(0, 0, 0, 0)
+        outer.setSpacing(4)
+        outer.addWidget(self.legend)
+        outer.addWidget(self.canvas, 1)
+        self.setMinimumHeight(140)
+        self._colour()
+
+    def set_curves(
+        self, curves: Sequence[Curve], x_range: tuple[float, float], y_range: tuple[float, float], said: str = ""
+    ) -> None:
+        """Show curves between fixed limits; `said` tells in words what is seen."""
+        for _, item, band in self._items:
+            self.box.removeItem(item)
+            if band is not None:
+                self.box.removeItem(band)
+        self.curves, self._items = tuple(curves), []
+        for curve in curves:
+            steps = len(curve.x) == len(curve.y) + 1
+            item = pg.PlotCurveItem(curve.x, curve.y, stepMode="center" if steps else None, connect="finite")
+            band = None
+            if curve.band is not None:
+                edges = [pg.PlotCurveItem(curve.x, sign * curve.band, connect="finite") for sign in (-1, 1)]
+                band = pg.FillBetweenItem(*edges)
+                self.box.addItem(band)
+            self.box.addItem(item)
+            self._items.append((curve, item, band))
+        self.box.setRange(xRange=x_range, yRange=y_range, padding=0)
+        self.canvas.setAccessibleDescription(said)
+        self._colour()
+
+    def _colour(self) -> None:
+        colours = theme.current()
+        self.canvas.setBackground(QColor(colours.surface))
+        for axis in self.axes.values():
+            axis.setPen(colours.border)
+            axis.setTextPen(colours.muted)
+        entries = []
+        for curve, item, band in self._items:
+            colour = QColor(colours.mark if curve.tone == 0 else colours.mark_other)
+            item.setPen(pg.mkPen(colour, width=1.6, style=STYLES[curve.style]))
+            if curve.name:
+                sample = f'<span style="color:{colour.name()}; font-weight:bold">{SAMPLES[curve.style]}</span>'
+                entries.append(f"{sample}&nbsp;{escape(curve.name).replace(' ', '&nbsp;')}")
+            if band is not None:
+                colour.setAlpha(45)
+                band.setBrush(colour)
+        self.legend.setText(" &nbsp;&nbsp; ".join(entries))
+
+    def changeEvent(self, event: QEvent) -> None:  # noqa: N802
+        """Follow the theme."""
+        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "legend"):
+            self._colour()
+        super().changeEvent(event)

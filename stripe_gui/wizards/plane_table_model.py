@@ -1,0 +1,180 @@
+"""What the plane-table wizard offers, and what it writes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from PySide6.QtCore import QCoreApplication
+
+from core import pipeline
+from core.evaluate import Profile, points_on_plane
+from core.model import DeviceSpec, PlaneEvaluation, Project
+from core.pipeline import METHODS
+from core.progress import SILENT, Progress
+from core.report import ReportPaths, SignOff, write_columns_csv, write_table_csv
+from stripe_gui.presenters.evaluate import EvaluationView, Pair, angle_text, profiles
+from stripe_gui.presenters.folder import ProjectFolder, written_ns
+from stripe_gui.presenters.status import StageStatus, State, method_name
+
+translate = QCoreApplication.translate
+UM = 1000.0
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Something to tick: its name for the program, as the operator reads it, and where it stands."""
+
+    name: str
+    title: str
+    state: str
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """Which files the operator wants."""
+
+    report: bool = True
+    table: bool = True
+    profiles: bool = True
+    deviations: bool = False
+
+
+def plane_choices(folder: ProjectFolder) -> list[Choice]:
+    """List the plane captures with angle, date, and whether they are evaluated as they are now."""
+    evaluated = {e.capture for e in folder.result("evaluation.npz", tuple) or ()}
+    at = written_ns(folder.result_file("evaluation.npz")) or 0
+    found = []
+    for entry in folder.of_role("plane"):
+        if entry.name not in evaluated:
+            state = translate("PlaneTable", "not evaluated")
+        elif entry.changed_ns > at:
+            state = translate("PlaneTable", "changed since it was evaluated")
+        else:
+            state = translate("PlaneTable", "evaluated")
+        when = translate("PlaneTable", "captured {when}").format(when=_when(entry.changed_ns))
+        found.append(
+            Choice(entry.name, f"{entry.name}   {angle_text(entry.capture.angle_deg)}".rstrip(), f"{when}, {state}")
+        )
+    return found
+
+
+def calibration_choices(folder: ProjectFolder, statuses: Mapping[str, StageStatus]) -> list[Choice]:
+    """List the calibrations with date, run, and whether they are out of date."""
+    runs = pipeline.current_runs(folder.project)
+    status = statuses.get("calibrate")
+    stale = status is not None and status.state is State.STALE
+    found = []
+    for method in METHODS:
+        at = written_ns(folder.result_file(f"{method}.npz"))
+        if at is None:
+            continue
+        parts = [translate("PlaneTable", "calibrated {when}").format(when=_when(at))]
+        if method in runs:
+            parts.append(translate("PlaneTable", "run {n}").format(n=runs[method]))
+        if stale:
+            parts.append(translate("PlaneTable", "out of date: {reason}").format(reason=status.reason))
+        else:
+            parts.append(translate("PlaneTable", "up to date"))
+        found.append(Choice(method, method_name(method), ", ".join(parts)))
+    return found
+
+
+def is_evaluated(
+    view: EvaluationView | None, status: StageStatus | None, captures: Collection[str], methods: Collection[str]
+) -> bool:
+    """Say whether the evaluation there is holds just these planes by these methods, as they are now."""
+    if view is None or status is None or status.state is not State.DONE:
+        return False
+    made = {(e.capture, e.method) for e in view.evaluations if e.camera is not None}
+    return made == {(c, m) for c in captures for m in methods}
+
+
+def keep_sign_off(project: Project, sign_off: SignOff | None, evaluations: tuple[PlaneEvaluation, ...]) -> None:
+    """Keep who signed for these figures; without a name the sign-off is withdrawn."""
+    if sign_off is None or not sign_off.operator:
+        pipeline.result_path(project, "sign-off.json").unlink(missing_ok=True)
+    else:
+        pipeline.save_sign_off(project, sign_off, evaluations)
+
+
+def write_signed_report(project: Project, sign_off: SignOff | None, progress: Progress = SILENT) -> ReportPaths:
+    """Sign the project's evaluation and write the report into the project."""
+    evaluations = pipeline.load_evaluation(project)
+    keep_sign_off(project, sign_off, evaluations)
+    return pipeline.report_project(project, progress=progress, evaluations=evaluations)
+
+
+def export_files(
+    project: Project,
+    view: EvaluationView,
+    sign_off: SignOff | None,
+    line: tuple[Pair, Pair],
+    wishes: Wishes,
+    out: Path,
+    progress: Progress = SILENT,
+) -> list[Path]:
+    """Write what is wished for into a folder; give the files.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to.
+    """
+    keep_sign_off(project, sign_off, view.evaluations)
+    files: list[Path] = []
+    if wishes.table:
+        files.append(out / "table-3.csv")
+        write_table_csv(files[-1], view.table)
+    for capture in view.captures if wishes.profiles else ():
+        progress.check()
+        files.append(out / f"profile-{capture}.csv")
+        write_profile_csv(files[-1], profiles(view, capture, *line))
+    chosen = view.evaluations if wishes.deviations else ()
+    for i, evaluation in enumerate(chosen):
+        part = progress.part(0.5 * i / len(chosen), 0.5 * (i + 1) / len(chosen))
+        files.append(out / f"deviations-{evaluation.capture}-{evaluation.method}.csv")
+        write_deviations_csv(files[-1], evaluation, view.camera, part)
+    if wishes.report:
+        paths = pipeline.report_project(project, out, progress.part(0.5, 1.0), evaluations=view.evaluations)
+        files += [paths.html, paths.pdf]
+    return files
+
+
+def write_profile_csv(path: Path, found: Mapping[str, Profile]) -> None:
+    """Write the profiles of one plane along one line, every method's side by side."""
+    first = next(iter(found.values()))
+    columns = {"u [px]": first.uv[:, 0], "v [px]": first.uv[:, 1]}
+    for method, line in found.items():
+        columns[f"length, {method} [mm]"] = line.length_mm
+        columns[f"deviation, {method} [µm]"] = line.deviation_mm * UM
+        columns[f"sigma, {method} [µm]"] = line.sigma_mm * UM
+    write_columns_csv(path, columns, (2, 2, *(4, 2, 2) * len(found)))
+
+
+def write_deviations_csv(
+    path: Path, evaluation: PlaneEvaluation, camera: DeviceSpec, progress: Progress = SILENT
+) -> None:
+    """Write every pixel that has a deviation: where it lies in the image and on the plane, deviation and sigma."""
+    rows, cols = np.nonzero(np.isfinite(evaluation.deviation_mm))
+    points = np.full((len(rows), 3), np.nan)
+    if evaluation.camera is not None:
+        points = points_on_plane(evaluation.plane, camera, evaluation.camera, np.stack([cols, rows], axis=1))
+    known = evaluation.sigma_mm.shape == evaluation.deviation_mm.shape
+    columns = {
+        "u [px]": cols,
+        "v [px]": rows,
+        "X [mm]": points[:, 0],
+        "Y [mm]": points[:, 1],
+        "Z [mm]": points[:, 2],
+        "deviation [µm]": evaluation.deviation_mm[rows, cols] * UM,
+        "sigma [µm]": evaluation.sigma_mm[rows, cols] * UM if known else np.full(len(rows), np.nan),
+    }
+    write_columns_csv(path, columns, (0, 0, 4, 4, 4, 2, 2), progress=progress)
+
+
+def _when(at_ns: int) -> str:
+    return f"{datetime.fromtimestamp(at_ns / 1e9):%Y-%m-%d %H:%M}"
