@@ -65,11 +65,16 @@ def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, i
     black = np.min([*blacks, low], axis=0)
     noise = 1.0
     if plan.guards:
-        pairs = [pair for pair in plan.guard_pairs if not isinstance(shots[pair[0]], Black)]
-        noise = min((_noise(grey[first], grey[last]) for first, last in pairs), default=1.0)
+        pairs = [
+            (grey[i], grey[k])
+            for i, k in plan.guard_pairs
+            if not isinstance(shots[i], Black) and not np.array_equal(grey[i], grey[k])
+        ]
+        equal = _noise_of_one(min(grey, key=np.mean), at)  # a replay shows the same image twice
+        noise = min((_noise(a, b) for a, b in pairs), default=equal)
         bright = white - black > max(10 * noise, 0.02 * full)  # where the light is, the noise is greater
-        if bright.any():
-            noise = min((_noise(grey[first][bright], grey[last][bright]) for first, last in pairs), default=1.0)
+        if bright.any() and pairs:
+            noise = min(_noise(a[bright], b[bright]) for a, b in pairs)
     return Sampled(grey, at, shape, white, black, max(noise, 0.3), full)  # 0.3: rounding to whole grey values
 
 
@@ -162,6 +167,13 @@ def _noise(a: Array, b: Array) -> float:
     gain = float(np.median(b)) / max(float(np.median(a)), 1e-9)
     difference = b - gain * a
     return float(1.4826 * np.median(np.abs(difference - np.median(difference))) / sqrt(1 + gain**2))
+
+
+def _noise_of_one(image: Array, at: NDArray[np.intp]) -> float:
+    """Standard deviation of a grey value from one sampled image (n,): what neighbours in a row do not share."""
+    rows = image.reshape(len(np.unique(at[0])), -1)
+    bend = rows[:, 2:] - 2 * rows[:, 1:-1] + rows[:, :-2]
+    return float(1.4826 * np.median(np.abs(bend - np.median(bend))) / sqrt(6)) if bend.size else 1.0
 
 
 def _shift(a: Array, b: Array, noise: float) -> tuple[float, float]:

@@ -20,10 +20,22 @@ faults.py    what virtual devices do wrong on demand, by name and rate
 No device is needed to test any of this: one suite, tests/devices, holds every projector and camera to its promise.
 """
 
+from core.devices.address import Address, parse_address, with_option
 from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, Faults
 from core.devices.opening import CAMERA_KINDS, PROJECTOR_KINDS, open_camera, open_projector
 from core.devices.profile import profile_names
-from core.devices.protocol import Camera, Image, Note, Projector, no_note, wait_until
+from core.devices.protocol import (
+    Adjustable,
+    Camera,
+    Check,
+    Image,
+    Note,
+    Projector,
+    Setting,
+    no_check,
+    no_note,
+    wait_until,
+)
 from core.devices.screen import Surface, offer_screens
 
 __all__ = [
@@ -31,16 +43,23 @@ __all__ = [
     "CAMERA_KINDS",
     "LINK_FAULTS",
     "PROJECTOR_KINDS",
+    "Address",
+    "Adjustable",
     "Camera",
+    "Check",
     "Faults",
     "Image",
     "Note",
     "Projector",
+    "Setting",
     "Surface",
+    "no_check",
     "no_note",
     "offer_screens",
     "open_camera",
     "open_projector",
+    "parse_address",
     "profile_names",
     "wait_until",
+    "with_option",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from urllib.parse import unquote
+from urllib.parse import quote, unquote
 
 from core.errors import InputError
 
@@ -83,6 +83,24 @@ class Address:
         if unknown:
             allowed = ", ".join(sorted(self.asked)) or "none"
             raise InputError(self.url, f"option {unknown[0]!r}", f"{self.kind} devices take: {allowed}")
+
+
+def with_option(url: str, key: str, value: str | float | None) -> str:
+    """Give a device URL with an option set to a value, or taken out where the value is None.
+
+    Examples
+    --------
+    >>> with_option("virtual:quick?shot=depth-01&gain=2", "shot", "plane+15")
+    'virtual:quick?shot=plane%2B15&gain=2'
+    >>> with_option("uvc:0?exposure=150", "exposure", None)
+    'uvc:0'
+    """
+    head, _, tail = url.partition("?")
+    options = {name: text for name, _, text in (item.partition("=") for item in tail.split("&") if item)}
+    options[key] = "" if value is None else quote(value if isinstance(value, str) else f"{value:g}", safe="-_:/.,@")
+    if value is None:
+        del options[key]
+    return head + "?" * bool(options) + "&".join(f"{name}={text}" for name, text in options.items())
 
 
 def parse_address(url: str) -> Address:

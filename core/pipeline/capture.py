@@ -13,6 +13,7 @@ from core.project import read_project
 if TYPE_CHECKING:
     from core.bench import Rig
     from core.capture import CaptureReport
+    from core.capture.store import Listen
 
 
 def simulate_project(out: Path, scenario: str = "paper", seed: int = 0, progress: Progress = SILENT) -> Project:
@@ -35,16 +36,19 @@ def capture_into(
     z_mm: float | None = None,
     angle_deg: float | None = None,
     progress: Progress = SILENT,
+    listen: Listen | None = None,
 ) -> CaptureReport:
     """Record one capture with a projector and a camera and add it to a project.
 
-    Without a URL of either, the virtual bench's rig of the project's sizes is taken.
+    Without a URL of either, the virtual bench's rig of the project's sizes is taken. `listen` receives every entry of
+    the transcript from the thread that writes it.
     """
     from core.capture import run_capture
+    from core.capture.store import no_listener
 
     project = read_project(folder)
     if projector is None or camera is None:
-        virtual = _virtual_rig(project)
+        virtual = virtual_rig(project)
         projector, camera = projector or virtual, camera or virtual
     return run_capture(
         project,
@@ -56,10 +60,18 @@ def capture_into(
         z_mm=z_mm,
         angle_deg=angle_deg,
         progress=progress,
+        listen=listen or no_listener,
     )
 
 
-def _virtual_rig(project: Project) -> str:
+def virtual_rig(project: Project) -> str:
+    """Give the URL of the virtual bench's rig that has the project's sizes.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
     from core.bench import experiment, scenarios
 
     def sizes(owner: Project | Rig) -> tuple[int, int, int, int]:

@@ -1,0 +1,47 @@
+"""What checks found: a sign, the check's name, and a sentence each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from PySide6.QtCore import QSize, Qt, Signal
+from PySide6.QtWidgets import QAbstractItemView, QListWidget, QListWidgetItem
+
+from core.capture import Finding
+from stripe_gui.assets import icon
+from stripe_gui.presenters.capturing import check_name, level_name, worst_first
+
+SIGNS = {"good": "success", "warning": "warning", "bad": "error"}
+
+
+class FindingList(QListWidget):
+    """Findings, the worst first; the chosen one is told."""
+
+    chosen = Signal(object)  # Finding
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.setAccessibleName(name)
+        self.setWordWrap(True)
+        self.setIconSize(QSize(20, 20))
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
+        self.findings: list[Finding] = []
+        self.currentRowChanged.connect(self._choose)
+
+    def show_findings(self, findings: Iterable[Finding]) -> None:
+        """Show findings in place of those before."""
+        self.findings = worst_first(findings)
+        self.clear()
+        for finding in self.findings:
+            head = f"{check_name(finding.check)} – {level_name(finding.level)}"
+            text = f"{finding.text[:1].upper()}{finding.text[1:]}."
+            item = QListWidgetItem(icon(SIGNS[finding.level]), f"{head}\n{text}")
+            item.setData(Qt.ItemDataRole.AccessibleTextRole, f"{head}. {text}")
+            self.addItem(item)
+        if self.findings:
+            self.setCurrentRow(0)
+
+    def _choose(self, row: int) -> None:
+        if 0 <= row < len(self.findings):
+            self.chosen.emit(self.findings[row])

@@ -1,0 +1,217 @@
+"""Projector and camera: chosen from a list or typed as a URL, and asked whether they answer."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
+from PySide6.QtWidgets import QComboBox, QFrame, QLineEdit, QVBoxLayout, QWidget
+
+from core.model import Project
+from stripe_gui.presenters.capturing import (
+    Connection,
+    DeviceKind,
+    camera_kinds,
+    connect,
+    in_scene,
+    projector_kinds,
+    scene_of,
+    scenes,
+    url_problem,
+)
+from stripe_gui.presenters.failures import describe
+from stripe_gui.presenters.looking import Rig
+from stripe_gui.widgets.layout import boxed, button, card, column, label, row
+from stripe_gui.widgets.notice import Sign
+from stripe_gui.workbench import Workbench
+
+
+class DeviceCard(QWidget):
+    """One device: a list of kinds, what the chosen kind is for, and its URL."""
+
+    changed = Signal()
+
+    def __init__(self, title: str, name: str) -> None:
+        super().__init__()
+        self._kinds: tuple[DeviceKind, ...] = ()
+        self.kind = QComboBox()
+        self.kind.setAccessibleName(self.tr("{device}: kind").format(device=name))
+        self.kind.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.url = QLineEdit()
+        self.url.setAccessibleName(self.tr("{device}: address").format(device=name))
+        self.explanation = label("", "muted", wrap=True)
+        self.explanation.setMinimumHeight(52)
+        self.explanation.setAlignment(Qt.AlignmentFlag.AlignTop)
+        frame, inside = card(title)
+        for widget in (self.kind, self.url, self.explanation):
+            inside.addWidget(widget)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(frame)
+        self.kind.currentIndexChanged.connect(self._take_kind)
+        self.url.textChanged.connect(self._typed)
+
+    def offer(self, kinds: tuple[DeviceKind, ...], url: str) -> None:
+        """Offer kinds of devices, and show one URL."""
+        self._kinds = kinds
+        with QSignalBlocker(self.kind):
+            self.kind.clear()
+            for kind in kinds:
+                self.kind.addItem(kind.title, kind.kind)
+        self.url.setText(url)
+        self._typed()
+
+    def _take_kind(self, index: int) -> None:
+        if 0 <= index < len(self._kinds):
+            self.url.setText(self._kinds[index].url)
+
+    def _typed(self) -> None:
+        at = next((i for i, k in enumerate(self._kinds) if self.url.text().startswith(f"{k.kind}:")), -1)
+        with QSignalBlocker(self.kind):
+            self.kind.setCurrentIndex(at)
+        self.explanation.setText(self._kinds[at].explanation if at >= 0 else url_problem(self.url.text()))
+        self.changed.emit()
+
+
+class DevicesStep(QWidget):
+    """Both devices, the scene of the virtual bench, and the connection test with its result in words."""
+
+    changed = Signal()
+
+    def __init__(self, bench: Workbench, rig: Rig) -> None:
+        super().__init__()
+        self.bench, self.rig = bench, rig
+        self.connection: Connection | None = None
+        self._tested: tuple[str, str] | None = None
+        self._project: Project | None = None
+        self.projector = DeviceCard(self.tr("Projector"), self.tr("Projector"))
+        self.camera = DeviceCard(self.tr("Camera"), self.tr("Camera"))
+        self.scene = QComboBox()
+        self.scene.setAccessibleName(self.tr("What stands before the virtual rig"))
+        self.scene.setMinimumWidth(180)
+        self.scene.textActivated.connect(self.choose_scene)
+        self.scene_row = boxed(
+            row(label(self.tr("Before the virtual rig stands")), self.scene, label(self.tr("of its experiment.")), None)
+        )
+        self.test_button = button(self.tr("Test the connection"), self.test, "run")
+        self.result = QVBoxLayout()
+        self.result.setSpacing(6)
+        result: QFrame
+        result, inside = card()
+        inside.addLayout(row(label(self.tr("Connection"), "heading"), None, self.test_button))
+        inside.addLayout(self.result)
+        cards = row(self.projector, self.camera)
+        cards.setStretch(0, 1)
+        cards.setStretch(1, 1)
+        layout = column(cards, self.scene_row, result, None)
+        self.setLayout(layout)
+        self.projector.changed.connect(self._follow_projector)
+        self.camera.changed.connect(self._changed)
+
+    @property
+    def urls(self) -> tuple[str, str]:
+        """The URLs of projector and camera."""
+        return self.projector.url.text().strip(), self.camera.url.text().strip()
+
+    @property
+    def missing(self) -> str:
+        """What is to be done before the next step."""
+        if self._tested == self.urls and self.connection is not None:
+            return ""
+        return self.tr("Test the connection first.")
+
+    def offer(self, project: Project, virtual: str, urls: tuple[str, str]) -> None:
+        """Offer what suits a project."""
+        self._project, self.connection, self._tested = project, None, None
+        self.projector.offer(projector_kinds(virtual), urls[0])
+        self.camera.offer(camera_kinds(virtual), urls[1])
+        self._say(None, ())
+        self._list_scenes()
+
+    def enter(self) -> None:
+        """Test what costs nothing to test."""
+        self._list_scenes()
+        if self.missing and scene_of(self.urls[0]) and scene_of(self.urls[1]):
+            self.test()
+
+    def choose_scene(self, scene: str) -> None:
+        """Put something else before the virtual rig."""
+        kept = self.connection if not self.missing else None
+        self.projector.url.setText(in_scene(self.projector.url.text(), scene))
+        self.camera.url.setText(in_scene(self.camera.url.text(), scene))
+        if kept is not None:  # the same rig, looking at something else
+            self.connection, self._tested = kept, self.urls
+        self.scene.setCurrentText(scene)
+        self.changed.emit()
+
+    def adjusted(self, camera_url: str, connection: Connection) -> None:
+        """Take over another exposure of the same camera."""
+        self.camera.url.setText(camera_url)
+        self.connection, self._tested = connection, self.urls
+        self.changed.emit()
+
+    def test(self) -> None:
+        """Ask both devices, in the background."""
+        if self._project is None:
+            return
+        urls = self.urls
+        if problem := url_problem(urls[0]) or url_problem(urls[1]):
+            self._say("error", (problem,))
+            return
+        self.connection, self._tested = None, None
+        self._say("info", (self.tr("Asking both devices …"),))
+        self.changed.emit()
+        self.bench.views.run(
+            self.tr("Connection test"),
+            connect,
+            self._project,
+            self.rig,
+            urls,
+            on_done=lambda connection: self._answered(urls, connection),
+            on_failed=lambda failure: self._failed(failure.error),
+        )
+
+    def _answered(self, urls: tuple[str, str], connection: Connection) -> None:
+        if urls != self.urls:
+            return
+        self.connection, self._tested = connection, urls
+        self._say("success", connection.words)
+        self.changed.emit()
+
+    def _failed(self, error: BaseException) -> None:
+        told = describe(error)
+        self._say("error", (f"{told.happened}.".replace("..", "."), told.remedy))
+        self.changed.emit()
+
+    def _follow_projector(self) -> None:
+        """A virtual camera looks at the virtual projector's scene."""
+        scene = scene_of(self.projector.url.text())
+        if scene and scene_of(self.camera.url.text()) and scene != scene_of(self.camera.url.text()):
+            self.camera.url.setText(f"virtual:{scene}")
+        self._list_scenes()
+        self._changed()
+
+    def _changed(self) -> None:
+        if self._tested is not None and self._tested != self.urls:
+            self._say(None, ())
+        self.changed.emit()
+
+    def _list_scenes(self) -> None:
+        scenario = scene_of(self.projector.url.text())
+        self.scene_row.setVisible(bool(scenario))
+        if scenario and self.scene.property("scenario") != scenario:
+            self.scene.setProperty("scenario", scenario)
+            self.scene.clear()
+            self.scene.addItems(list(scenes(scenario)))
+
+    def _say(self, sign: str | None, lines: tuple[str, ...]) -> None:
+        while (item := self.result.takeAt(0)) is not None:
+            if widget := item.widget():
+                widget.hide()
+                widget.deleteLater()
+        if sign is None:
+            lines = (self.tr("Not tested yet."),)
+        colour = {"success": "ok", "error": "danger"}.get(sign or "", "muted")
+        for line in filter(None, lines):
+            text = label(f"{line[:1].upper()}{line[1:]}", "" if sign else "muted", wrap=True)
+            made = row(Sign(sign, colour, 18), text, spacing=8) if sign else row(text)
+            made.setStretch(made.count() - 1, 1)
+            self.result.addWidget(boxed(made))

@@ -1,0 +1,188 @@
+"""What is to be recorded: role, name, what belongs to it, and the planned sequence."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
+from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFormLayout, QLineEdit, QListWidget, QListWidgetItem, QWidget
+
+from core.capture.plan import guards_for, make_plan
+from core.errors import StripeError
+from core.model import Project
+from stripe_gui.presenters.capturing import (
+    Connection,
+    Subject,
+    Unfinished,
+    boards,
+    next_name,
+    role_choices,
+    taken_names,
+    unfinished,
+)
+from stripe_gui.widgets.layout import boxed, card, column, label, row
+from stripe_gui.widgets.pattern_strip import PatternStrip
+from stripe_gui.workbench import Workbench
+
+
+class SubjectStep(QWidget):
+    """Role and name of the new capture, or an interrupted one to go on with."""
+
+    changed = Signal()
+
+    def __init__(self, bench: Workbench) -> None:
+        super().__init__()
+        self.bench = bench
+        self._project: Project | None = None
+        self._taken: list[str] = []
+        self._unfinished: tuple[Unfinished, ...] = ()
+        self._proposed = ""
+        self.role, self.name, self.board = QComboBox(), QLineEdit(), QComboBox()
+        self.z = _number(-10_000, 10_000, " mm", self.tr("Position of the plate"))
+        self.angle = _number(-90, 90, "°", self.tr("Angle of the plane-table"))
+        self.explanation = label("", "muted", wrap=True)
+        self.form = QFormLayout()
+        self.form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft)
+        self.form.setHorizontalSpacing(16)
+        self.form.setVerticalSpacing(10)
+        for text, widget in (
+            (self.tr("What is it for?"), self.role),
+            (self.tr("Position"), self.z),
+            (self.tr("Angle"), self.angle),
+            (self.tr("Board"), self.board),
+            (self.tr("Name"), self.name),
+        ):
+            self.form.addRow(text, widget)
+            widget.setAccessibleName(widget.accessibleName() or text)
+        for role, title, _ in role_choices():
+            self.role.addItem(title, role)
+        questions, inside = card(self.tr("New capture"))
+        inside.addLayout(self.form)
+        inside.addWidget(self.explanation)
+        inside.addStretch(1)
+        self.interrupted = QListWidget()
+        self.interrupted.setAccessibleName(self.tr("Interrupted captures"))
+        self.interrupted.setWordWrap(True)
+        self.interrupted_card, inside = card(self.tr("Go on with an interrupted capture"))
+        inside.addWidget(self.interrupted)
+        top = row(questions, self.interrupted_card)
+        top.setStretch(0, 3)
+        top.setStretch(1, 2)
+        self.planned = label("", "muted", wrap=True)
+        self.strip = PatternStrip(self.tr("Planned patterns"))
+        self.setLayout(column(boxed(top), label(self.tr("Sequence"), "heading"), self.strip, self.planned, None))
+        self.role.currentIndexChanged.connect(self._role_chosen)
+        for spin in (self.z, self.angle):
+            spin.valueChanged.connect(self._propose)
+        self.name.textChanged.connect(lambda _: self.changed.emit())
+        self.board.currentIndexChanged.connect(lambda _: self.changed.emit())
+        self.interrupted.itemActivated.connect(self._go_on)
+        self.interrupted.itemClicked.connect(self._go_on)
+
+    @property
+    def subject(self) -> Subject:
+        """What the answers say."""
+        role = self.role.currentData()
+        return Subject(
+            role,
+            self.name.text().strip(),
+            self.z.value() if role == "depth" else None,
+            self.angle.value() if role == "plane" else None,
+            (self.board.currentText() or None) if role in ("testfield", "depth") else None,
+        )
+
+    @property
+    def missing(self) -> str:
+        """What is wrong with the answers."""
+        if self._project is None:
+            return self.tr("Open a project.")
+        subject = self.subject
+        if subject.name in self._taken and subject != self._going_on():
+            if any(u.subject.name == subject.name for u in self._unfinished):
+                return self.tr("A capture of this name was interrupted: choose it in the list, or another name.")
+            return self.tr("There is a capture of this name already: choose another.")
+        try:
+            make_plan(
+                self._project,
+                subject.name,
+                subject.role,
+                testfield=subject.testfield,
+                z_mm=subject.z_mm,
+                angle_deg=subject.angle_deg,
+            )
+        except StripeError as error:
+            return f"{error.seen[:1].upper()}{error.seen[1:]}: {error.remedy}."
+        return ""
+
+    def offer(self, project: Project) -> None:
+        """Offer what suits a project: free names, boards, interrupted captures."""
+        self._project, self._taken = project, taken_names(project)
+        self._unfinished = unfinished(project)
+        board = self.board.currentText()
+        with QSignalBlocker(self.board):
+            self.board.clear()
+            self.board.addItems(boards(project))
+            self.board.setCurrentText(board)
+        with QSignalBlocker(self.interrupted):
+            self.interrupted.clear()
+            for item in self._unfinished:
+                self.interrupted.addItem(QListWidgetItem(f"{item.subject.name}\n{item.state}"))
+        self.interrupted_card.setVisible(bool(self._unfinished))
+        self._role_chosen()
+
+    def show_sequence(self, connection: Connection) -> None:
+        """Show what the projector will show."""
+        self.strip.set_patterns(connection.patterns, connection.lines)
+        guards = len(guards_for(connection.patterns, connection.lines))
+        text = self.tr(
+            "{n} patterns, one image each. Before and after them {g} more are shown, to see whether anything moved and "
+            "whether the lamp is steady."
+        )
+        self.planned.setText(text.format(n=len(connection.patterns), g=guards))
+
+    def another(self) -> None:
+        """Propose the next name for one more like this."""
+        if self._project is not None:
+            self._taken = taken_names(self._project)
+            self.name.setText(next_name(self.subject, self._taken))
+            self._proposed = self.name.text()
+
+    def _role_chosen(self) -> None:
+        role = self.role.currentData()
+        self.explanation.setText(next(text for word, _, text in role_choices() if word == role))
+        for widget, roles in ((self.z, "depth"), (self.angle, "plane"), (self.board, "testfield depth")):
+            self.form.setRowVisible(widget, role in roles.split())
+        if role in ("testfield", "depth"):
+            wanted = "plate.csv" if role == "depth" else "testfield.csv"
+            self.board.setCurrentIndex(max(0, self.board.findText(wanted)))
+        self._propose()
+
+    def _propose(self) -> None:
+        """Propose a name, unless the operator has typed one."""
+        if self.name.text() in ("", self._proposed):
+            self._proposed = next_name(self.subject, self._taken)
+            self.name.setText(self._proposed)
+        self.changed.emit()
+
+    def _going_on(self) -> Subject | None:
+        at = self.interrupted.currentRow()
+        return self._unfinished[at].subject if 0 <= at < len(self._unfinished) else None
+
+    def _go_on(self) -> None:
+        subject = self._going_on()
+        if subject is None:
+            return
+        self.role.setCurrentIndex(self.role.findData(subject.role))
+        self.z.setValue(subject.z_mm or 0.0)
+        self.angle.setValue(subject.angle_deg or 0.0)
+        self.board.setCurrentText(subject.testfield or "")
+        self.name.setText(subject.name)
+        self.changed.emit()
+
+
+def _number(least: float, most: float, unit: str, name: str) -> QDoubleSpinBox:
+    made = QDoubleSpinBox()
+    made.setRange(least, most)
+    made.setDecimals(3)
+    made.setSuffix(unit)
+    made.setAccessibleName(name)
+    made.setMaximumWidth(180)
+    return made

@@ -1,0 +1,120 @@
+"""The capture wizard: its steps, and what they hand on to each other."""
+
+from __future__ import annotations
+
+from PySide6.QtGui import QHideEvent
+from PySide6.QtWidgets import QScrollArea, QWidget
+
+from core.errors import StripeError
+from core.pipeline.capture import virtual_rig
+from stripe_gui.presenters.capturing import scene_for
+from stripe_gui.presenters.looking import Rig
+from stripe_gui.wizards.capture.devices import DevicesStep
+from stripe_gui.wizards.capture.picture import PictureStep
+from stripe_gui.wizards.capture.subject import SubjectStep
+from stripe_gui.wizards.capture.taking import TakingStep
+from stripe_gui.wizards.wizard import Wizard
+from stripe_gui.workbench import Workbench
+
+RIG = "capture.rig"  # the setting that keeps the devices used last: project, projector, camera
+
+
+class CaptureWizard(Wizard):
+    """From two devices to a stored, verified capture."""
+
+    id = "capture-wizard"
+    stage = "capture"
+
+    def __init__(self, bench: Workbench) -> None:
+        super().__init__(
+            bench,
+            self.tr("New capture"),
+            self.tr("Connect projector and camera, look, and record one sequence of an unmoving scene."),
+            last=self.tr("Done"),
+        )
+        self.rig = Rig()
+        self._path = ""
+        self.devices = DevicesStep(bench, self.rig)
+        self.subject = SubjectStep(bench)
+        self.picture = PictureStep(bench, self.devices)
+        self.taking = TakingStep(bench, self.devices)
+        self.add_step(
+            "devices",
+            self.tr("Devices"),
+            _scrolled(self.devices),
+            enter=self.devices.enter,
+            missing=lambda: self.devices.missing,
+        )
+        self.add_step(
+            "subject",
+            self.tr("What"),
+            _scrolled(self.subject),
+            enter=self._enter_subject,
+            missing=lambda: self.subject.missing,
+        )
+        self.add_step("picture", self.tr("Live picture"), self.picture, enter=self.picture.enter)
+        self.add_step("take", self.tr("Take"), self.taking, enter=lambda: self.taking.prepare(self.subject.subject))
+        for step in (self.devices, self.subject, self.picture, self.taking):
+            step.changed.connect(self.update_steps)
+        self.subject.changed.connect(self._choose_scene)
+        self.taking.another_wanted.connect(self.another)
+
+    def refresh(self) -> None:
+        """Begin anew for another project, or after the wizard was closed."""
+        folder = self.session.folder
+        if folder is None or str(folder.path) == self._path:
+            return
+        self._path = str(folder.path)
+        try:
+            virtual = virtual_rig(folder.project)
+        except StripeError:
+            virtual = ""
+        kept = self.bench.settings.text(RIG).split("\n")
+        urls = (kept[1], kept[2]) if len(kept) == 3 and kept[0] == self._path else (virtual, virtual)
+        self.subject.name.clear()
+        self.subject.offer(folder.project)
+        self.devices.offer(folder.project, virtual, urls)
+        self._choose_scene()
+        self.start()
+
+    def another(self) -> None:
+        """Go on to the next pose: the next free name, the picture first."""
+        folder = self.session.folder
+        if folder is None:
+            return
+        self.subject.offer(folder.project)
+        self.subject.another()
+        self._choose_scene()
+        self.go_to("picture")
+
+    def leave(self) -> None:
+        """Close the wizard; the next time it begins at its first step."""
+        self._path = ""
+        super().leave()
+
+    def hideEvent(self, event: QHideEvent) -> None:  # noqa: N802
+        """Let the devices go."""
+        super().hideEvent(event)
+        if not self.taking.running:
+            self.bench.views.run(self.tr("Devices"), self.rig.close)
+
+    def _enter_subject(self) -> None:
+        if self.devices.connection is not None:
+            self.subject.show_sequence(self.devices.connection)
+            self.bench.settings.set(RIG, "\n".join((self._path, *self.devices.urls)))
+
+    def _choose_scene(self) -> None:
+        """Put before the virtual rig what suits the new capture."""
+        names = [self.devices.scene.itemText(i) for i in range(self.devices.scene.count())]
+        subject = self.subject.subject
+        if scene := scene_for(subject.name, subject.role, names):
+            self.devices.choose_scene(scene)
+
+
+def _scrolled(body: QWidget) -> QScrollArea:
+    """Let a step scroll where the window is small."""
+    area = QScrollArea()
+    area.setWidgetResizable(True)
+    area.setFrameShape(QScrollArea.Shape.NoFrame)
+    area.setWidget(body)
+    return area
