@@ -23,6 +23,7 @@ PAGES = {
     "reconstruct": ("pages.reconstruct_page", "ReconstructPage"),
     "evaluate": ("pages.evaluate_page", "EvaluatePage"),
     "report": ("pages.report_page", "ReportPage"),
+    "capture-wizard": ("wizards.capture.wizard", "CaptureWizard"),
 }  # id of the page -> module below stripe_gui, class
 
 

@@ -11,7 +11,7 @@ from importlib import import_module
 
 from stripe_gui.actions import Action
 
-WIZARDS: tuple[str, ...] = ("new_project", "picking",)  # modules below stripe_gui.wizards
+WIZARDS: tuple[str, ...] = ("new_project", "picking", "capture")  # modules below stripe_gui.wizards
 
 
 def wizard_actions() -> list[Action]:
