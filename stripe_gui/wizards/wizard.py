@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import QStackedWidget, QToolButton, QWidget
 
@@ -63,6 +63,7 @@ class Wizard(Page):
         self._trail_row = row(spacing=2)
         self._stack = QStackedWidget()
         self._why = label("", "muted", wrap=True)
+        self._why.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.close_button = button(self.tr("Close"), self.leave, "close", flat=True)
         self.back_button = button(self.tr("Back"), self.back, "back")
         self.next_button = button(self.tr("Next"), self.next, "next", primary=True)
@@ -72,7 +73,9 @@ class Wizard(Page):
             QShortcut(QKeySequence(keys), self).activated.connect(slot)
         self.body.addLayout(row(self._trail_row, None))
         self.body.addWidget(self._stack, 1)
-        self.body.addWidget(boxed(row(self.close_button, None, self._why, self.back_button, self.next_button)))
+        foot = row(self.close_button, self._why, self.back_button, self.next_button)
+        foot.setStretchFactor(self._why, 1)
+        self.body.addWidget(boxed(foot))
 
     def add_step(
         self,
