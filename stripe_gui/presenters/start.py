@@ -5,18 +5,28 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication
 
+translate = QCoreApplication.translate
+
 
 @dataclass(frozen=True)
 class RecentProject:
-    """A project opened before; `problem` says why it cannot be opened now, empty if it can."""
+    """A project opened before; `problem` says why it cannot be opened now, empty if it can.
+
+    Attributes
+    ----------
+    facts : str
+        How many captures it has and when something was last written.
+    """
 
     folder: Path
     name: str
     problem: str = ""
+    facts: str = ""
 
 
 def recent_projects(folders: Iterable[Path]) -> list[RecentProject]:
@@ -24,11 +34,18 @@ def recent_projects(folders: Iterable[Path]) -> list[RecentProject]:
     found = []
     for folder in folders:
         try:
-            name = json.loads((folder / "project.json").read_text(encoding="utf-8")).get("name")
-            found.append(RecentProject(folder, str(name or folder.name)))
+            document = json.loads((folder / "project.json").read_text(encoding="utf-8"))
+            name = str(document.get("name") or folder.name)
+            found.append(RecentProject(folder, name, facts=_facts(folder, len(document.get("captures") or []))))
         except OSError:
-            problem = QCoreApplication.translate("Start", "not there any more")
-            found.append(RecentProject(folder, folder.name, problem))
-        except (ValueError, AttributeError):
-            found.append(RecentProject(folder, folder.name, QCoreApplication.translate("Start", "damaged")))
+            found.append(RecentProject(folder, folder.name, translate("Start", "not there any more")))
+        except (ValueError, AttributeError, TypeError):
+            found.append(RecentProject(folder, folder.name, translate("Start", "damaged")))
     return found
+
+
+def _facts(folder: Path, captures: int) -> str:
+    places = (folder, folder / "project.json", folder / "captures", folder / "results")
+    changed = date.fromtimestamp(max(place.stat().st_mtime for place in places if place.exists()))
+    one, many = translate("Start", "1 capture"), translate("Start", "{n} captures").format(n=captures)
+    return f"{one if captures == 1 else many}   {changed.isoformat()}"

@@ -107,12 +107,13 @@ class NewProjectWizard(Wizard):
 
     def parts(self) -> Iterator[str]:
         """Show every step with all that can be asked."""
-        kept = self.draft()
+        kept, stored = self.draft(), self.bench.settings.text(KEPT)
         self.plate.wanted.setChecked(True)
         self.scale.wanted.setChecked(True)
         self.scale.length.setValue(258.6)
         yield from super().parts()
         self.show_draft(kept)
+        self.bench.settings.set(KEPT, stored)
         self.start()
 
     def finish(self) -> None:
