@@ -1,43 +1,106 @@
-"""The table and the plots of a benchmark run."""
+"""The table of a run, as Markdown and JSON, and its short form in the README."""
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
-from tests.benchmarks.timing import Row
+from tests.benchmarks.timing import OURS, WARM, Row
+
+BEGIN, END = "<!-- benchmarks: python -m tests.benchmarks --readme -->", "<!-- end of benchmarks -->"
+
+# what the README shows, in this order: part, size, and how it is told there
+HEADLINES = (
+    ("decode", "748x576 x 28", "decode 28 frames, 748×576"),
+    ("decode", "2448x2048 x 28", "decode 28 frames, 2448×2048"),
+    ("intersection, 4", "748x576", "intersect, 4 observations, 748×576"),
+    ("intersection, 4", "2448x2048", "intersect, 4 observations, 2448×2048"),
+    ("adjustment", "40 stations", "adjust 40 stations with all covariances"),
+    ("adjustment", "400 stations", "adjust 400 stations with all covariances"),
+    ("measurement", "2448x2048", "measure all targets of a 5 Mpx image"),
+    ("opening", "2000 captures", "open a project of 2,000 captures"),
+    ("start", "--help", "`stripe-core --help`"),
+    ("window", "first paint", "window, from start to first paint"),
+    ("window", "5 Mpx image", "show the next 5 Mpx image"),
+    ("window", "5,000 residuals", "draw 5,000 residual vectors"),
+)
 
 
-def write_results(folder: Path, rows: Sequence[Row], machine: str) -> None:
-    """Write table.md, and a plot of time and peak memory for every part with several sizes."""
+def write_results(folder: Path, rows: Sequence[Row], machine: dict[str, str], seconds: float) -> None:
+    """Write table.md and table.json."""
     folder.mkdir(exist_ok=True)
-    lines = [machine, "", "| part | size | contestant | median ms | rounds | ratio | peak MB | result |"]
-    lines.append("|---|---|---|---:|---:|---:|---:|---|")
+    entries = [{k: None if isinstance(v, float) and math.isnan(v) else v for k, v in asdict(r).items()} for r in rows]
+    data = {"machine": machine, "seconds": round(seconds, 1), "rows": entries}
+    (folder / "table.json").write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n")
+    lines = [f"- {name}: {text}" for name, text in machine.items()]
+    lines += [
+        "",
+        "Times in ms; `ratio` is to the first contestant named at the same size, measured in turns with it.",
+        "",
+        "| part | size | contestant | median | least | rounds | ratio | peak MB | answer |",
+        "|---|---|---|---:|---:|---:|---:|---:|---|",
+    ]
     for r in rows:
-        ms, ratio, peak = f"{1e3 * r.seconds:.1f}", f"{r.ratio:.2f}", f"{r.peak_mb:.0f}"
-        lines.append(f"| {r.part} | {r.size} | {r.contestant} | {ms} | {r.rounds} | {ratio} | {peak} | {r.right} |")
+        numbers = (_ms(r.seconds), _ms(r.least), str(r.rounds), _plain(r.ratio, 2), _plain(r.peak_mb, 0))
+        lines.append(f"| {r.part} | {r.size} | {r.contestant} | {' | '.join(numbers)} | {r.right} |")
     (folder / "table.md").write_text("\n".join(lines) + "\n")
-    for part in dict.fromkeys(r.part for r in rows if r.unit):
-        _plot(folder / f"{part.replace(', ', '-').replace(' ', '-')}.png", [r for r in rows if r.part == part])
-    print(f"{machine}\n{folder}/table.md")
 
 
-def _plot(path: Path, rows: Sequence[Row]) -> None:
-    if len({r.amount for r in rows}) < 2:
-        return
-    from matplotlib.figure import Figure
+def readme_block(data: dict[str, Any]) -> str:
+    """Give the README's lines of a run, table.json's content.
 
-    figure = Figure(figsize=(10, 4), layout="constrained")
-    for axes, label, values in zip(
-        figure.subplots(1, 2),
-        ("time, ms", "peak memory, MB"),
-        ({id(r): 1e3 * r.seconds for r in rows}, {id(r): r.peak_mb for r in rows}),
-        strict=True,
-    ):
-        for name in dict.fromkeys(r.contestant for r in rows):
-            mine = [r for r in rows if r.contestant == name]
-            axes.plot([r.amount for r in mine], [values[id(r)] for r in mine], "o-", label=name)
-        axes.set(xlabel=rows[0].unit, ylabel=label, xscale="log", title=rows[0].part)
-        axes.set_yscale("log" if label.startswith("time") else "linear")
-        axes.legend(fontsize="small")
-    figure.savefig(path, dpi=110)
+    Raises
+    ------
+    ValueError
+        If the run did not measure everything that the README shows.
+    """
+    machine = data["machine"]
+    lines = ["| | stripe workbench | in the same run (× ours) |", "|---|---:|---|"]
+    for part, size, told in HEADLINES:
+        rows = [r for r in data["rows"] if (r["part"], r["size"]) == (part, size)]
+        ours = next((r for r in rows if r["contestant"].startswith(OURS)), None)
+        if ours is None or ours["seconds"] is None:
+            raise ValueError(f"table.json has no answer of ours for {part}, {size}: run the whole, `make bench`")
+        others = [_beside(r, ours["seconds"]) for r in rows if r is not ours and r["contestant"] != WARM]
+        lines.append(f"| {told} | {_time(ours['seconds'])} | {'; '.join(others)} |")
+    return "\n".join(
+        [*lines, "", f"Medians, on {machine['processor']}, {machine['memory']}, Python {machine['Python']}."]
+    )
+
+
+def _beside(row: dict[str, Any], ours: float) -> str:
+    if row["seconds"] is None:
+        return f"{row['contestant']}: {'not here' if row['right'].startswith('not run') else 'failed'}"
+    return f"{row['contestant']} {_time(row['seconds'])} ({row['seconds'] / ours:.2g}×)"
+
+
+def update_readme(readme: Path, table: Path) -> None:
+    """Put the run of table.json between the README's two marks."""
+    text = readme.read_text()
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise ValueError(f"{readme.name} has no lines {BEGIN} and {END}: put them where the table belongs")
+    readme.write_text(f"{before}{BEGIN}\n{readme_block(json.loads(table.read_text()))}\n{END}{after}")
+
+
+def _ms(seconds: float) -> str:
+    return _plain(1e3 * seconds, 0 if seconds >= 1 else 1 if seconds >= 0.1 else 2)
+
+
+def _time(seconds: float) -> str:
+    return (
+        f"{seconds:.3g} s"
+        if seconds >= 1
+        else f"{1e3 * seconds:.0f} ms"
+        if seconds >= 0.1
+        else f"{1e3 * seconds:.2g} ms"
+    )
+
+
+def _plain(value: float, digits: int) -> str:
+    return "" if math.isnan(value) else f"{value:.{digits}f}"
