@@ -22,7 +22,7 @@ def actions() -> list[Action]:
             "evaluate.wizard",
             translate("Actions", "&Plane-table…"),
             lambda bench: bench.show_page("plane-table"),
-            "Ctrl+Shift+T",
+            "Ctrl+Shift+L",
             "evaluate",
             translate("Actions", "Judge planes step by step: maps, profiles, distribution, Table 3, sign-off."),
             enabled_when=project_open,
