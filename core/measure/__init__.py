@@ -15,6 +15,7 @@ centroid.py       weighted centroid, its covariance, the image's noise, the ligh
 eccentricity.py   the middle of an ellipse is not the image of the circle's centre
 projector.py      projector coordinates from the phase maps
 single.py         what an operator sees while picking: the dot at hand, the predicted grid
+propose.py        a guess of the picks: the dots in order, laid onto the testfield
 missing.py        why a target was not measured, in words
 robust.py         small fits and medians over many targets at once
 kernels.py        the two loops over pixels
@@ -24,6 +25,7 @@ from core.measure.eccentricity import eccentricity
 from core.measure.missing import EXCLUDED
 from core.measure.options import MeasureOptions
 from core.measure.picks import side_seen
+from core.measure.propose import find_dots, propose_picks
 from core.measure.single import dot_at, measured_view, predicted_view
 from core.measure.targets import measure_targets
 from core.measure.view import View
@@ -34,8 +36,10 @@ __all__ = [
     "View",
     "dot_at",
     "eccentricity",
+    "find_dots",
     "measure_targets",
     "measured_view",
     "predicted_view",
+    "propose_picks",
     "side_seen",
 ]

@@ -103,7 +103,9 @@ class Background(QObject):
             if image is None or image in self._unreadable:
                 continue
             capture = model.captures[image]
-            guess = not model.has_guesses(image) and not model.picks_of(image).seeds
+            # the guess for the next image waits for this one's picks, which it may be near to
+            settled = image == model.image or model.complete
+            guess = settled and not model.has_guesses(image) and not model.picks_of(image).seeds
             if guess or self._kept.frame(capture) is None:
                 board = (self._project.camera, model.neighbour(image), model.side(), guess)
                 return self._run(image, look_at, self._have_looked, *board)

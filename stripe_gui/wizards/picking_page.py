@@ -402,6 +402,7 @@ class PickPage(Page):
         if self.model is not None and self.background is not None:
             self.background.measure(self.model.image)
             self._show_marks(move=False)
+            self.background.prepare()
 
     def _measured(self, image: int) -> None:
         """Show what came out; where targets were excluded meanwhile it is measured again."""

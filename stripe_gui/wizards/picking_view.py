@@ -220,6 +220,9 @@ def question(model: Picking, view: PickingView, step: NextStep) -> tuple[str, st
             "Picking", "Target {k} of {n}: {target}. Click its dot, or bring the cross hairs there and press Space."
         )
         return text.format(k=number, n=len(model.wanted), target=target), does
+    if model.target in view.targets:
+        fate = str(view.table.rows[view.targets.index(model.target)][2])
+        return translate("Picking", "{target}: {fate}").format(target=target.capitalize(), fate=fate), does
     return translate("Picking", "At work: {target}").format(target=target), does
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from core.measure import find_dots, propose_picks
 from core.model import Array, Capture, DeviceSpec, PhaseMap, Project, Seed
 from core.pipeline import decode_capture
 from core.pipeline.measure import Side
@@ -38,8 +39,13 @@ def look_at(
 ) -> Look:
     """Read the evenly lit image of a capture, find its dots, and guess its picks if asked to."""
     frame = lit_frame(capture, progress)
-    progress(0.5, capture.name)
-    return Look(frame, np.zeros((0, 2)), () if guess else None)
+    field = capture.testfield
+    if field is None:
+        return Look(frame, np.zeros((0, 2)), ())
+    progress(0.3, capture.name)
+    order = find_dots(frame.image, dark=field.polarity == "black-on-white")
+    progress(0.6, capture.name)
+    return Look(frame, order.uv, propose_picks(frame.image, order, field, camera, neighbour, side) if guess else None)
 
 
 def decode_board(capture: Capture, progress: Progress = SILENT) -> PhaseMap:

@@ -1,0 +1,327 @@
+"""A guess of the picks: the dots of an image put in order, and the order laid onto the testfield.
+
+A regular testfield looks the same half a turn round, and where light or image end inside it, also some rows or columns
+further. The board's edges decide where they are seen: a target that should be there and has no dot, not even a faint
+one beside the light, speaks against a guess. Among guesses that are equally good the one nearest to an image picked
+before comes first. An operator looks at each of them.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from core.errors import InputError
+from core.measure.blobs import SMALLEST_PX, Blobs, find_blobs
+from core.measure.single import predicted_view
+from core.measure.view import View, first_view, fit_both_tilts
+from core.model import DeviceSpec, Seed, Testfield
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+Ints = NDArray[np.int64]
+
+WIDTH = 1000  # px that an image is reduced to: enough to see dots
+LEAST, MOST = 4.0, 60.0  # diameter of dots looked for, px of the reduced image
+NEAR = 0.25  # how far from its place the next dot of a line may lie, in steps
+FEWEST = 9  # dots in order that a guess needs
+OFF = 0.15  # how far dots may lie off the view of a regular field, in spacings (root mean square)
+DOUBT = 0.1  # share of dots that may speak against the best guess
+STANDS_OUT = 6.0  # a faint dot stands out from its surroundings by so many sigmas
+TURNS = ([[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]])
+
+
+@dataclass(frozen=True)
+class Order:
+    """Dots numbered along two directions: cells (n, 2), centres (n, 2) px and areas (n,) px²."""
+
+    cell: Ints
+    uv: Array
+    area_px: Array
+
+
+@dataclass(frozen=True)
+class _Laid:
+    """An order laid onto a testfield: targets (n,) as indices, and what speaks against it."""
+
+    target: Ints
+    against: int  # targets without a dot and dots without a target
+    moved_px: float
+
+
+def find_dots(image: NDArray, *, dark: bool) -> Order:
+    """Find the dots of a board and put them in order, knowing neither their size nor the board.
+
+    Parameters
+    ----------
+    image : array, shape (H, W)
+        The board lit evenly.
+    dark : bool
+        Dots are darker than the board.
+
+    Returns
+    -------
+    order : Order
+        Empty where there are no dots in lines.
+    """
+    grey = np.nan_to_num(np.asarray(image, dtype=np.float32))
+    factor = max(1, round(grey.shape[1] / WIDTH))
+    small = _reduced(grey, factor)
+    height, width = small.shape
+    across, down = np.linspace(0.1, 0.9, 7) * width, np.linspace(0.1, 0.9, 7) * height
+    places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    blobs = find_blobs(-small if dark else small, (LEAST, MOST), places)
+    scale = grey.shape[1] / width
+    use = _alike(blobs)
+    uv = (blobs.uv[use] + 0.5) * scale - 0.5
+    cell, which = _in_order(uv)
+    return Order(cell, uv[which], blobs.area_px[use][which] * scale**2)
+
+
+def propose_picks(
+    image: NDArray,
+    order: Order,
+    testfield: Testfield,
+    camera: DeviceSpec,
+    known: Sequence[Seed] = (),
+    side: str = "front",
+) -> tuple[tuple[Seed, ...], ...]:
+    """Guess the picks of an image, the likeliest first.
+
+    Parameters
+    ----------
+    image : array, shape (H, W)
+    order : Order
+        Its dots, from `find_dots`.
+    testfield : Testfield
+    camera : DeviceSpec
+    known : sequence of Seed
+        Picks of an image taken before or after, where the board may have been nearby.
+    side : str
+        The side of the board that is seen, "front" or "back", see `MeasureOptions`.
+
+    Returns
+    -------
+    guesses : tuple of tuple of Seed
+        Four picks each, at the corners of what is seen; empty where the dots have no order that the testfield has.
+    """
+    steps = _steps(testfield)
+    if len(order.cell) < FEWEST or steps is None:
+        return ()
+    before = _before(testfield, camera, known)
+    grey = np.nan_to_num(np.asarray(image, dtype=np.float32))
+    grey = -grey if testfield.polarity == "black-on-white" else grey
+    laid: list[_Laid] = []
+    for turn in TURNS:
+        mirror = _handedness(order, np.array(turn), steps) != side
+        cells = order.cell @ (np.array(turn) @ np.diag([1, -1 if mirror else 1])).T
+        view = _view(cells, order.uv, testfield, steps, camera)
+        if view is not None:
+            laid += _placements(cells, order, view, grey, testfield, steps, before)
+    if not laid:
+        return ()
+    least = min(guess.against for guess in laid)
+    # where most of the field is in the dark, nothing tells how far it reaches
+    telling = least <= 2 + DOUBT * len(order.cell)
+    laid = [guess for guess in laid if guess.against <= least + 2 or not telling]
+    laid.sort(key=lambda guess: (guess.against if telling else 0, guess.moved_px))
+    corners = _corners(order)
+    return tuple(
+        tuple(
+            Seed(int(testfield.row[g.target[k]]), int(testfield.col[g.target[k]]), *np.round(order.uv[k], 3).tolist())
+            for k in corners
+        )
+        for g in laid
+    )
+
+
+def _reduced(grey: Floats, factor: int) -> Floats:
+    """Means over factor × factor pixels."""
+    size = (max(1, grey.shape[1] // factor), max(1, grey.shape[0] // factor))
+    return grey if factor == 1 else np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _alike(blobs: Blobs) -> Ints:
+    """Which spots are whole ellipses of about the size that most have."""
+    with np.errstate(all="ignore"):
+        fill = blobs.area_px / (4 * np.pi * np.sqrt(np.linalg.det(blobs.cov_px2)))
+    whole = (blobs.area_px >= LEAST**2 * np.pi / 4) & (fill > 0.85) & (fill < 1.2) & ~blobs.on_border
+    if not whole.any():
+        return np.zeros(0, np.int64)
+    bright = whole & (blobs.contrast > 0.25 * np.percentile(blobs.contrast[whole], 90))
+    usual = float(np.median(blobs.area_px[bright]))
+    return np.flatnonzero(bright & (blobs.area_px > usual / 3) & (blobs.area_px < 3 * usual))
+
+
+def _in_order(uv: Array) -> tuple[Ints, Ints]:
+    """Number dots along two directions, from one in the middle outwards: cells (m, 2) and which dots (m,) they are."""
+    none = np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
+    if len(uv) < FEWEST:
+        return none
+    tree = cKDTree(uv)
+    best = none
+    for start in tree.query(np.median(uv, axis=0), k=3)[1].tolist():
+        steps = _first_steps(uv, tree, start)
+        if steps is not None:
+            found = _walk(uv, tree, start, *steps)
+            best = found if len(found[1]) > len(best[1]) else best
+    return best
+
+
+def _first_steps(uv: Array, tree: cKDTree, start: int) -> tuple[Array, Array] | None:
+    """The steps to the nearest dot and to the nearest one across that direction, turned like the image's u and v."""
+    near = uv[tree.query(uv[start], k=min(9, len(uv)))[1][1:]] - uv[start]
+    first = near[0]
+    across = np.abs(first[0] * near[:, 1] - first[1] * near[:, 0])
+    length = np.hypot(*near.T)
+    sine = across / np.maximum(length * np.hypot(*first), 1e-9)
+    if not np.any(sine > 0.5):
+        return None
+    second = near[int(np.argmin(np.where(sine > 0.5, length / np.maximum(sine, 0.5), np.inf)))]
+    return first, second if first[0] * second[1] - first[1] * second[0] > 0 else -second
+
+
+def _walk(uv: Array, tree: cKDTree, start: int, a: Array, b: Array) -> tuple[Ints, Ints]:
+    """Go from dot to dot; each step says where the next one in its direction will be."""
+    at: dict[tuple[int, int], int] = {(0, 0): start}
+    taken, waiting = {start}, deque([((0, 0), a, b)])
+    while waiting:
+        (i, j), a, b = waiting.popleft()
+        for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            cell, step = (i + di, j + dj), di * a + dj * b
+            if cell in at:
+                continue
+            here = uv[at[i, j]]
+            distance, nearest = tree.query(here + step)
+            if distance > NEAR * np.hypot(*step) or nearest in taken:
+                continue
+            at[cell] = int(nearest)
+            taken.add(int(nearest))
+            made = (uv[nearest] - here) * (di + dj)
+            waiting.append((cell, (a + made) / 2 if di else a, (b + made) / 2 if dj else b))
+    return np.array(list(at), np.int64), np.array(list(at.values()), np.int64)
+
+
+def _steps(field: Testfield) -> Array | None:
+    """Origin, step of a row and step of a column (3, 3) mm of a regular field; None where it is not one."""
+    A = np.stack([np.ones(len(field.row)), field.row, field.col], axis=1)
+    steps, *_ = np.linalg.lstsq(A, field.xyz_mm, rcond=None)
+    spacing = min(np.linalg.norm(steps[1]), np.linalg.norm(steps[2]))
+    off = np.linalg.norm(A @ steps - field.xyz_mm, axis=1)
+    return np.asarray(steps) if spacing > 0 and off.max() < 0.25 * spacing else None
+
+
+def _xyz(steps: Array, cells: Ints) -> Array:
+    """Nominal places (n, 3) of cells (n, 2), row and column, in the field or beyond it."""
+    return steps[0] + cells @ steps[1:]
+
+
+def _handedness(order: Order, turn: Ints, steps: Array) -> str:
+    """The side of the board that an order shows when its cells, turned, are taken for rows and columns."""
+    cells = order.cell @ turn.T
+    A = np.stack([np.ones(len(cells)), cells[:, 0], cells[:, 1]], axis=1)
+    across = np.linalg.lstsq(A, order.uv, rcond=None)[0][1:]
+    board = steps[1, 0] * steps[2, 1] - steps[1, 1] * steps[2, 0]
+    return "front" if np.linalg.det(across) * board < 0 else "back"
+
+
+def _view(cells: Ints, uv: Array, field: Testfield, steps: Array, camera: DeviceSpec) -> View | None:
+    """The view in which dots are the given cells; None where they do not fit."""
+    xyz = _xyz(steps, cells - _middle(cells, field))
+    view = first_view(camera, xyz, uv)
+    if view is None:
+        return None
+    view = fit_both_tilts(view, xyz, uv, radial=len(cells) >= 12)
+    off = np.sqrt(np.mean(np.sum((view.project(xyz) - uv) ** 2, axis=1)))
+    one = np.sqrt(np.median(np.abs(np.linalg.det(view.jacobian(xyz))))) * np.linalg.norm(steps[1:], axis=1).min()
+    return view if off < OFF * one else None
+
+
+def _placements(
+    cells: Ints, order: Order, view: View, grey: Floats, field: Testfield, steps: Array, before: Array | None
+) -> list[_Laid]:
+    """All ways to lay cells onto the field by whole rows and columns, and what speaks against each."""
+    low, high = cells.min(axis=0), cells.max(axis=0)
+    first, last = np.array([field.row.min(), field.col.min()]), np.array([field.row.max(), field.col.max()])
+    room = (last - first) - (high - low)
+    if np.any(room < 0):
+        return []
+    top, index = low - room, field.index()  # the field, and as much round it as it could be shifted
+    shape = tuple((high + room - top + 1).tolist())
+    around = np.stack(np.unravel_index(np.arange(shape[0] * shape[1]), shape), axis=-1) + top
+    there, told = (x.reshape(shape) for x in _dots_at(grey, view, _xyz(steps, around - _middle(cells, field)), field))
+    there[tuple((cells - top).T)] = told[tuple((cells - top).T)] = True
+    found = []
+    for row, col in np.ndindex(*(room + 1).tolist()):
+        shift = first - low + (row, col)
+        target = np.array([index.get((r, c), -1) for r, c in (cells + shift).tolist()])
+        if target.min() < 0:
+            continue
+        expected = np.zeros(shape, bool)
+        expected[tuple((np.stack([field.row, field.col], axis=1) - shift - top).T)] = True
+        moved = 0.0 if before is None else float(np.median(np.hypot(*(before[target] - order.uv).T)))
+        found.append(_Laid(target, int(np.count_nonzero(told & (there != expected))), np.nan_to_num(moved, nan=np.inf)))
+    return found
+
+
+def _dots_at(grey: Floats, view: View, xyz_mm: Array, field: Testfield) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where dots are at places of the board's plane (n, 3), however faint; and where the image can tell.
+
+    A dot is brighter than what is round it in every direction, which edges of board and light are not.
+    """
+    uv, unit = view.project(xyz_mm), view.jacobian(xyz_mm) * float(np.median(field.diameter_mm)) / 2
+    radius = float(np.nanmedian(np.sqrt(np.abs(np.linalg.det(unit)))))
+    factor = max(1, int(radius / SMALLEST_PX))
+    small = _reduced(grey, factor)
+    sigma = max(0.5 * radius / factor, 0.7)
+    smooth = cv2.GaussianBlur(small, (0, 0), sigma)
+    second = small[:, 2:] - 2 * small[:, 1:-1] + small[:, :-2]
+    noise = float(np.sqrt(np.median(second**2) / 0.455 / 6)) / (2 * np.sqrt(np.pi) * sigma)
+    angle = np.arange(8) * np.pi / 4
+    ring = 1.8 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    grid = np.linspace(-0.8, 0.8, 5)
+    tries = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    on_board = tries[:, None, :] + np.concatenate([np.zeros((1, 2)), ring])
+    at = uv[:, None, None, :] + np.einsum("nij,tkj->ntki", unit, on_board)
+    with np.errstate(invalid="ignore"):
+        inside = np.all((at > 0) & (at < np.array([grey.shape[1], grey.shape[0]]) - 1.0), axis=(1, 2, 3))
+    place = (np.where(inside[:, None, None, None], at, 0.0) + 0.5) / factor - 0.5
+    u, v = np.rint(place).astype(np.int64).reshape(-1, 2).T
+    value = smooth[np.clip(v, 0, small.shape[0] - 1), np.clip(u, 0, small.shape[1] - 1)].reshape(place.shape[:3])
+    stands_out = (value[:, :, 0] - value[:, :, 1:].max(axis=2)).max(axis=1)
+    return inside & (stands_out > max(STANDS_OUT * noise, 0.25)), inside
+
+
+def _middle(cells: Ints, field: Testfield) -> Ints:
+    """What to take from cells so that their middle is the field's."""
+    of_field = np.array([field.row.min() + field.row.max(), field.col.min() + field.col.max()]) // 2
+    return np.asarray((cells.min(axis=0) + cells.max(axis=0)) // 2 - of_field)
+
+
+def _before(testfield: Testfield, camera: DeviceSpec, known: Sequence[Seed]) -> Array | None:
+    """Where all targets (n, 2) were in an image picked before; None where there is none."""
+    try:
+        return predicted_view(testfield, camera, known).project(testfield.xyz_mm)
+    except InputError:
+        return None
+
+
+def _corners(order: Order) -> list[int]:
+    """Four whole dots near the corners of what is seen, round it."""
+    A = np.column_stack([np.ones(len(order.cell)), order.cell])
+    size = np.log(order.area_px)
+    size = size - A @ np.linalg.lstsq(A, size, rcond=None)[0]  # perspective changes it steadily across the field
+    near = np.abs(size - np.median(size))
+    whole = np.flatnonzero(near <= max(3 * float(np.median(near)), 0.05))
+    from_middle = order.cell[whole] - order.cell[whole].mean(axis=0)
+    chosen: list[int] = []
+    for down, right in ((-1, -1), (-1, 1), (1, 1), (1, -1)):
+        ranked = whole[np.argsort(-(from_middle @ (down, right)), kind="stable")].tolist()
+        chosen.append(next(k for k in ranked if k not in chosen))
+    return chosen
