@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from core.model import (
     Adjustment,
     Array,
+    Capture,
     DepthCalibration,
     PhotogrammetricCalibration,
     PlaneEvaluation,
 )
+from core.pipeline import METHODS
+from core.pipeline.runs import current_run
+from core.project import keep_picks
 from core.report import ReportData, Table, tables
 from stripe_gui.presenters.folder import ProjectFolder
+from stripe_gui.presenters.runs import made_at, options_words, run_title
+from stripe_gui.presenters.work import CalibrateChoice
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,14 @@ class DeviceResiduals:
         """Give the capture that an image point was measured in."""
         return self.station[index].partition("/")[0]
 
+    def target(self, index: int) -> tuple[int, int] | None:
+        """Give the target (row, col) that an image point shows, if its point is named so."""
+        row, _, col = self.point[index].partition("/")
+        try:
+            return int(row), int(col)
+        except ValueError:
+            return None
+
 
 @dataclass(frozen=True)
 class CalibrationView:
@@ -49,7 +63,8 @@ class CalibrationView:
     tables: tuple[Table, ...]
     warnings: tuple[str, ...]
     residuals: tuple[DeviceResiduals, ...]
-    convergence: tuple[float, ...]
+    adjustment: Adjustment | None
+    made: str  # which runs it came from, in words
 
 
 def gather(folder: ProjectFolder, with_planes: bool = True) -> ReportData:
@@ -87,8 +102,52 @@ def calibration_view(folder: ProjectFolder) -> CalibrationView:
         tuple(tables(data)),
         tuple(warnings),
         residual_sets(adjustment) if adjustment else (),
-        adjustment.convergence if adjustment else (),
+        adjustment,
+        _made(folder),
     )
+
+
+def choice_of(folder: ProjectFolder) -> CalibrateChoice:
+    """Give what was chosen for the calibrations in use, so that calibrating again begins from there."""
+    runs = [run for method in METHODS if (run := current_run(folder.project, method)) is not None]
+    newest = max(runs, key=lambda run: run.number, default=None)
+    if newest is None:
+        return CalibrateChoice()
+    there = {folder.name for folder in folder.project.captures}
+    without = tuple(name for name in newest.options.without if name in there)
+    return CalibrateChoice("all", replace(newest.options, without=without))
+
+
+def _made(folder: ProjectFolder) -> str:
+    """Name the runs that the calibrations in use came from."""
+    words: dict[int, str] = {}
+    for method in METHODS:
+        run = current_run(folder.project, method)
+        if run is not None:
+            told = f"{run_title(run)}, {made_at(run)}: {options_words(run.options, run.methods)}"
+            words[run.number] = told
+    return "\n".join(text[0].upper() + text[1:] for text in words.values())
+
+
+def exclude_target(capture: Capture, target: tuple[int, int]) -> None:
+    """Leave one target of a capture out of measuring, kept with its picks.
+
+    Raises
+    ------
+    InputError
+    """
+    if target not in capture.excluded:
+        keep_picks(capture.path, capture.seeds, (*capture.excluded, target))
+
+
+def restore_targets(capture: Capture) -> None:
+    """Use all targets of a capture again.
+
+    Raises
+    ------
+    InputError
+    """
+    keep_picks(capture.path, capture.seeds)
 
 
 def residual_sets(adjustment: Adjustment) -> tuple[DeviceResiduals, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QVBoxLayout, QWidget
 
 from stripe_gui.presenters.calibrate import DeviceResiduals
@@ -14,9 +15,19 @@ from stripe_gui.workbench import Workbench
 
 
 class ResidualView(QWidget):
-    """Residual vectors of camera and projector side by side."""
+    """Residual vectors of camera and projector side by side.
 
-    def __init__(self, bench: Workbench) -> None:
+    Parameters
+    ----------
+    bench : Workbench
+    excluding : bool
+        Offer to exclude the chosen target, or the whole capture it is in.
+    """
+
+    target_unwanted = Signal(str, int, int)  # capture, row, col
+    capture_unwanted = Signal(str)
+
+    def __init__(self, bench: Workbench, *, excluding: bool = False) -> None:
         super().__init__()
         self._bench = bench
         self._sets: tuple[DeviceResiduals, ...] = ()
@@ -29,6 +40,10 @@ class ResidualView(QWidget):
         self.picked = label(self.tr("Click a vector to learn which point it is."), "muted")
         self.open_image = button(self.tr("Open its image"), self._open, "measure", flat=True)
         self.open_image.setEnabled(False)
+        self.exclude = button(self.tr("Exclude this target here"), self._exclude, "close", flat=True)
+        self.exclude.setToolTip(self.tr("Leave this target of this capture out, and calibrate again."))
+        self.leave_out = button(self.tr("Leave out the whole capture"), self._leave_out, "close", flat=True)
+        self.leave_out.setToolTip(self.tr("Calibrate again without this capture."))
         self.convergence = label("", "muted", wrap=True)
         self.plots: list[ResidualPlot] = []
         self._plots = QHBoxLayout()
@@ -38,8 +53,11 @@ class ResidualView(QWidget):
         layout.setSpacing(10)
         layout.addLayout(row(label(self.tr("Captures")), self.stations, None))
         layout.addLayout(self._plots, 1)
-        layout.addLayout(row(self.picked, self.open_image, None))
+        layout.addLayout(row(self.picked, None, self.open_image, self.exclude, self.leave_out))
         layout.addWidget(self.convergence)
+        if not excluding:
+            self.exclude.hide()
+            self.leave_out.hide()
 
     def show_residuals(self, sets: tuple[DeviceResiduals, ...], convergence: tuple[float, ...]) -> None:
         """Show the residuals of all devices."""
@@ -75,21 +93,36 @@ class ResidualView(QWidget):
             )
             self._rows.append(rows)
             plot.set_residuals(device.uv[rows], device.residual[rows], device.size, device.um_per_px)
-        self.picked.setText(self.tr("Click a vector to learn which point it is."))
-        self.open_image.setEnabled(False)
+        self._offer("")
+
+    def _offer(self, text: str) -> None:
+        """Say which point is chosen, and enable what can be done with it."""
+        self.picked.setText(text or self.tr("Click a vector to learn which point it is."))
+        folder = self._bench.session.folder
+        known = bool(text) and folder is not None and folder.entry(self._capture()) is not None
+        for made in (self.open_image, self.exclude, self.leave_out):
+            made.setEnabled(known)
 
     def _pick(self, device: int, index: int) -> None:
         self._at = device, int(self._rows[device][index])
         for i, plot in enumerate(self.plots):
             if i != device:
                 plot.choose(None)
-        self.picked.setText(self._sets[device].describe(self._at[1]))
-        folder = self._bench.session.folder
-        self.open_image.setEnabled(folder is not None and folder.entry(self._capture()) is not None)
+        self._offer(self._sets[device].describe(self._at[1]))
 
     def _capture(self) -> str:
         return self._sets[self._at[0]].capture(self._at[1]) if self._at else ""
 
+    def _target(self) -> tuple[int, int] | None:
+        return self._sets[self._at[0]].target(self._at[1]) if self._at else None
+
     def _open(self) -> None:
-        self._bench.session.choose_capture(self._capture())
+        self._bench.session.choose_capture(self._capture(), self._target())
         self._bench.show_page("measure")
+
+    def _exclude(self) -> None:
+        if (target := self._target()) is not None:
+            self.target_unwanted.emit(self._capture(), *target)
+
+    def _leave_out(self) -> None:
+        self.capture_unwanted.emit(self._capture())

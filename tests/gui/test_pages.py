@@ -132,7 +132,7 @@ def test_from_calibrating_to_the_exported_report(
     with qtbot.waitActive(window):
         qtbot.keyClick(window, Qt.Key.Key_F5)
     idle(window, qtbot)
-    assert [t.title.split(".")[0] for t in page._view.tables][:3] == ["Table 1a", "Table 1b", "Table 2"]
+    assert [t.title.split(".")[0] for t in page.results._view.tables][:3] == ["Table 1a", "Table 1b", "Table 2"]
     for stage in ("evaluate", "report"):
         qtbot.mouseClick(window.strip.buttons[stage], Qt.MouseButton.LeftButton)
         click(window.page.run_button, qtbot)
@@ -147,20 +147,21 @@ def test_from_calibrating_to_the_exported_report(
 
 def test_the_options_explain_their_consequences(open_window, recorded: Path) -> None:
     page = open_window(recorded, "calibrate")
-    before = page._consequences[page.rigid].text()
-    page.rigid.setChecked(False)
-    assert page._consequences[page.rigid].text() not in ("", before)
-    page.method.setCurrentIndex(page.method.findData("polynomial"))
-    assert not page.rigid.isEnabled()
+    before = page.form._consequences[page.form.rigid].text()
+    page.form.rigid.setChecked(False)
+    assert page.form._consequences[page.form.rigid].text() not in ("", before)
+    page.form.method.setCurrentIndex(page.form.method.findData("polynomial"))
+    assert not page.form.rigid.isEnabled()
     assert page.choice().method == "polynomial"
 
 
 def test_a_residual_leads_to_its_image(open_window, window, finished: Path, qtbot) -> None:
     page = open_window(finished, "calibrate")
-    page.residuals._pick(0, 3)
-    assert "µm" in page.residuals.picked.text()
-    capture = page.residuals._capture()
-    click(page.residuals.open_image, qtbot)
+    page.results.tabs.setCurrentIndex(1)
+    page.results.residuals._pick(0, 3)
+    assert "µm" in page.results.residuals.picked.text()
+    capture = page.results.residuals._capture()
+    click(page.results.residuals.open_image, qtbot)
     assert window.page.id == "measure"
     assert window.bench.session.capture_name == capture
 

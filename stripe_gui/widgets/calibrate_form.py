@@ -1,0 +1,227 @@
+"""What can be chosen about a calibration, each choice with what follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QGridLayout, QLabel, QVBoxLayout, QWidget
+
+from core.model import INTERIOR_NAMES
+from core.pipeline import CalibrateOptions
+from core.pipeline.options import DEVICES
+from stripe_gui.presenters.work import CalibrateChoice
+from stripe_gui.widgets.layout import boxed, column, label, row
+
+
+class CalibrateForm(QWidget):
+    """Method and options; the form in `detail` also offers what is seldom changed."""
+
+    changed = Signal()
+
+    def __init__(self, *, detail: bool) -> None:
+        super().__init__()
+        self._detail = detail
+        self._base = CalibrateOptions()
+        self._consequences: dict[QWidget, QLabel] = {}
+        self._make_fields()
+        methods = self._block(self.tr("Method"), self.method)
+        network = [self._block("", self.rigid)]
+        if detail:
+            network += [self._block("", self.reject, self.limit), self._parameters()]
+        else:
+            for widget in (self.reject, self.limit, *self.parameters.values()):
+                widget.setParent(self)
+                widget.hide()
+        depth = [
+            self._block(self.tr("Depth as a function of the phase"), self.degree),
+            self._block(self.tr("Low-pass of the depth calibration"), self.low_pass),
+        ]
+        self.also = label("", "muted", wrap=True)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(14)
+        layout.addLayout(methods)
+        if detail:
+            left = column(label(self.tr("Photogrammetric"), "heading"), *network, None, spacing=14)
+            right = column(label(self.tr("Polynomial depth"), "heading"), *depth, None, spacing=14)
+            halves = row(left, right, spacing=36)
+            halves.setStretch(0, 3)
+            halves.setStretch(1, 2)
+            layout.addSpacing(4)
+            layout.addLayout(halves)
+        else:
+            for block in (*network, *depth):
+                layout.addLayout(block)
+        layout.addWidget(self.also)
+        layout.addStretch(1)
+        self.set_choice(CalibrateChoice())
+
+    def _make_fields(self) -> None:
+        self.method = QComboBox()
+        self.method.addItem(self.tr("both, as far as captures allow"), "all")
+        self.method.addItem(self.tr("photogrammetric"), "photogrammetric")
+        self.method.addItem(self.tr("polynomial depth"), "polynomial")
+        self.rigid = QCheckBox(self.tr("Camera and projector rigidly joined"))
+        self.reject = QCheckBox(self.tr("Reject gross errors beyond"))
+        self.limit = QDoubleSpinBox()
+        self.limit.setRange(3.0, 99.0)
+        self.limit.setSingleStep(0.5)
+        self.limit.setDecimals(1)
+        self.limit.setSuffix(" σ")
+        self.limit.setAccessibleName(self.tr("Limit of gross errors"))
+        self.parameters = {
+            f"{device}.{name}": QCheckBox(name) for device in DEVICES for name in INTERIOR_NAMES
+        }  # ticked: estimated
+        self.degree = QComboBox()
+        for degree in (1, 2, 3, 4, 5):
+            self.degree.addItem(self.tr("polynomial of degree {n}").format(n=degree), degree)
+        self.degree.addItem(self.tr("table, linear between plates"), None)
+        self.low_pass = QDoubleSpinBox()
+        self.low_pass.setRange(0.0, 20.0)
+        self.low_pass.setSingleStep(0.5)
+        self.low_pass.setSuffix(" px")
+        self.low_pass.setSpecialValueText(self.tr("none"))
+        self.method.currentIndexChanged.connect(self._change)
+        self.degree.currentIndexChanged.connect(self._change)
+        for box in (self.rigid, self.reject, *self.parameters.values()):
+            box.toggled.connect(self._change)
+        for spin in (self.limit, self.low_pass):
+            spin.valueChanged.connect(self._change)
+            spin.lineEdit().setTextMargins(6, 0, 0, 0)
+
+    def _block(self, name: str, widget: QWidget, *beside: QWidget) -> QVBoxLayout:
+        """Give a field with its name above and its consequence below."""
+        self._consequences[widget] = text = _small()
+        if not widget.accessibleName():
+            widget.setAccessibleName(name or widget.text())
+        field = boxed(row(widget, *beside, None, spacing=6)) if beside else widget
+        return column(*([label(name)] if name else []), field, text, spacing=5)
+
+    def _parameters(self) -> QVBoxLayout:
+        grid = QGridLayout()
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setHorizontalSpacing(10)
+        grid.setVerticalSpacing(2)
+        words = {"camera": self.tr("Camera"), "projector": self.tr("Projector")}
+        for i, device in enumerate(DEVICES):
+            grid.addWidget(label(words[device], "muted"), i, 0)
+            for j, name in enumerate(INTERIOR_NAMES):
+                box = self.parameters[f"{device}.{name}"]
+                text = self.tr("Estimate {name} of {device}")
+                box.setAccessibleName(text.format(name=name, device=words[device].lower()))
+                grid.addWidget(box, i, j + 1)
+        grid.setColumnStretch(len(INTERIOR_NAMES) + 1, 1)
+        self._held = _small()
+        return column(label(self.tr("Parameters to estimate")), boxed(grid), self._held, spacing=5)
+
+    # ---------------------------------------------------------------------------------------------------------- choices
+
+    def choice(self) -> CalibrateChoice:
+        """Give what is chosen."""
+        degree, low_pass_px = self.degree.currentData(), self.low_pass.value()
+        options = replace(self._base, rigid=self.rigid.isChecked(), degree=degree, low_pass_px=low_pass_px)
+        if self._detail:
+            options = replace(
+                options,
+                hold=tuple(name for name, box in self.parameters.items() if not box.isChecked()),
+                reject_beyond=self.limit.value() if self.reject.isChecked() else None,
+            )
+        return CalibrateChoice(self.method.currentData(), options)
+
+    def set_choice(self, choice: CalibrateChoice) -> None:
+        """Show a choice; what the form does not offer is kept as it is."""
+        options = self._base = choice.options
+        self.blockSignals(True)
+        self.method.setCurrentIndex(self.method.findData(choice.method))
+        self.rigid.setChecked(options.rigid)
+        self.reject.setChecked(options.reject_beyond is not None)
+        self.limit.setValue(options.reject_beyond or CalibrateOptions.reject_beyond)
+        for name, box in self.parameters.items():
+            box.setChecked(name not in options.hold)
+        if self.degree.findData(options.degree) < 0:
+            self.degree.addItem(self.tr("polynomial of degree {n}").format(n=options.degree), options.degree)
+        self.degree.setCurrentIndex(self.degree.findData(options.degree))
+        self.low_pass.setValue(options.low_pass_px)
+        self.blockSignals(False)
+        self._change()
+
+    def _change(self) -> None:
+        method = self.method.currentData()
+        photogrammetric, polynomial = method != "polynomial", method != "photogrammetric"
+        for widget in (self.rigid, self.reject, *self.parameters.values()):
+            widget.setEnabled(photogrammetric)
+        self.limit.setEnabled(photogrammetric and self.reject.isChecked())
+        self.degree.setEnabled(polynomial)
+        self.low_pass.setEnabled(polynomial)
+        for widget, text in self._texts().items():
+            if widget in self._consequences:
+                self._consequences[widget].setText(text)
+        if self._detail:
+            self._held.setText(self._held_words())
+        self.also.setText(self._kept_words())
+        self.also.setVisible(bool(self.also.text()) and not self._detail)
+        self.changed.emit()
+
+    # ------------------------------------------------------------------------------------------------------------ words
+
+    def _texts(self) -> dict[QWidget, str]:
+        """Say what follows from each choice."""
+        degree = self.degree.currentData()
+        return {
+            self.method: {
+                "all": self.tr("Both can be compared at every plane. Takes as long as the two together."),
+                "photogrammetric": self.tr(
+                    "From the moved testfield alone. Measures anywhere, with the sigma of every point."
+                ),
+                "polynomial": self.tr(
+                    "From the plate at known depths alone. Measures between the plate positions only."
+                ),
+            }[self.method.currentData()],
+            self.rigid: self.tr(
+                "One relative orientation for all poses: more redundancy. The program tests whether the rig was rigid."
+            )
+            if self.rigid.isChecked()
+            else self.tr("Every station is oriented on its own: right if the rig was moved or knocked; wider sigmas."),
+            self.reject: self.tr(
+                "Targets that contradict all others are left out one by one and counted; good ones stay."
+            )
+            if self.reject.isChecked()
+            else self.tr("Every observation counts; a single wrong target can spoil the result. They are only named."),
+            self.degree: self.tr("Passes through every plate position; their noise goes straight into the depth.")
+            if degree is None
+            else self.tr(
+                "Needs at least {n} plate positions. A higher degree follows the optics more closely and the noise too."
+            ).format(n=degree + 1),
+            self.low_pass: self.tr("Every pixel keeps its own depth curve; its noise stays in the result.")
+            if self.low_pass.value() == 0
+            else self.tr("Neighbouring pixels are averaged: less noise, and detail finer than this is lost."),
+        }
+
+    def _held_words(self) -> str:
+        held = [name for name, box in self.parameters.items() if not box.isChecked()]
+        if not held:
+            return self.tr("All are estimated: right where the images are rolled, convergent and filled to the edges.")
+        text = self.tr("Held: {names}. c stays nominal, others zero; the residuals take what they would explain.")
+        return text.format(names=", ".join(held))
+
+    def _kept_words(self) -> str:
+        """Say what is chosen elsewhere and counts here too."""
+        words = []
+        if self._base.without:
+            words.append(self.tr("without {names}").format(names=", ".join(self._base.without)))
+        if self._base.hold:
+            words.append(self.tr("{names} held").format(names=", ".join(self._base.hold)))
+        if self._base.reject_beyond is None:
+            words.append(self.tr("gross errors kept"))
+        text = self.tr("As in the run in use: {words}. The wizard changes it.")
+        return text.format(words="; ".join(words)) if words else ""
+
+
+def _small() -> QLabel:
+    """Give a text a little smaller than the rest."""
+    made = label("", "muted", wrap=True)
+    font = made.font()
+    font.setPointSizeF(font.pointSizeF() - 0.5)
+    made.setFont(font)
+    return made

@@ -1,0 +1,68 @@
+"""Where the image points of each device lie: counts per cell, the points and their hull."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
+
+from stripe_gui import theme
+from stripe_gui.presenters.adjusted import Coverage
+from stripe_gui.presenters.decode import round_up
+from stripe_gui.widgets.image_view import ImageView
+from stripe_gui.widgets.layout import boxed, column, label
+
+
+class CoverageView(QWidget):
+    """One map of counts per device, side by side."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maps: list[ImageView] = []
+        self._maps = QHBoxLayout()
+        self._maps.setSpacing(16)
+        self.note = label(
+            self.tr(
+                "Points of all stations per cell of the image. Where there are none the additional parameters are "
+                "extrapolated: fill edges and corners."
+            ),
+            "muted",
+            wrap=True,
+        )
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 12, 0, 0)
+        layout.setSpacing(8)
+        layout.addLayout(self._maps, 1)
+        layout.addWidget(self.note)
+
+    def show_coverage(self, devices: tuple[Coverage, ...]) -> None:
+        """Show the coverage of all devices."""
+        while self._maps.count():
+            old = self._maps.takeAt(0).widget()
+            old.hide()
+            old.deleteLater()
+        self.maps = []
+        for device in devices:
+            view = ImageView(self.tr("Coverage of {name}").format(name=device.name))
+            self._fill(view, device)
+            self.maps.append(view)
+            text = self.tr("{n} points; hull {h:.0%} of the image; {c:.0%} of the cells hold points")
+            said = text.format(n=len(device.uv), h=device.hull_share, c=device.filled)
+            words = label(said, "muted", wrap=True)
+            view.canvas.setAccessibleDescription(said)
+            self._maps.addWidget(boxed(column(label(device.name.capitalize(), "heading"), view, words, spacing=6)), 1)
+
+    def _fill(self, view: ImageView, device: Coverage) -> None:
+        image = device.map().astype(np.float32)
+        image[image == 0] = np.nan  # an empty cell stays empty
+        view.set_image(image, (0.0, round_up(float(device.counts.max(initial=1)))), scale="map")
+        edge = pg.PlotCurveItem(device.hull[:, 0], device.hull[:, 1], pen=pg.mkPen("#ffffff", width=2))
+        around = pg.PlotCurveItem(device.hull[:, 0], device.hull[:, 1], pen=pg.mkPen(theme.LIGHT.text, width=4))
+        points = pg.ScatterPlotItem(
+            x=device.uv[:, 0], y=device.uv[:, 1], pxMode=True, size=2, pen=None, brush=pg.mkBrush("#ffffffa0")
+        )
+        width, height = device.size
+        u, v = np.array([[0, 1, 1, 0, 0], [0, 0, 1, 1, 0]]) * [[width], [height]] - 0.5
+        frame = pg.PlotCurveItem(u, v, pen=pg.mkPen(theme.current().faint, width=1))
+        for item in (frame, points, around, edge):
+            view.add_item(item)
