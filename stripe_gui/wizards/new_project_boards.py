@@ -39,7 +39,8 @@ class BoardStep(QWidget):
     def __init__(self, bench: Workbench, wanted: str = "", why: str = "") -> None:
         super().__init__()
         self._bench = bench
-        self.wanted = QCheckBox(wanted)
+        self.wanted = QCheckBox(wanted, self)
+        self.wanted.setHidden(not wanted)
         self.wanted.setChecked(not wanted)
         self.wanted.toggled.connect(self._typed)
         self.by_numbers = QRadioButton(self.tr("Rows and columns"))
@@ -250,9 +251,9 @@ class ScaleStep(QWidget):
 
     def show_board(self, board: BoardView) -> None:
         """Measure on another board: its outermost corners until targets are chosen that it has."""
-        self._board = board
+        changed, self._board = board is not self._board, board
         field = board.testfield
-        if field is not None and scale_problem(field, replace(self.scale(), length_mm=1.0, sigma_mm=1.0)):
+        if changed and field is not None and scale_problem(field, replace(self.scale(), length_mm=1.0, sigma_mm=1.0)):
             first, last = (min(field.index()), max(field.index()))
             self.show_scale(replace(self.scale(), start=first, stop=last), self.wanted.isChecked())
         self._typed()
