@@ -158,15 +158,25 @@ def _measure(facts: _Facts, calibrate: StageStatus) -> StageStatus:
         text = translate("Stages", "targets to pick in {n} of {m} captures")
         return StageStatus("measure", State.TODO, text.format(n=unpicked, m=len(facts.fields)))
     written = facts.written["targets"]
-    if written is not None and written >= newest(facts.boards):
+    left = {e.name for e in facts.picked} - _measured_captures(facts.folder)
+    if written is not None and written >= newest(facts.boards) and not left:
         return StageStatus(
             "measure", State.DONE, translate("Stages", "targets of {n} captures").format(n=len(facts.fields))
         )
     if calibrate.state is State.DONE and facts.written["photogrammetric"]:
         return StageStatus("measure", State.DONE, translate("Stages", "measured while calibrating"))
-    if written is not None:
-        return StageStatus("measure", State.STALE, translate("Stages", "captures or picks changed after measuring"))
+    if written is not None and len(left) < len(facts.picked):
+        text = translate("Stages", "{n} of {m} captures measured as they are picked")
+        return StageStatus("measure", State.STALE, text.format(n=len(facts.picked) - len(left), m=len(facts.picked)))
     return StageStatus("measure", State.TODO, translate("Stages", "picked, not measured yet"))
+
+
+def _measured_captures(folder: ProjectFolder) -> set[str]:
+    """Name the captures whose targets are kept."""
+    try:
+        return {targets.capture for targets in folder.result("targets.npz", tuple) or ()}
+    except StripeError:
+        return set()
 
 
 def _calibrate(facts: _Facts) -> StageStatus:
