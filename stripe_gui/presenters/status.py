@@ -165,9 +165,11 @@ def _measure(facts: _Facts, calibrate: StageStatus) -> StageStatus:
         )
     if calibrate.state is State.DONE and facts.written["photogrammetric"]:
         return StageStatus("measure", State.DONE, translate("Stages", "measured while calibrating"))
-    if written is not None and len(left) < len(facts.picked):
-        text = translate("Stages", "{n} of {m} captures measured as they are picked")
-        return StageStatus("measure", State.STALE, text.format(n=len(facts.picked) - len(left), m=len(facts.picked)))
+    if written is not None and left:
+        text = translate("Stages", "{n} of {m} captures measured")
+        return StageStatus("measure", State.TODO, text.format(n=len(facts.picked) - len(left), m=len(facts.picked)))
+    if written is not None:
+        return StageStatus("measure", State.STALE, translate("Stages", "captures or picks changed after measuring"))
     return StageStatus("measure", State.TODO, translate("Stages", "picked, not measured yet"))
 
 
