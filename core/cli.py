@@ -101,6 +101,13 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
     sub.add_argument("--angle-deg", type=float, help="angle of the plane-table, for role plane")
 
+    sub = command("preflight", _preflight, "check a rig before its first calibration")
+    _project(sub)
+    sub.add_argument("--projector", metavar="URL")
+    sub.add_argument("--camera", metavar="URL")
+    sub.add_argument("--depth", type=float, action="append", default=[], metavar="Z_MM", help="put a plate here too")
+    sub.add_argument("--out", type=Path, metavar="DIR", help="write preflight.html, with a picture of every check")
+
     sub = command("decode", _decode, "projector coordinates of every camera pixel")
     sub.add_argument("capture", type=Path, metavar="CAPTURE")
     sub.add_argument("--out", type=Path, required=True, metavar="F.npz")
@@ -208,6 +215,29 @@ def _capture(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     for words in report.words:
         print(f"  {words}")
     return {"capture": str(report.folder), "frames": report.frames, "retakes": report.retakes, "findings": report.words}
+
+
+def _preflight(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import preflight_rig
+
+    def place(z_mm: float) -> None:
+        print(f"put the plate at {z_mm:g} mm and press Enter", file=sys.stderr, flush=True)
+        sys.stdin.readline()
+
+    findings = preflight_rig(
+        options.project,
+        projector=options.projector,
+        camera=options.camera,
+        depths_mm=options.depth,
+        place=place,
+        out=options.out,
+        progress=progress,
+    )
+    for finding in findings:
+        print(f"{finding.level:8s} {finding.check}: {finding.text}")
+    if options.out is not None:
+        print(options.out / "preflight.html")
+    return {"findings": [finding.as_dict() for finding in findings]}
 
 
 def _decode(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:

@@ -68,23 +68,30 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
     return [_plain(plan, values), *found]
 
 
-def coordinates(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> tuple[Array, Array]:
-    """Look up which projector column and row the lit pixels see, roughly: shape (n,) each, in lines.
+def coordinates(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> tuple[Array, Array, Array]:
+    """Look up which projector column and row the lit pixels see, roughly, and how well the frames agree.
 
-    NaN for an axis without patterns.
+    Returns
+    -------
+    u, v : array, shape (n,)
+        In lines; NaN for an axis without patterns.
+    misfit : array, shape (n,)
+        Root mean square difference from the patterns of that column and row, white = 1.
     """
     lit = np.flatnonzero(sampled.lit)
     contrast = (sampled.white - sampled.black)[lit]
     values = ((sampled.grey[:, lit] - sampled.black[lit]) / contrast).astype(np.float32)
-    found = []
+    found, cost, shown = [], np.zeros(len(lit), np.float32), 0
     for axis, count in (("x", lines[0]), ("y", lines[1])):
         shots = [i for i, p in enumerate(plan.shots) if getattr(p, "axis", None) == axis]
         if not shots:
             found.append(np.full(len(lit), np.nan, np.float32))
             continue
         possible, at = dictionary([plan.shots[i] for i in shots], axis, count)  # type: ignore[arg-type]
-        found.append(at[nearest(values[shots], possible)[1]])
-    return found[0], found[1]
+        distance, best = nearest(values[shots], possible)
+        found.append(at[best])
+        cost, shown = cost + np.maximum(distance, 0.0), shown + len(shots)
+    return found[0], found[1], np.sqrt(cost / max(shown, 1))
 
 
 def _plain(plan: Plan, values: Array) -> Finding:

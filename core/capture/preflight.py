@@ -16,7 +16,7 @@ from core.capture.finding import Finding
 from core.capture.identity import coordinates, identity
 from core.capture.plan import Plan, guards_for
 from core.capture.quality import LIT, Sampled, sample_grid, summarise
-from core.devices import Camera, Projector, wait_until
+from core.devices import Camera, Check, Projector, no_check, wait_until
 from core.errors import DeviceError
 from core.patterns import Black, Pattern, Phase, White, reference_sequence
 from core.progress import SILENT, Progress
@@ -49,10 +49,10 @@ def preflight(
         If a device fails.
     """
     progress(0.0, "settle time")
-    settle = measure_settle(projector, camera, rest_s)
+    settle = measure_settle(projector, camera, rest_s, progress.check)
     wait_s = max(projector.settle_s, settle.figures["settle_ms"] / 1000)
     progress(0.3, "linearity")
-    linear = linearity(projector, camera, wait_s)
+    linear = linearity(projector, camera, wait_s, progress.check)
     plan, images = _sequence(projector, camera, wait_s, progress.part(0.4, 0.9))
     progress(0.9, "judging the images")
     at = sample_grid(images[0].shape)
@@ -71,7 +71,7 @@ def preflight(
     return findings
 
 
-def measure_settle(projector: Projector, camera: Camera, rest_s: float = 0.2) -> Finding:
+def measure_settle(projector: Projector, camera: Camera, rest_s: float = 0.2, check: Check = no_check) -> Finding:
     """Measure how long after the acknowledgement the light is steady, dark to bright and bright to dark.
 
     Before every step the light rests for `rest_s`. An image is taken a growing time after the acknowledgement; the
@@ -81,11 +81,11 @@ def measure_settle(projector: Projector, camera: Camera, rest_s: float = 0.2) ->
 
     def level(before: Pattern, after: Pattern, delay_s: float) -> tuple[float, float]:
         projector.show(before)
-        wait_until(time.monotonic() + rest_s)
+        wait_until(time.monotonic() + rest_s, check)
         projector.show(after)
         acknowledged = time.monotonic()
-        wait_until(acknowledged + delay_s)
-        image = camera.grab()
+        wait_until(acknowledged + delay_s, check)
+        image = camera.grab(check=check)
         return float(image.pixels.astype(np.float64).mean()), time.monotonic() - acknowledged - delay_s
 
     dark, bright = level(White(), Black(), rest_s)[0], level(Black(), White(), rest_s)[0]
@@ -132,7 +132,7 @@ def grey_light(level: float) -> Phase:
     return Phase("x", 1e12, 3, 0, acos(2 * level - 1), "sine")
 
 
-def linearity(projector: Projector, camera: Camera, wait_s: float) -> Finding:
+def linearity(projector: Projector, camera: Camera, wait_s: float, check: Check = no_check) -> Finding:
     """See whether twice the light is twice the grey value.
 
     A projector of grey values shows `LEVELS` of them, and the curve is its level against the light seen. One of black
@@ -140,11 +140,11 @@ def linearity(projector: Projector, camera: Camera, wait_s: float) -> Finding:
     """
     if projector.refusal(grey_light(0.5)) is None:
         shown = np.linspace(0, 1, LEVELS)
-        images = [_image(projector, camera, grey_light(float(level)), wait_s) for level in shown]
+        images = [_image(projector, camera, grey_light(float(level)), wait_s, check) for level in shown]
         return linearity_of_levels(shown, images)
     halves = [Phase("x", 4.0, 4, k, k * np.pi / 2, "square") for k in (0, 2)]
     patterns: list[Pattern] = [White(), Black(), *halves]
-    white, black, a, b = (_image(projector, camera, p, wait_s) for p in patterns)
+    white, black, a, b = (_image(projector, camera, p, wait_s, check) for p in patterns)
     return linearity_of_halves(white, black, a, b)
 
 
@@ -177,6 +177,9 @@ def linearity_of_halves(white: Array, black: Array, a: Array, b: Array) -> Findi
         return Finding("linearity", "bad", "too little of the image is lit to judge the linearity")
     span = (white - black)[lit]
     half = np.abs(a - b)[lit] < 0.3 * span
+    seen = np.full(white.shape, np.nan)
+    seen[lit] = np.where(half, 0.5 + (a + b - white - black)[lit] / np.maximum(span, 1e-9) / 2, np.nan)
+    picture = _tiles(seen, 0.01)
     figures = {"half_bright": float(half.mean())}
     if half.mean() < 0.01:
         text = "stripes are so sharp that hardly a pixel is half bright: linearity does not matter here"
@@ -185,8 +188,9 @@ def linearity_of_halves(white: Array, black: Array, a: Array, b: Array) -> Findi
     figures["deviation"] = off
     if abs(off) > CURVED:
         text = f"half the light is seen as {0.5 + off:.2f} of it: switch gamma and automatic contrast off in the camera"
-        return Finding("linearity", "warning", text, figures)
-    return Finding("linearity", "good", f"the camera is linear to {abs(off):.1%} at half light", figures)
+        return Finding("linearity", "warning", text, figures, picture=picture)
+    text = f"the camera is linear to {abs(off):.1%} at half light"
+    return Finding("linearity", "good", text, figures, picture=picture)
 
 
 def exposure(white: Array, black: Array, full: int) -> Finding:
@@ -242,36 +246,40 @@ def focus(plan: Plan, images: Sequence[Array]) -> Finding:
 
 
 def order(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
-    """See whether patterns come in the order they were asked for."""
+    """See whether patterns come in the order they were asked for; the picture is how far the frames contradict."""
+    picture = _map(sampled, coordinates(plan, sampled, lines)[2])
     bad = [f for f in identity(plan, sampled, lines) if f.level == "bad"]
     if not bad:
-        return [Finding("order", "good", "the patterns come in their order")]
-    return [Finding("order", "bad", f.text, f.figures) for f in bad]
+        return [Finding("order", "good", "the patterns come in their order", picture=picture)]
+    return [Finding("order", "bad", f.text, f.figures, picture=picture) for f in bad]
 
 
 def orientation(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> Finding:
     """See how the projector's columns and rows lie in the camera's image: turned, upside down, mirrored.
 
-    Projector u grows to the right of the scene as camera u does, and v downwards, when both stand upright.
+    Projector u grows to the right of the scene as camera u does, and v downwards, when both stand upright. The picture
+    is the projector's column.
     """
-    u, v = (axis.astype(np.float64) for axis in coordinates(plan, sampled, lines))
+    u, v = (axis.astype(np.float64) for axis in coordinates(plan, sampled, lines)[:2])
+    picture = _map(sampled, u)
     at = sampled.at[:, sampled.lit]
     if at.shape[1] < 50:
         return Finding("orientation", "bad", "too little of the image is lit to tell how the lines lie")
     A = np.column_stack([at[1], at[0], np.ones(at.shape[1])])
     if not (np.isfinite(u).all() and np.isfinite(v).all()):
-        return Finding("orientation", "good", "one axis only: mirroring cannot be told")
+        return Finding("orientation", "good", "one axis only: mirroring cannot be told", picture=picture)
     (ux, uy), (vx, vy) = _robust_plane(A, u)[:2], _robust_plane(A, v)[:2]
     mirrored = ux * vy - uy * vx < 0
-    turned = degrees(atan2(uy, ux))
+    turned = round(degrees(atan2(uy, ux)), 1) + 0.0
     figures = {"turned_deg": turned, "mirrored": float(mirrored), "lines_per_px": float(np.hypot(ux, uy))}
     if mirrored:
         text = "the projector's picture is mirrored: switch rear or ceiling projection off, or exchange the line order"
-        return Finding("orientation", "bad", text, figures)
+        return Finding("orientation", "bad", text, figures, picture=picture)
     if abs(turned) > 45:
-        text = f"the projector is turned by {turned:.0f}° against the camera: turn one, or exchange columns and rows"
-        return Finding("orientation", "warning", text, figures)
-    return Finding("orientation", "good", f"columns and rows lie as in the camera, turned by {turned:.0f}°", figures)
+        text = f"the projector is turned by {turned:g}° against the camera: turn one, or exchange columns and rows"
+        return Finding("orientation", "warning", text, figures, picture=picture)
+    text = f"columns and rows lie as in the camera, turned by {turned:g}°"
+    return Finding("orientation", "good", text, figures, picture=picture)
 
 
 def visibility(depths_mm: Sequence[float], stacks: Sequence[Sequence[Array]], noise: float) -> Finding:
@@ -281,8 +289,8 @@ def visibility(depths_mm: Sequence[float], stacks: Sequence[Sequence[Array]], no
     ----------
     depths_mm : sequence of float
         Where the plate stood.
-    stacks : sequence of sequences of array, shape (H, W)
-        The phase steps of the finest period at each depth.
+    stacks : sequence of sequences of array, all of one shape at a depth
+        The phase steps of the finest period at each depth, where the projector lights the plate.
     noise : float
         Standard deviation of a grey value.
     """
@@ -300,23 +308,56 @@ def visibility(depths_mm: Sequence[float], stacks: Sequence[Sequence[Array]], no
     return Finding("visibility", "warning", text, figures, curve=curve)
 
 
+def measure_stripes(
+    projector: Projector, camera: Camera, wait_s: float, progress: Progress = SILENT
+) -> tuple[list[Array], float]:
+    """Take the steps of the finest stripes, as `visibility` takes them, and measure the noise.
+
+    Returns
+    -------
+    stack : list of array, shape (n,)
+        At the pixels that the projector lights.
+    noise : float
+        Standard deviation of a grey value.
+
+    Raises
+    ------
+    DeviceError
+        If a device fails, or the projector lights too little of the image.
+    """
+    steps = [p for p in projector.sequence or reference_sequence(*projector.size) if isinstance(p, Phase)]
+    fine = [p for p in steps if p.period == min(s.period for s in steps) and p.axis == steps[0].axis]
+    patterns: list[Pattern] = [White(), White(), Black(), *fine]
+    white, again, black, *stack = (
+        _image(projector, camera, pattern, wait_s, progress.check) for pattern in progress.over(patterns, "stripes")
+    )
+    lit = _lit(white, black)
+    if lit.mean() < LIT or not stack:
+        seen = "too little of the image is lit" if stack else "the sequence has no stripes"
+        raise DeviceError(projector.name, seen, "put a bright plate where both look, and expose longer")
+    difference = (again - white)[lit]
+    noise = 1.4826 * float(np.median(np.abs(difference - np.median(difference)))) / 2**0.5
+    return [image[lit] for image in stack], max(noise, 0.3)
+
+
 def _sequence(projector: Projector, camera: Camera, wait_s: float, progress: Progress) -> tuple[Plan, list[Array]]:
     """Take the projector's sequence in memory, with white and black."""
     patterns = tuple(projector.sequence or reference_sequence(*projector.size))
     patterns = (*patterns, *(p for p in (White(), Black()) if p not in patterns))
     plan = Plan("pre-flight", "object", patterns, guards_for(patterns, projector.size))
     images = [
-        _image(projector, camera, plan.shots[i], wait_s) for i in progress.over(range(len(plan.shots)), "pattern {}")
+        _image(projector, camera, plan.shots[i], wait_s, progress.check)
+        for i in progress.over(range(len(plan.shots)), "pattern {}")
     ]
     if len({image.shape for image in images}) > 1:
         raise DeviceError(camera.name, "images of several sizes", "set the camera to one size")
     return plan, images
 
 
-def _image(projector: Projector, camera: Camera, pattern: Pattern, wait_s: float) -> Array:
+def _image(projector: Projector, camera: Camera, pattern: Pattern, wait_s: float, check: Check) -> Array:
     projector.show(pattern)
-    wait_until(time.monotonic() + wait_s)
-    return camera.grab().pixels.astype(np.float64)
+    wait_until(time.monotonic() + wait_s, check)
+    return camera.grab(check=check).pixels.astype(np.float64)
 
 
 def _lit(white: Array, black: Array) -> NDArray[np.bool_]:
@@ -325,11 +366,24 @@ def _lit(white: Array, black: Array) -> NDArray[np.bool_]:
     return light > max(0.2 * float(np.quantile(light, 0.99)), 3.0)
 
 
-def _tiles(values: Array) -> Array:
-    """Median in tiles of `TILE` px, NaN where fewer than a quarter of a tile has values."""
+def _map(sampled: Sampled, values: NDArray[np.floating]) -> Array:
+    """Put values (n,) of the lit pixels into a coarse image; NaN where nothing is lit."""
+    wide = 48
+    step = max(sampled.shape[1] / wide, 1.0)
+    shape = (int(np.ceil(sampled.shape[0] / step)), int(np.ceil(sampled.shape[1] / step)))
+    at = (sampled.at[:, sampled.lit] / step).astype(int)
+    cell = at[0] * shape[1] + at[1]
+    known = np.isfinite(values)
+    count = np.bincount(cell[known], minlength=shape[0] * shape[1])
+    total = np.bincount(cell[known], weights=values[known], minlength=shape[0] * shape[1])
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan).reshape(shape)
+
+
+def _tiles(values: Array, least: float = 0.25) -> Array:
+    """Median in tiles of `TILE` px, NaN where less than the share `least` of a tile has values."""
     h, w = (n // TILE * TILE for n in values.shape)
     parts = values[:h, :w].reshape(h // TILE, TILE, w // TILE, TILE).swapaxes(1, 2).reshape(h // TILE, w // TILE, -1)
-    enough = np.isfinite(parts).mean(axis=2) >= 0.25
+    enough = np.isfinite(parts).mean(axis=2) >= least
     return np.where(enough, np.nanmedian(np.where(enough[..., None], parts, 0.0), axis=2), np.nan)
 
 

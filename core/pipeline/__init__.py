@@ -16,6 +16,7 @@ from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, find_capture, result_path
 from core.pipeline.measure import measure_project
 from core.pipeline.options import METHODS, CalibrateOptions
+from core.pipeline.preflight import preflight_rig
 from core.pipeline.reconstruct import reconstruct_capture, write_cloud
 from core.pipeline.report import load_sign_off, report_data, report_project, result_tables, save_sign_off
 from core.pipeline.runs import Run, current_runs, delete_run, list_runs, make_current, rename_run
@@ -43,6 +44,7 @@ __all__ = [
     "make_current",
     "measure_project",
     "phase_maps",
+    "preflight_rig",
     "print_testfield",
     "read_phase",
     "reconstruct_capture",

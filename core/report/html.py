@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from importlib.resources import files
+from typing import Any
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
@@ -16,6 +18,12 @@ from core.report.table import Table, cell_text, numeric_columns
 
 def html_text(document: Document, *, progress: Progress = SILENT) -> str:
     """Set the report in HTML: light and dark as the reader's system is, and fit to print."""
+    shown = [drawing for section in document.sections for drawing in section.drawings]
+    return set_page("report.html.j2", shown, progress, document=document)
+
+
+def set_page(template: str, drawings: Sequence[Drawing], progress: Progress = SILENT, **values: Any) -> str:
+    """Fill a template of `resources/report`: style and drawings within, light and dark as the reader's system is."""
     environment = Environment(
         loader=FunctionLoader(_template),
         autoescape=True,
@@ -24,10 +32,10 @@ def html_text(document: Document, *, progress: Progress = SILENT) -> str:
         lstrip_blocks=True,
     )
     environment.filters.update(cell=cell_text, numeric=numeric_columns, heading=_heading, slug=_slug)
-    shown = [drawing for section in document.sections for drawing in section.drawings]
-    svg = {drawing.key: _inline(drawing) for drawing in progress.over(shown, "setting figures")}
-    template = environment.get_template("report.html.j2")
-    return template.render(document=document, svg=svg, style=Markup(_template("report.css")))
+    svg = {drawing.key: _inline(drawing) for drawing in progress.over(drawings, "setting figures")}
+    alternatives = {drawing.key: drawing.alternative for drawing in drawings}
+    page = environment.get_template(template)
+    return page.render(svg=svg, alternatives=alternatives, style=Markup(_template("report.css")), **values)
 
 
 def _inline(drawing: Drawing) -> Markup:

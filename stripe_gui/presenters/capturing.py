@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,11 +11,13 @@ from typing import Any
 from PySide6.QtCore import QCoreApplication
 
 from core.capture import CaptureReport, Finding, capture_status, retake_frame
+from core.capture.preflight import measure_stripes
 from core.devices import Setting, parse_address, with_option
 from core.errors import InputError, StripeError
 from core.model import Project, Role
 from core.patterns import Pattern, reference_sequence
-from core.pipeline import capture_into
+from core.pipeline import capture_into, preflight_rig
+from core.pipeline.preflight import at_depth
 from core.progress import SILENT, Progress
 from core.project import read_project
 from core.project.captures import read_document
@@ -344,45 +345,24 @@ def retake(
     return retake_frame(read_project(path), name, frame, *urls, progress=progress, listen=listen)
 
 
+def check_rig(project: Project, rig: Rig, urls: tuple[str, str], progress: Progress = SILENT) -> tuple[Finding, ...]:
+    """Run the checks before the first calibration."""
+    rig.close()
+    return preflight_rig(project.path, projector=urls[0], camera=urls[1], progress=progress)
+
+
+def stripes_at(
+    project: Project, rig: Rig, urls: tuple[str, str], z_mm: float, progress: Progress = SILENT
+) -> tuple[list[Any], float]:
+    """Take the finest stripes on a plate at a position; the virtual bench puts its own plate there."""
+    rig.close()
+    projector, camera = rig.open((at_depth(urls[0], z_mm), at_depth(urls[1], z_mm)))
+    try:
+        return measure_stripes(projector, camera, projector.settle_s, progress)
+    finally:
+        rig.close()
+
+
 def another(subject: Subject, taken: Iterable[str]) -> Subject:
     """Give the next capture like this one."""
     return replace(subject, name=next_name(subject, taken))
-
-
-def check_name(check: str) -> str:
-    """Name a check in the operator's language."""
-    return {
-        "identity": translate("Capturing", "Patterns"),
-        "modulation": translate("Capturing", "Stripes"),
-        "saturation": translate("Capturing", "Saturation"),
-        "lamp": translate("Capturing", "Lamp"),
-        "movement": translate("Capturing", "Movement"),
-        "exposure": translate("Capturing", "Exposure"),
-        "settle": translate("Capturing", "Settle time"),
-        "linearity": translate("Capturing", "Linearity"),
-        "focus": translate("Capturing", "Focus"),
-        "order": translate("Capturing", "Order"),
-        "orientation": translate("Capturing", "Orientation"),
-        "visibility": translate("Capturing", "Working depth"),
-    }.get(check, check)
-
-
-def level_name(level: str) -> str:
-    """Say in a word how good a finding is."""
-    return {
-        "good": translate("Capturing", "good"),
-        "warning": translate("Capturing", "could be better"),
-        "bad": translate("Capturing", "wrong"),
-    }[level]
-
-
-def worst_first(findings: Iterable[Finding]) -> list[Finding]:
-    """Order findings: what is wrong, what could be better, what is good."""
-    return sorted(findings, key=lambda f: ("bad", "warning", "good").index(f.level))
-
-
-def time_left(started_s: float, done: int, of: int) -> float | None:
-    """Estimate the seconds left from the pace so far; None while it is too early."""
-    if done < 2 or of <= 0:
-        return None
-    return (time.monotonic() - started_s) * (of - done) / done

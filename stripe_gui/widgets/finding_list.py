@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QAbstractItemView, QListWidget, QListWidgetItem
 
 from core.capture import Finding
 from stripe_gui.assets import icon
-from stripe_gui.presenters.capturing import check_name, level_name, worst_first
+from stripe_gui.presenters.findings import check_name, level_name, worst_first
 
 SIGNS = {"good": "success", "warning": "warning", "bad": "error"}
 
@@ -23,6 +23,7 @@ class FindingList(QListWidget):
         super().__init__()
         self.setAccessibleName(name)
         self.setWordWrap(True)
+        self.setResizeMode(QListWidget.ResizeMode.Adjust)
         self.setIconSize(QSize(20, 20))
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)

@@ -54,10 +54,10 @@ class PatternStrip(QListWidget):
         self.setWrapping(False)
         self.setMovement(QListView.Movement.Static)
         self.setIconSize(QSize(SIDE, SIDE))
-        self.setGridSize(QSize(SIDE + 14, SIDE + 30))
+        self.setGridSize(QSize(SIDE + 14, SIDE + 24))
         self.setHorizontalScrollMode(QListWidget.ScrollMode.ScrollPerPixel)
         self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.setFixedHeight(SIDE + 30 + 22)
+        self.setFixedHeight(SIDE + 24 + 20)
         self._pictures: list[NDArray[np.uint8]] = []
         self._states: list[str] = []
         self._patterns: tuple[Pattern, ...] = ()
@@ -85,6 +85,11 @@ class PatternStrip(QListWidget):
         if 0 <= index < len(self._states) and self._states[index] != state:
             self._states[index] = state
             self._draw(index)
+
+    def follow(self, index: int) -> None:
+        """Bring a pattern into view."""
+        if 0 <= index < self.count():
+            self.scrollToItem(self.item(index))
 
     def set_all(self, state: str) -> None:
         """Mark every pattern."""

@@ -52,15 +52,15 @@ class TakingStep(QWidget):
         self.words = label("", "muted", wrap=True)
         self.strip = PatternStrip(self.tr("Patterns of the capture"))
         self.strip.currentRowChanged.connect(self._show_frame)
-        self.view = ImageView(self.tr("Frame"))
+        self.view = ImageView(self.tr("Frame"), bar=False)
         self.findings = FindingList(self.tr("What the checks said"))
         right = boxed(column(label(self.tr("What the checks said"), "heading"), self.findings, spacing=6))
         right.setMinimumWidth(250)
         lower = row(self.view, right)
         lower.setStretch(0, 3)
         lower.setStretch(1, 2)
-        buttons = row(self.start_button, self.cancel_button, self.retake_button, None, self.another_button)
-        layout = column(row(self.title, None), buttons, self.bar, self.words, self.strip, boxed(lower), spacing=8)
+        buttons = row(self.title, None, self.start_button, self.cancel_button, self.retake_button, self.another_button)
+        layout = column(buttons, self.bar, self.words, self.strip, boxed(lower), spacing=8)
         layout.setStretch(layout.count() - 1, 1)
         self.setLayout(layout)
         self._timer = QTimer(self)
@@ -152,6 +152,7 @@ class TakingStep(QWidget):
             elif event["event"] == "shot":
                 self.strip.set_state(event["planned"] - self._guards, "taken")
                 latest = event["file"]
+                self.strip.follow(event["planned"] - self._guards)
             elif event["event"] == "rejected":
                 self.strip.set_state(event["planned"] - self._guards, "again")
         if latest:

@@ -9,6 +9,7 @@ from core.errors import StripeError
 from core.pipeline.capture import virtual_rig
 from stripe_gui.presenters.capturing import scene_for
 from stripe_gui.presenters.looking import Rig
+from stripe_gui.wizards.capture.checks import ChecksStep
 from stripe_gui.wizards.capture.devices import DevicesStep
 from stripe_gui.wizards.capture.picture import PictureStep
 from stripe_gui.wizards.capture.subject import SubjectStep
@@ -37,6 +38,7 @@ class CaptureWizard(Wizard):
         self.devices = DevicesStep(bench, self.rig)
         self.subject = SubjectStep(bench)
         self.picture = PictureStep(bench, self.devices)
+        self.checks = ChecksStep(bench, self.devices)
         self.taking = TakingStep(bench, self.devices)
         self.add_step(
             "devices",
@@ -53,8 +55,9 @@ class CaptureWizard(Wizard):
             missing=lambda: self.subject.missing,
         )
         self.add_step("picture", self.tr("Live picture"), self.picture, enter=self.picture.enter)
+        self.add_step("checks", self.tr("Check the rig"), self.checks)
         self.add_step("take", self.tr("Take"), self.taking, enter=lambda: self.taking.prepare(self.subject.subject))
-        for step in (self.devices, self.subject, self.picture, self.taking):
+        for step in (self.devices, self.subject, self.picture, self.checks, self.taking):
             step.changed.connect(self.update_steps)
         self.subject.changed.connect(self._choose_scene)
         self.taking.another_wanted.connect(self.another)
@@ -74,6 +77,7 @@ class CaptureWizard(Wizard):
         self.subject.name.clear()
         self.subject.offer(folder.project)
         self.devices.offer(folder.project, virtual, urls)
+        self.checks.clear()
         self._choose_scene()
         self.start()
 
@@ -95,7 +99,7 @@ class CaptureWizard(Wizard):
     def hideEvent(self, event: QHideEvent) -> None:  # noqa: N802
         """Let the devices go."""
         super().hideEvent(event)
-        if not self.taking.running:
+        if not (self.taking.running or self.checks.running):
             self.bench.views.run(self.tr("Devices"), self.rig.close)
 
     def _enter_subject(self) -> None:

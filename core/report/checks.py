@@ -1,0 +1,98 @@
+"""The checks of a rig before its first calibration as one HTML file: a sentence and a picture or curve each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from core.atomic import atomic_write
+from core.progress import SILENT, Progress
+from core.report.figures import Drawing
+from core.report.figures.canvas import CAMERA, colour_bar, drawing_style, new_figure, plain_axes
+from core.report.html import set_page
+
+Array = NDArray[np.float64]
+HEIGHT_IN = 3.0
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check's result as it is printed.
+
+    Attributes
+    ----------
+    title : str
+    level : {"good", "warning", "bad"}
+    text : str
+        The sentence.
+    picture : array, shape (h, w), optional
+        Over the camera's image, NaN where nothing is to be shown; `picture_label` says what its values are.
+    curve : sequence of (x, y)
+        `axes` names x and y, units included.
+    """
+
+    title: str
+    level: str
+    text: str
+    picture: Array | None = None
+    picture_label: str = ""
+    curve: tuple[tuple[float, float], ...] = ()
+    axes: tuple[str, str] = ("", "")
+
+
+def write_checks(checks: Sequence[Check], title: str, out: Path, progress: Progress = SILENT) -> Path:
+    """Write ``preflight.html`` into a folder, whole or not at all; give its path.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to.
+    """
+    drawings = [drawing for i, check in enumerate(checks) if (drawing := _drawing(f"check-{i}", check)) is not None]
+    text = set_page("checks.html.j2", drawings, progress, title=title, checks=list(enumerate(checks)), words=_WORDS)
+    path = Path(out) / "preflight.html"
+    with atomic_write(path) as file:
+        file.write(text.encode())
+    return path
+
+
+_WORDS = {"good": "good", "warning": "could be better", "bad": "wrong"}
+
+
+def _drawing(key: str, check: Check) -> Drawing | None:
+    with drawing_style():
+        if check.curve:
+            figure, seen = _curve(check), f"{check.axes[1]} against {check.axes[0]}"
+        elif check.picture is not None and np.isfinite(check.picture).any():
+            figure, seen = _picture(check), f"{check.picture_label} over the camera's image"
+        else:
+            return None
+    return Drawing(key, "checks", check.title, seen, f"{check.title}: {seen}.", figure)
+
+
+def _curve(check: Check) -> Figure:
+    figure = new_figure(HEIGHT_IN)
+    axes = figure.add_subplot()
+    x, y = np.array(check.curve).T
+    axes.plot(x, y, color=CAMERA, marker="o", markersize=3.5, linewidth=1.2)
+    axes.set_xlabel(check.axes[0])
+    axes.set_ylabel(check.axes[1])
+    axes.set_ylim(min(0.0, float(y.min())), max(float(y.max()) * 1.05, 1e-9))
+    plain_axes(axes)
+    return figure
+
+
+def _picture(check: Check) -> Figure:
+    assert check.picture is not None
+    figure = new_figure(HEIGHT_IN)
+    axes = figure.add_subplot()
+    image = axes.imshow(check.picture, cmap="viridis", interpolation="nearest")
+    axes.set_xticks([])
+    axes.set_yticks([])
+    colour_bar(figure, image, axes, check.picture_label)
+    return figure

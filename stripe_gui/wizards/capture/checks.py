@@ -1,0 +1,166 @@
+"""The checks of the rig before its first calibration: a sentence and a picture or curve for each."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QDoubleSpinBox, QStackedWidget, QWidget
+
+from core.capture import Finding
+from core.capture.preflight import visibility
+from stripe_gui.jobs import Failure, Job
+from stripe_gui.presenters.capturing import check_rig, stripes_at
+from stripe_gui.presenters.findings import check_axes, check_name, check_picture
+from stripe_gui.widgets.curve_view import CurveView
+from stripe_gui.widgets.finding_list import FindingList
+from stripe_gui.widgets.image_view import ImageView
+from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.wizards.capture.devices import DevicesStep
+from stripe_gui.workbench import Workbench
+
+Stripes = tuple[list[NDArray[np.float64]], float]
+
+
+class ChecksStep(QWidget):
+    """Runs the checks, and shows the chosen one."""
+
+    changed = Signal()
+
+    def __init__(self, bench: Workbench, devices: DevicesStep) -> None:
+        super().__init__()
+        self.bench, self.devices = bench, devices
+        self._job: Job | None = None
+        self._found: tuple[Finding, ...] = ()
+        self._stripes: dict[float, Stripes] = {}
+        self.run_button = button(self.tr("Check the rig"), self.run, "run")
+        self.stop_button = button(self.tr("Cancel"), self.cancel, "stop")
+        self.words = label(
+            self.tr(
+                "Worth doing once before the first calibration and after every change of the rig. Put an even, bright "
+                "surface where measuring will be done."
+            ),
+            "muted",
+            wrap=True,
+        )
+        self.findings = FindingList(self.tr("Findings"))
+        self.findings.chosen.connect(self._show)
+        self.z = QDoubleSpinBox()
+        self.z.setRange(-10_000, 10_000)
+        self.z.setSuffix(" mm")
+        self.z.setAccessibleName(self.tr("Where the plate stands"))
+        self.depth_button = button(self.tr("Add this depth"), self.add_depth, "runall")
+        self.depth_button.setToolTip(
+            self.tr("Takes the finest stripes here; two positions or more show whether the whole depth can be used.")
+        )
+        self.heading = label("", "heading", wrap=True)
+        self.view = ImageView(self.tr("Picture of the check"))
+        self.curve = CurveView(self.tr("Curve of the check"))
+        self.nothing = label(self.tr("Nothing to look at here."), "muted")
+        self.stack = QStackedWidget()
+        for widget in (self.nothing, self.view, self.curve):
+            self.stack.addWidget(widget)
+        depth = row(label(self.tr("Working depth: plate at")), self.z, self.depth_button, None)
+        right = column(self.heading, self.stack, spacing=8)
+        right.setStretch(1, 1)
+        lower = row(self.findings, boxed(right))
+        lower.setStretch(0, 1)
+        lower.setStretch(1, 1)
+        layout = column(row(self.run_button, self.stop_button, None), self.words, boxed(lower), boxed(depth), spacing=8)
+        layout.setStretch(2, 1)
+        self.setLayout(layout)
+        self._update()
+
+    @property
+    def running(self) -> bool:
+        """Whether checks are under way."""
+        return self._job is not None
+
+    def run(self) -> None:
+        """Check the rig."""
+        self._start(self.tr("Checks of the rig"), check_rig, self._checked)
+
+    def add_depth(self) -> None:
+        """Take stripes where the plate stands."""
+        z_mm = self.z.value()
+        self._start(self.tr("Stripes"), stripes_at, lambda stripes: self._measured(z_mm, stripes), z_mm)
+
+    def cancel(self) -> None:
+        """Stop the checks."""
+        if self._job is not None:
+            self._job.cancel()
+
+    def clear(self) -> None:
+        """Forget what was found: another rig."""
+        self._found, self._stripes = (), {}
+        self._list()
+
+    def _start(self, title: str, function, done, *arguments: object) -> None:
+        if self.running or self.bench.session.folder is None:
+            return
+        self.bench.views.cancel_all()
+        self._job = self.bench.jobs.run(
+            title,
+            function,
+            self.bench.session.folder.project,
+            self.devices.rig,
+            self.devices.urls,
+            *arguments,
+            on_done=done,
+            on_failed=self._failed,
+        )
+        self._job.progressed.connect(lambda fraction, message: self.words.setText(f"{100 * fraction:.0f} %  {message}"))
+        self._job.ended.connect(self._ended)
+        self._update()
+
+    def _checked(self, findings: tuple[Finding, ...]) -> None:
+        self._found = findings
+        self._list()
+
+    def _measured(self, z_mm: float, stripes: Stripes) -> None:
+        self._stripes[z_mm] = stripes
+        self._list()
+
+    def _list(self) -> None:
+        found = [*self._found]
+        if len(self._stripes) > 1:
+            depths = sorted(self._stripes)
+            stacks, noises = zip(*(self._stripes[z] for z in depths), strict=True)
+            found.append(visibility(depths, stacks, max(noises)))
+        self.findings.show_findings(found)
+        good = sum(f.level == "good" for f in found)
+        text = self.tr("{good} of {n} checks are good; choose one to see it.").format(good=good, n=len(found))
+        if self._stripes and len(self._stripes) < 2:
+            text = self.tr("Stripes taken at one depth; put the plate elsewhere and add that depth too.")
+        self.words.setText(text)
+
+    def _failed(self, failure: Failure) -> None:
+        self.bench.report_error(failure.error, failure.trace)
+        self.words.setText(self.tr("The checks could not be done."))
+
+    def _ended(self) -> None:
+        job, self._job = self._job, None
+        if job is not None and job.stopping:
+            self.words.setText(self.tr("Stopped."))
+        self._update()
+
+    def _show(self, finding: Finding) -> None:
+        """Show a finding's picture or curve."""
+        self.heading.setText(check_name(finding.check))
+        if finding.curve:
+            self.curve.set_curve(finding.curve, *check_axes(finding.check))
+            self.stack.setCurrentWidget(self.curve)
+        elif finding.picture is not None and np.isfinite(finding.picture).any():
+            low, high = float(np.nanmin(finding.picture)), float(np.nanmax(finding.picture))
+            self.heading.setText(f"{check_name(finding.check)}: {check_picture(finding.check)}")
+            scale = (min(low, 0.0), high if high > low else low + 1.0)
+            self.view.set_image(finding.picture, scale, scale="map", digits=2)
+            self.stack.setCurrentWidget(self.view)
+        else:
+            self.stack.setCurrentWidget(self.nothing)
+
+    def _update(self) -> None:
+        self.run_button.setEnabled(not self.running)
+        self.depth_button.setEnabled(not self.running)
+        self.stop_button.setVisible(self.running)
+        self.changed.emit()
