@@ -129,25 +129,24 @@ def _made(folder: ProjectFolder) -> str:
     return "\n".join(text[0].upper() + text[1:] for text in words.values())
 
 
-def exclude_target(capture: Capture, target: tuple[int, int]) -> None:
-    """Leave one target of a capture out of measuring, kept with its picks.
+def exclude_targets(capture: Capture, *targets: tuple[int, int]) -> None:
+    """Leave targets of a capture out of measuring; kept with its picks.
 
     Raises
     ------
     InputError
     """
-    if target not in capture.excluded:
-        keep_picks(capture.path, capture.seeds, (*capture.excluded, target))
+    keep_picks(capture.path, capture.seeds, tuple(dict.fromkeys((*capture.excluded, *targets))))
 
 
-def restore_targets(capture: Capture) -> None:
-    """Use all targets of a capture again.
+def restore_targets(capture: Capture, *targets: tuple[int, int]) -> None:
+    """Use targets of a capture again.
 
     Raises
     ------
     InputError
     """
-    keep_picks(capture.path, capture.seeds)
+    keep_picks(capture.path, capture.seeds, tuple(t for t in capture.excluded if t not in targets))
 
 
 def residual_sets(adjustment: Adjustment) -> tuple[DeviceResiduals, ...]:

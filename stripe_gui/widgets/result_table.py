@@ -135,6 +135,11 @@ class ResultTable(QWidget):
         """Select a row of the table."""
         self.view.setCurrentIndex(self._sorted.mapFromSource(self.model.index(row, 0)))
 
+    def chosen_row(self) -> int | None:
+        """Give the chosen row of the table, whatever the sorting."""
+        current = self.view.currentIndex()
+        return self._sorted.mapToSource(current).row() if current.isValid() else None
+
     def copy(self) -> None:
         """Copy the selected rows, or all of them, with the columns' names."""
         chosen = sorted({index.row() for index in self.view.selectionModel().selectedRows()})

@@ -1,0 +1,260 @@
+"""The calibration wizard's page: five steps from the options to kept runs side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFrame, QScrollArea, QVBoxLayout, QWidget
+
+from core.errors import StripeError
+from core.model import Method
+from stripe_gui.presenters.calibrate import calibration_view, choice_of, exclude_targets, restore_targets
+from stripe_gui.presenters.contributions import Contribution, contributions
+from stripe_gui.presenters.runs import options_words
+from stripe_gui.presenters.status import method_name
+from stripe_gui.presenters.work import CalibrateChoice, calibrate
+from stripe_gui.widgets.calibrate_form import CalibrateForm
+from stripe_gui.widgets.calibration_results import CalibrationResults
+from stripe_gui.widgets.layout import button, card, label, row
+from stripe_gui.wizards.calibration_captures import CaptureChoice
+from stripe_gui.wizards.calibration_run import RunStep
+from stripe_gui.wizards.calibration_runs import RunsStep
+from stripe_gui.wizards.wizard import Wizard
+from stripe_gui.workbench import Workbench
+
+METHODS: dict[str, tuple[Method, ...]] = {
+    "all": ("photogrammetric", "polynomial"),
+    "photogrammetric": ("photogrammetric",),
+    "polynomial": ("polynomial",),
+}
+
+
+class CalibrationWizard(Wizard):
+    """Method, captures, run, results, runs."""
+
+    id, stage = "calibrate-wizard", "calibrate"
+
+    def __init__(self, bench: Workbench) -> None:
+        super().__init__(
+            bench,
+            self.tr("Calibration"),
+            self.tr("Choose, run, look at what came out, exclude what is wrong, run again and compare."),
+            last=self.tr("Done"),
+        )
+        self._project: Path | None = None
+        self._excluded: list[tuple[str, tuple[int, int]]] = []  # since the last run
+        self.form = CalibrateForm(detail=True)
+        self.captures = CaptureChoice()
+        self.run_step = RunStep()
+        self.results = CalibrationResults(bench, excluding=True)
+        self.runs = RunsStep(bench)
+        self.add_step("method", self.tr("Method"), self._scrolled(self.form))
+        self.add_step(
+            "captures",
+            self.tr("Captures"),
+            self.captures,
+            enter=self._look_at_captures,
+            missing=lambda: self.captures.missing(self.form.method.currentData()),
+        )
+        self.add_step("run", self.tr("Run"), self.run_step, enter=self._plan, missing=self._not_calibrated)
+        self.add_step("results", self.tr("Results"), self._results_body(), enter=self._show_results)
+        self.add_step("runs", self.tr("Runs"), self.runs, enter=self.runs.show_runs)
+        self.form.changed.connect(self.update_steps)
+        self.captures.changed.connect(self.update_steps)
+        self.captures.restore_wanted.connect(self._restore_all)
+        self.run_step.start_wanted.connect(self.run)
+        self.results.residuals.target_unwanted.connect(self.exclude)
+        self.results.residuals.capture_unwanted.connect(self.leave_out)
+        self.start()
+
+    def _scrolled(self, form: QWidget) -> QWidget:
+        frame, layout = card()
+        layout.addWidget(form, 1)
+        scroll = QScrollArea()
+        scroll.setWidgetResizable(True)
+        scroll.setFrameShape(QFrame.Shape.NoFrame)
+        scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        scroll.setWidget(frame)
+        return scroll
+
+    def _results_body(self) -> QWidget:
+        body = QWidget()
+        self.pending = label("", wrap=True)
+        self.take_back_button = button(self.tr("Take back"), self.take_back, "back", flat=True)
+        self.again_button = button(self.tr("Run again"), self.run, "run")
+        self._pending, inside = card()
+        inside.setContentsMargins(12, 8, 8, 8)
+        inside.addLayout(row(self.pending, self.take_back_button, self.again_button))
+        inside.itemAt(0).layout().setStretch(0, 1)
+        layout = QVBoxLayout(body)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(10)
+        layout.addWidget(self._pending)
+        layout.addWidget(self.results, 1)
+        self._pending.hide()
+        return body
+
+    # ---------------------------------------------------------------------------------------------------------- choices
+
+    def choice(self) -> CalibrateChoice:
+        """Give what is chosen on the first two steps."""
+        choice = self.form.choice()
+        return replace(choice, options=replace(choice.options, without=self.captures.without))
+
+    def refresh(self) -> None:
+        """Show the project as it is now; another project begins at the first step."""
+        folder = self.session.folder
+        if folder is None:
+            return
+        if folder.path != self._project:
+            self._project, self._excluded = folder.path, []
+            choice = choice_of(folder)
+            self.form.set_choice(choice)
+            self.captures.show_captures(())
+            self.captures.set_without(choice.options.without)
+            self.start()
+        self._look_at_captures()
+        self.step.enter()
+        self.update_steps()
+
+    def _look_at_captures(self) -> None:
+        folder = self.session.folder
+        if folder is not None:
+            self.bench.views.run(
+                "captures",
+                contributions,
+                folder,
+                on_done=self._captures_known,
+                on_failed=lambda failure: self.bench.report_error(failure.error),
+            )
+
+    def _captures_known(self, found: tuple[Contribution, ...]) -> None:
+        self.captures.show_captures(found)
+        self._plan()
+        self.update_steps()
+
+    def _restore_all(self, name: str) -> None:
+        entry = self.session.folder.entry(name)
+        if entry is not None and entry.capture is not None:
+            self.bench.guarded(restore_targets, entry.capture, *entry.capture.excluded)
+            self._excluded = [(capture, target) for capture, target in self._excluded if capture != name]
+            self.bench.refresh()
+
+    # ---------------------------------------------------------------------------------------------------------- running
+
+    def can_run(self) -> bool:
+        """Say whether enough is chosen and nothing runs."""
+        ready = bool(self.captures.used("testfield") or self.captures.used("depth"))
+        missing = self.captures.missing(self.form.method.currentData())
+        return self.session.is_open and ready and not missing and not self.run_step.running
+
+    def run(self) -> None:
+        """Calibrate in the background, with the convergence in front."""
+        if not self.can_run():
+            return
+        job = self.bench.run_stage("calibrate", calibrate, self.choice(), on_done=self._done)
+        if job is not None:
+            self.run_step.follow(job)
+            job.ended.connect(self.update_steps)
+            self.go_to("run")
+
+    def _done(self, _calibrations: dict[Method, Any]) -> None:
+        self._excluded = []
+        self._tell_pending()
+        if self.step.name == "run":
+            self.go_to("results")
+
+    def _plan(self) -> None:
+        """Say what a run would do."""
+        choice = self.choice()
+        used = {"photogrammetric": self.captures.used("testfield"), "polynomial": self.captures.used("depth")}
+        methods = [m for m in METHODS[choice.method] if used[m]]
+        counts = {
+            "photogrammetric": self.tr("{n} testfields"),
+            "polynomial": self.tr("{n} plates"),
+        }
+        parts = [f"{method_name(m)} ({counts[m].format(n=len(used[m]))})" for m in methods]
+        text = self.tr("{what}; {options}. Unchanged captures are not measured again.")
+        words = text.format(what=" + ".join(parts), options=options_words(choice.options, methods))
+        self.run_step.show_plan(words[0].upper() + words[1:] if parts else "", self.can_run())
+
+    def _not_calibrated(self) -> str:
+        if self.run_step.running:
+            return self.tr("The calibration is running.")
+        folder = self.session.folder
+        there = folder is not None and any(folder.result_file(f"{m}.npz").exists() for m in METHODS["all"])
+        return "" if there else self.tr("Run the calibration first.")
+
+    # ---------------------------------------------------------------------------------------------------------- results
+
+    def _show_results(self) -> None:
+        folder = self.session.folder
+        if folder is None:
+            return
+        try:
+            view = calibration_view(folder)
+        except StripeError as error:
+            self.bench.report_error(error)
+            return
+        self.results.show_calibration(view)
+        self._tell_pending()
+
+    def exclude(self, capture: str, row_: int, col: int) -> None:
+        """Leave a target of a capture out; it counts from the next run on."""
+        entry = self.session.folder.entry(capture)
+        if entry is None or entry.capture is None or (row_, col) in entry.capture.excluded:
+            return
+        self.bench.guarded(exclude_targets, entry.capture, (row_, col))
+        self._excluded.append((capture, (row_, col)))
+        self.bench.refresh()
+
+    def leave_out(self, capture: str) -> None:
+        """Leave a whole capture out; it counts from the next run on."""
+        self.captures.leave_out(capture)
+        self._tell_pending()
+
+    def take_back(self) -> None:
+        """Undo everything that was excluded since the last run."""
+        for capture, target in self._excluded:
+            entry = self.session.folder.entry(capture)
+            if entry is not None and entry.capture is not None:
+                self.bench.guarded(restore_targets, entry.capture, target)
+        self._excluded = []
+        for name in self._newly_without():
+            self.captures.leave_out(name, out=False)
+        self.bench.refresh()
+        self._tell_pending()
+
+    def _newly_without(self) -> list[str]:
+        before = choice_of(self.session.folder).options.without
+        return [name for name in self.captures.without if name not in before]
+
+    def _tell_pending(self) -> None:
+        """Say what was excluded since the run that is shown."""
+        targets = [f"{capture} {row_}/{col}" for capture, (row_, col) in self._excluded]
+        captures = self._newly_without() if self.session.is_open else []
+        words = []
+        if targets:
+            words.append(self.tr("Excluded: {names}.").format(names=", ".join(targets)))
+        if captures:
+            words.append(self.tr("Left out: {names}.").format(names=", ".join(captures)))
+        if words:
+            words.append(self.tr("Run again to see what that changes."))
+        self.pending.setText(" ".join(words))
+        self._pending.setVisible(bool(words))
+        self.again_button.setEnabled(self.can_run())
+
+    def parts(self) -> Iterator[str]:
+        """Bring each step that can be reached to the front, and name it; the results with all their tabs."""
+        for step in self.steps:
+            if not self.go_to(step.name):
+                break
+            if step.name == "results":
+                yield from (f"-results{part}" for part in self.results.parts())
+            else:
+                yield f"-{step.name}"
+        self.start()

@@ -1,0 +1,88 @@
+"""The run of a calibration: what will be done, how far it is, where the iterations are going."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QProgressBar, QVBoxLayout, QWidget
+
+from stripe_gui.jobs import Job, JobState
+from stripe_gui.presenters.failures import describe
+from stripe_gui.widgets.convergence_plot import ConvergencePlot
+from stripe_gui.widgets.layout import button, card, label, row
+
+
+class RunStep(QWidget):
+    """Start, progress, convergence, cancel."""
+
+    start_wanted = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._job: Job | None = None
+        self.plan = label("", wrap=True)
+        self.start_button = button(self.tr("Calibrate"), self.start_wanted.emit, "run")
+        self.start_button.setToolTip(self.tr("Calibrate in the background (F5)."))
+        self.cancel_button = button(self.tr("Cancel"), self._cancel, "stop")
+        self.bar = QProgressBar()
+        self.bar.setRange(0, 1000)
+        self.bar.setTextVisible(False)
+        self.bar.setAccessibleName(self.tr("Progress of the calibration"))
+        self.state = label(" ", "muted", wrap=True)
+        self.convergence = ConvergencePlot()
+        frame, inside = card()
+        inside.addLayout(row(self.plan, self.start_button, self.cancel_button))
+        inside.itemAt(0).layout().setStretch(0, 1)
+        inside.addWidget(self.bar)
+        inside.addWidget(self.state)
+        curve, around = card(self.tr("Convergence"))
+        around.addWidget(self.convergence, 1)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(12)
+        layout.addWidget(frame)
+        layout.addWidget(curve, 1)
+        self._show()
+
+    @property
+    def running(self) -> bool:
+        """Whether the calibration is under way."""
+        return self._job is not None and self._job.active
+
+    def show_plan(self, words: str, startable: bool) -> None:
+        """Say what a start would do."""
+        self.plan.setText(words)
+        self.start_button.setEnabled(startable and not self.running)
+
+    def follow(self, job: Job) -> None:
+        """Show a run from its start to its end."""
+        self._job = job
+        self.convergence.clear()
+        job.progressed.connect(lambda *_: self._show())
+        job.told.connect(self.convergence.tell)
+        job.ended.connect(self._show)
+        self._show()
+
+    def _cancel(self) -> None:
+        if self._job is not None:
+            self._job.cancel()
+            self._show()
+
+    def _show(self) -> None:
+        job = self._job
+        running = self.running
+        self.cancel_button.setEnabled(running and not job.stopping)
+        self.start_button.setEnabled(not running)
+        self.bar.setValue(round(1000 * job.fraction) if running else 0)
+        self.state.setText(self._words(job))
+
+    def _words(self, job: Job | None) -> str:
+        if job is None:
+            return self.tr("Not started yet. The window stays usable while it runs.")
+        if job.active:
+            return self.tr("Stopping…") if job.stopping else job.message or self.tr("Waiting…")
+        if job.state is JobState.CANCELLED:
+            return self.tr("Cancelled; the project is as it was.")
+        if job.state is JobState.FAILED:
+            told = describe(job.failure.error)
+            return self.tr("Failed: {what}. {remedy}.").format(what=told.happened, remedy=told.remedy.capitalize())
+        return self.tr("Done; the run is kept.")

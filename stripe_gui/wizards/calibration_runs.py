@@ -1,0 +1,140 @@
+"""Kept runs: all in a table, two side by side, one in use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QComboBox, QLineEdit, QSplitter, QVBoxLayout, QWidget
+
+from core.pipeline import Run, current_runs, delete_run, list_runs, make_current, rename_run
+from stripe_gui.presenters.runs import comparison_table, run_title, runs_table
+from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.result_table import EMPTY, ResultTable
+from stripe_gui.workbench import Workbench
+
+
+class RunsStep(QWidget):
+    """The runs above, the comparison below."""
+
+    changed = Signal()  # another run is in use, one was renamed or deleted
+
+    def __init__(self, bench: Workbench) -> None:
+        super().__init__()
+        self._bench = bench
+        self._runs: tuple[Run, ...] = ()
+        self._used: set[int] = set()
+        self.table = ResultTable(self.tr("Kept runs"), titled=False)
+        self.table.row_chosen.connect(lambda _: self._offer())
+        self.name = QLineEdit()
+        self.name.setPlaceholderText(self.tr("a name for the chosen run"))
+        self.name.setAccessibleName(self.tr("Name of the chosen run"))
+        self.name.setMaximumWidth(240)
+        self.name.returnPressed.connect(self.rename)
+        self.rename_button = button(self.tr("Name it"), self.rename, flat=True)
+        self.use_button = button(self.tr("Use this run"), self.use, "success", flat=True)
+        self.use_button.setToolTip(self.tr("Put its calibrations in use; what follows is then out of date."))
+        self.delete_button = button(self.tr("Delete"), self.delete, "close", flat=True)
+        self.delete_button.setToolTip(self.tr("Delete the chosen run from the disk."))
+        self.first, self.second = QComboBox(), QComboBox()
+        self.first.setAccessibleName(self.tr("Run to compare with"))
+        self.second.setAccessibleName(self.tr("Run to compare"))
+        for box in (self.first, self.second):
+            box.setMinimumWidth(170)
+            box.currentIndexChanged.connect(self._compare)
+        self.comparison = ResultTable(self.tr("Comparison of two runs"), titled=False)
+        self.nothing = label("", "muted", wrap=True)
+        buttons = row(self.use_button, self.name, self.rename_button, self.delete_button, None)
+        pair = row(label(self.tr("Compare")), self.second, label(self.tr("with")), self.first, None)
+        upper, lower = column(self.table, buttons, spacing=6), column(pair, self.nothing, self.comparison, spacing=8)
+        upper.setStretch(0, 1)
+        lower.setStretch(2, 1)
+        split = QSplitter(Qt.Orientation.Vertical)
+        split.addWidget(boxed(upper))
+        split.addWidget(boxed(lower))
+        split.setSizes([210, 330])
+        split.setChildrenCollapsible(False)
+        split.setHandleWidth(14)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(split)
+        self._offer()
+
+    def show_runs(self) -> None:
+        """List the project's runs, the newest first; the newest is compared with the one before it."""
+        folder = self._bench.session.folder
+        runs = tuple(reversed(list_runs(folder.project))) if folder is not None else ()
+        current = current_runs(folder.project) if folder is not None else {}
+        fresh = {r.number for r in runs} != {r.number for r in self._runs}
+        before = [box.currentData() for box in (self.first, self.second)]
+        self._runs, self._used = runs, set(current.values())
+        self.table.show_table(runs_table(runs[::-1], current) if runs else EMPTY)
+        for box, at in ((self.first, 1), (self.second, 0)):
+            wanted = before[box is self.second]
+            box.blockSignals(True)
+            box.clear()
+            for run in runs:
+                box.addItem(run_title(run), run.number)
+            found = box.findData(wanted)
+            box.setCurrentIndex(min(at, len(runs) - 1) if fresh or found < 0 else found)
+            box.blockSignals(False)
+        if runs:
+            self.table.choose_row(0)
+        self._compare()
+        self._offer()
+
+    @property
+    def chosen(self) -> Run | None:
+        """The run chosen in the table."""
+        at = self.table.chosen_row()
+        return self._runs[at] if at is not None and at < len(self._runs) else None
+
+    def use(self) -> None:
+        """Put the chosen run in use."""
+        self._change(make_current)
+
+    def rename(self) -> None:
+        """Give the chosen run the name typed."""
+        self._change(rename_run, self.name.text())
+
+    def delete(self) -> None:
+        """Delete the chosen run, after asking."""
+        run = self.chosen
+        if run is None:
+            return
+        text = self.tr("{run} and its files are deleted for good.").format(run=run_title(run).capitalize())
+        ask = self._bench.dialogs.confirm
+        if ask(self, self.tr("Delete a run"), text, self.tr("Delete"), self.tr("Keep")):
+            self._change(delete_run)
+
+    def _change(self, function: Callable[..., Any], *arguments: Any) -> None:
+        run, folder = self.chosen, self._bench.session.folder
+        if run is None or folder is None:
+            return
+        self._bench.guarded(function, folder.project, run, *arguments)
+        self._bench.refresh()
+        self.show_runs()
+        self.changed.emit()
+
+    def _offer(self) -> None:
+        run = self.chosen
+        self.name.setText(run.name if run else "")
+        for made in (self.name, self.rename_button, self.use_button):
+            made.setEnabled(run is not None)
+        self.delete_button.setEnabled(run is not None and run.number not in self._used)
+
+    def _compare(self) -> None:
+        by_number = {run.number: run for run in self._runs}
+        first, second = (by_number.get(box.currentData()) for box in (self.first, self.second))
+        table = EMPTY
+        if len(self._runs) < 2:
+            self.nothing.setText(self.tr("Runs are compared here once there are two of them."))
+        elif first is None or second is None or first is second:
+            self.nothing.setText(self.tr("Choose two different runs."))
+        else:
+            table = comparison_table(first, second)
+            self.nothing.setText("" if table.rows else self.tr("Only photogrammetric calibrations can be compared."))
+        self.nothing.setVisible(bool(self.nothing.text()))
+        self.comparison.show_table(table)
+        self.comparison.setVisible(bool(table.rows))
