@@ -20,8 +20,10 @@ PAGES = {
     "measure": ("pages.measure_page", "MeasurePage"),
     "pick": ("wizards.picking_page", "PickPage"),
     "calibrate": ("pages.calibrate_page", "CalibratePage"),
+    "calibrate-wizard": ("wizards.calibration_page", "CalibrationWizard"),
     "reconstruct": ("pages.reconstruct_page", "ReconstructPage"),
     "evaluate": ("pages.evaluate_page", "EvaluatePage"),
+    "plane-table": ("wizards.plane_table_page", "PlaneTableWizard"),
     "report": ("pages.report_page", "ReportPage"),
     "capture-wizard": ("wizards.capture.wizard", "CaptureWizard"),
 }  # id of the page -> module below stripe_gui, class

@@ -11,7 +11,8 @@ from importlib import import_module
 
 from stripe_gui.actions import Action
 
-WIZARDS: tuple[str, ...] = ("new_project", "picking", "capture")  # modules below stripe_gui.wizards
+# modules below stripe_gui.wizards
+WIZARDS: tuple[str, ...] = ("new_project", "picking", "calibration", "plane_table", "capture")
 
 
 def wizard_actions() -> list[Action]:
