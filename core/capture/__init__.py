@@ -8,6 +8,7 @@ retake.py    one frame of a complete capture taken again
 identity.py  which pattern a frame shows, told from the images alone
 lookup.py    ... and what patterns look like on every projector line
 quality.py   saturation, modulation, movement, the lamp
+rigcheck.py  all checks of a rig that two URLs name
 preflight.py the checks before the first calibration: settle time, linearity, exposure, focus, orientation
 finding.py   what a check found, in words and figures
 """

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from weakref import WeakValueDictionary
 
-from core.devices.address import Address, parse_address
+from core.devices.address import Address, parse_address, with_option
 from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, parse_faults
 from core.devices.profile import Profile, read_profile
 from core.devices.protocol import Camera, Note, Projector, no_note
@@ -99,6 +99,19 @@ def open_stage(address: Address) -> Stage:
     if stage is None:
         stage = _stages[key] = Stage(_scene(address, seed), seed)
     return stage
+
+
+def at_depth(url: str, z_mm: float) -> str:
+    """Give the URL of a virtual rig with the plate at a position, where its experiment has one; else the URL itself."""
+    address = parse_address(url)
+    if address.kind not in ("virtual", "emulated") or address.place == "flat":
+        return url
+    from core.bench import experiment, scenarios
+
+    if address.place not in scenarios():
+        return url
+    names = [shot.name for shot in experiment(address.place).shots if shot.z_mm == z_mm]
+    return with_option(url, "shot", names[0]) if names else url
 
 
 def _serial(address: Address, note: Note) -> Projector:

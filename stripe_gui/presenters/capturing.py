@@ -10,14 +10,12 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
-from core.capture import CaptureReport, Finding, capture_status, retake_frame
-from core.capture.preflight import measure_stripes
+from core.capture import CaptureReport, Finding, capture_status, retake_frame, rigcheck
 from core.devices import Setting, parse_address, with_option
 from core.errors import InputError, StripeError
 from core.model import Project, Role
 from core.patterns import Pattern, reference_sequence
 from core.pipeline import capture_into, preflight_rig
-from core.pipeline.preflight import at_depth
 from core.progress import SILENT, Progress
 from core.project import read_project
 from core.project.captures import read_document
@@ -356,11 +354,7 @@ def stripes_at(
 ) -> tuple[list[Any], float]:
     """Take the finest stripes on a plate at a position; the virtual bench puts its own plate there."""
     rig.close()
-    projector, camera = rig.open((at_depth(urls[0], z_mm), at_depth(urls[1], z_mm)))
-    try:
-        return measure_stripes(projector, camera, projector.settle_s, progress)
-    finally:
-        rig.close()
+    return rigcheck.stripes_at(urls, z_mm, progress)
 
 
 def another(subject: Subject, taken: Iterable[str]) -> Subject:

@@ -1,0 +1,69 @@
+"""All checks of a rig that two URLs name, over the working depth too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.capture.finding import Finding
+from core.capture.preflight import measure_stripes, preflight, visibility
+from core.capture.run import check_sizes
+from core.devices import open_camera, open_projector
+from core.devices.opening import at_depth
+from core.model import Project
+from core.progress import SILENT, Progress
+
+Array = NDArray[np.float64]
+Urls = tuple[str, str]  # of projector and camera
+
+
+def stay(z_mm: float) -> None:
+    """Leave the plate where it is."""
+
+
+def check_rig(
+    project: Project,
+    urls: Urls,
+    depths_mm: Sequence[float] = (),
+    place: Callable[[float], None] = stay,
+    progress: Progress = SILENT,
+) -> tuple[Finding, ...]:
+    """Run every check on the devices of a project.
+
+    Parameters
+    ----------
+    project : Project
+    urls : (str, str)
+    depths_mm : sequence of float
+        Where a plate is put to see whether the stripes are clear over the working depth; none: not looked at.
+    place : callable
+        Is asked to put the plate at a position and returns when it is there. The virtual bench puts its own plate.
+    progress : Progress
+
+    Raises
+    ------
+    InputError, DeviceError
+    """
+    with closing(open_projector(urls[0])) as projector, closing(open_camera(urls[1])) as camera:
+        check_sizes(project, projector, camera)
+        findings = preflight(projector, camera, progress.part(0.0, 0.8 if depths_mm else 1.0))
+    if not depths_mm:
+        return findings
+    stacks, noises = [], []
+    for z_mm in progress.part(0.8, 1.0).over(depths_mm, "stripes at {:g} mm"):
+        if at_depth(urls[0], z_mm) == urls[0]:
+            place(z_mm)
+        stack, noise = stripes_at(urls, z_mm, progress)
+        stacks.append(stack)
+        noises.append(noise)
+    return (*findings, visibility(depths_mm, stacks, max(noises)))
+
+
+def stripes_at(urls: Urls, z_mm: float, progress: Progress = SILENT) -> tuple[list[Array], float]:
+    """Take the finest stripes on a plate at a position, as `measure_stripes`; the virtual bench puts its own there."""
+    here = at_depth(urls[0], z_mm), at_depth(urls[1], z_mm)
+    with closing(open_projector(here[0])) as projector, closing(open_camera(here[1])) as camera:
+        return measure_stripes(projector, camera, projector.settle_s, Progress(cancelled=progress.cancelled))
