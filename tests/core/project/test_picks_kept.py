@@ -1,0 +1,50 @@
+"""Picks on disk: exclusions, drafts of unfinished picks, and what a crash between two files leaves."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from core.errors import InputError
+from core.model import Seed
+from core.project import keep_picks, kept_picks, read_picks, write_picks
+
+FOUR = tuple(Seed(r, c, 10.5 * c, 20.25 * r) for r, c in ((0, 0), (0, 8), (6, 8), (6, 0)))
+
+
+def test_exclusions_come_back_and_files_without_them_are_read(tmp_path: Path) -> None:
+    write_picks(tmp_path / "picks.json", FOUR, [(3, 7), (0, 1), (3, 7)])
+    assert read_picks(tmp_path / "picks.json") == (FOUR, ((3, 7), (0, 1)))
+    write_picks(tmp_path / "picks.json", FOUR)
+    assert "excluded" not in json.loads((tmp_path / "picks.json").read_text())
+    assert read_picks(tmp_path / "picks.json") == (FOUR, ())
+
+
+@pytest.mark.parametrize("wrong", [[[1]], [[1, 2, 3]], ["1,2"], [[1.5, 2]], [["a", 2]], {"row": 1}, 7])
+def test_a_wrong_exclusion_is_told(tmp_path: Path, wrong: object) -> None:
+    write_picks(tmp_path / "picks.json", FOUR)
+    data = json.loads((tmp_path / "picks.json").read_text())
+    (tmp_path / "picks.json").write_text(json.dumps({**data, "excluded": wrong}))
+    with pytest.raises(InputError, match=r"picks\.json.*excluded") as caught:
+        read_picks(tmp_path / "picks.json")
+    assert caught.value.remedy
+
+
+def test_fewer_than_four_picks_are_a_draft_that_no_command_reads(tmp_path: Path) -> None:
+    for count in (1, 2, 3, 4, 3, 4, 0):
+        keep_picks(tmp_path, FOUR[:count], [(1, 1)] if count else [])
+        assert kept_picks(tmp_path) == (FOUR[:count], ((1, 1),) if count else ())
+        assert (tmp_path / "picks.json").exists() == (count == 4)
+        assert (tmp_path / "picks-draft.json").exists() == (0 < count < 4)
+
+
+def test_of_two_files_that_a_crash_left_the_later_one_counts(tmp_path: Path) -> None:
+    write_picks(tmp_path / "picks.json", FOUR)
+    write_picks(tmp_path / "picks-draft.json", FOUR[:3])
+    for name, count in (("picks.json", 4), ("picks-draft.json", 3)):
+        later = max(p.stat().st_mtime_ns for p in tmp_path.iterdir()) + 1_000_000
+        os.utime(tmp_path / name, ns=(later, later))
+        assert len(kept_picks(tmp_path)[0]) == count
