@@ -1,4 +1,4 @@
-"""`python -m tests.benchmarks [PART ...]`: all contestants in one run; table.md, table.json and plots in bench-results/.
+"""`python -m tests.benchmarks [PART ...]`: all contestants in one run; a table and plots in bench-results/.
 
 Peers are installed into .bench-venv and work in processes of their own; every part runs in a fresh process. No time is
 asserted. Exit code 1 if an answer of ours was wrong or a part failed.
@@ -84,11 +84,9 @@ def _run(part: str, quick: bool) -> list[Row]:
         done = subprocess.run(command, cwd=ROOT, check=False, env={"OPENBLAS_NUM_THREADS": "1", **os.environ})
         if done.returncode == 0:
             return [Row(**entry) for entry in json.loads(path.read_text())]
-    nan = float("nan")
-    say(f"  {part} failed, exit code {done.returncode}")
-    return [
-        Row(part, "", 0, "", OURS, nan, nan, 0, nan, "", nan, f"the part failed, exit code {done.returncode}", True)
-    ]
+    nan, reason = float("nan"), f"the part failed, exit code {done.returncode}"
+    say(f"  {reason}")
+    return [Row(part, "", 0, "", OURS, nan, nan, 0, nan, "", nan, reason, failed=True)]
 
 
 if __name__ == "__main__":

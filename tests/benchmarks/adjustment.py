@@ -8,6 +8,7 @@ from core.calibrate import adjust
 from core.model import Adjustment
 from tests.benchmarks.environments import peer
 from tests.benchmarks.networks import Task, judge, task
+from tests.benchmarks.plain_adjustment import adjusted_points
 from tests.benchmarks.timing import EFFORT, OURS, Absent, Contestant, Row, race
 
 POSES = (20, 50, 100, 200)  # of two stations each
@@ -37,4 +38,14 @@ def _peers(one: Task, poses: int) -> list[Contestant | Absent]:
     def points(result: dict[str, np.ndarray]) -> str:
         return right(result["points"])
 
-    return [peer("pycolmap", "pycolmap", one.arrays, points, warm=poses < SLOW)]
+    return [
+        peer("pycolmap", "pycolmap", one.arrays, points, warm=poses < SLOW),
+        peer("mrcal", "mrcal", one.arrays, points, warm=poses < SLOW),
+        Contestant(
+            "scipy least_squares, no covariances",
+            lambda: adjusted_points(one.arrays),
+            right,
+            warm=poses < SLOW,
+            peer=True,
+        ),
+    ]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 from collections.abc import Callable
 
 import cv2
@@ -11,17 +9,19 @@ import numpy as np
 
 from core.decode import decode
 from core.patterns import Black, Pattern, White, gray_and_phase, reference_sequence
-from tests.benchmarks.scenes import LINES, SIZES, Frames, frames
-from tests.benchmarks.timing import Contestant, Row, floor, race
+from tests.benchmarks.environments import peer
+from tests.benchmarks.scenes import LINES, SIZES, Frames, frames, sizes
+from tests.benchmarks.timing import Absent, Contestant, Row, floor, race
 
 OUTPUT_BYTES = 17  # a pixel: u, v, sigma_u, sigma_v float32, and validity
 PERIOD, CELL = 4, 2
+FRINGES = ("748x576", "2448x2048")  # it takes seconds
 
 
 def run() -> list[Row]:
     """The reference sequence at two sizes, then other sequences, then the number of frames."""
     rows = []
-    for size, (width, height) in SIZES.items():
+    for size, (width, height) in sizes().items():
         data = frames(reference_sequence(), width, height)
         field = [
             *floor(data.images, OUTPUT_BYTES * width * height),
@@ -29,8 +29,8 @@ def run() -> list[Row]:
             Contestant("OpenCV primitives", lambda d=data: _opencv(d), _close(data)),
             Contestant("plain numpy", lambda d=data: _numpy(d), _close(data), warm=width < 1000),
         ]
-        if (peer := _fringes(width, height)) is not None:
-            field.append(peer)
+        if size in FRINGES:
+            field.append(_fringes(width, height))
         rows += race("decode", f"{size} x 28", width * height, "pixels", field)
         for name, patterns in _others().items():
             other = frames(patterns, width, height)
@@ -138,23 +138,15 @@ def _unit(mask: np.ndarray) -> np.ndarray:
     return cv2.multiply(mask, 1.0, scale=1 / 255, dtype=cv2.CV_32F)
 
 
-def _fringes(width: int, height: int) -> Contestant | None:
+def _fringes(width: int, height: int) -> Contestant | Absent:
     """The `fringes` package with its own default sequence of 16 frames, seen without noise or blur."""
-    try:
-        import fringes
-    except ImportError:
-        return None
-    with contextlib.redirect_stdout(io.StringIO()):
-        device = fringes.Fringes()
-        device.X = device.Y = LINES
-        shown = device.encode()
     y, x = np.mgrid[0:height, 0:width]
     u, v = x * (LINES - 1) // (width - 1), y * (LINES - 1) // (height - 1)
-    seen = np.ascontiguousarray(shown[:, v, u])
 
-    def right(result: np.ndarray) -> str:
-        error = np.abs(result[2].reshape(2, height, width) - np.stack([u, v]))
-        assert np.mean(error > 1) < 1e-3, "wrong"
+    def right(result: dict[str, np.ndarray]) -> str:
+        error = np.abs(result["uv"] - np.stack([u, v]))
+        assert np.mean(error > 1) < 1e-3, f"{np.mean(error > 1):.1e} of the pixels are wrong"
         return f"r.m.s. {np.sqrt(np.mean(error[error < 1] ** 2)):.3f} lines (no noise)"
 
-    return Contestant("fringes, 16 frames", lambda: device.decode(seen), right, warm=width < 1000)
+    data = {"lines": np.array(LINES), "u": u, "v": v}
+    return peer("fringes", "fringes, 16 frames", data, right, warm=width < 1000)

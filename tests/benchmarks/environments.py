@@ -1,4 +1,4 @@
-"""The peers: each is installed by pip into an environment of its own under .bench-venv, and works in its own process."""
+"""The peers: each is installed by pip into an environment of its own in .bench-venv, and works in its own process."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ PEERS = (
     # its wheels begin with Python 3.12; its viewer alone needs the other packages, which want FLTK's headers
     Peer(
         "mrcal",
-        ("mrcal==2.5.2.post1", "numpy", "numpysane"),
+        ("mrcal==2.5.2.post1", "numpy", "numpysane", "scipy"),
         ("python3.14", "python3.13", "python3.12"),
-        ("--no-deps", "--only-binary", "mrcal,numpy"),
+        ("--no-deps", "--only-binary", "mrcal,numpy,scipy"),
     ),
 )
 

@@ -37,5 +37,5 @@ def adjusted_points(data: dict[str, np.ndarray]) -> np.ndarray:
     columns = np.vstack([columns, columns])
     rows = np.repeat(np.arange(len(columns)), columns.shape[1])
     pattern = coo_matrix((np.ones(rows.size, bool), (rows, columns.ravel())), (len(columns), start.size))
-    found = least_squares(residuals, start, jac_sparsity=pattern, x_scale="jac", ftol=1e-10, xtol=1e-10)
+    found = least_squares(residuals, start, jac_sparsity=pattern, x_scale="jac", ftol=1e-6)
     return found.x[-3 * points :].reshape(-1, 3)

@@ -16,10 +16,16 @@ from core.model import (
     PhotogrammetricCalibration,
 )
 from core.patterns import Pattern, Phase, brightness
+from tests.benchmarks.timing import EFFORT
 
 LINES = 640
-SIZES = {"748x576": (748, 576), "2448x2048": (2448, 2048)}
+SIZES = {"748x576": (748, 576), "1280x1024": (1280, 1024), "2448x2048": (2448, 2048)}
 _FINE = 16  # samples per line of the blurred profiles
+
+
+def sizes() -> dict[str, tuple[int, int]]:
+    """Give the image sizes to measure at: all, or the smallest alone in a quick run."""
+    return dict(list(SIZES.items())[:1]) if EFFORT.quick else SIZES
 
 
 @dataclass(frozen=True)
