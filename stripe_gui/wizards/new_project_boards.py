@@ -39,15 +39,15 @@ class BoardStep(QWidget):
     def __init__(self, bench: Workbench, wanted: str = "", why: str = "") -> None:
         super().__init__()
         self._bench = bench
-        self.wanted = QCheckBox(wanted, self)
+        self.wanted = QCheckBox(wanted or self.tr("This project has such a board"), self)
         self.wanted.setHidden(not wanted)
         self.wanted.setChecked(not wanted)
         self.wanted.toggled.connect(self._typed)
         self.by_numbers = QRadioButton(self.tr("Rows and columns"))
         self.by_file = QRadioButton(self.tr("CSV file"))
         self.by_file.toggled.connect(self._typed)
-        self.rows = whole(self.tr("Rows"), 2, 200, self._typed)
-        self.columns = whole(self.tr("Columns"), 2, 200, self._typed)
+        self.rows = whole(self.tr("Rows"), 2, 100, self._typed)
+        self.columns = whole(self.tr("Columns"), 2, 100, self._typed)
         self.spacing = real(self.tr("Spacing"), 0.1, 1000.0, 3, self._typed, " mm")
         self.diameter = real(self.tr("Target diameter"), 0.05, 1000.0, 3, self._typed, " mm")
         self.polarity = QComboBox()
@@ -88,7 +88,7 @@ class BoardStep(QWidget):
                 spacing=10,
             )
         )
-        head = [self.wanted, label(why, "muted", wrap=True)] if self.wanted.text() else []
+        head = [self.wanted, label(why, "muted", wrap=True)] if why else []
         left = boxed(column(*head, self._form, None, spacing=10))
         left.setFixedWidth(FORM_WIDTH)
         frame, layout = card()
@@ -154,17 +154,16 @@ class BoardStep(QWidget):
         self._numbers.setVisible(not plan.from_file)
         self._file_row.setVisible(plan.from_file)
         self.print_button.setEnabled(self.board.sheet is not None)
-        self.picture.show_sheet(self.board.sheet if wanted else None)
+        instead = self.board.problem if wanted else self.tr("No such board in this project.")
+        self.picture.show_sheet(self.board.sheet if wanted else None, instead=instead)
         self._say()
         self.changed.emit()
 
     def _say(self) -> None:
-        if not self.wanted.isChecked():
-            self.words.setText(self.tr("No such board in this project."))
-        elif self.board.testfield is None:
-            self.words.setText(self.board.problem)
-        elif self._rig is not None:
-            self.words.setText(" ".join(board_words(self.board.testfield, self._rig.camera, self._rig.projector)))
+        words: list[str] = []
+        if self.testfield is not None and self._rig is not None:
+            words = board_words(self.testfield, self._rig.camera, self._rig.projector)
+        self.words.setText(" ".join(words))
 
     def _choose(self) -> None:
         title, kinds = self.tr("Choose the targets of the board"), self.tr("Targets (*.csv);;All files (*)")
@@ -276,7 +275,7 @@ class ScaleStep(QWidget):
         self.comparison.setText(words)
         self._doubt.setText(doubt)
         self._warning.setVisible(bool(doubt))
-        self.picture.show_sheet(self._board.sheet, ends)
+        self.picture.show_sheet(self._board.sheet, ends, self._board.problem)
         self.changed.emit()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import atan2, degrees
 
-from PySide6.QtCore import QByteArray, QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QByteArray, QPointF, QRect, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtSvg import QSvgRenderer
 from PySide6.QtWidgets import QSizePolicy, QWidget
@@ -17,6 +17,13 @@ EDGE = 10.0  # px round a picture
 LINE_COLOUR = "#e5484d"  # seen on black and on white
 
 
+def _say_instead(painter: QPainter, room: QRect, words: str) -> None:
+    """Say why there is no picture."""
+    painter.setPen(QColor(theme.current().muted))
+    flags = Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap
+    painter.drawText(room.adjusted(4, 4, -4, -4), flags, words)
+
+
 class RigSketch(QWidget):
     """A plan of camera and projector with their fields of view, to scale."""
 
@@ -27,10 +34,11 @@ class RigSketch(QWidget):
         self.setAccessibleName(self.tr("Sketch of the rig"))
         self._view: RigView | None = None
         self._distance_mm = 0.0
+        self._instead = ""
 
-    def show_view(self, view: RigView | None, distance_mm: float) -> None:
-        """Draw a rig; None for none."""
-        self._view, self._distance_mm = view, distance_mm
+    def show_view(self, view: RigView | None, distance_mm: float, instead: str = "") -> None:
+        """Draw a rig, or say instead why there is none."""
+        self._view, self._distance_mm, self._instead = view, distance_mm, instead
         self.update()
 
     def sizeHint(self) -> QSize:  # noqa: N802
@@ -39,9 +47,10 @@ class RigSketch(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
         """Draw the object plane above, the devices below, their rays between."""
-        if self._view is None:
-            return
         painter = QPainter(self)
+        if self._view is None:
+            _say_instead(painter, self.rect(), self._instead)
+            return
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         view, colours = self._view, theme.current()
         self._find_scale(view)
@@ -152,18 +161,19 @@ class SheetView(QWidget):
         self._drawing = QSvgRenderer(self)
         self._drawing.setAspectRatioMode(Qt.AspectRatioMode.KeepAspectRatio)
         self._ends: tuple[int, int] | None = None
+        self._instead = ""
 
     @property
     def sheet(self) -> Sheet | None:
         """What is shown."""
         return self._sheet
 
-    def show_sheet(self, sheet: Sheet | None, ends: tuple[int, int] | None = None) -> None:
-        """Show a board; `ends` are the indices of two targets to be joined."""
+    def show_sheet(self, sheet: Sheet | None, ends: tuple[int, int] | None = None, instead: str = "") -> None:
+        """Show a board, or say instead why there is none; `ends` are the indices of two targets to be joined."""
         if sheet is not self._sheet and sheet is not None:
             self._drawing.load(QByteArray(sheet_svg(sheet).encode()))
-        self._sheet, self._ends = sheet, ends
-        self.setAccessibleDescription(sheet.title if sheet is not None else "")
+        self._sheet, self._ends, self._instead = sheet, ends, instead
+        self.setAccessibleDescription(sheet.title if sheet is not None else instead)
         self.update()
 
     def sizeHint(self) -> QSize:  # noqa: N802
@@ -172,9 +182,10 @@ class SheetView(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
         """Draw the page, and the line on it."""
-        if self._sheet is None:
-            return
         painter = QPainter(self)
+        if self._sheet is None:
+            _say_instead(painter, self.rect(), self._instead)
+            return
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         colours, sheet = theme.current(), self._sheet
         room = QRectF(self.rect()).adjusted(1, 1, -1, -1)

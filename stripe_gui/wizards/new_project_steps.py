@@ -250,8 +250,8 @@ class RigStep(QWidget):
         self.preset.setCurrentIndex(devices.index(known) if known in devices else len(devices))
         self._problem = rig_problem(rig)
         self.view = None if self._problem else rig_view(rig)
-        self.sketch.show_view(self.view, rig.distance_mm)
-        self.figures.setText(self._figures(self.view) if self.view else self._problem)
+        self.sketch.show_view(self.view, rig.distance_mm, self._problem)
+        self.figures.setText(self._figures(self.view) if self.view else "")
         words = rig_words(self.view) if self.view else []
         self.words.setText(" ".join(words))
         self.words.setVisible(bool(words) and self.words.parent() is not None)
