@@ -1,25 +1,36 @@
-"""The points of a capture: shaded surface, depth, sigma; export for other programs."""
+"""The points of a capture: shaded height, depth, sigma, and in space; export for other programs."""
 
 from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QSplitter
+from PySide6.QtWidgets import QComboBox, QStackedWidget
 
-from stripe_gui.pages.page import Page
-from stripe_gui.presenters.reconstruct import KINDS, Points, kind_name, load_points, map_view, methods_of, points_state
+from stripe_gui.gl import TRYING, gl_problem
+from stripe_gui.pages.map_page import MapPage
+from stripe_gui.presenters.maps import MapView
+from stripe_gui.presenters.reconstruct import (
+    KINDS,
+    Cloud,
+    Points,
+    cloud_of,
+    kind_name,
+    load_points,
+    map_view,
+    methods_of,
+    points_state,
+)
 from stripe_gui.presenters.status import method_name
 from stripe_gui.presenters.work import cloud_file, export_points, reconstruct
-from stripe_gui.widgets.capture_list import CaptureList
-from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.layout import boxed, column, label
 from stripe_gui.workbench import Workbench
 
+SPACE = "space"
 
-class ReconstructPage(Page):
-    """A viewer of points as maps over the camera's image."""
+
+class ReconstructPage(MapPage):
+    """A viewer of points: as maps over the camera's image, and in space where OpenGL is there."""
 
     id = stage = "reconstruct"
 
@@ -28,35 +39,25 @@ class ReconstructPage(Page):
             bench,
             self.tr("Reconstruct"),
             self.tr("From projector coordinates to points in the camera's frame, each with its sigma."),
+            self.tr("Map of the points"),
         )
         self._points: Points | None = None
         self._waiting = ""
-        self.captures = CaptureList(bench.session)
         self.method = QComboBox()
         self.method.setAccessibleName(self.tr("Calibration"))
         self.method.setMinimumWidth(150)
-        self.method.currentIndexChanged.connect(self._look)
-        self.kind = QComboBox()
-        self.kind.setAccessibleName(self.tr("Map"))
-        for kind in KINDS:
-            self.kind.addItem(kind_name(kind), kind)
-        self.kind.currentIndexChanged.connect(self._show_map)
-        self.state = label(" ", "muted")
-        self.view = ImageView(self.tr("Map of the points"))
+        self.method.currentIndexChanged.connect(self.look)
         self.export_button = self.add_button(self.tr("Export points…"), self.export, "export")
         self.export_button.setToolTip(self.tr("Write the points as PLY, XYZ or NPZ."))
         self.run_button = self.add_button(self.tr("Reconstruct"), self.run, "run", primary=True)
         self.run_button.setToolTip(self.tr("Reconstruct the chosen capture (F5)."))
-        fit = button(self.tr("Whole image"), self.view.fit, "fit", flat=True)
-        top = row(label(self.tr("Calibration")), self.method, label(self.tr("Map")), self.kind, None, fit)
-        split = QSplitter(Qt.Orientation.Horizontal)
-        split.addWidget(boxed(column(label(self.tr("Captures"), "heading"), self.captures, spacing=8)))
-        split.addWidget(boxed(column(top, self.state, self.view)))
-        split.setStretchFactor(1, 1)
-        split.setChildrenCollapsible(False)
-        split.setHandleWidth(14)
-        self.body.addWidget(split, 1)
-        bench.session.capture_changed.connect(self._capture_changed)
+        self.why_flat = label("", "muted", wrap=True)
+        self.stack = QStackedWidget()
+        self.stack.addWidget(self.view)
+        self.cloud = None  # made when it is first wanted: its packages are heavy
+        middle = boxed(column(self.state, self.stack, self.why_flat, spacing=8))
+        self.lay_out(middle, before=(label(self.tr("Calibration")), self.method))
+        self._offer_kinds()
 
     def refresh(self) -> None:
         """Show the captures, the calibrations there are, and the chosen capture's points."""
@@ -69,7 +70,7 @@ class ReconstructPage(Page):
             self.method.addItem(method_name(method), method)
         self.method.setCurrentIndex(methods.index(before) if before in methods else 0 if methods else -1)
         self.method.blockSignals(False)
-        self._look()
+        self.look()
 
     def run(self) -> None:
         """Reconstruct the chosen capture."""
@@ -98,20 +99,13 @@ class ReconstructPage(Page):
                 on_done=lambda count: self.bench.notify("success", done.format(n=count, path=out)),
             )
 
-    def _told(self, name: str) -> None:
-        self.bench.notify("success", self.tr("{name} is reconstructed.").format(name=name))
-
-    def _capture_changed(self) -> None:
-        if self.isVisible():  # else it is refreshed when it comes to the front
-            self._look()
-
-    def _look(self) -> None:
+    def look(self) -> None:
+        """Read the points of the session's capture, if there are any."""
         able = self.can_run()
         self.run_button.setEnabled(able)
         self.export_button.setEnabled(able)
         if not able:
-            text = self.tr("Calibrate first.") if self.method.currentData() is None else " "
-            self._clear(text)
+            self._clear(self.tr("Calibrate first.") if self.method.currentData() is None else "")
             return
         folder, name, method = self.session.folder, self.session.capture_name, self.method.currentData()
         state = points_state(folder, name, method)
@@ -129,22 +123,68 @@ class ReconstructPage(Page):
             on_failed=lambda failure: self._clear(str(failure.error)),
         )
 
+    def choose(self) -> None:
+        """Work the chosen map out, or the cloud, and show it."""
+        kind = self.kind.currentData()
+        if self._points is None:
+            return
+        work = (cloud_of, self._points) if kind == SPACE else (map_view, self._points, kind)
+        self.bench.views.run(
+            kind,
+            *work,
+            on_done=partial(self._shown, self._points),
+            on_failed=lambda failure: self._clear(str(failure.error)),
+        )
+
+    def fit(self) -> None:
+        """Show the whole image, or the cloud from the camera."""
+        if self.stack.currentWidget() is self.cloud:
+            self.cloud.look(-90, 0)
+        else:
+            self.view.fit()
+
+    def _offer_kinds(self) -> None:
+        problem = gl_problem(self.bench.settings)
+        self.offer(KINDS if problem else (*KINDS, SPACE), kind_name)
+        text = self.tr("No view in space: {problem}. The shaded height shows the surface instead.")
+        self.why_flat.setText(text.format(problem=problem))
+        self.why_flat.setHidden(not problem)
+
+    def _told(self, name: str) -> None:
+        self.bench.notify("success", self.tr("{name} is reconstructed.").format(name=name))
+
     def _show(self, path: str, stale: str, points: Points) -> None:
         if path != self._waiting:
             return
         self._points = points
         share = points.count / max(1, points.xyz_mm[..., 2].size)
-        self.state.setText(self.tr("{n} points, {p:.1%} of the image.").format(n=points.count, p=share) + stale)
-        self._show_map()
+        self.say(self.tr("{n} points, {p:.1%} of the image.").format(n=points.count, p=share) + stale)
+        self.choose()
 
-    def _show_map(self) -> None:
-        view = map_view(self._points, self.kind.currentData()) if self._points is not None else None
-        if view is None:
-            self.view.set_image(None)
+    def _shown(self, points: Points, made: MapView | Cloud | None) -> None:
+        if points is not self._points:
             return
-        self.view.set_image(
-            view.image, view.levels, scale=view.scale, unit=view.unit, digits=view.digits, extra=self._coordinates
-        )
+        if isinstance(made, Cloud):
+            self._show_cloud(made)
+        else:
+            self.stack.setCurrentWidget(self.view)
+            self.show_map(made, self._coordinates)
+
+    def _show_cloud(self, cloud: Cloud) -> None:
+        if self.cloud is None:
+            from stripe_gui.widgets.cloud_view import CloudView
+
+            self.bench.settings.set(TRYING, True)
+            self.cloud = CloudView(self.tr("Points in space"))
+            self.cloud.painted.connect(self._painted)
+            self.stack.addWidget(self.cloud)
+        self.cloud.show_cloud(cloud)
+        self.stack.setCurrentWidget(self.cloud)
+
+    def _painted(self) -> None:
+        """The driver is fit for it; nothing more needs to be watched."""
+        self.bench.settings.set(TRYING, False)
+        self.cloud.painted.disconnect(self._painted)
 
     def _coordinates(self, u: int, v: int) -> str:
         if self._points is None:
@@ -154,5 +194,6 @@ class ReconstructPage(Page):
 
     def _clear(self, text: str) -> None:
         self._points, self._waiting = None, ""
-        self.view.set_image(None)
-        self.state.setText(text)
+        self.stack.setCurrentWidget(self.view)
+        self.show_map(None)
+        self.say(text)

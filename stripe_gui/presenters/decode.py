@@ -3,31 +3,19 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication
 
 from core.decode import Flag
 from core.model import DeviceSpec, PhaseMap
 from core.report import Number, Table
 from stripe_gui.presenters.folder import CaptureEntry
+from stripe_gui.presenters.maps import MapView, percentile, round_up
 
 translate = QCoreApplication.translate
 KINDS = ("u", "v", "modulation", "sigma_u", "sigma_v", "image", "flags")
-
-
-@dataclass(frozen=True)
-class MapView:
-    """A map ready to be shown."""
-
-    image: NDArray
-    levels: tuple[float, float]
-    scale: str
-    unit: str
-    digits: int
 
 
 def kind_name(kind: str) -> str:
@@ -127,23 +115,3 @@ class PhaseCache:
 def _size(phase: PhaseMap) -> int:
     maps = (phase.u, phase.v, phase.sigma_u, phase.sigma_v, phase.modulation, phase.image, phase.flags)
     return sum(m.nbytes for m in maps)
-
-
-def percentile(image: NDArray, percent: float) -> float:
-    """Give a percentile of what is finite, 1 where nothing is."""
-    finite = image[np.isfinite(image)]
-    return float(np.percentile(finite, percent)) if finite.size else 1.0
-
-
-def round_up(value: float) -> float:
-    """Give the next 1, 2, 2.5 or 5 times a power of ten.
-
-    Examples
-    --------
-    >>> round_up(0.043), round_up(160)
-    (0.05, 200.0)
-    """
-    if not value > 0:
-        return 1.0
-    size = 10.0 ** np.floor(np.log10(value))
-    return float(next(m * size for m in (1, 2, 2.5, 5, 10) if m * size >= value * (1 - 1e-9)))

@@ -1,23 +1,27 @@
-"""The points of a capture as maps: depth, shaded surface, sigma."""
+"""The points of a capture as maps (shaded height, height, depth, sigma) and as a cloud in space."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, sqrt
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication
 
+from core.evaluate import fit_plane
 from core.model import Floats, Method
 from core.pipeline import METHODS
 from core.progress import SILENT, Progress
-from stripe_gui.presenters.decode import MapView, percentile, round_up
 from stripe_gui.presenters.folder import ProjectFolder, written_ns
+from stripe_gui.presenters.maps import MapView, hill_shade, lit_colours, percentile, round_up
 from stripe_gui.presenters.work import cloud_file
+from stripe_gui.widgets.colours import lookup
 
 translate = QCoreApplication.translate
-KINDS = ("shaded", "depth", "sigma")
+KINDS = ("shaded", "height", "depth", "sigma")
+MOST_DRAWN = 400_000  # points in space: more turn slowly where the processor draws them
 
 
 @dataclass(frozen=True)
@@ -36,9 +40,11 @@ class Points:
 def kind_name(kind: str) -> str:
     """Give a map's name in the operator's language."""
     return {
-        "shaded": translate("Reconstruct", "Shaded surface"),
+        "shaded": translate("Reconstruct", "Shaded height"),
+        "height": translate("Reconstruct", "Height over the mean plane"),
         "depth": translate("Reconstruct", "Depth Z"),
         "sigma": translate("Reconstruct", "σ of Z"),
+        "space": translate("Reconstruct", "Points in space"),
     }[kind]
 
 
@@ -65,7 +71,7 @@ def load_points(path: Path, progress: Progress = SILENT) -> Points:
         return Points(stored["xyz"], sigma)
 
 
-def map_view(points: Points, kind: str) -> MapView | None:
+def map_view(points: Points, kind: str, progress: Progress = SILENT) -> MapView | None:
     """Make a map; None where the points do not have it."""
     z = points.xyz_mm[..., 2]
     if kind == "sigma":
@@ -74,19 +80,45 @@ def map_view(points: Points, kind: str) -> MapView | None:
         return MapView(points.sigma_mm, (0.0, round_up(percentile(points.sigma_mm, 98))), "map", "mm", 4)
     if kind == "depth":
         return MapView(z, (percentile(z, 1), percentile(z, 99)), "map", "mm", 3)
-    return MapView(shade(points.xyz_mm), (0.0, 1.0), "grey", "", 2)
+    height = heights(points.xyz_mm)
+    progress.check()
+    levels = (percentile(height, 1), percentile(height, 99))
+    colours = lit_colours(height, levels, lookup("map"), hill_shade(points.xyz_mm)) if kind == "shaded" else None
+    return MapView(height, levels, "map", "mm", 3, colours)
 
 
-def shade(xyz_mm: NDArray) -> NDArray[np.float32]:
-    """Light the surface from the upper left of the camera, shape (H, W), 0 to 1; NaN without a neighbour."""
-    du = np.full_like(xyz_mm, np.nan)
-    dv = np.full_like(xyz_mm, np.nan)
-    du[:, 1:-1] = xyz_mm[:, 2:] - xyz_mm[:, :-2]
-    dv[1:-1] = xyz_mm[2:] - xyz_mm[:-2]
-    normal = np.cross(dv, du)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    normal *= np.where(normal[..., 2:] < 0, -1, 1)  # towards the camera
-    light = np.array([-0.5, 0.5, 0.7], np.float32)
-    lit = normal @ (light / np.linalg.norm(light))
-    return np.clip(lit, 0.0, 1.0).astype(np.float32)
+def heights(xyz_mm: NDArray) -> NDArray[np.float32]:
+    """Measure the points from the plane that fits them best, shape (H, W), mm, positive towards the camera."""
+    valid = np.isfinite(xyz_mm).all(axis=-1)
+    found = np.full(valid.shape, np.nan, np.float32)
+    if np.count_nonzero(valid) >= 4:
+        found[valid] = fit_plane(xyz_mm[valid]).deviations(xyz_mm[valid])
+    return found
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Points to be drawn in space: places, shape (n, 3), about their middle, right, away and up from the camera, mm."""
+
+    places_mm: NDArray[np.float32]
+    colours: NDArray[np.float32]  # (n, 4), 0 to 1
+    size_mm: float  # of the cloud, edge to edge
+    spacing_mm: float  # between neighbours
+
+
+def cloud_of(points: Points, progress: Progress = SILENT) -> Cloud:
+    """Choose so many points that drawing stays fluent, coloured by height and lit."""
+    view = map_view(points, "shaded", progress)
+    step = max(1, ceil(sqrt(points.count / MOST_DRAWN)))
+    xyz, colours = points.xyz_mm[::step, ::step], view.colours[::step, ::step]
+    valid = np.isfinite(xyz).all(axis=-1)
+    places = xyz[valid] @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float32)  # X, -Z, Y
+    if not len(places):
+        return Cloud(places, np.zeros((0, 4), np.float32), 1.0, 1.0)
+    low, high = np.percentile(places, (1, 99), axis=0)
+    size = float(np.linalg.norm(high - low)) or 1.0
+    apart = np.linalg.norm(np.diff(xyz, axis=1), axis=-1)
+    apart = apart[np.isfinite(apart)]
+    spacing = float(np.median(apart)) if len(apart) else size / 100
+    middle = ((low + high) / 2).astype(np.float32)
+    return Cloud(places - middle, colours[valid].astype(np.float32) / 255, size, spacing)

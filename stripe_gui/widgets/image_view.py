@@ -140,6 +140,7 @@ class ImageView(QWidget):
         unit: str = "",
         digits: int = 0,
         extra: Callable[[int, int], str] | None = None,
+        colours: NDArray[np.uint8] | None = None,
     ) -> None:
         """Show an image between two fixed levels; the zoom stays where it is unless the size is another.
 
@@ -152,6 +153,8 @@ class ImageView(QWidget):
             Decimals of the read-out.
         extra : callable, optional
             ``extra(u, v)`` gives more text for the read-out at a pixel.
+        colours : array, shape (H, W, 4), optional
+            What is painted instead of the scale's colours, such as a shaded map.
         """
         before = None if self._image is None else self._image.shape
         self._image = None if image is None else np.asarray(image)
@@ -161,8 +164,12 @@ class ImageView(QWidget):
             self.bar.hide()
             self._say(None)
             return
-        self.image_item.setLookupTable(None if scale == "grey" else lookup(scale), update=False)
-        self.image_item.setImage(self._image, autoLevels=False, levels=levels)
+        if colours is not None:
+            self.image_item.setLookupTable(None, update=False)
+            self.image_item.setImage(colours, autoLevels=False, levels=(0, 255))
+        else:
+            self.image_item.setLookupTable(None if scale == "grey" else lookup(scale), update=False)
+            self.image_item.setImage(self._image, autoLevels=False, levels=levels)
         height, width = self._image.shape
         self.image_item.setRect(QRectF(-0.5, -0.5, width, height))
         self.bar.setVisible(self._with_bar)
