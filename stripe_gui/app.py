@@ -11,9 +11,11 @@ from PySide6.QtCore import QLibraryInfo, QLocale, QObject, Qt, QTranslator
 from PySide6.QtGui import QFont, QFontDatabase, QIcon
 from PySide6.QtWidgets import QApplication
 
+from core.devices import offer_screens
 from stripe_gui import theme
 from stripe_gui.assets import asset
 from stripe_gui.main_window import MainWindow
+from stripe_gui.screens import Screens
 from stripe_gui.workbench import Workbench
 
 FONT_PT = 9.5
@@ -46,6 +48,7 @@ class Program(QObject):
         super().__init__()
         self.app = app
         self.bench = bench or Workbench()
+        offer_screens(Screens().open)  # capturing may use any screen as a projector
         self._translators: list[QTranslator] = []
         self.show_theme(self.bench.settings.text("theme", "system"))
         self.load_language(self.bench.settings.text("language", "") or _desktop_language())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -64,8 +64,16 @@ class Connection:
     setting: Setting | None
 
 
-def projector_kinds(virtual: str) -> tuple[DeviceKind, ...]:
-    """Give the ways to reach a projector; `virtual` is the URL of the virtual rig of the project's sizes."""
+def projector_kinds(virtual: str, screens: Sequence[str] = ()) -> tuple[DeviceKind, ...]:
+    """Give the ways to reach a projector.
+
+    Parameters
+    ----------
+    virtual : str
+        URL of the virtual rig of the project's sizes.
+    screens : sequence of str
+        The screens of this computer, each with its number and size.
+    """
     scene = virtual.partition(":")[2] or "flat"
     return (
         DeviceKind(
@@ -86,12 +94,12 @@ def projector_kinds(virtual: str) -> tuple[DeviceKind, ...]:
         DeviceKind(
             "screen",
             translate("Capturing", "Second screen (HDMI)"),
-            "screen:1",
+            f"screen:{max(len(screens) - 1, 0)}",
             translate(
                 "Capturing",
-                "Any projector that is a screen of this computer; screen 0 is the first. "
-                "Set it to its own resolution and switch its picture improvements off.",
-            ),
+                "Any projector that is a screen of this computer, at its own resolution, picture improvements off. "
+                "Screens: {screens}.",
+            ).format(screens="; ".join(screens)),
         ),
         DeviceKind(
             "emulated",

@@ -19,6 +19,7 @@ from stripe_gui.presenters.capturing import (
 )
 from stripe_gui.presenters.failures import describe
 from stripe_gui.presenters.looking import Rig
+from stripe_gui.screens import screen_names
 from stripe_gui.widgets.layout import boxed, button, card, column, label, row
 from stripe_gui.widgets.notice import Sign
 from stripe_gui.workbench import Workbench
@@ -121,7 +122,7 @@ class DevicesStep(QWidget):
     def offer(self, project: Project, virtual: str, urls: tuple[str, str]) -> None:
         """Offer what suits a project."""
         self._project, self.connection, self._tested = project, None, None
-        self.projector.offer(projector_kinds(virtual), urls[0])
+        self.projector.offer(projector_kinds(virtual, screen_names()), urls[0])
         self.camera.offer(camera_kinds(virtual), urls[1])
         self._say(None, ())
         self._list_scenes()

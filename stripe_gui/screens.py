@@ -1,0 +1,201 @@
+"""Any HDMI projector as a second screen: a window over the whole of it, one pixel of the pattern on one of its own.
+
+Patterns come from a worker thread; windows live in the program's own thread. A `Courier` carries each wish across and
+waits until it is done, so that a pattern counts as shown only once it was painted.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QCoreApplication, QObject, QSize, Qt, QThread, Signal
+from PySide6.QtGui import QColor, QGuiApplication, QImage, QPainter, QScreen
+from PySide6.QtWidgets import QWidget
+
+from core.errors import DeviceError
+
+PATIENCE_S = 5.0  # for a window to appear, and for the program's thread to answer
+RETRY_S = 0.01
+
+
+def pixels_of(screen: QScreen) -> QSize:
+    """Give a screen's size in its own pixels, whatever the desktop's scaling pretends."""
+    ratio = screen.devicePixelRatio()
+    return QSize(round(screen.geometry().width() * ratio), round(screen.geometry().height() * ratio))
+
+
+class PatternWindow(QWidget):
+    """A frameless window that paints one image, unscaled, on black."""
+
+    def __init__(self, screen: QScreen) -> None:
+        super().__init__(None, Qt.WindowType.FramelessWindowHint | Qt.WindowType.WindowStaysOnTopHint)
+        self.setWindowTitle(self.tr("Patterns"))
+        self.setAccessibleName(self.tr("Patterns of the projector"))
+        self.setAttribute(Qt.WidgetAttribute.WA_QuitOnClose, False)
+        self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
+        self.setAttribute(Qt.WidgetAttribute.WA_ShowWithoutActivating)
+        self.setCursor(Qt.CursorShape.BlankCursor)
+        self.setScreen(screen)
+        self.setGeometry(screen.geometry())
+        self.painted = 0  # number of the image that was painted last
+        self._number = 0
+        self._image = QImage()
+        self._pixels: NDArray[np.uint8] | None = None  # what the image looks into
+
+    def show_image(self, pixels: NDArray[np.uint8]) -> int:
+        """Paint an image, shape (H, W), at once if the window can be seen; give its number."""
+        height, width = pixels.shape
+        self._pixels = np.ascontiguousarray(pixels)
+        self._image = QImage(self._pixels.data, width, height, width, QImage.Format.Format_Grayscale8)
+        self._number += 1
+        self.repaint()
+        return self._number
+
+    def paintEvent(self, _event: object) -> None:  # noqa: N802
+        """Paint the image, one of its pixels on one of the screen's."""
+        painter = QPainter(self)
+        painter.fillRect(self.rect(), QColor("black"))
+        if not self._image.isNull():
+            self._image.setDevicePixelRatio(self.devicePixelRatioF())
+            painter.drawImage(0, 0, self._image)
+        painter.end()
+        self.painted = self._number
+
+
+class Courier(QObject):
+    """Has functions called in the thread it was made in, and waits for their results."""
+
+    _sent = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._sent.connect(self._deliver, Qt.ConnectionType.QueuedConnection)
+
+    @property
+    def at_home(self) -> bool:
+        """Whether the caller is in the courier's own thread."""
+        return QThread.currentThread() == self.thread()
+
+    def call(self, function: Callable[[], Any]) -> Any:
+        """Call a function over there.
+
+        Raises
+        ------
+        DeviceError
+            If the program's thread does not answer.
+        """
+        if self.at_home:
+            return function()
+        done = threading.Event()
+        result: list[Any] = []
+
+        def carry() -> None:
+            try:
+                result.append((function(), None))
+            except Exception as error:  # handed over to whoever asked
+                result.append((None, error))
+            done.set()
+
+        self._sent.emit(carry)
+        if not done.wait(PATIENCE_S):
+            raise DeviceError(
+                "screen", f"the window does not answer within {PATIENCE_S:g} s", "start the program again"
+            )
+        value, error = result[0]
+        if error is not None:
+            raise error
+        return value
+
+    def _deliver(self, carry: Callable[[], None]) -> None:
+        carry()
+
+
+class ScreenSurface:
+    """A pattern window as `core.devices` wants it; may be used from any thread."""
+
+    def __init__(self, courier: Courier, number: int) -> None:
+        self._courier, self._number = courier, number
+        self._window: PatternWindow | None = courier.call(self._make)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in the screen's own pixels."""
+        size = self._courier.call(lambda: pixels_of(self._window.screen()) if self._window else QSize())
+        return size.width(), size.height()
+
+    def present(self, image: NDArray[np.uint8]) -> None:
+        """Show an image (H, W) of the surface's size; returns once it was painted.
+
+        Raises
+        ------
+        DeviceError
+            If the window is gone or cannot be seen, or the image is of another size.
+        """
+        end = time.monotonic() + PATIENCE_S
+        while not self._courier.call(lambda: self._paint(image)):
+            if time.monotonic() > end:
+                raise DeviceError(
+                    f"screen {self._number}", "its window cannot be seen", "switch the screen on and end screen savers"
+                )
+            if self._courier.at_home:
+                QCoreApplication.processEvents()  # the window is still on its way to the screen
+            time.sleep(RETRY_S)
+
+    def close(self) -> None:
+        """Take the window away."""
+        self._courier.call(self._remove)
+
+    def _make(self) -> PatternWindow:
+        screens = QGuiApplication.screens()
+        if not 0 <= self._number < len(screens):
+            raise DeviceError(f"screen:{self._number}", "no such screen", f"there are {'; '.join(screen_names())}")
+        window = PatternWindow(screens[self._number])
+        window.showFullScreen()
+        return window
+
+    def _paint(self, image: NDArray[np.uint8]) -> bool:
+        window = self._window
+        if window is None:
+            raise DeviceError(f"screen {self._number}", "its window is closed", "open the projector again")
+        size = pixels_of(window.screen())
+        if image.shape != (size.height(), size.width()):
+            seen = f"an image of {image.shape[1]}x{image.shape[0]} px for {size.width()}x{size.height()}"
+            raise DeviceError(f"screen {self._number}", seen, "set the screen to the projector's own resolution")
+        return window.show_image(image) == window.painted
+
+    def _remove(self) -> None:
+        window, self._window = self._window, None
+        if window is not None:
+            window.hide()
+            window.deleteLater()
+
+
+class Screens:
+    """Makes pattern windows; to be made in the program's own thread."""
+
+    def __init__(self) -> None:
+        self._courier = Courier()
+
+    def open(self, number: int) -> ScreenSurface:
+        """Open a window over screen `number`.
+
+        Raises
+        ------
+        DeviceError
+            If there is no such screen.
+        """
+        return ScreenSurface(self._courier, number)
+
+
+def screen_names() -> list[str]:
+    """Describe the screens of this computer, in the order of their numbers."""
+    found = []
+    for number, screen in enumerate(QGuiApplication.screens()):
+        size = pixels_of(screen)
+        found.append(f"{number}: {screen.name()} {size.width()} × {size.height()}")
+    return found
