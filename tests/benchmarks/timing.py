@@ -207,13 +207,18 @@ def floor(arrays: Sequence[np.ndarray], output_bytes: int = 0) -> list[Contestan
     return [Contestant(FLOOR, fresh, equal), Contestant(WARM, warm, equal)]
 
 
+def resident_mb() -> float:
+    """Give how much memory this process holds now."""
+    return _status_mb("VmRSS")
+
+
 def _reset_peak() -> float:
     """Let the kernel forget this process's peak memory; give what is in use now, in MB."""
     try:
         Path("/proc/self/clear_refs").write_text("5")
     except OSError:
         return math.nan
-    return _status_mb("VmRSS")
+    return resident_mb()
 
 
 def _status_mb(name: str) -> float:
