@@ -147,7 +147,7 @@ class ReconstructPage(MapPage):
         problem = gl_problem(self.bench.settings)
         self.offer(KINDS if problem else (*KINDS, SPACE), kind_name)
         text = self.tr("No view in space: {problem}. The shaded height shows the surface instead.")
-        self.why_flat.setText(text.format(problem=problem))
+        self.why_flat.setText(text.format(problem=problem) if problem else "")
         self.why_flat.setHidden(not problem)
 
     def _told(self, name: str) -> None:

@@ -197,9 +197,17 @@ def test_reconstructing_shows_the_surface_and_exports_it(
     window.bench.session.choose_capture("object-sphere")
     click(page.run_button, qtbot)
     idle(window, qtbot)
+    shown = []
     for i in range(page.kind.count()):
         page.kind.setCurrentIndex(i)
-        assert page.view.image is not None
+        idle(window, qtbot)
+        shown.append(page.view.image)
+    shaded, height, depth, sigma = shown
+    assert np.array_equal(shaded, height, equal_nan=True)
+    assert np.nanmax(height) - np.nanmin(height) > 3
+    assert np.nanmedian(depth) < -100
+    assert np.nanmin(sigma) > 0
+    assert "without a screen" in page.why_flat.text()
     for ending in ("ply", "xyz", "npz"):
         answers.path = tmp_path / f"sphere.{ending}"
         click(page.export_button, qtbot)
