@@ -36,6 +36,7 @@ class Background(QObject):
         self._ahead = JobQueue(self)
         self._version: tuple[object, ...] = ()
         self._unreadable: set[int] = set()
+        self._stopped = False
         self.at_work: set[int] = set()
 
     @property
@@ -45,6 +46,7 @@ class Background(QObject):
 
     def stop(self) -> None:
         """Prepare nothing more."""
+        self._stopped = True
         self._ahead.shut_down()
 
     def take_measured(self) -> None:
@@ -96,7 +98,7 @@ class Background(QObject):
 
     def prepare(self) -> None:
         """Make ready what the operator will need next: this image, then the next ones, looked at and decoded."""
-        if self._ahead.busy:
+        if self._ahead.busy or self._stopped:
             return
         model = self._model
         for image in dict.fromkeys((model.image, model.next_image(due=True), model.next_image(1))):

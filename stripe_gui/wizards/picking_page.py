@@ -207,7 +207,8 @@ class PickPage(Page):
         if model is None or view is None or self.background is None:
             return
         if move:
-            self._set_cursor(*(view.places.get(model.target) or model.likely() or self._middle()))
+            known = None if model.target in model.picked else view.places.get(model.target)
+            self._set_cursor(*(known or model.likely() or self._middle()))
         self.side.show_target(model, view)
         self.marks.show_chosen(view.places.get(model.target) if len(view.marks.measured) else None)
         step = next_step(model, view, self.background.at_work)
