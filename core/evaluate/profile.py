@@ -65,7 +65,7 @@ def read_profile(evaluation: PlaneEvaluation, spec: DeviceSpec, start: Pair, sto
     deviation, _ = interpolate(evaluation.deviation_mm, uv)
     sigma = np.full(len(uv), np.nan)
     if evaluation.sigma_mm.shape == evaluation.deviation_mm.shape:
-        sigma = np.sqrt(interpolate(evaluation.sigma_mm.astype(np.float64) ** 2, uv)[1])
+        _, sigma = interpolate(evaluation.sigma_mm, uv)
     length = np.full(len(uv), np.nan)
     if evaluation.camera is not None:
         points = points_on_plane(evaluation.plane, spec, evaluation.camera, uv)
@@ -84,19 +84,19 @@ def interpolate(image: NDArray, uv: ArrayLike) -> tuple[Array, Array]:
 
     Returns
     -------
-    mean, squared : array, shape (n,)
-        Σ w g and Σ w² g with the weights w of the four pixels' values g; NaN outside the image, and where a pixel of
-        weight above zero is NaN.
+    mean, spread : array, shape (n,)
+        Σ w g and √Σ w² g² with the weights w of the four pixels' values g: the mean, and where the values are sigmas of
+        independent pixels, the sigma of their mean. NaN outside the image, and where a pixel of weight above zero is.
 
     Examples
     --------
     >>> interpolate(np.array([[0.0, 1.0], [2.0, 3.0]]), [[0.5, 0.5], [1.0, 0.0]])[0].tolist()
     [1.5, 1.0]
     """
-    p = np.asarray(uv, np.float64).reshape(-1, 2)
+    p = np.array(uv, np.float64).reshape(-1, 2)
     height, width = image.shape
-    inside = ((p >= 0) & (p <= (width - 1, height - 1))).all(axis=1)
-    p = np.where(inside[:, None], p, 0.0)
+    inside = np.all((p >= 0) & (p <= np.array([width - 1, height - 1])), axis=1)
+    p[~inside] = 0.0
     corner = np.minimum(np.floor(p).astype(np.intp), (max(width - 2, 0), max(height - 2, 0)))
     fraction = p - corner
     mean, squared = np.zeros(len(p)), np.zeros(len(p))
@@ -106,8 +106,8 @@ def interpolate(image: NDArray, uv: ArrayLike) -> tuple[Array, Array]:
             column, row = np.minimum(corner[:, 0] + du, width - 1), np.minimum(corner[:, 1] + dv, height - 1)
             value = np.where(weight > 0, image[row, column], 0.0)
             mean += weight * value
-            squared += weight**2 * value
-    return np.where(inside, mean, np.nan), np.where(inside, squared, np.nan)
+            squared += (weight * value) ** 2
+    return np.where(inside, mean, np.nan), np.where(inside, np.sqrt(squared), np.nan)
 
 
 def points_on_plane(plane: ArrayLike, spec: DeviceSpec, camera: Interior, uv: ArrayLike) -> Array:

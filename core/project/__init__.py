@@ -1,6 +1,5 @@
 """The folder on disk: what the interchange format prescribes, read with every check, written whole or not at all.
 
-atomic.py    a file is either the old one or the whole new one
 images.py    frames: single-channel PNG and TIFF of 8 or 16 bit; a truncated file is refused
 captures.py  project.json, testfield.csv, capture.json and picks.json, read and written
 boards.py    regular testfields, and a new project without captures

@@ -99,6 +99,7 @@ class _Facts:
         self.written = {name: written_ns(folder.result_file(f"{name}.npz")) for name in names}
         self.runs = {method: current_run(folder.project, method) for method in METHODS}
         self.report = written_ns(folder.result_file("report/report.html"))
+        self.signed = written_ns(folder.result_file("sign-off.json"))
         self.newest = newest(self.readable)
 
     def read_ns(self, method: Method) -> int | None:
@@ -230,7 +231,9 @@ def _evaluate(facts: _Facts, calibrate: StageStatus) -> StageStatus:
         return StageStatus("evaluate", State.STALE, translate("Stages", "calibrated anew since"))
     if newest(facts.planes) > written:
         return StageStatus("evaluate", State.STALE, translate("Stages", "plane captures changed since"))
-    return StageStatus("evaluate", State.DONE, translate("Stages", "{n} planes").format(n=len(facts.planes)))
+    done, there = len(_evaluated(facts.folder.path)), len(facts.planes)
+    text = translate("Stages", "{n} planes") if done == there else translate("Stages", "{n} of {m} planes")
+    return StageStatus("evaluate", State.DONE, text.format(n=done, m=there))
 
 
 def _report(facts: _Facts, states: dict[str, StageStatus]) -> StageStatus:
@@ -241,7 +244,7 @@ def _report(facts: _Facts, states: dict[str, StageStatus]) -> StageStatus:
         return StageStatus("report", State.TODO, text)
     if State.STALE in (states["calibrate"].state, states["evaluate"].state):
         return StageStatus("report", State.STALE, translate("Stages", "a stage before it is out of date"))
-    if max(calibrated or 0, facts.written["evaluation"] or 0) > facts.report:
+    if max(calibrated or 0, facts.written["evaluation"] or 0, facts.signed or 0) > facts.report:
         return StageStatus("report", State.STALE, translate("Stages", "results changed since"))
     return StageStatus("report", State.DONE, translate("Stages", "HTML and PDF"))
 
@@ -297,3 +300,12 @@ def decoded_captures(folder: Path) -> dict[str, dict]:
         return {str(name): dict(entry) for name, entry in stored["captures"].items()}
     except (OSError, ValueError, KeyError, AttributeError, TypeError):
         return {}
+
+
+def _evaluated(folder: Path) -> set[str]:
+    """Read which plane captures the evaluation holds."""
+    try:
+        stored = json.loads((folder / "results" / "evaluation.json").read_text(encoding="utf-8"))
+        return {str(plane["capture"]) for plane in stored["planes"]}
+    except (OSError, ValueError, KeyError, TypeError):
+        return set()

@@ -136,13 +136,11 @@ class PlaneTableWizard(Wizard):
 
     def _fill(self) -> None:
         signed = self.bench.guarded(load_sign_off, self.session.folder.project, self._view.evaluations)
-        settings = self.bench.settings
-        self.signing.fill(signed, settings.text("operator"), settings.text("instrument"))
+        self.signing.fill(signed, self.bench.settings.text("instrument"))
 
     def _remember(self) -> None:
         signed = self.signing.sign_off()
         if signed is not None:
-            self.bench.settings.set("operator", signed.operator)
             self.bench.settings.set("instrument", signed.instrument)
 
     def _forget(self) -> None:

@@ -285,12 +285,11 @@ class SignOffStep(QWidget):
         self._view = view
         self._judge()
 
-    def fill(self, sign_off: SignOff | None, operator: str, instrument: str) -> None:
-        """Show the sign-off there is, or what was typed last time with today's date."""
+    def fill(self, sign_off: SignOff | None, instrument: str) -> None:
+        """Show the sign-off there is, or the instrument typed last time with today's date."""
         today = f"{date.today():%Y-%m-%d}"
-        shown = sign_off or SignOff(operator, instrument, date=today)
-        self.operator.setText(sign_off.operator if sign_off else "")
-        self.operator.setPlaceholderText(operator or self.tr("without a name the report is not signed"))
+        shown = sign_off or SignOff("", instrument, date=today)
+        self.operator.setText(shown.operator)
         self.instrument.setText(shown.instrument)
         self.date.setText(shown.date)
         self.remark.setText(shown.remark)
