@@ -116,7 +116,7 @@ def board_sheet(testfield: Testfield, name: str = "") -> Sheet:
     >>> sheet = board_sheet(field)
     >>> sheet.title, sheet.bars_mm
     ('Testfield 2 rows × 3 columns', (80.0, 60.0))
-    >>> np.ptp(sheet.targets_mm[:, 0])
+    >>> float(np.ptp(sheet.targets_mm[:, 0]))
     40.0
     """
     spacing = _checked(testfield)
