@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from core.calibrate.columns import without_unobservable
 from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
-from core.calibrate.datum import aligned
 from core.calibrate.elimination import invert
-from core.calibrate.equations import Equations, linearise
+from core.calibrate.equations import Equations, linearise, misclosures
 from core.calibrate.initial import initial_state
 from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import Inverse, SingularNormalsError
@@ -160,14 +159,16 @@ def _solve(network: Network, problem: Problem, state: State, options: AdjustOpti
                 tolerance=options.tolerance,
                 progress=progress,
             )
-            state = aligned(weighted, solution.state)
-            equations = linearise(weighted, state)
-            inverse = invert(weighted, state, equations)
+            state = solution.state
+            inverse = invert(weighted, solution.reduced)
         except SingularNormalsError as error:
-            raise singular_error(network, weighted, state, linearise(weighted, state), error) from None
+            raise singular_error(network, weighted, state, error) from None
         except NotConvergedError as error:
-            raise unsolved_error(network, weighted, error.solution) from None
+            raise unsolved_error(network, weighted, error) from None
         convergence = convergence or solution.convergence
+        # derivatives where the inverse has them, before the last, tiny step
+        J = linearise(weighted, solution.reduced.state).J
+        equations = Equations(misclosures(weighted, state), J, solution.cost)
         numbers = redundancy_numbers(weighted, equations, inverse)
         solved = Solved(network, weighted, state, equations, inverse, numbers, convergence, dict(factors))
         if not options.variance_components:

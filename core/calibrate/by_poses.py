@@ -5,71 +5,70 @@ The reduced system holds the covariances of all that matters, and the inner cons
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.datum import datum_columns, null_space
 from core.calibrate.dense import factorise, inverse_of_factor, solve_factor
-from core.calibrate.equations import Equations
-from core.calibrate.normals import Factor, Inverse, Normals, factors_of_blocks
+from core.calibrate.equations import distance_equation
+from core.calibrate.normals import Factor, Inverse, Normals
 from core.calibrate.problem import Problem, State, Step
 
 Array = NDArray[np.float64]
 
 
-def _with_distance(problem: Problem, equations: Equations, normals: Normals) -> tuple[Array, Array]:
-    """Kept block and right-hand side with the measured distance added, as copies."""
-    N, b = normals.N.copy(), normals.b.copy()
-    if problem.scale is not None and problem.points:
-        G = problem.globals
-        at = np.concatenate([G + 3 * end + np.arange(3) for end in (problem.scale.start, problem.scale.stop)])
-        row = np.concatenate([equations.J_scale, -equations.J_scale])
-        N[np.ix_(at, at)] += np.outer(row, row)
-        b[at] += row * equations.w_scale
-    return N, b
+@dataclass(frozen=True)
+class Reduced:
+    """The reduced system made regular by the datum, whose constraints D, shape (U, defect), weigh kappa each."""
+
+    state: State
+    normals: Normals
+    factor: Factor
+    right: Array
+    b: Array
+    D: Array
+    kappa: float
 
 
-def _kappa(problem: Problem, normals: Normals) -> float:
-    """Weight of the inner constraints: the mean weight of a point's coordinate."""
-    G = problem.globals
-    return float(np.trace(normals.N[G:, G:])) / (3 * problem.points)
-
-
-def _reduce(
-    problem: Problem, state: State, equations: Equations, normals: Normals, damping: float
-) -> tuple[Factor, Array, Array]:
-    """Factor of the reduced system made regular by the datum, its right-hand side, and the poses' factors."""
-    lower = factors_of_blocks(normals.N_own, damping)
-    N, b = _with_distance(problem, equations, normals)
-    U, P, G = len(b), len(lower), problem.globals
-    root = np.linalg.solve(lower, normals.N_mixed).reshape(6 * P, U)
-    M = N - root.T @ root
-    b = b - root.T @ np.linalg.solve(lower, normals.b_own[..., None]).reshape(6 * P)
-    M[np.diag_indices(U)] += damping * np.diagonal(N)
-    if problem.points:
-        D = datum_columns(state.xyz, problem.defect)
-        M[G:, G:] += _kappa(problem, normals) * (D @ D.T)
-    return factorise(M), b, lower
-
-
-def solve(problem: Problem, state: State, equations: Equations, normals: Normals, damping: float) -> Step:
-    """One step of the adjustment, under the inner constraints.
+def reduce(problem: Problem, state: State, normals: Normals, damping: float) -> Reduced:
+    """Add measured distance, damping and datum to the reduced normals, which are overwritten, and factorise them.
 
     Raises
     ------
     SingularNormalsError
     """
-    factor, b, lower = _reduce(problem, state, equations, normals, damping)
-    dz = solve_factor(factor, b)
-    right = normals.b_own - normals.N_mixed @ dz
-    half = np.linalg.solve(lower, right[..., None])
-    dp = np.asarray(np.linalg.solve(lower.transpose(0, 2, 1), half)[..., 0], dtype=np.float64)
-    gain = float(_with_distance(problem, equations, normals)[1] @ dz + np.sum(normals.b_own * dp))
-    G = problem.globals
-    return Step(dz[:G], dp, dz[G:].reshape(-1, 3), gain)
+    M, right, b, diagonal = normals.M, normals.right.copy(), normals.b.copy(), normals.diagonal.copy()
+    G, n = problem.globals, problem.points
+    if problem.scale is not None and n:
+        w, J = distance_equation(problem, state)
+        at = np.concatenate([G + 3 * end + np.arange(3) for end in (problem.scale.start, problem.scale.stop)])
+        row = np.concatenate([J, -J])
+        M[np.ix_(at, at)] += np.outer(row, row)
+        diagonal[at] += row**2
+        right[at] += row * w
+        b[at] += row * w
+    M[np.diag_indices(len(b))] += damping * diagonal
+    # the mean weight of a point's coordinate
+    kappa = float(np.mean(normals.diagonal[G:])) if n else 0.0
+    D = datum_columns(state.xyz, problem.defect) if n else np.zeros((0, 0))
+    M[G:, G:] += (kappa * D) @ D.T
+    return Reduced(state, normals, factorise(M), right, b, D, kappa)
 
 
-def invert(problem: Problem, state: State, equations: Equations, normals: Normals) -> Inverse:
+def solve(problem: Problem, reduced: Reduced) -> Step:
+    """One step of the adjustment, under the inner constraints."""
+    normals, G = reduced.normals, problem.globals
+    dz = solve_factor(reduced.factor, reduced.right)
+    whitened = normals.half - normals.root @ dz
+    dp = np.linalg.solve(normals.lower.transpose(0, 2, 1), whitened[..., None])[..., 0]
+    # whose right-hand side is L half
+    gain = float(reduced.b @ dz) + float(np.einsum("est,et,es->", normals.lower, normals.half, dp))
+    return Step(dz[:G], np.asarray(dp, dtype=np.float64), dz[G:].reshape(-1, 3), gain)
+
+
+def invert(problem: Problem, reduced: Reduced) -> Inverse:
     """Cofactors of all unknowns in the free network of least trace.
 
     Notes
@@ -80,18 +79,13 @@ def invert(problem: Problem, state: State, equations: Equations, normals: Normal
         Q = (N + κDDᵀ)⁻¹ - κ⁻¹ H (DᵀH)⁻¹ (HᵀD)⁻¹ Hᵀ
 
     which is the usual ``(N + κDDᵀ)⁻¹ - κ⁻¹ D (DᵀD)⁻² Dᵀ`` where H = D.
-
-    Raises
-    ------
-    SingularNormalsError
     """
-    factor, _, lower = _reduce(problem, state, equations, normals, 0.0)
-    Q, G = inverse_of_factor(factor), problem.globals
+    normals, G = reduced.normals, problem.globals
+    Q = inverse_of_factor(reduced.factor)
     if problem.defect:
-        D, H = datum_columns(state.xyz, problem.defect), null_space(problem, state)
-        K = np.linalg.solve((D.T @ H[G:]).T, H.T)
-        Q -= (K.T @ K) / _kappa(problem, normals)
-    half = np.linalg.inv(lower)
-    Q_own = half.transpose(0, 2, 1) @ half
-    strength = 1.0 / (np.diagonal(Q)[:G] * np.diagonal(normals.N)[:G])
-    return Inverse(Q, Q_own @ normals.N_mixed, Q_own, strength)
+        H = null_space(problem, reduced.state)
+        K = np.linalg.solve((reduced.D.T @ H[G:]).T, H.T)
+        Q -= (K.T @ K) / reduced.kappa
+    back = np.linalg.inv(normals.lower).transpose(0, 2, 1)
+    strength = 1.0 / (np.diagonal(Q)[:G] * normals.diagonal[:G])
+    return Inverse(Q, back @ normals.root, back @ back.transpose(0, 2, 1), strength)

@@ -41,7 +41,8 @@ def inverse_of_factor(factor: Factor) -> Array:
     """Inverse of the factorised matrix, shape (U, U)."""
     half, info = sla.lapack.dpotri(factor.lower, lower=1)
     assert info == 0, "the factor has no zero on its diagonal"
-    Q = np.tril(half) + np.tril(half, -1).T
+    Q = half + half.T  # above the diagonal the factor is zero
+    Q[np.diag_indices(len(Q))] *= 0.5
     Q *= factor.scale
     Q *= factor.scale[:, None]
     return Q

@@ -3,39 +3,41 @@
 from __future__ import annotations
 
 from core.calibrate import by_points, by_poses
-from core.calibrate.equations import Equations
 from core.calibrate.normals import Inverse, Normals, assemble
 from core.calibrate.problem import Problem, State, Step
 
+Reduced = by_points.Reduced | by_poses.Reduced
 
-def solve(
-    problem: Problem, state: State, equations: Equations, damping: float = 0.0, normals: Normals | None = None
-) -> Step:
-    """One step of the adjustment, under the inner constraints.
+
+def reduce(problem: Problem, state: State, damping: float = 0.0, normals: Normals | None = None) -> Reduced:
+    """Normal equations at a state, reduced, given their datum and factorised.
 
     Parameters
     ----------
-    problem, state, equations
-        The network, where its unknowns stand, and its linearised equations there.
+    problem, state
+        The network, and where its unknowns stand.
     damping : float
         All diagonals are multiplied by 1 + damping (Levenberg, Marquardt).
     normals : Normals, optional
-        The normal equations, where the caller has changed them.
+        What `assemble` gives with that damping, where the caller has changed it; it is overwritten.
 
     Raises
     ------
     SingularNormalsError
     """
     method = by_points if problem.by_points else by_poses
-    return method.solve(problem, state, equations, normals or assemble(problem, equations), damping)
+    return method.reduce(problem, state, normals or assemble(problem, state, damping), damping)
 
 
-def invert(problem: Problem, state: State, equations: Equations) -> Inverse:
-    """Cofactors of all unknowns in the free network of least trace.
+def solve(problem: Problem, reduced: Reduced) -> Step:
+    """One step of the adjustment, under the inner constraints."""
+    if isinstance(reduced, by_points.Reduced):
+        return by_points.solve(problem, reduced)
+    return by_poses.solve(problem, reduced)
 
-    Raises
-    ------
-    SingularNormalsError
-    """
-    method = by_points if problem.by_points else by_poses
-    return method.invert(problem, state, equations, assemble(problem, equations))
+
+def invert(problem: Problem, reduced: Reduced) -> Inverse:
+    """Cofactors of all unknowns in the free network of least trace; the reduced system is undamped."""
+    if isinstance(reduced, by_points.Reduced):
+        return by_points.invert(problem, reduced)
+    return by_poses.invert(problem, reduced)

@@ -1,4 +1,4 @@
-"""The observation equations: collinearity with A1..A6, and their analytic derivatives, for all observations at once.
+"""The observation equations: collinearity with A1..A6, and their analytic derivatives.
 
 Per observation the Jacobian has 24 columns: interior orientation 9 (c, x0, y0, A1..A6), relative orientation 6, pose 6,
 point 3. An orientation's six are a rotation vector that turns from the left, ``R <- exp(w) R``, and a shift in mm.
@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.problem import Problem, State
+from core.calibrate.problem import Observed, Problem, State, Unknowns
 from core.compiling import njit
 from core.parallel import run_in_bands
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 INTERIOR, RELATIVE, POSE, POINT, COLUMNS = 0, 9, 15, 21, 24
 
@@ -30,59 +31,41 @@ class Equations:
         Observed minus computed, in units of the observation's sigma.
     J : array, shape (m, 2, 24)
         Derivatives in the same unit.
-    w_scale : float
-        The same for the measured distance, 0 without one.
-    J_scale : array, shape (3,)
-        Its derivative with respect to its first point; that of the second has the other sign.
+    cost : float
+        Weighted sum of squares vᵀPv, a measured distance included; infinite where a point lies behind its device.
     """
 
     w: Array
     J: Array
-    w_scale: float
-    J_scale: Array
-
-    @property
-    def cost(self) -> float:
-        """Weighted sum of squares vᵀPv; infinite where a point lies behind its device."""
-        total = float(np.sum(self.w * self.w)) + self.w_scale**2
-        return total if np.isfinite(total) else np.inf
+    cost: float
 
 
 @njit(cache=True, nogil=True)
-def _equations_band(  # pragma: no cover  compiled
-    start: int,
-    stop: int,
-    device: NDArray[np.int64],
-    pose: NDArray[np.int64],
-    point: NDArray[np.int64],
-    uv: Array,
-    root_weight: Array,
-    raster: Array,
-    r0: Array,
-    interior: Array,
-    relative_rotation: Array,
-    relative_shift: Array,
-    pose_rotation: Array,
-    pose_shift: Array,
-    xyz: Array,
-    w: Array,
-    J: Array,
+def equations_band(  # pragma: no cover  compiled
+    start: int, stop: int, observed: Observed, unknowns: Unknowns, derive: bool, w: Array, J: Array
 ) -> None:
+    """Misclosures of observations start to stop - 1 into w, shape (stop - start, 2); where asked, their rows into J.
+
+    A point behind its device has infinite misclosures and no derivatives.
+    """
+    device, pose, point, uv, root_weight, raster, r0 = observed
+    interior, relative_rotation, relative_shift, pose_rotation, pose_shift, xyz = unknowns
     d2 = np.empty((2, 3))  # derivative of the image with respect to the point in the device frame
     e2 = np.empty((2, 3))  # the same with respect to the point in the frame of the pose
     turned, placed, moved = np.empty(3), np.empty(3), np.empty(3)
     for o in range(start, stop):
-        d, p, i = device[o], pose[o], point[o]
+        k, d, p, i = o - start, device[o], pose[o], point[o]
         R, S = pose_rotation[p], relative_rotation[d]
-        for k in range(3):
-            turned[k] = R[k, 0] * xyz[i, 0] + R[k, 1] * xyz[i, 1] + R[k, 2] * xyz[i, 2]
-            placed[k] = turned[k] + pose_shift[p, k]
-        for k in range(3):
-            moved[k] = S[k, 0] * placed[0] + S[k, 1] * placed[1] + S[k, 2] * placed[2]
+        for j in range(3):
+            turned[j] = R[j, 0] * xyz[i, 0] + R[j, 1] * xyz[i, 1] + R[j, 2] * xyz[i, 2]
+            placed[j] = turned[j] + pose_shift[p, j]
+        for j in range(3):
+            moved[j] = S[j, 0] * placed[0] + S[j, 1] * placed[1] + S[j, 2] * placed[2]
         X, Y, Z = moved[0] + relative_shift[d, 0], moved[1] + relative_shift[d, 1], moved[2] + relative_shift[d, 2]
         if Z >= 0.0:  # behind the device
-            w[o, 0] = w[o, 1] = np.inf
-            J[o] = 0.0
+            w[k, 0] = w[k, 1] = np.inf
+            if derive:
+                J[k] = 0.0
             continue
         c, x0, y0, a1, a2, a3, a4, a5, a6 = interior[d]
         k1 = -1.0 / Z
@@ -91,12 +74,14 @@ def _equations_band(  # pragma: no cover  compiled
         dr = a1 * (r2 - q2) + a2 * (r2 * r2 - q2 * q2)
         x1 = x + x * dr + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) + x0
         y1 = y + y * dr + 2 * a6 * x * y + a5 * (r2 + 2 * y * y) + y0
-        su, sv = root_weight[o, 0] / raster[d, 0], -root_weight[o, 1] / raster[d, 1]
         u = (x1 + a3 * x1 + a4 * y1) / raster[d, 0] + raster[d, 2]
         v = raster[d, 3] - (y1 + a4 * x1 - a3 * y1) / raster[d, 1]
-        w[o, 0] = (uv[o, 0] - u) * root_weight[o, 0]
-        w[o, 1] = (uv[o, 1] - v) * root_weight[o, 1]
+        w[k, 0] = (uv[o, 0] - u) * root_weight[o, 0]
+        w[k, 1] = (uv[o, 1] - v) * root_weight[o, 1]
+        if not derive:
+            continue
         # affine part times the scale to whitened pixels
+        su, sv = root_weight[o, 0] / raster[d, 0], -root_weight[o, 1] / raster[d, 1]
         t00, t01, t10, t11 = su * (1 + a3), su * a4, sv * a4, sv * (1 - a3)
         g = 2 * (a1 + 2 * a2 * r2)
         jxx = 1 + dr + x * x * g + 2 * a5 * y + 6 * a6 * x
@@ -104,7 +89,7 @@ def _equations_band(  # pragma: no cover  compiled
         jyy = 1 + dr + y * y * g + 2 * a6 * x + 6 * a5 * y
         m00, m01 = t00 * jxx + t01 * jxy, t00 * jxy + t01 * jyy
         m10, m11 = t10 * jxx + t11 * jxy, t10 * jxy + t11 * jyy
-        row0, row1 = J[o, 0], J[o, 1]
+        row0, row1 = J[k, 0], J[k, 1]
         row0[0], row1[0] = (m00 * X + m01 * Y) * k1, (m10 * X + m11 * Y) * k1
         row0[1], row1[1] = t00, t10
         row0[2], row1[2] = t01, t11
@@ -119,52 +104,74 @@ def _equations_band(  # pragma: no cover  compiled
         d2[0, 0], d2[0, 1], d2[0, 2] = m00 * c * k1, m01 * c * k1, (m00 * x + m01 * y) * k1
         d2[1, 0], d2[1, 1], d2[1, 2] = m10 * c * k1, m11 * c * k1, (m10 * x + m11 * y) * k1
         for a in range(2):
-            row = J[o, a]
+            row = J[k, a]
             row[9] = moved[1] * d2[a, 2] - moved[2] * d2[a, 1]
             row[10] = moved[2] * d2[a, 0] - moved[0] * d2[a, 2]
             row[11] = moved[0] * d2[a, 1] - moved[1] * d2[a, 0]
-            for k in range(3):
-                row[12 + k] = d2[a, k]
-                e2[a, k] = d2[a, 0] * S[0, k] + d2[a, 1] * S[1, k] + d2[a, 2] * S[2, k]
+            for j in range(3):
+                row[12 + j] = d2[a, j]
+                e2[a, j] = d2[a, 0] * S[0, j] + d2[a, 1] * S[1, j] + d2[a, 2] * S[2, j]
             row[15] = turned[1] * e2[a, 2] - turned[2] * e2[a, 1]
             row[16] = turned[2] * e2[a, 0] - turned[0] * e2[a, 2]
             row[17] = turned[0] * e2[a, 1] - turned[1] * e2[a, 0]
-            for k in range(3):
-                row[18 + k] = e2[a, k]
-                row[21 + k] = e2[a, 0] * R[0, k] + e2[a, 1] * R[1, k] + e2[a, 2] * R[2, k]
+            for j in range(3):
+                row[18 + j] = e2[a, j]
+                row[21 + j] = e2[a, 0] * R[0, j] + e2[a, 1] * R[1, j] + e2[a, 2] * R[2, j]
+
+
+def misclosures(problem: Problem, state: State) -> Array:
+    """Observed minus computed of a problem at a state in units of sigma, shape (m, 2); infinite behind a device."""
+    w, unused = np.empty((len(problem.point), 2)), np.empty((0, 2, COLUMNS))
+    given = problem.observed, state.unknowns
+    run_in_bands(lambda a, b: equations_band(a, b, *given, False, w[a:b], unused), len(w), least=8192)
+    return w
 
 
 def linearise(problem: Problem, state: State) -> Equations:
     """Observation equations of a problem at a state."""
-    m = len(problem.point)
-    w, J = np.empty((m, 2)), np.empty((m, 2, COLUMNS))
-    p, s = problem, state
+    w = np.empty((len(problem.point), 2))
+    J = np.empty((len(w), 2, COLUMNS))
+    given = problem.observed, state.unknowns
+    run_in_bands(lambda a, b: equations_band(a, b, *given, True, w[a:b], J[a:b]), len(w), least=4096)
+    return Equations(w, J, weighted_squares(problem, state, w))
 
-    def band(start: int, stop: int) -> None:
-        _equations_band(
-            start,
-            stop,
-            p.device,
-            p.pose,
-            p.point,
-            p.uv,
-            p.root_weight,
-            p.raster,
-            p.r0,
-            s.interior,
-            s.relative_rotation,
-            s.relative_shift,
-            s.pose_rotation,
-            s.pose_shift,
-            s.xyz,
-            w,
-            J,
-        )
 
-    run_in_bands(band, m, least=4096)
-    if problem.scale is None:
-        return Equations(w, J, 0.0, np.zeros(3))
+def distance_equation(problem: Problem, state: State) -> tuple[float, Array]:
+    """Misclosure of the measured distance, and its derivative with respect to its first point, whitened.
+
+    That with respect to the second point has the other sign.
+    """
+    assert problem.scale is not None
     difference = state.xyz[problem.scale.start] - state.xyz[problem.scale.stop]
-    length = float(np.linalg.norm(difference))
-    sigma = problem.scale.sigma_mm
-    return Equations(w, J, (problem.scale.length_mm - length) / sigma, difference / (length * sigma))
+    length, sigma = float(np.linalg.norm(difference)), problem.scale.sigma_mm
+    return (problem.scale.length_mm - length) / sigma, difference / (length * sigma)
+
+
+def weighted_squares(problem: Problem, state: State, w: Array) -> float:
+    """vᵀPv of misclosures at a state, a measured distance included; infinite where a point lies behind its device."""
+    total = float(np.vdot(w, w))
+    if problem.scale is not None:
+        total += distance_equation(problem, state)[0] ** 2
+    return total if np.isfinite(total) else np.inf
+
+
+def cost_of(problem: Problem, state: State) -> float:
+    """vᵀPv of a problem at a state."""
+    return weighted_squares(problem, state, misclosures(problem, state))
+
+
+@njit(cache=True, nogil=True)
+def _largest(device: Ints, root_weight: Array, J: Array, largest: Array) -> None:  # pragma: no cover  compiled
+    for o in range(len(device)):
+        for a in range(2):
+            if root_weight[o, a] > 0:
+                unit = 1.0 / root_weight[o, a]
+                for j in range(largest.shape[2]):
+                    largest[device[o], a, j] = max(largest[device[o], a, j], abs(J[o, a, j]) * unit)
+
+
+def largest_displacements(problem: Problem, equations: Equations) -> Array:
+    """How far in its image each device's global parameters move a point at most, mm per unit, shape (devices, 15)."""
+    largest = np.zeros((len(problem.raster), 2, POSE))
+    _largest(problem.device, problem.root_weight, equations.J, largest)
+    return np.asarray(np.max(largest * problem.raster[:, :2, None], axis=1))

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.calibrate.elimination import solve
-from core.calibrate.equations import Equations, linearise
+from core.calibrate.datum import aligned
+from core.calibrate.elimination import Reduced, reduce, solve
+from core.calibrate.equations import cost_of
 from core.calibrate.normals import SingularNormalsError
 from core.calibrate.problem import Problem, State, Step, moved
 from core.progress import SILENT, Progress
 
+LEAST_CONTRACTION = 0.01  # ratio of two steps: what remains is not trusted to shrink faster than that
 ROUNDING_GAIN = 1e-18  # a decrease of vᵀPv below this is rounding, even for observations without noise
 SHORTEST = 1 / 100  # part of a step that is still tried
 SHORTEST_WELCOME = 1 / 5  # a step that must be shortened more calls for damping
@@ -22,11 +24,16 @@ ROUNDING_STALL = 1e-9  # and this, where no part of the step lowers it
 
 @dataclass(frozen=True)
 class Solution:
-    """Where the iterations ended: the state, its equations and vᵀPv at every iteration."""
+    """Where the iterations ended: the state, vᵀPv at every iteration, and the normals before the last, tiny step."""
 
     state: State
-    equations: Equations
     convergence: tuple[float, ...]
+    reduced: Reduced
+
+    @property
+    def cost(self) -> float:
+        """vᵀPv."""
+        return self.convergence[-1]
 
     @property
     def iterations(self) -> int:
@@ -35,11 +42,11 @@ class Solution:
 
 
 class NotConvergedError(Exception):
-    """The iterations ended without a solution; `solution` is where they stood."""
+    """The iterations ended without a solution: where they stood, and vᵀPv at every iteration."""
 
-    def __init__(self, solution: Solution) -> None:
-        super().__init__(solution)
-        self.solution = solution
+    def __init__(self, state: State, convergence: tuple[float, ...]) -> None:
+        super().__init__(state, convergence)
+        self.state, self.convergence = state, convergence
 
 
 def iterate(
@@ -52,8 +59,9 @@ def iterate(
 ) -> Solution:
     """Iterate from approximate values to the least-squares solution.
 
-    Every step keeps the inner constraints. The last one is undamped and shorter than `tolerance` sigmas. The progress's
-    course is told "sigma0" before every step and the step's length in sigmas, all unknowns together, as "correction".
+    Every step keeps the inner constraints. The last one is undamped, and what remains after it is shorter than
+    `tolerance` sigmas, judged by the ratio of the last two. The progress's course is told "sigma0" before every step
+    and the step's length in sigmas, all unknowns together, as "correction".
 
     Raises
     ------
@@ -61,24 +69,29 @@ def iterate(
     SingularNormalsError
         If the observations do not determine the unknowns.
     """
-    equations = linearise(problem, state)
-    convergence = [equations.cost]
-    damping = 0.0
+    state = aligned(problem, state)
+    cost = cost_of(problem, state)
+    convergence = [cost]
+    damping, before = 0.0, 0.0
     for iteration in range(max_iterations):
         progress(iteration / max_iterations, f"iteration {iteration + 1}")
-        step, damping = _solvable_step(problem, state, equations, damping)
-        _tell(progress, iteration, problem, equations, step)
-        limit = max(tolerance**2 / max(problem.redundancy, 1), ROUNDING_SHARE) * equations.cost
-        last = damping == 0 and step.gain <= max(limit, ROUNDING_GAIN)
-        share, trial, trial_equations = _shortened(problem, state, equations, step)
+        reduced, damping = _regular(problem, state, damping)
+        step = solve(problem, reduced)
+        _tell(progress, iteration, problem, cost, step)
+        ratio = min(step.gain / before, 1.0) if before > 0 else 1.0
+        remaining = max(ratio, LEAST_CONTRACTION**2) * step.gain
+        limit = max(tolerance**2 / max(problem.redundancy, 1), ROUNDING_SHARE) * cost
+        last = damping == 0 and remaining <= max(limit, ROUNDING_GAIN)
+        share, trial, trial_cost = _shortened(problem, state, cost, step)
         # where vᵀPv no longer falls, all that is left to gain is the rounding of its own sum
-        stalled = share == 0 and step.gain < ROUNDING_STALL * equations.cost
+        stalled = share == 0 and step.gain < ROUNDING_STALL * cost
         last = last or (damping == 0 and stalled)
         if share > 0:
-            state, equations = trial, trial_equations
-        convergence.append(equations.cost)
+            state, cost = aligned(problem, trial), trial_cost
+        convergence.append(cost)
         if last:
-            return Solution(state, equations, tuple(convergence))
+            return Solution(state, tuple(convergence), reduced)
+        before = step.gain if share == 1 and damping == 0 else 0.0
         if share == 1:
             damping = damping / 10 if damping > LEAST_DAMPING else 0.0
         elif stalled:
@@ -87,34 +100,34 @@ def iterate(
             damping = max(30 * damping, LEAST_DAMPING)
         if damping > 1e9:
             break
-    raise NotConvergedError(Solution(state, equations, tuple(convergence)))
+    raise NotConvergedError(state, tuple(convergence))
 
 
-def _tell(progress: Progress, iteration: int, problem: Problem, equations: Equations, step: Step) -> None:
-    variance = equations.cost / max(problem.redundancy, 1)
+def _tell(progress: Progress, iteration: int, problem: Problem, cost: float, step: Step) -> None:
+    variance = cost / max(problem.redundancy, 1)
     progress.course("sigma0", iteration, variance**0.5)
     if variance > 0:
         progress.course("correction", iteration, (max(step.gain, 0.0) / variance) ** 0.5)
 
 
-def _shortened(problem: Problem, state: State, equations: Equations, step: Step) -> tuple[float, State, Equations]:
+def _shortened(problem: Problem, state: State, cost: float, step: Step) -> tuple[float, State, float]:
     """Take a step, or the half, quarter ... of it that lowers vᵀPv; the share taken is 0 if none does."""
     share = 1.0
     while share > SHORTEST:
         part = Step(share * step.z, share * step.pose, share * step.xyz, step.gain)
         trial = moved(problem, state, part)
         if np.all(trial.interior[:, 0] > 0):  # no focal length runs through zero
-            trial_equations = linearise(problem, trial)
-            if trial_equations.cost < equations.cost:
-                return share, trial, trial_equations
+            trial_cost = cost_of(problem, trial)
+            if trial_cost < cost:
+                return share, trial, trial_cost
         share /= 2
-    return 0.0, state, equations
+    return 0.0, state, cost
 
 
-def _solvable_step(problem: Problem, state: State, equations: Equations, damping: float) -> tuple[Step, float]:
-    """Step, with damping raised until the normals can be factorised far from the solution."""
+def _regular(problem: Problem, state: State, damping: float) -> tuple[Reduced, float]:
+    """Reduced normals, with damping raised until they can be factorised far from the solution."""
     try:
-        return solve(problem, state, equations, damping), damping
+        return reduce(problem, state, damping), damping
     except SingularNormalsError:
         raised = max(100 * damping, 1e-4)
-        return solve(problem, state, equations, raised), raised
+        return reduce(problem, state, raised), raised

@@ -1,7 +1,8 @@
 """Normal equations by blocks: the globals, the eliminated unknowns and the kept ones.
 
 Either the poses are eliminated (6 unknowns each) and the points kept (3 each), or the other way round; an eliminated
-block meets no other, which is what makes it cheap to eliminate.
+block meets no other, which is what makes it cheap to eliminate. One pass over the observations computes their
+equations, adds them up and eliminates, so that no Jacobian is ever stored.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.equations import POINT, POSE, Equations
-from core.calibrate.problem import Problem
+from core.calibrate.equations import COLUMNS, POINT, POSE, equations_band
+from core.calibrate.problem import Observed, Problem, State, Unknowns
 from core.compiling import njit
 from core.parallel import run_in_bands
 
@@ -36,7 +37,8 @@ class SingularNormalsError(Exception):
 class Layout:
     """Where the Jacobian's columns of eliminated and kept unknowns begin, how many there are, and whose they are.
 
-    `kept` has shape (m,); it numbers the pose or point whose unknowns stay in the system, `kept_count` of them.
+    `own` and `kept`, shape (m,), number each observation's eliminated and kept pose or point; `kept_count` of them are
+    kept.
     """
 
     own_at: int
@@ -57,143 +59,202 @@ def layout_of(problem: Problem) -> Layout:
 
 @dataclass(frozen=True)
 class Normals:
-    """Blocks of the image observations' normal equations: U kept unknowns, the globals first, and E eliminated blocks.
+    """Normal equations of the image observations, reduced to U kept unknowns, the globals first; E blocks eliminated.
+
+    With N the kept unknowns' normals, ``L Lᵀ`` those of the eliminated ones and B what both share:
 
     Attributes
     ----------
-    N : array, shape (U, U)
-        Kept unknowns, before the elimination.
-    b : array, shape (U,)
-    N_own, N_mixed : arrays, shape (E, w, w) and (E, w, U)
-    b_own : array, shape (E, w)
+    M : array, shape (U, U)
+        ``N - Bᵀ(L Lᵀ)⁻¹B``.
+    right : array, shape (U,)
+        The reduced right-hand side.
+    diagonal, b : arrays, shape (U,)
+        Of N, and the right-hand side, before the elimination.
+    lower : array, shape (E, w, w)
+        L, its diagonal blocks.
+    root : array, shape (E, w, U)
+        ``L⁻¹B``.
+    half : array, shape (E, w)
+        L⁻¹ times the eliminated unknowns' right-hand side.
     """
 
-    N: Array
+    M: Array
+    right: Array
+    diagonal: Array
     b: Array
-    N_own: Array
-    N_mixed: Array
-    b_own: Array
+    lower: Array
+    root: Array
+    half: Array
 
 
 @njit(cache=True, nogil=True)
-def _accumulate_band(  # pragma: no cover  compiled
+def _eliminate(L: Array, half: Array, root: Array, damping: float) -> bool:  # pragma: no cover  compiled
+    """Turn one block's N, b and B into L, L⁻¹b and L⁻¹B in place; False where N is not positive definite."""
+    width, U = root.shape
+    for s in range(width):
+        L[s, s] *= 1.0 + damping
+    for s in range(width):
+        for t in range(s):
+            for r in range(t):
+                L[s, t] -= L[s, r] * L[t, r]
+            L[s, t] /= L[t, t]
+            L[s, s] -= L[s, t] * L[s, t]
+            L[t, s] = 0.0
+        if not L[s, s] > 0.0:
+            return False
+        L[s, s] = np.sqrt(L[s, s])
+    for s in range(width):
+        for t in range(s):
+            half[s] -= L[s, t] * half[t]
+            for u in range(U):
+                root[s, u] -= L[s, t] * root[t, u]
+        half[s] /= L[s, s]
+        for u in range(U):
+            root[s, u] /= L[s, s]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _normals_band(  # pragma: no cover  compiled
     start: int,
     stop: int,
     first: Ints,
-    device: Ints,
     kept: Ints,
     columns: Ints,
     own_at: int,
     kept_at: int,
-    w: Array,
-    J: Array,
-    N_own: Array,
-    N_mixed: Array,
-    b_own: Array,
+    observed: Observed,
+    unknowns: Unknowns,
+    damping: float,
+    lower: Array,
+    root: Array,
+    half: Array,
     N_global: Array,
+    N_cross: Array,
     N_kept: Array,
     b: Array,
-) -> None:
-    G, width, kept_width = N_global.shape[0], N_own.shape[1], N_kept.shape[1]
-    with_kept = N_kept.shape[0] > 0
-    local, place = np.empty(15, np.int64), np.empty(15, np.int64)
+) -> int:
+    """Normals of eliminated blocks start to stop - 1; returns the block that could not be eliminated, or -1.
+
+    Observations of one device and one block follow each other: what they share is added up in a small matrix S.
+    """
+    G, width, (with_kept, kept_width) = len(N_global), lower.shape[1], N_kept.shape[:2]
+    local, place, device, most = np.empty(21, np.int64), np.empty(15, np.int64), observed.device, np.max(np.diff(first))
+    w, J = np.empty((most, 2)), np.empty((most, 2, COLUMNS))
+    A, S, t = np.empty((2, 21)), np.empty((21, 21)), np.empty(21)
     for e in range(start, stop):
-        for o in range(first[e], first[e + 1]):
-            i, k = kept[o], 0
+        equations_band(first[e], first[e + 1], observed, unknowns, True, w, J)
+        o = first[e]
+        while o < first[e + 1]:
+            d, g = device[o], 0
             for j in range(15):
-                if columns[device[o], j] >= 0:
-                    local[k], place[k] = j, columns[device[o], j]
-                    k += 1
-            for a in range(2):
-                row, misclosure = J[o, a], w[o, a]
-                for s in range(k):
-                    value = row[local[s]]
-                    b[place[s]] += value * misclosure
-                    for t in range(k):
-                        N_global[place[s], place[t]] += value * row[local[t]]
-                for s in range(width):
-                    value = row[own_at + s]
-                    b_own[e, s] += value * misclosure
-                    for t in range(width):
-                        N_own[e, s, t] += value * row[own_at + t]
-                    for t in range(k):
-                        N_mixed[e, s, place[t]] += value * row[local[t]]
-                if with_kept:
-                    at = G + kept_width * i
-                    for s in range(kept_width):
-                        value = row[kept_at + s]
-                        b[at + s] += value * misclosure
-                        for t in range(kept_width):
-                            N_kept[i, s, t] += value * row[kept_at + t]
-                        for t in range(k):
-                            N_global[place[t], at + s] += value * row[local[t]]
-                        for t in range(width):
-                            N_mixed[e, t, at + s] += value * row[own_at + t]
+                if columns[d, j] >= 0:
+                    local[g], place[g] = j, columns[d, j]
+                    g += 1
+            k = g + width
+            for s in range(width):
+                local[g + s] = own_at + s
+            S[:k, :k], t[:k] = 0.0, 0.0
+            while o < first[e + 1] and device[o] == d:
+                row = o - first[e]
+                w0, w1 = w[row, 0], w[row, 1]
+                if w0 < np.inf:
+                    for s in range(k):
+                        A[0, s], A[1, s] = J[row, 0, local[s]], J[row, 1, local[s]]
+                    for s in range(k):
+                        x, y = A[0, s], A[1, s]
+                        t[s] += x * w0 + y * w1
+                        for r in range(k):
+                            S[s, r] += x * A[0, r] + y * A[1, r]
+                    if with_kept:
+                        i = kept[o]
+                        at = G + kept_width * i
+                        for s in range(kept_width):
+                            x, y = J[row, 0, kept_at + s], J[row, 1, kept_at + s]
+                            b[at + s] += x * w0 + y * w1
+                            for r in range(kept_width):
+                                N_kept[i, s, r] += x * J[row, 0, kept_at + r] + y * J[row, 1, kept_at + r]
+                            for r in range(g):
+                                N_cross[i, s, place[r]] += x * A[0, r] + y * A[1, r]
+                            for r in range(width):
+                                root[e, r, at + s] += x * A[0, g + r] + y * A[1, g + r]
+                o += 1
+            for s in range(g):
+                b[place[s]] += t[s]
+                for r in range(g):
+                    N_global[place[s], place[r]] += S[s, r]
+            for s in range(width):
+                half[e, s] += t[g + s]
+                for r in range(width):
+                    lower[e, s, r] += S[g + s, g + r]
+                for r in range(g):
+                    root[e, s, place[r]] += S[g + s, r]
+        if not _eliminate(lower[e], half[e], root[e], damping):
+            return e
+    return -1
 
 
-def assemble(problem: Problem, equations: Equations) -> Normals:
-    """Add up the normal equations, bands of eliminated blocks on threads."""
-    layout = layout_of(problem)
-    E, G, n, width, kept_width = (
-        len(problem.first) - 1,
-        problem.globals,
-        layout.kept_count,
-        layout.own_width,
-        layout.kept_width,
-    )
-    U = G + kept_width * n
-    N_own, N_mixed, b_own = np.zeros((E, width, width)), np.zeros((E, width, U)), np.zeros((E, width))
-    N_global, N_kept, b = np.zeros((G, U)), np.zeros((n, kept_width, kept_width)), np.zeros(U)
-    lock = Lock()
+def assemble(problem: Problem, state: State, damping: float = 0.0) -> Normals:
+    """Add up the normal equations at a state and eliminate, bands of blocks on threads.
 
-    def band(start: int, stop: int) -> None:
-        parts = np.zeros_like(N_global), np.zeros_like(N_kept), np.zeros_like(b)
-        _accumulate_band(
-            start,
-            stop,
-            problem.first,
-            problem.device,
-            layout.kept,
-            problem.columns,
-            layout.own_at,
-            layout.kept_at,
-            equations.w,
-            equations.J,
-            N_own,
-            N_mixed,
-            b_own,
-            *parts,
-        )
-        with lock:
-            for whole, part in zip((N_global, N_kept, b), parts, strict=True):
-                whole += part
-
-    # threads pay from some 8000 image points
-    run_in_bands(band, E, least=max(1, 4096 * E // max(len(problem.point), 1)))
-    N = np.zeros((U, U))
-    N[:G], N[G:, :G] = N_global, N_global[:, G:].T
-    at = G + kept_width * np.arange(n)
-    for s in range(kept_width):
-        for t in range(kept_width):
-            N[at + s, at + t] = N_kept[:, s, t]
-    return Normals(N, b, N_own, N_mixed, b_own)
-
-
-def factors_of_blocks(N_own: Array, damping: float) -> Array:
-    """Lower Cholesky factors of the eliminated blocks, their diagonals multiplied by 1 + damping.
+    The diagonals of the eliminated blocks are multiplied by 1 + damping.
 
     Raises
     ------
     SingularNormalsError
         Naming the block.
     """
-    damped = N_own + damping * N_own * np.eye(N_own.shape[1])
-    try:
-        return np.asarray(np.linalg.cholesky(damped), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        with np.errstate(all="ignore"):
-            worst = [np.linalg.cond(block) for block in damped]
-        raise SingularNormalsError(block=int(np.argmax(worst))) from None
+    layout = layout_of(problem)
+    E, G, n = len(problem.first) - 1, problem.globals, layout.kept_count
+    width, kept_width = layout.own_width, layout.kept_width
+    U = G + kept_width * n
+    lower, root, half = np.zeros((E, width, width)), np.zeros((E, width, U)), np.zeros((E, width))
+    M, right, b = np.zeros((U, U)), np.zeros(U), np.zeros(U)
+    N_global, N_cross, N_kept = np.zeros((G, G)), np.zeros((n, kept_width, G)), np.zeros((n, kept_width, kept_width))
+    observed, unknowns = problem.observed, state.unknowns
+    lock = Lock()
+    failed: list[int] = []
+
+    def band(start: int, stop: int) -> None:
+        parts = np.zeros_like(N_global), np.zeros_like(N_cross), np.zeros_like(N_kept), np.zeros_like(b)
+        block = _normals_band(
+            start,
+            stop,
+            problem.first,
+            layout.kept,
+            problem.columns,
+            layout.own_at,
+            layout.kept_at,
+            observed,
+            unknowns,
+            damping,
+            lower,
+            root,
+            half,
+            *parts,
+        )
+        rows = root[start:stop].reshape(-1, U)
+        own, own_right = rows.T @ rows, rows.T @ half[start:stop].reshape(-1)
+        with lock:
+            if block >= 0:
+                failed.append(block)
+            for whole, part in zip((N_global, N_cross, N_kept, b, M, right), (*parts, own, own_right), strict=True):
+                whole += part
+
+    # threads pay from some 8000 image points
+    run_in_bands(band, E, least=max(1, 4096 * E // max(len(problem.point), 1)))
+    if failed:
+        raise SingularNormalsError(block=min(failed))
+    diagonal = np.concatenate([np.diagonal(N_global), np.diagonal(N_kept, axis1=1, axis2=2).ravel()])
+    np.negative(M, out=M)
+    M[:G, :G] += N_global
+    cross = N_cross.reshape(kept_width * n, G)
+    M[G:, :G] += cross
+    M[:G, G:] += cross.T
+    at = G + kept_width * np.arange(n)[:, None] + np.arange(kept_width)
+    M[at[:, :, None], at[:, None, :]] += N_kept
+    return Normals(M, b - right, diagonal, b, lower, root, half)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,35 @@ Ints = NDArray[np.int64]
 MOST_REDUCED = 3000  # unknowns of points that are kept whole; more are eliminated if there are fewer of the poses
 
 
+class Observed(NamedTuple):
+    """Arrays of a `Problem` as the kernels take them."""
+
+    device: Ints
+    pose: Ints
+    point: Ints
+    uv: Array
+    root_weight: Array
+    raster: Array
+    r0: Array
+
+
+class Unknowns(NamedTuple):
+    """Arrays of a `State` as the kernels take them."""
+
+    interior: Array
+    relative_rotation: Array
+    relative_shift: Array
+    pose_rotation: Array
+    pose_shift: Array
+    xyz: Array
+
+
 @dataclass(frozen=True)
 class Problem:
     """What stays the same while the unknowns move.
 
-    Observations are sorted by what the normal equations eliminate: the poses, or the points where these are many.
+    Observations are sorted by what the normal equations eliminate, the poses, or the points where these are many, and
+    within each by device.
 
     Attributes
     ----------
@@ -74,6 +99,11 @@ class Problem:
     points_free: bool = True
 
     @property
+    def observed(self) -> Observed:
+        """For the kernels."""
+        return Observed(self.device, self.pose, self.point, self.uv, self.root_weight, self.raster, self.r0)
+
+    @property
     def poses(self) -> int:
         """Number of poses."""
         return int(self.station_pose.max()) + 1
@@ -110,6 +140,11 @@ class State:
     pose_rotation: Array
     pose_shift: Array
     xyz: Array
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """For the kernels."""
+        return Unknowns(*(np.ascontiguousarray(array) for array in vars(self).values()))
 
 
 @dataclass(frozen=True)
@@ -172,15 +207,16 @@ def problem_of(network: Network, *, by_points: bool | None = None) -> Problem:
     groups, others = len(set(network.station_pose)), 3 * len(network.point_names)
     if by_points is None:
         by_points = others > MOST_REDUCED and others > 6 * groups
+    device = station_device[network.observation_station]
     group = network.observation_point if by_points else pose
-    order = np.argsort(group, kind="stable")
+    order = np.lexsort((device, group))
     count = len(network.point_names) if by_points else groups
     origin = network.point_xyz_mm.mean(axis=0)
     sigma = np.where(np.isfinite(network.observation_uv), network.observation_sigma, np.inf)
     specs = [network.devices[name].spec for name in names]
     return Problem(
         device_names=names,
-        device=station_device[network.observation_station][order],
+        device=device[order],
         pose=pose[order],
         point=network.observation_point[order].astype(np.int64),
         order=order,

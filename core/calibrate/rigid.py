@@ -11,7 +11,6 @@ from scipy.special import fdtri
 
 from core.calibrate.adjust import Solved, solve_network, weighted_problem
 from core.calibrate.covariance import pose_cofactors
-from core.calibrate.equations import linearise
 from core.calibrate.iterate import NotConvergedError, Solution, iterate
 from core.calibrate.normals import SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
@@ -88,11 +87,11 @@ def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILE
     free_start = _freed(rigid, solved.state) if given_rigid else solved.state
     free_solution = _solution(solved.network, free, free_start, progress)
     rigid_start = solved.state if given_rigid else _bound(rigid, solved.state)
-    rigid_cost = _solution(solved.network, rigid, rigid_start, progress).equations.cost
-    variance = free_solution.equations.cost / free.redundancy
+    rigid_cost = _solution(solved.network, rigid, rigid_start, progress).cost
+    variance = free_solution.cost / free.redundancy
     deviations = np.concatenate([_deviations(rigid, free_solution.state, d) for d in range(len(rigid.base))])
     return RigidityTest(
-        statistic=(rigid_cost - free_solution.equations.cost) / constraints / variance,
+        statistic=(rigid_cost - free_solution.cost) / constraints / variance,
         critical=float(fdtri(constraints, free.redundancy, 1 - ERROR_LEVEL)),
         shift_rms_mm=float(np.sqrt(np.mean(np.sum(deviations[:, 3:] ** 2, axis=1)))),
         turn_rms_mrad=1e3 * float(np.sqrt(np.mean(np.sum(deviations[:, :3] ** 2, axis=1)))),
@@ -104,9 +103,9 @@ def _solution(network: Network, problem: Problem, state: State, progress: Progre
     try:
         return iterate(problem, state, progress=progress)
     except SingularNormalsError as error:
-        raise singular_error(network, problem, state, linearise(problem, state), error) from None
+        raise singular_error(network, problem, state, error) from None
     except NotConvergedError as error:
-        raise unsolved_error(network, problem, error.solution) from None
+        raise unsolved_error(network, problem, error) from None
 
 
 def mean_relative_pose(solved: Solved, groups: Sequence[int], device: int) -> tuple[Pose, Array]:

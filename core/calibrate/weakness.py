@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.covariance import point_cofactors
-from core.calibrate.elimination import invert
-from core.calibrate.equations import Equations
-from core.calibrate.iterate import Solution
+from core.calibrate.elimination import invert, reduce
+from core.calibrate.equations import Equations, largest_displacements, linearise
+from core.calibrate.iterate import NotConvergedError
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.problem import Problem, State
 from core.calibrate.selection import listed
@@ -48,17 +48,15 @@ def _effects(problem: Problem, equations: Equations) -> tuple[Array, list[str], 
     """
     shares = np.zeros(problem.globals)
     names, keys = [""] * problem.globals, [""] * problem.globals
+    largest = largest_displacements(problem, equations)
     for d, columns in enumerate(problem.columns):
         own = problem.device == d
         if not own.any():
             continue
-        seen = problem.root_weight[own] > 0
-        unit = 1.0 / np.where(seen, problem.root_weight[own], np.inf)  # whitened -> px
-        J = np.abs(equations.J[own]) * unit[..., None] * problem.raster[d, :2, None]
         radius = float(np.max(np.hypot(*((problem.uv[own] - problem.raster[d, 2:]) * problem.raster[d, :2]).T)))
         for j, name in enumerate((*INTERIOR_NAMES, "rx", "ry", "rz", "tx", "ty", "tz")):
             if columns[j] >= 0:
-                shares[columns[j]] = J[:, :, j].max() / radius
+                shares[columns[j]] = largest[d, j] / radius
                 names[columns[j]] = f"{problem.device_names[d]}.{name}"
                 keys[columns[j]] = name if j < 9 else "relative"
     return shares, names, keys
@@ -125,9 +123,7 @@ def _not_estimable(names: list[str], key: str, seen: str) -> AdjustmentError:
     )
 
 
-def singular_error(
-    network: Network, problem: Problem, state: State, equations: Equations, error: SingularNormalsError
-) -> AdjustmentError:
+def singular_error(network: Network, problem: Problem, state: State, error: SingularNormalsError) -> AdjustmentError:
     """Name the station, the parameters or the points that singular normal equations leave undetermined."""
     if error.block is not None and problem.by_points:
         return _loose_points([network.point_names[error.block]])
@@ -135,7 +131,7 @@ def singular_error(
         return _loose_stations(network, problem, [error.block])
     assert error.direction is not None
     G = problem.globals
-    shares, names, keys = _effects(problem, equations)
+    shares, names, keys = _effects(problem, linearise(problem, state))
     effect = np.abs(error.direction[:G]) * shares
     extent = float(np.linalg.norm(np.ptp(state.xyz, axis=0)))
     width = 6 if problem.by_points else 3
@@ -164,16 +160,16 @@ def _loose_stations(network: Network, problem: Problem, poses: list[int]) -> Adj
     )
 
 
-def unsolved_error(network: Network, problem: Problem, solution: Solution) -> AdjustmentError:
+def unsolved_error(network: Network, problem: Problem, error: NotConvergedError) -> AdjustmentError:
     """Why the iterations did not converge: what is not determined where they ended, or else their course."""
     try:
-        inverse = invert(problem, solution.state, solution.equations)
-        _poor_parameters(problem, solution.equations, inverse, 1.0)
-    except SingularNormalsError as error:
-        return singular_error(network, problem, solution.state, solution.equations, error)
-    except AdjustmentError as error:
-        return error
-    course = solution.convergence
+        inverse = invert(problem, reduce(problem, error.state))
+        _poor_parameters(problem, linearise(problem, error.state), inverse, 1.0)
+    except SingularNormalsError as singular:
+        return singular_error(network, problem, error.state, singular)
+    except AdjustmentError as undetermined:
+        return undetermined
+    course = error.convergence
     return AdjustmentError(
         "the adjustment",
         f"does not converge: weighted sum of squares {course[0]:.4g}, after {len(course) - 1} steps {course[-1]:.4g}",

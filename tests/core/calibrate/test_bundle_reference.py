@@ -10,6 +10,7 @@ import pytest
 from core.calibrate import adjust
 from core.calibrate.covariance import point_cofactors, pose_cofactors, redundancy_numbers
 from core.calibrate.elimination import invert
+from core.calibrate.equations import linearise
 from core.calibrate.initial import initial_state
 from core.calibrate.iterate import iterate
 from core.calibrate.problem import problem_of
@@ -161,8 +162,10 @@ def test_eliminating_the_points_gives_what_eliminating_the_poses_gives(simulate,
     for by_points in (False, True):
         problem = problem_of(network, by_points=by_points)
         solution = iterate(problem, initial_state(network, problem))
-        inverse = invert(problem, solution.state, solution.equations)
-        numbers = redundancy_numbers(problem, solution.equations, inverse)[np.argsort(problem.order)]
+        inverse = invert(problem, solution.reduced)
+        numbers = redundancy_numbers(problem, linearise(problem, solution.reduced.state), inverse)[
+            np.argsort(problem.order)
+        ]
         cofactors = point_cofactors(problem, inverse), pose_cofactors(problem, inverse)
         results.append((solution.state.xyz, solution.state.interior, *cofactors, numbers))
     for one, other in zip(*results, strict=True):
