@@ -19,6 +19,7 @@ from tests.benchmarks.timing import Absent, Contestant, say
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / ".bench-venv"
+SCRIPTS = Path(__file__).parent / "peers"
 
 
 @dataclass(frozen=True)
@@ -98,9 +99,9 @@ class Served(Contestant):
     process: subprocess.Popen[str] | None = None
     folder: tempfile.TemporaryDirectory[str] | None = None
 
-    def once(self) -> tuple[float, float, Any]:
+    def once(self, trim: bool = False) -> tuple[float, float, Any]:
         """Let it work; fetch its result."""
-        told = self._ask("run")
+        told = self._ask("run trim" if trim else "run")
         assert self.folder is not None
         path = Path(self.folder.name) / "result.npz"
         if not path.exists():  # the first answer is the one that is judged
@@ -112,9 +113,8 @@ class Served(Contestant):
         """End the process."""
         assert self.process is not None
         assert self.folder is not None
-        assert self.process.stdin is not None
-        self.process.stdin.close()
-        self.process.wait(timeout=30)
+        with self.process:  # closes its pipes and waits
+            pass
         self.folder.cleanup()
 
     def _ask(self, request: str) -> dict[str, Any]:
@@ -146,7 +146,7 @@ def peer(
         return Absent(name, reason.read_text() if reason.exists() else "not installed")
     place = tempfile.TemporaryDirectory()
     np.savez(Path(place.name) / "data.npz", **data)
-    script = Path(__file__).parent / "peers" / f"{package}_peer.py"
+    script = SCRIPTS / f"{package}_peer.py"
     with (Path(place.name) / "stderr.txt").open("w") as errors:
         process = subprocess.Popen(
             [str(folder / "venv/bin/python"), str(script), str(Path(place.name) / "data.npz")],

@@ -20,9 +20,11 @@ _TITLES = {
     "decode, frames": "Decoding against the number of frames, 748 × 576 pixels",
     "intersection, 4": "Intersection with 4 observations and sigmas",
     "intersection, 3": "Intersection with 3 observations and sigmas",
+    "measurement": "Measuring the 247 targets of an image",
+    "rays": "Casting rays in the virtual bench",
     "adjustment": "Bundle adjustment of 247 points with all covariances",
     "opening": "Opening a project and the checks of its captures",
-    "batch": "A long batch in one process",
+    "batch": "Reading and decoding many captures of 28 frames, 748 × 576 pixels",
 }
 
 
@@ -55,6 +57,7 @@ def _figure(path: Path, rows: Sequence[Row]) -> None:
     sizes = dict(sorted({row.amount: row.size for row in rows}.items()))
     for axes in (time, memory):
         axes.set_xlabel(unit, color=_INK)
+        axes.set_xlim(min(sizes) / 1.3, max(sizes) * 1.3)
         axes.set_xticks(list(sizes), [_tick(amount) for amount in sizes], minor=False)
         axes.xaxis.set_minor_locator(_none())
     handles, labels = time.get_legend_handles_labels()
@@ -67,11 +70,14 @@ def _panel(axes: Axes, rows: Sequence[Row], values: dict[int, float], style: dic
         own = sorted((r for r in rows if r.contestant == name), key=lambda r: r.amount)
         axes.plot([r.amount for r in own], [values[id(r)] for r in own], label=name, **look)  # type: ignore[arg-type]
     axes.set(xscale="log", yscale="log")
-    axes.margins(x=0.08, y=0.12)
+    axes.margins(y=0.12)
     axes.grid(True, which="major", color="#dcdcdc", linewidth=0.8)
     axes.grid(True, which="minor", axis="y", color="#f0f0f0", linewidth=0.6)
     axes.set_axisbelow(True)
+    least, most = axes.get_ylim()
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:,.10g}")
+    narrow = most / least < 30  # few powers of ten: 2 and 5 between them help
+    axes.yaxis.set_minor_formatter(lambda value, _: f"{value:,.3g}" if narrow and f"{value:e}"[0] in "25" else "")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):

@@ -1,11 +1,12 @@
 """A peer in its own process and environment: reads its data once, then works when told to, and times itself.
 
 Needs numpy alone. Every line on standard input is answered by one line of JSON: `run` works and tells seconds and peak
-memory, `result FILE` writes what the last run gave.
+memory (`run trim` gives freed memory back first), `result FILE` writes what the last run gave.
 """
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import json
 import os
@@ -29,18 +30,20 @@ def serve(prepare: Callable[[Arrays], Callable[[], Any]], answer: Callable[[Any]
     result = None
     replies.write(json.dumps({"ready": True}) + "\n")
     for line in sys.stdin:
-        verb, _, path = line.strip().partition(" ")
+        verb, _, argument = line.strip().partition(" ")
         if verb == "run":
             result = None
             gc.collect()
+            if argument == "trim":
+                ctypes.CDLL(None).malloc_trim(0)
             before = _reset_peak_mb()
             started = time.perf_counter()
             result = work()
             seconds = time.perf_counter() - started
             replies.write(json.dumps({"seconds": seconds, "peak_mb": _status_mb("VmHWM") - before}) + "\n")
         else:
-            np.savez(path, **answer(result))
-            replies.write(json.dumps({"written": path}) + "\n")
+            np.savez(argument, **answer(result))
+            replies.write(json.dumps({"written": argument}) + "\n")
 
 
 def _reset_peak_mb() -> float:
