@@ -191,8 +191,9 @@ def scene_for(name: str, role: Role, names: Iterable[str]) -> str:
     """
     every = list(names)
     alike = [n for n in every if n.startswith(role)]
-    if name in every or not alike:
-        return name if name in every else (every[0] if every else "")
+    named = [n for n in every if name == n or name.startswith(f"{n}-")]
+    if named or not alike:
+        return (named or every or [""])[0]
     number = re.search(r"(\d+)$", name)
     return alike[(int(number.group(1)) - 1) % len(alike)] if number else alike[0]
 

@@ -29,6 +29,10 @@ class CaptureList(QListWidget):
 
     def refresh(self) -> None:
         """List the captures as they are now."""
+        self._list()
+        self._mark(self._session.capture_name)
+
+    def _list(self) -> None:
         rows = capture_rows(self._session.folder) if self._session.folder else []
         self.blockSignals(True)
         self.clear()
@@ -42,13 +46,14 @@ class CaptureList(QListWidget):
             item.setToolTip(row.problem or row.summary)
             self.addItem(item)
         self.blockSignals(False)
-        self._mark(self._session.capture_name)
 
     def names(self) -> list[str]:
         """Give the captures listed."""
         return [self.item(i).data(Qt.ItemDataRole.UserRole) for i in range(self.count())]
 
     def _mark(self, name: str) -> None:
+        if name and name not in self.names():
+            self._list()  # a list without a choice would choose by itself when it takes the focus
         names = self.names()
         self.blockSignals(True)
         self.setCurrentRow(names.index(name) if name in names else -1)
