@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
+from core.geometry import Pose, matrix_from_rotation_vector, pixel_to_image
 from core.model import Array, Capture, DeviceSpec, TargetSet
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
@@ -65,7 +66,7 @@ def _contribution(entry: CaptureEntry, camera: DeviceSpec, measured: TargetSet |
     view = board_view(capture, camera)
     roll, tilt = view or (None, None)
     if capture.role == "depth":
-        usable, remark = True, translate("Calibrate", "plate at {z:+g} mm").format(z=capture.z_mm)
+        usable, remark = True, translate("Calibrate", "plate at {z:g} mm").format(z=capture.z_mm)
     elif not capture.seeds:
         usable, remark = False, translate("Calibrate", "no targets picked yet")
     else:
@@ -94,7 +95,6 @@ def board_view(capture: Capture, camera: DeviceSpec) -> tuple[float, float] | No
     rows run to the right in the image, and grows anticlockwise.
     """
     from core.calibrate.resection import resect
-    from core.geometry import pixel_to_image
 
     field = capture.testfield
     if field is None or len(capture.seeds) < 4:
@@ -104,11 +104,8 @@ def board_view(capture: Capture, camera: DeviceSpec) -> tuple[float, float] | No
         return None
     points = field.xyz_mm[[index[s.row, s.col] for s in capture.seeds]]
     image = pixel_to_image(camera, np.array([[s.u, s.v] for s in capture.seeds])) / camera.nominal_c_mm
-    poses = resect(points, image)
-    if not poses:
-        return None
-    misfit = [float(np.sum((_seen(pose.apply(points)) - image) ** 2)) for pose in poses]
-    return view_angles(poses[int(np.argmin(misfit))].rotation)
+    fitted = [_fitted(pose, points, image) for pose in resect(points, image)]
+    return view_angles(min(fitted, key=lambda fit: fit[1])[0]) if fitted else None
 
 
 def view_angles(camera_from_board: Array) -> tuple[float, float]:
@@ -120,5 +117,18 @@ def view_angles(camera_from_board: Array) -> tuple[float, float]:
     return roll, float(np.degrees(np.arccos(np.clip(R[2, 2], -1.0, 1.0))))
 
 
-def _seen(points: Array) -> Array:
-    return np.asarray(-points[:, :2] / points[:, 2:])
+def _fitted(pose: Pose, points: Array, image: Array) -> tuple[Array, float]:
+    """Improve a resected pose by least squares; give its rotation and what is left of the misfit."""
+    from scipy.optimize import least_squares
+
+    size = float(np.linalg.norm(pose.translation_mm))
+
+    def rotation(step: Array) -> Array:
+        return np.asarray(matrix_from_rotation_vector(step[:3]) @ pose.rotation)
+
+    def misfit(step: Array) -> Array:
+        seen = points @ rotation(step).T + pose.translation_mm + size * step[3:]
+        return np.asarray((-seen[:, :2] / seen[:, 2:] - image).ravel())
+
+    found = least_squares(misfit, np.zeros(6), method="lm")
+    return rotation(found.x), float(found.cost)

@@ -58,7 +58,6 @@ def runs_table(runs: Sequence[Run], current: Mapping[Method, int]) -> Table:
     columns = (
         translate("Runs", "run"),
         translate("Runs", "name"),
-        translate("Runs", "made"),
         translate("Runs", "in use"),
         "σ0",
         translate("Runs", "camera [µm]"),
@@ -68,6 +67,7 @@ def runs_table(runs: Sequence[Run], current: Mapping[Method, int]) -> Table:
         translate("Runs", "captures"),
         translate("Runs", "excluded"),
         translate("Runs", "options"),
+        translate("Runs", "made"),
     )
     return Table("", columns, tuple(_row(run, current) for run in reversed(runs)))
 
@@ -75,12 +75,11 @@ def runs_table(runs: Sequence[Run], current: Mapping[Method, int]) -> Table:
 def _row(run: Run, current: Mapping[Method, int]) -> tuple[Cell, ...]:
     network: dict[str, Any] = run.figures.get("photogrammetric", {})
     depth: dict[str, Any] = run.figures.get("polynomial", {})
-    used = [method_name(m) for m in run.methods if current.get(m) == run.number]
+    used = [m for m in run.methods if current.get(m) == run.number]
     return (
         Number(run.number, "d"),
         run.name,
-        made_at(run),
-        ", ".join(used),
+        _in_use(used),
         _number(network.get("sigma0"), ".3f"),
         _rms(network.get("camera", {}).get("residual_rms_um")),
         _rms(network.get("projector", {}).get("residual_rms_um")),
@@ -89,7 +88,13 @@ def _row(run: Run, current: Mapping[Method, int]) -> tuple[Cell, ...]:
         Number(sum(len(names) for names in run.captures.values()), "d"),
         Number(sum(len(targets) for targets in run.excluded.values()), "d"),
         options_words(run.options, run.methods),
+        made_at(run),
     )
+
+
+def _in_use(methods: Sequence[Method]) -> str:
+    """Say which of a run's calibrations are in use."""
+    return translate("Runs", "both") if len(methods) > 1 else "".join(map(method_name, methods))
 
 
 def _number(value: float | None, spec: str) -> Number | None:

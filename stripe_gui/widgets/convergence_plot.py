@@ -19,6 +19,7 @@ class ConvergencePlot(QWidget):
         super().__init__()
         self.plot = Plot(self.tr("Convergence"), self.tr("iteration"), self.tr("σ0, and correction in σ"))
         self.plot.axes["left"].setLogMode(x=False, y=True)
+        self.plot.axes["bottom"].setTickSpacing(major=5, minor=1)
         self.state = label(" ", "muted", wrap=True)
         self._course: dict[str, list[tuple[int, float]]] = {}
         layout = QVBoxLayout(self)
@@ -41,7 +42,7 @@ class ConvergencePlot(QWidget):
 
     def _draw(self) -> None:
         names = {"sigma0": "σ0", "correction": self.tr("correction")}
-        curves, lowest, highest, last = [], 0.0, 0.0, 1
+        curves, lowest, highest, last = [], -5.0, 1.0, 10
         for tone, name in enumerate(SERIES):
             x, y = _line(self._course[name])
             if len(x):

@@ -26,7 +26,7 @@ class CorrelationView(QWidget):
         self.readout = label(" ", "muted", wrap=True)
         self.readout.setAccessibleName(self.tr("Correlation under the cursor"))
         self.table = ResultTable(self.tr("Strongest correlations"))
-        self.table.setFixedWidth(330)
+        self.table.setFixedWidth(380)
         self.matrix.pointed.connect(self._say)
         self.table.row_chosen.connect(self._point)
         self._shown: Correlations | None = None

@@ -89,7 +89,9 @@ class CaptureChoice(QWidget):
         return [c for c in self._shown if c.role == role and c.usable and c.name not in self._without]
 
     def missing(self, method: str) -> str:
-        """Say what a method still lacks."""
+        """Say what a method still lacks; nothing before the captures are known."""
+        if not self._shown:
+            return ""
         fields, plates = len(self.used("testfield")), len(self.used("depth"))
         enough = {"photogrammetric": fields >= LEAST_FIELDS, "polynomial": plates >= LEAST_PLATES}
         if method == "all":
@@ -113,8 +115,8 @@ class CaptureChoice(QWidget):
                 role_name(c.role),
                 NONE if c.targets is None else str(c.targets),
                 str(c.excluded or NONE),
-                NONE if c.roll_deg is None else f"{c.roll_deg:+.0f}°",
-                NONE if c.tilt_deg is None else f"{c.tilt_deg:.0f}°",
+                NONE if c.roll_deg is None else f"{round(c.roll_deg)}°",
+                NONE if c.tilt_deg is None else f"{round(c.tilt_deg)}°",
                 c.remark,
             )
             for j, text in enumerate(texts):

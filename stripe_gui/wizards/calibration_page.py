@@ -147,14 +147,18 @@ class CalibrationWizard(Wizard):
     # ---------------------------------------------------------------------------------------------------------- running
 
     def can_run(self) -> bool:
-        """Say whether enough is chosen and nothing runs."""
-        ready = bool(self.captures.used("testfield") or self.captures.used("depth"))
-        missing = self.captures.missing(self.form.method.currentData())
-        return self.session.is_open and ready and not missing and not self.run_step.running
+        """Say whether there are captures to calibrate from, and nothing runs."""
+        folder = self.session.folder
+        if folder is None or self.run_step.running:
+            return False
+        return any(e.role == "depth" or e.capture.seeds for e in folder.of_role("testfield", "depth"))
 
     def run(self) -> None:
-        """Calibrate in the background, with the convergence in front."""
+        """Calibrate in the background, with the convergence in front; where too little is chosen, show that step."""
         if not self.can_run():
+            return
+        if self.captures.missing(self.form.method.currentData()):
+            self.go_to("captures")
             return
         job = self.bench.run_stage("calibrate", calibrate, self.choice(), on_done=self._done)
         if job is not None:
@@ -180,7 +184,7 @@ class CalibrationWizard(Wizard):
         parts = [f"{method_name(m)} ({counts[m].format(n=len(used[m]))})" for m in methods]
         text = self.tr("{what}; {options}. Unchanged captures are not measured again.")
         words = text.format(what=" + ".join(parts), options=options_words(choice.options, methods))
-        self.run_step.show_plan(words[0].upper() + words[1:] if parts else "", self.can_run())
+        self.run_step.show_plan(words[0].upper() + words[1:] if parts else "", bool(parts) and self.can_run())
 
     def _not_calibrated(self) -> str:
         if self.run_step.running:

@@ -30,7 +30,7 @@ class RunsStep(QWidget):
         self.name = QLineEdit()
         self.name.setPlaceholderText(self.tr("a name for the chosen run"))
         self.name.setAccessibleName(self.tr("Name of the chosen run"))
-        self.name.setMaximumWidth(240)
+        self.name.setFixedWidth(240)
         self.name.returnPressed.connect(self.rename)
         self.rename_button = button(self.tr("Name it"), self.rename, flat=True)
         self.use_button = button(self.tr("Use this run"), self.use, "success", flat=True)

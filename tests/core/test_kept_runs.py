@@ -1,0 +1,264 @@
+"""Runs of a calibration are kept, compared and brought back; what has not changed is not measured again."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.cli import main
+from core.errors import Cancelled, InputError
+from core.geometry import matrix_from_rotation_vector
+from core.model import INTERIOR_NAMES, Adjustment, PhotogrammetricCalibration
+from core.pipeline import (
+    CalibrateOptions,
+    Run,
+    calibrate_project,
+    compare_runs,
+    current_runs,
+    delete_run,
+    list_runs,
+    make_current,
+    rename_run,
+    runs,
+)
+from core.progress import Progress
+from core.project import load_archive, read_capture, read_project, write_picks
+
+
+def decoded(project, **choices) -> list[str]:
+    """Calibrate and give the captures that were decoded for it."""
+    seen: list[str] = []
+    progress = Progress(report=lambda _, message: seen.append(message))
+    calibrate_project(project, progress=progress, **choices)
+    return sorted({m.removeprefix("decoding ") for m in seen if m.startswith("decoding ")})
+
+
+def exclude(folder: Path, capture: str, *targets: tuple[int, int]) -> None:
+    """Exclude targets of a capture, as an operator does."""
+    picks = folder / "captures" / capture
+    write_picks(picks / "picks.json", read_capture(picks).seeds, targets)
+
+
+def result(folder: Path, name: str = "photogrammetric.npz") -> PhotogrammetricCalibration:
+    return load_archive(folder / "results" / name, PhotogrammetricCalibration)
+
+
+def test_a_calibration_is_kept_with_its_options_captures_and_figures(calibrated: Path) -> None:
+    project = read_project(calibrated)
+    (run,) = list_runs(project)
+    assert run.number == 1
+    assert run.options == CalibrateOptions()
+    assert current_runs(project) == {"photogrammetric": 1, "polynomial": 1}
+    names = [folder.name for folder in project.captures]
+    assert run.captures["photogrammetric"] == tuple(n for n in names if n.startswith("testfield"))
+    assert run.captures["polynomial"] == tuple(n for n in names if n.startswith("depth"))
+    assert run.figures["photogrammetric"]["sigma0"] == result(calibrated).sigma0
+
+
+def test_nothing_is_decoded_again_where_nothing_has_changed(calibrated: Path) -> None:
+    before = result(calibrated)
+    project = read_project(calibrated)
+    assert decoded(project) == []
+    after = result(calibrated)
+    assert np.array_equal(after.camera.interior.vector, before.camera.interior.vector)
+    first, second = list_runs(project)
+    assert (first.number, second.number) == (1, 2)
+    calibrate_project(project)
+    shared = [calibrated / "results" / "runs" / n / "polynomial.npz" for n in ("0002", "0003")]
+    assert os.path.samefile(*shared)  # a depth calibration that was not computed anew takes no room
+
+
+def test_only_what_changed_is_measured_again(calibrated: Path) -> None:
+    project = read_project(calibrated)
+    exclude(calibrated, "testfield-03", (3, 4))
+    assert decoded(project) == ["testfield-03"]
+    frame = next((calibrated / "captures" / "testfield-05").glob("000.*"))
+    os.utime(frame, ns=(0, frame.stat().st_mtime_ns + 1))
+    assert decoded(project) == ["testfield-05"]
+    board = calibrated / "testfield.csv"
+    board.write_text(board.read_text().replace("# polarity", "# seen\n# polarity", 1))
+    assert decoded(project) == []  # a comment changes no target
+    plate = next((calibrated / "captures" / "depth-02").glob("003.*"))
+    os.utime(plate, ns=(0, plate.stat().st_mtime_ns + 1))
+    assert decoded(project) == [f"depth-0{i}" for i in range(1, 6)]
+    assert decoded(project, options=CalibrateOptions(degree=2), method="photogrammetric") == []
+
+
+def test_a_rig_that_changed_is_measured_again(calibrated: Path, edit_json) -> None:
+    rig = json.loads((calibrated / "project.json").read_text())["camera"]
+    edit_json(calibrated / "project.json", camera={**rig, "nominal_c_mm": rig["nominal_c_mm"] + 0.01})
+    assert len(decoded(read_project(calibrated), method="photogrammetric")) == 8
+
+
+def test_an_excluded_target_is_left_out_of_that_capture_alone(calibrated: Path) -> None:
+    exclude(calibrated, "testfield-03", (3, 4))
+    project = read_project(calibrated)
+    calibrate_project(project, "photogrammetric")
+    network = load_archive(calibrated / "results" / "adjustment.npz", Adjustment).network
+    point = network.point_names.index("3/4")
+    stations = {network.station_names[s] for s in network.observation_station[network.observation_point == point]}
+    assert not any(s.startswith("testfield-03/") for s in stations)
+    assert any(s.startswith("testfield-04/") for s in stations)
+    assert list_runs(project)[-1].excluded == {"testfield-03": ((3, 4),)}
+
+
+def test_captures_may_be_left_out_by_name(calibrated: Path, capsys) -> None:
+    assert main(["calibrate", str(calibrated), "--method", "photogrammetric", "--without", "testfield-04"]) == 0
+    network = load_archive(calibrated / "results" / "adjustment.npz", Adjustment).network
+    assert not any(name.startswith("testfield-04") for name in network.station_names)
+    run = list_runs(read_project(calibrated))[-1]
+    assert run.options.without == ("testfield-04",)
+    assert main(["calibrate", str(calibrated), "--without", "testfield-99"]) == 2
+    assert "no capture 'testfield-99' to leave out" in capsys.readouterr().err
+
+
+def test_held_parameters_stay_where_they_are_and_have_no_sigma(calibrated: Path, capsys) -> None:
+    hold = ["--hold", "projector.c", "--hold", "camera.A5"]
+    assert main(["calibrate", str(calibrated), "--method", "photogrammetric", *hold]) == 0
+    found, project = result(calibrated), read_project(calibrated)
+    assert (found.projector.interior.c_mm, found.projector.sigma[0]) == (project.projector.nominal_c_mm, 0.0)
+    assert (found.camera.interior.a[4], found.camera.sigma[7]) == (0.0, 0.0)
+    assert found.camera.sigma[0] > 0
+    assert main(["calibrate", str(calibrated), "--hold", "camera.K1"]) == 2
+    assert "'camera.K1' is none" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("limit", "seen"), [("1.5", "is 1.5"), ("-1", "is -1")])
+def test_a_limit_that_good_observations_exceed_is_refused(calibrated: Path, limit: str, seen: str, capsys) -> None:
+    assert main(["calibrate", str(calibrated), "--reject", limit]) == 2
+    assert seen in capsys.readouterr().err
+
+
+def test_an_earlier_run_can_be_put_in_use_again(calibrated: Path) -> None:
+    project = read_project(calibrated)
+    before = result(calibrated).camera.interior
+    calibrate_project(project, "photogrammetric", CalibrateOptions(without=("testfield-02",)))
+    first, second = list_runs(project)
+    assert result(calibrated).camera.interior != before
+    written = (calibrated / "results" / "photogrammetric.npz").stat().st_mtime_ns
+    make_current(project, first)
+    assert result(calibrated).camera.interior == before
+    assert current_runs(project) == {"photogrammetric": 1, "polynomial": 1}
+    # what was computed by the other run is older than the calibration in use
+    assert (calibrated / "results" / "photogrammetric.npz").stat().st_mtime_ns >= written
+    make_current(project, second)
+    assert current_runs(project) == {"photogrammetric": 2, "polynomial": 1}
+
+
+def test_a_run_whose_files_are_gone_is_not_put_in_use(calibrated: Path) -> None:
+    project = read_project(calibrated)
+    calibrate_project(project, "photogrammetric", CalibrateOptions(without=("testfield-02",)))
+    (calibrated / "results" / "runs" / "0001" / "adjustment.npz").unlink()
+    in_use = result(calibrated).camera.interior
+    with pytest.raises(InputError, match="not there"):
+        make_current(project, list_runs(project)[0])
+    assert result(calibrated).camera.interior == in_use
+    assert current_runs(project)["photogrammetric"] == 2
+
+
+def test_a_run_in_use_is_not_deleted_another_is(calibrated: Path) -> None:
+    project = read_project(calibrated)
+    calibrate_project(project)
+    first, second = list_runs(project)
+    with pytest.raises(InputError, match="in use"):
+        delete_run(project, second)
+    delete_run(project, first)
+    assert [run.number for run in list_runs(project)] == [2]
+    assert not (calibrated / "results" / "runs" / "0001").exists()
+    assert result(calibrated).sigma0 == second.figures["photogrammetric"]["sigma0"]
+
+
+def test_a_run_may_be_named(calibrated: Path) -> None:
+    project = read_project(calibrated)
+    rename_run(project, list_runs(project)[0], " before the knock ")
+    assert list_runs(project)[0].name == "before the knock"
+
+
+def test_the_oldest_runs_go_beyond_a_number_those_in_use_stay(calibrated: Path, monkeypatch) -> None:
+    monkeypatch.setattr(runs, "MOST_RUNS", 2)
+    project = read_project(calibrated)
+    for _ in range(3):
+        calibrate_project(project, "photogrammetric")
+    assert [run.number for run in list_runs(project)] == [1, 3, 4]  # run 1 holds the depth calibration in use
+
+
+def test_a_cancelled_calibration_keeps_no_run(calibrated: Path) -> None:
+    project = read_project(calibrated)
+    seen: list[str] = []
+    progress = Progress(lambda _, message: seen.append(message), lambda: "iteration 3" in seen)
+    with pytest.raises(Cancelled):
+        calibrate_project(project, progress=progress)
+    assert [run.number for run in list_runs(project)] == [1]
+    assert [p.name for p in (calibrated / "results" / "runs").iterdir()] == ["0001"]
+
+
+def test_a_run_that_cannot_be_read_is_passed_over(calibrated: Path) -> None:
+    project = read_project(calibrated)
+    (calibrated / "results" / "runs" / "0001" / "run.json").write_text("{")
+    assert list_runs(project) == ()
+    calibrate_project(project)
+    assert [run.number for run in list_runs(project)] == [2]  # a number is not given twice
+
+
+def test_a_course_is_told_at_every_iteration(calibrated: Path) -> None:
+    told: list[tuple[str, int, float]] = []
+    calibrate_project(
+        read_project(calibrated), "photogrammetric", progress=Progress(course=lambda *figure: told.append(figure))
+    )
+    sigma0 = [(step, value) for name, step, value in told if name == "sigma0"]
+    assert [step for step, _ in sigma0][:4] == [0, 1, 2, 3]
+    assert sigma0[0][1] > 10 * sigma0[-1][1]
+    corrections = [value for name, _, value in told if name == "correction"]
+    assert corrections[-1] < 1e-5  # sigmas, the tolerance of the adjustment
+
+
+def run_with(number: int, c_mm: float, sigma: float, turn: np.ndarray, shift: np.ndarray) -> Run:
+    """A run with just the figures that are compared."""
+
+    def device(first: float) -> dict:
+        keys = [n if n.startswith("A") else f"{n}_mm" for n in INTERIOR_NAMES]
+        values = {key: {"value": 0.0, "sigma": 0.0} for key in keys}
+        return {**values, "c_mm": {"value": first, "sigma": sigma}, "r0_mm": 2.5}
+
+    relative = {
+        "rotation": matrix_from_rotation_vector(turn).tolist(),
+        "translation_mm": shift.tolist(),
+        "rotation_sigma_rad": [1e-4] * 3,
+        "translation_sigma_mm": [0.01] * 3,
+    }
+    network = {"camera": device(c_mm), "projector": device(180.0), "projector_from_camera": relative}
+    return Run(number, "", 0, CalibrateOptions(), {"photogrammetric": ()}, {}, {}, {"photogrammetric": network})
+
+
+def test_runs_are_compared_in_units_of_the_greater_sigma() -> None:
+    first = run_with(1, 12.000, 0.002, np.array([0.1, 0.2, -0.1]), np.array([-240.0, 10.0, 5.0]))
+    turned = matrix_from_rotation_vector([0.0, 3e-4, 0.0]) @ matrix_from_rotation_vector([0.1, 0.2, -0.1])
+    second = run_with(2, 12.010, 0.004, np.zeros(3), np.array([-240.0, 10.02, 5.0]))
+    second.figures["photogrammetric"]["projector_from_camera"]["rotation"] = turned.tolist()
+    found = {d.name: d for d in compare_runs(first, second)}
+    c = found["camera c"]
+    assert (c.first, c.second, c.unit) == ((12.0, 0.002), (12.010, 0.004), "mm")
+    assert c.in_sigmas == pytest.approx(0.010 / 0.004)
+    assert found["projector A3"].in_sigmas is None  # held in both
+    assert [found[f"turn about {axis}"].difference for axis in "XYZ"] == pytest.approx(
+        [0.0, 0.3, 0.0], abs=1e-9
+    )  # mrad
+    assert found["turn about Y"].in_sigmas == pytest.approx(3.0)
+    assert found["shift Y"].in_sigmas == pytest.approx(2.0)
+
+
+def test_parameters_with_other_zero_radii_are_not_set_against_each_other() -> None:
+    first = run_with(1, 12.000, 0.002, np.zeros(3), np.zeros(3))
+    second = run_with(2, 12.010, 0.002, np.zeros(3), np.zeros(3))
+    second.figures["photogrammetric"]["camera"]["r0_mm"] = 3.0
+    assert {d.name: d for d in compare_runs(first, second)}["camera c"].in_sigmas is None
+
+
+def test_a_run_without_a_photogrammetric_calibration_is_not_compared() -> None:
+    first = run_with(1, 12.000, 0.002, np.zeros(3), np.zeros(3))
+    assert compare_runs(first, replace(first, figures={"polynomial": {}})) == ()
