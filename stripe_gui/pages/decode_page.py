@@ -9,7 +9,7 @@ from stripe_gui.pages.map_page import MapPage
 from stripe_gui.presenters.decode import PhaseCache, figures_table, kind_name, kinds_of, map_view, pixel_text
 from stripe_gui.presenters.folder import CaptureEntry
 from stripe_gui.presenters.work import decode_all, decode_one
-from stripe_gui.widgets.layout import boxed, column
+from stripe_gui.widgets.layout import boxed, column, label
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
 from stripe_gui.workbench import Workbench
 
@@ -30,11 +30,12 @@ class DecodePage(MapPage):
         self._shown: CaptureEntry | None = None
         self._phase: PhaseMap | None = None
         self.figures = ResultTable(self.tr("Figures of the decoded capture"), titled=False)
-        self.figures.setMinimumWidth(300)
+        self.captures.setMaximumWidth(340)
+        self.figures.setMinimumWidth(290)
         self.figures.setMaximumWidth(340)
         self.all_button = self.add_button(self.tr("Decode all captures"), self.run, "run", primary=True)
         self.all_button.setToolTip(self.tr("Decode every capture that has changed, and keep its figures (F5)."))
-        self.lay_out(self.view, side=boxed(column(self.figures, self.state)), title=self.tr("Figures"))
+        self.lay_out(boxed(column(self.state, self.view)), below=(label(self.tr("Figures"), "heading"), self.figures))
 
     def refresh(self) -> None:
         """Show the captures, and decode the chosen one if it is not here yet."""

@@ -27,27 +27,26 @@ class MapPage(Page):
         self.captures = CaptureList(bench.session)
         self.kind = QComboBox()
         self.kind.setAccessibleName(self.tr("Map"))
-        self.kind.setMinimumWidth(190)
+        self.kind.setMinimumWidth(150)
+        self.kind.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.kind.currentIndexChanged.connect(self.choose)
         self.view = ImageView(map_name)
         self.state = label("", "muted", wrap=True)
         self.state.setHidden(True)
         bench.session.capture_changed.connect(self._capture_changed)
 
-    def lay_out(
-        self, middle: QWidget, *, before: Sequence[QWidget] = (), side: QWidget | None = None, title: str = ""
-    ) -> None:
-        """Put captures, what holds the map, and something with a title at the `side`, beside each other.
+    def lay_out(self, middle: QWidget, *, before: Sequence[QWidget] = (), below: Sequence[QWidget] = ()) -> None:
+        """Put the captures, with what is `below` them, beside what holds the map.
 
         What stands `before` the choice of maps is in one row with it.
         """
-        fit = button(self.tr("Whole image"), self.fit, "fit", flat=True)
+        fit = button("", self.fit, "fit", flat=True)
+        fit.setAccessibleName(self.tr("Whole image"))
+        fit.setToolTip(self.tr("Whole image"))
         top = row(*before, label(self.tr("Map")), self.kind, None, fit)
         split = QSplitter(Qt.Orientation.Horizontal)
-        split.addWidget(boxed(column(label(self.tr("Captures"), "heading"), self.captures, spacing=8)))
+        split.addWidget(boxed(column(label(self.tr("Captures"), "heading"), self.captures, *below, spacing=8)))
         split.addWidget(boxed(column(top, middle)))
-        if side is not None:
-            split.addWidget(boxed(column(label(title, "heading"), side, spacing=8)))
         split.setStretchFactor(1, 1)
         split.setChildrenCollapsible(False)
         split.setHandleWidth(14)

@@ -45,7 +45,8 @@ class ReconstructPage(MapPage):
         self._waiting = ""
         self.method = QComboBox()
         self.method.setAccessibleName(self.tr("Calibration"))
-        self.method.setMinimumWidth(150)
+        self.method.setToolTip(self.tr("Calibration"))
+        self.method.setMinimumWidth(170)
         self.method.currentIndexChanged.connect(self.look)
         self.export_button = self.add_button(self.tr("Export points…"), self.export, "export")
         self.export_button.setToolTip(self.tr("Write the points as PLY, XYZ or NPZ."))
@@ -56,7 +57,7 @@ class ReconstructPage(MapPage):
         self.stack.addWidget(self.view)
         self.cloud = None  # made when it is first wanted: its packages are heavy
         middle = boxed(column(self.state, self.stack, self.why_flat, spacing=8))
-        self.lay_out(middle, before=(label(self.tr("Calibration")), self.method))
+        self.lay_out(middle, before=(self.method,))
         self._offer_kinds()
 
     def refresh(self) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtCore import QEvent, QObject, QRectF, Qt, Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QFrame, QGridLayout, QScrollArea, QVBoxLayout, QWidget
 
 from core.model import PlaneEvaluation
@@ -63,7 +64,7 @@ class DeviationMaps(QWidget):
         self.automatic.setToolTip(self.tr("Three times the largest r.m.s., as in the report."))
         self.limit.setToolTip(self.tr("Deviations are positive towards the camera."))
         towards = label(self.tr("+ is towards the camera"), "muted")
-        fit = button(self.tr("Whole images"), self.fit, "fit", flat=True)
+        fit = button(self.tr("Whole planes"), self.fit, "fit", flat=True)
         self.controls = boxed(row(label(self.tr("Scale")), self.limit, self.automatic, towards, None, fit))
         self.readout = label(" ", "muted")
         self.readout.setAccessibleName(self.tr("Values under the cursor"))
@@ -88,18 +89,25 @@ class DeviationMaps(QWidget):
             self._scale(self.limit.value())
         else:
             self._automatic()
+        self.fit()
         self._say(None)
 
     def fit(self) -> None:
-        """Show every map whole."""
-        for made in self.maps:
-            made.fit()
+        """Show what has deviations in any of the maps."""
+        if not self.maps:
+            return
+        known = np.any([np.isfinite(made.image) for made in self.maps], axis=0)
+        rows, cols = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
+        if len(rows):
+            frame = QRectF(cols[0] - 0.5, rows[0] - 0.5, np.ptp(cols) + 1, np.ptp(rows) + 1)
+            for made in self.maps:
+                made.canvas.box.setRange(frame, padding=0.04)
 
     def _map(self, evaluation: PlaneEvaluation) -> QWidget:
         method = method_name(evaluation.method)
         name = self.tr("Deviations of {capture}, {method}").format(capture=evaluation.capture, method=method)
         made = ImageView(name, bar=False)
-        made.setMinimumSize(140, 84)
+        made.setMinimumSize(140, 76)
         made.readout.hide()  # one for all maps
         made.set_image(evaluation.deviation_mm, (-1, 1), scale="deviation", unit="mm", digits=4)
         made.canvas.setAccessibleDescription(

@@ -81,7 +81,7 @@ class Plot(QWidget):
         outer.setSpacing(4)
         outer.addWidget(self.legend)
         outer.addWidget(self.canvas, 1)
-        self.setMinimumHeight(140)
+        self.canvas.setMinimumHeight(100)
         self._colour()
 
     def set_curves(

@@ -114,8 +114,8 @@ class ProfileStep(QWidget):
         self.maps.controls.hide()  # the scale is that of the maps before
         self.maps.foot.addWidget(self.ends)
         layout = column(row(label(self.tr("Plane")), self.plane, *self.presets, None), self.maps, self.plot, spacing=8)
-        layout.setStretch(1, 3)
-        layout.setStretch(2, 2)
+        layout.setStretch(1, 5)
+        layout.setStretch(2, 3)
         layout.setContentsMargins(0, 8, 0, 0)
         self.setLayout(layout)
 
@@ -267,7 +267,8 @@ class SignOffStep(QWidget):
             form.addRow(label(text), field)
         self.operator.setPlaceholderText(self.tr("without a name the report is not signed"))
         layout.addLayout(form)
-        layout.addLayout(row(self.with_tolerance, self.limit, self.of, None))
+        layout.addWidget(self.with_tolerance)
+        layout.addLayout(row(self.limit, self.of, None))
         layout.addWidget(self.verdict)
         layout.addStretch(1)
         files, layout = card(self.tr("Files"))
