@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QSplitter
+from PySide6.QtWidgets import QSplitter, QTabWidget
 
 from core.errors import StripeError
 from stripe_gui import theme
@@ -19,6 +19,7 @@ from stripe_gui.widgets.capture_list import CaptureList
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, button, column, label, row
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
+from stripe_gui.widgets.symbols import plus
 from stripe_gui.workbench import Workbench
 
 
@@ -36,23 +37,33 @@ class MeasurePage(Page):
         )
         self.captures = CaptureList(bench.session, ("testfield", "depth"))
         self.view = ImageView(self.tr("Testfield with its targets"), bar=False)
-        self.measured = pg.ScatterPlotItem(pxMode=True, size=9, symbol="+")
+        self.measured = pg.ScatterPlotItem(pxMode=True, size=10, symbol=plus())
         self.picks = pg.ScatterPlotItem(pxMode=True, size=18, symbol="s")
+        self.missing = pg.ScatterPlotItem(pxMode=True, size=12, symbol="d")
         self.chosen = pg.ScatterPlotItem(pxMode=True, size=26, symbol="o")
-        for item in (self.measured, self.picks, self.chosen):
+        for item in (self.measured, self.picks, self.missing, self.chosen):
             self.view.add_item(item)
-        self.state = label(" ", "muted")
-        self.key = label(self.tr("+ measured   □ picked"), "muted")
-        self.table = ResultTable(self.tr("Targets"), titled=False)
+        self.state = label(" ", "muted", wrap=True)
+        self.key = label(self.tr("+ measured   □ picked   ◇ missing"), "muted")
+        self.table = ResultTable(self.tr("Measured targets"), titled=False)
         self.table.row_chosen.connect(self._point_at)
+        self.missing_table = ResultTable(self.tr("Missing targets"), titled=False)
+        self.missing_table.row_chosen.connect(self._point_at_missing)
+        self.tabs = QTabWidget()
+        self.tabs.setDocumentMode(True)
+        for table, name in ((self.table, "measured"), (self.missing_table, "missing")):
+            table.setObjectName(name)
+            self.tabs.addTab(table, "")
         self._shown: MeasureView | None = None
         self.run_button = self.add_button(self.tr("Measure all"), self.run, "run", primary=True)
         self.run_button.setToolTip(self.tr("Measure the targets of all captures that have picks (F5)."))
         fit = button(self.tr("Whole image"), self.view.fit, "fit", flat=True)
-        picture = boxed(column(row(self.state, None, self.key, fit), self.view))
+        top = row(self.state, self.key, fit)
+        top.setStretch(0, 1)
+        picture = boxed(column(top, self.view))
         right = QSplitter(Qt.Orientation.Vertical)
         right.addWidget(picture)
-        right.addWidget(self.table)
+        right.addWidget(self.tabs)
         right.setSizes([420, 220])
         right.setChildrenCollapsible(False)
         right.setHandleWidth(14)
@@ -103,7 +114,7 @@ class MeasurePage(Page):
         except StripeError as error:
             self.bench.report_error(error)
             targets = None
-        view = measure_view(entry.capture, targets)
+        view = measure_view(entry.capture, targets, self.session.folder.project.camera)
         self.bench.views.run(entry.name, lit_frame, entry.capture, on_done=partial(self._picture, view))
 
     def _picture(self, view: MeasureView, frame: FrameView) -> None:
@@ -112,34 +123,50 @@ class MeasurePage(Page):
 
     def _show(self, view: MeasureView | None) -> None:
         self._shown = view
-        empty = np.zeros((0, 2))
+        empty, folder = np.zeros((0, 2)), self.session.folder
+        camera = folder.project.camera if folder is not None else None
         for item, points in (
             (self.measured, view.measured if view else empty),
             (self.picks, view.picks if view else empty),
+            (self.missing, view.missing_inside(camera) if view and camera else empty),
         ):
             item.setData(x=points[:, 0], y=points[:, 1])
         self.chosen.setData([], [])
         self.state.setText(view.summary if view else self.tr("no board"))
         self.table.show_table(view.table if view else EMPTY)
+        self.missing_table.show_table(view.missing_table if view else EMPTY)
+        counts = (len(view.measured), len(view.missing)) if view else (0, 0)
+        self.tabs.setTabText(0, self.tr("Measured ({n})").format(n=counts[0]))
+        self.tabs.setTabText(1, self.tr("Missing ({n})").format(n=counts[1]))
         target = self.session.take_target()
         if view is not None and target in view.targets:
             self._bring(view, view.targets.index(target))
 
     def _bring(self, view: MeasureView, index: int) -> None:
         """Point at a target that another page asked for, in the middle of the picture."""
-        self.table.choose_row(index)
-        if index < len(view.measured):
-            self.view.centre_on(*view.measured[index], width_px=60)
+        gone = index - len(view.measured)
+        table, row = (self.table, index) if gone < 0 else (self.missing_table, gone)
+        self.tabs.setCurrentWidget(table)
+        table.choose_row(row)
+        place = view.measured[index] if gone < 0 else view.missing[gone]
+        if np.isfinite(place).all():
+            self.view.centre_on(*place, width_px=60)
 
     def _point_at(self, index: int) -> None:
         if self._shown is not None and index < len(self._shown.measured):
             u, v = self._shown.measured[index]
             self.chosen.setData([u], [v])
 
+    def _point_at_missing(self, index: int) -> None:
+        if self._shown is not None and index < len(self._shown.missing):
+            u, v = self._shown.missing[index]
+            self.chosen.setData(*(([u], [v]) if np.isfinite(u) else ([], [])))
+
     def _colour(self) -> None:
         # on the picture itself, which is the same in light and dark
         self.measured.setPen(pg.mkPen(theme.DARK.mark, width=1.5))
         self.picks.setPen(pg.mkPen(theme.DARK.mark_other, width=2))
+        self.missing.setPen(pg.mkPen(theme.DARK.warning, width=1.5))
         self.chosen.setPen(pg.mkPen("#ffffff", width=2))
-        for item in (self.measured, self.picks, self.chosen):
+        for item in (self.measured, self.picks, self.missing, self.chosen):
             item.setBrush(None)

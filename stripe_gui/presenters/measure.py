@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
-from core.model import Adjustment, Array, Capture, Network, TargetSet
+from core.errors import InputError
+from core.measure import measured_view
+from core.model import Adjustment, Array, Capture, DeviceSpec, Network, TargetSet
 from core.patterns import White
 from core.progress import SILENT, Progress
 from core.report import Number, Table
@@ -23,9 +26,17 @@ class MeasureView:
 
     measured: Array
     picks: Array
-    targets: tuple[tuple[int, int], ...]  # (row, col) of every row of `table`, the measured ones first
+    missing: Array  # where the targets of `missing_table` should be, NaN where that is not known
+    targets: tuple[tuple[int, int], ...]  # (row, col) of every row of `table`, then of `missing_table`
     table: Table
+    missing_table: Table
     summary: str
+
+    def missing_inside(self, camera: DeviceSpec) -> Array:
+        """Places of the missing targets that lie in the image."""
+        with np.errstate(invalid="ignore"):
+            inside = np.all((self.missing > -0.5) & (self.missing < (camera.width - 0.5, camera.height - 0.5)), axis=1)
+        return self.missing[inside]
 
 
 def lit_frame(capture: Capture, progress: Progress = SILENT) -> FrameView:
@@ -78,25 +89,27 @@ def _from_network(network: Network, name: str) -> TargetSet | None:
     )
 
 
-def measure_view(capture: Capture, targets: TargetSet | None) -> MeasureView:
-    """Put picks and targets together."""
+def measure_view(capture: Capture, targets: TargetSet | None, camera: DeviceSpec | None = None) -> MeasureView:
+    """Put picks and targets together; with the camera the missing ones get their places."""
     picks = np.array([[s.u, s.v] for s in capture.seeds]).reshape(-1, 2)
+    row, col = translate("Measure", "row"), translate("Measure", "column")
     columns = (
-        translate("Measure", "row"),
-        translate("Measure", "column"),
+        row,
+        col,
         "u [px]",
         "v [px]",
         "σ [px]",
         translate("Measure", "u projector [lines]"),
         translate("Measure", "v projector [lines]"),
-        translate("Measure", "remark"),
     )
+    why = (row, col, translate("Measure", "why it is missing"))
     if targets is None:
         text = translate("Measure", "{n} targets picked, not measured yet") if len(picks) else ""
         summary = text.format(n=len(picks)) or translate("Measure", "no targets picked yet")
-        return MeasureView(np.zeros((0, 2)), picks, (), Table("", columns, ()), summary)
+        none = np.zeros((0, 2))
+        return MeasureView(none, picks, none, (), Table("", columns, ()), Table("", why, ()), summary)
     sigma = np.sqrt(np.einsum("nii->n", targets.camera_cov) / 2)
-    rows: list[tuple] = [
+    rows = tuple(
         (
             Number(int(targets.row[i]), "d"),
             Number(int(targets.col[i]), "d"),
@@ -105,17 +118,49 @@ def measure_view(capture: Capture, targets: TargetSet | None) -> MeasureView:
             Number(float(sigma[i]), ".4f"),
             Number(float(targets.projector_uv[i, 0]), ".3f"),
             Number(float(targets.projector_uv[i, 1]), ".3f"),
-            "",
         )
         for i in range(len(targets.row))
-    ]
-    for m in targets.missing:
-        rows.append((Number(m.row, "d"), Number(m.col, "d"), None, None, None, None, None, m.reason))
-    text = translate("Measure", "{n} measured, {m} missing").format(n=len(targets.row), m=len(targets.missing))
-    if len(sigma):
-        text += translate("Measure", "; σ {s:.3f} px (median)").format(s=float(np.median(sigma)))
+    )
+    gone = tuple((Number(m.row, "d"), Number(m.col, "d"), m.reason) for m in targets.missing)
     identities = [
         *zip(targets.row.tolist(), targets.col.tolist(), strict=True),
         *((m.row, m.col) for m in targets.missing),
     ]
-    return MeasureView(targets.camera_uv, picks, tuple(identities), Table("", columns, tuple(rows)), text)
+    return MeasureView(
+        targets.camera_uv,
+        picks,
+        _places(capture, targets, camera),
+        tuple(identities),
+        Table("", columns, rows),
+        Table("", why, gone),
+        _summary(targets, sigma),
+    )
+
+
+def _summary(targets: TargetSet, sigma: Array) -> str:
+    """Count the targets, and the reasons of the missing ones."""
+    text = translate("Measure", "{n} measured").format(n=len(targets.row))
+    if len(sigma):
+        text += translate("Measure", ", σ {s:.3f} px (median)").format(s=float(np.median(sigma)))
+    if not targets.missing:
+        return text + translate("Measure", "; none missing")
+    kinds = Counter(m.reason.partition(":")[0] for m in targets.missing)
+    listed = ", ".join(f"{count} {reason}" for reason, count in kinds.most_common(3))
+    more = translate("Measure", "; {m} missing: {kinds}").format(m=len(targets.missing), kinds=listed)
+    return text + more + (" …" if len(kinds) > 3 else "")
+
+
+def _places(capture: Capture, targets: TargetSet, camera: DeviceSpec | None) -> Array:
+    """Where the missing targets should be, shape (n, 2) px, NaN where nothing tells."""
+    nowhere = np.full((len(targets.missing), 2), np.nan)
+    if camera is None or capture.testfield is None or not targets.missing:
+        return nowhere
+    try:
+        view = measured_view(capture.testfield, camera, capture.seeds, targets)
+    except InputError:  # the picks were changed since
+        return nowhere
+    index = capture.testfield.index()
+    known = [(m.row, m.col) in index for m in targets.missing]
+    at = [index[m.row, m.col] for m in targets.missing if (m.row, m.col) in index]
+    nowhere[known] = view.project(capture.testfield.xyz_mm[at])
+    return nowhere

@@ -11,5 +11,8 @@ colour_bar.py       its colours and what they mean
 residual_plot.py    residual vectors of a device
 histogram.py        histograms of deviations
 result_table.py     a table of results, sortable and copyable
+field_map.py        the testfield in small, to choose a target
+loupe.py            a part of an image, eight times as large
+symbols.py          thin marks for points in an image
 capture_list.py     the project's captures
 """

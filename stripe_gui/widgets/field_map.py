@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from core.model import Testfield
 from stripe_gui import theme
 
-MARGIN = 18
+MARGIN = 20
 Target = tuple[int, int]
 
 
@@ -144,5 +144,5 @@ class FieldMap(QWidget):
         if target in state.wanted:
             painter.setPen(QColor(colours.text))
             left, top = at.x() > self.width() / 2, at.y() < self.height() / 2
-            place = at + QPointF(9 if left else -15, -2 if top else 11)
+            place = at + QPointF(11 if left else -19, -2 if top else 11)
             painter.drawText(place, str(list(state.wanted).index(target) + 1))

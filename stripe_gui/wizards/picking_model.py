@@ -129,6 +129,11 @@ class Picking:
         self.wanted = self._wanted(before)
         self.target = self.next_target() or self.wanted[0]
 
+    def show(self, image: int) -> None:
+        """Work on an image, unless it is the one at work already."""
+        if image != self.image:
+            self.go_to(image)
+
     def _wanted(self, before: int) -> tuple[Target, ...]:
         guess = self.guess or ()
         known = self.picks.seeds if self.complete else (*self.picks.seeds, *guess, *self._picks[before].seeds)
@@ -177,6 +182,16 @@ class Picking:
     def dots(self) -> Array:
         """Where dots are in the image at work, shape (n, 2) px, as far as is known."""
         return self._dots.get(self.image, np.zeros((0, 2)))
+
+    def next_dot(self, u: float, v: float, direction: tuple[int, int]) -> tuple[float, float] | None:
+        """Give the dot that follows in a direction of the image; None where none is known."""
+        away = self.dots - (u, v)
+        along, across = away @ direction, np.abs(away @ direction[::-1])
+        cost = np.where((along > 3) & (across < along), along + 2 * across, np.inf)
+        if not np.isfinite(cost).any():
+            return None
+        u, v = self.dots[int(np.argmin(cost))]
+        return float(u), float(v)
 
     @property
     def guesses(self) -> int:

@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
-from PySide6.QtCore import QEvent, QObject, Qt
-from PySide6.QtGui import QKeyEvent, QKeySequence, QShortcut
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import QSplitter
 
-from core.measure import dot_at
 from core.model import Capture
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.capture import FrameView
@@ -18,14 +17,14 @@ from stripe_gui.presenters.measure import lit_frame
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, button, column, label, row
 from stripe_gui.wizards.picking_background import Background
+from stripe_gui.wizards.picking_keys import ImageKeys
 from stripe_gui.wizards.picking_marks import MarksOverlay
 from stripe_gui.wizards.picking_model import Picking, Target
 from stripe_gui.wizards.picking_side import SidePanel
 from stripe_gui.wizards.picking_view import NextStep, PickingView, next_step, picking_view, question
-from stripe_gui.wizards.picking_work import Kept, boards
+from stripe_gui.wizards.picking_work import Kept, boards, snapped
 from stripe_gui.workbench import Workbench
 
-ARROWS = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
 REACH_PX = 12  # on the screen: how far beside a dot a click may be
 Modifier = Qt.KeyboardModifier
 
@@ -49,18 +48,6 @@ class PickPage(Page):
         self._cursor = (0.0, 0.0)
         self._lay_out()
         self._connect()
-        self._keys: dict[int, Callable[[], object]] = {
-            Qt.Key.Key_Space: self.pick,
-            Qt.Key.Key_Return: self.advance,
-            Qt.Key.Key_Enter: self.advance,
-            Qt.Key.Key_Backspace: self.remove,
-            Qt.Key.Key_Delete: self.remove,
-            Qt.Key.Key_Tab: lambda: self.cycle(1),
-            Qt.Key.Key_Backtab: lambda: self.cycle(-1),
-            Qt.Key.Key_X: self.exclude,
-            Qt.Key.Key_R: self.turn_guess,
-            **{Qt.Key(Qt.Key.Key_1 + i): partial(self.choose_number, i) for i in range(9)},
-        }
 
     def _lay_out(self) -> None:
         self.undo_button = self.add_button(self.tr("Undo"), self.undo, "undo")
@@ -82,8 +69,8 @@ class PickPage(Page):
         self.legend = label(" ", "muted", wrap=True)
         keys = label(
             self.tr(
-                "Arrows 1 px, with Shift 0.1 px, with Ctrl to the next dot · Space picks · 1–4, Tab target · "
-                "Backspace removes · X excludes · Page Up, Page Down image · + − 0 zoom · F6 map and lists"
+                "Arrows: 1 px, Shift 0.1 px, Ctrl next dot · Space: pick · 1–4, Tab: target · X: exclude · "
+                "Page Up, Down: image · F6: map and lists"
             ),
             "muted",
             wrap=True,
@@ -101,7 +88,24 @@ class PickPage(Page):
         self.setFocusProxy(self.view.canvas)
 
     def _connect(self) -> None:
-        self.view.canvas.installEventFilter(self)
+        keys = ImageKeys(
+            self.view.canvas,
+            {
+                Qt.Key.Key_Space: self.pick,
+                Qt.Key.Key_Return: self.advance,
+                Qt.Key.Key_Enter: self.advance,
+                Qt.Key.Key_Backspace: self.remove,
+                Qt.Key.Key_Delete: self.remove,
+                Qt.Key.Key_Tab: lambda: self.cycle(1),
+                Qt.Key.Key_Backtab: lambda: self.cycle(-1),
+                Qt.Key.Key_X: self.exclude,
+                Qt.Key.Key_R: self.turn_guess,
+                **{Qt.Key(Qt.Key.Key_1 + i): partial(self.choose_number, i) for i in range(9)},
+            },
+        )
+        keys.nudged.connect(self.nudge)
+        keys.jumped.connect(self._jump)
+        keys.unsnapped.connect(lambda: self.pick(snap=False))
         self.view.clicked.connect(self._clicked)
         self.view.hovered.connect(self._look_through)
         self.view.canvas.left.connect(lambda: self._look_through(*self._cursor))
@@ -110,7 +114,7 @@ class PickPage(Page):
         self.side.excluded.connect(self.exclude)
         self.side.left.connect(self.view.canvas.setFocus)
         self.session.project_changed.connect(self._forget)
-        for keys, slot in (
+        for shortcut, slot in (
             ("Ctrl+Z", self.undo),
             ("Ctrl+Shift+Z", self.redo),
             ("PgDown", lambda: self.turn_over(1)),
@@ -119,7 +123,7 @@ class PickPage(Page):
             ("Escape", self.view.canvas.setFocus),
         ):
             here = Qt.ShortcutContext.WidgetWithChildrenShortcut
-            QShortcut(QKeySequence(keys), self, context=here).activated.connect(slot)
+            QShortcut(QKeySequence(shortcut), self, context=here).activated.connect(slot)
 
     # --------------------------------------------------------------------------------------------------------- showing
 
@@ -134,6 +138,9 @@ class PickPage(Page):
                 self._begin(self.model)
         else:
             self.bench.guarded(self.model.reload)
+            names = [c.name for c in self.model.captures]
+            if self.session.capture_name in names:  # it may have been chosen on another page
+                self.model.show(names.index(self.session.capture_name))
         if self.background is not None:
             self.background.take_measured()
         self._show_image()
@@ -245,33 +252,19 @@ class PickPage(Page):
         image, bright = (self._frame.image, self._frame.bright) if self._frame else (None, 1.0)
         self.side.loupe.show_at(image, bright, u, v, tuple((float(a), float(b)) for a, b in picks))
 
-    def nudge(self, key: int, modifiers: Qt.KeyboardModifier) -> None:
-        """Nudge the pick at work, or the cross hairs: 1 px, with Shift or Alt 0.1 px, with Ctrl to the next dot."""
-        du, dv = ARROWS[Qt.Key(key)]
+    def nudge(self, du: float, dv: float) -> None:
+        """Move the cross hairs by so many px, and with them the pick of the target at work."""
         u, v = self._cursor
-        if self.model is None:
-            return
-        if modifiers & Modifier.ControlModifier:
-            self._set_cursor(*self._next_dot(du, dv), follow=True)
-            return
-        step = 0.1 if modifiers & (Modifier.ShiftModifier | Modifier.AltModifier) else 1.0
-        self._set_cursor(round(u + du * step, 3), round(v + dv * step, 3), follow=True)
-        if self.model.target in self.model.picked:
+        self._set_cursor(round(u + du, 3), round(v + dv, 3), follow=True)
+        if self.model is not None and self.model.target in self.model.picked:
             self._change(self.model.pick, *self._cursor, move=False)
 
-    def _next_dot(self, du: int, dv: int) -> tuple[float, float]:
-        """Where the next dot lies in a direction; a tenth of the view further where there is none."""
+    def _jump(self, du: int, dv: int) -> None:
+        """Move the cross hairs to the next dot in a direction; a tenth of the view further where there is none."""
         u, v = self._cursor
         (x0, x1), (y0, y1) = self.view.canvas.box.viewRange()
-        ahead = du * (x1 - x0) / 10, dv * (y1 - y0) / 10
-        dots = self.model.dots if self.model is not None else np.zeros((0, 2))
-        away = dots - (u, v)
-        along, across = away @ (du, dv), np.abs(away @ (dv, du))
-        cost = np.where((along > 3) & (across < along), along + 2 * across, np.inf)
-        if len(cost) and np.isfinite(cost.min()):
-            u, v = dots[int(np.argmin(cost))]
-            return float(u), float(v)
-        return u + ahead[0], v + ahead[1]
+        found = self.model.next_dot(u, v, (du, dv)) if self.model is not None else None
+        self._set_cursor(*(found or (u + du * (x1 - x0) / 10, v + dv * (y1 - y0) / 10)), follow=True)
 
     # ------------------------------------------------------------------------------------------------------- the picks
 
@@ -279,18 +272,12 @@ class PickPage(Page):
         """Put the target at work where the cross hairs are, onto the dot's centre, and ask for the next one."""
         if self.model is None or self._frame is None:
             return
-        at = self._snapped(*self._cursor) if snap else self._cursor
+        reach = max(REACH_PX * self.view.canvas.box.viewPixelSize()[0], 4.0)
+        at = snapped(self._frame.image, self.model.field, self._cursor, reach) if snap else self._cursor
         if at is None:
             self.ask.setText(self.tr("There is no dot under the cross hairs; Shift+Space picks all the same."))
             return
         self._change(self.model.pick, *at, onward=True)
-
-    def _snapped(self, u: float, v: float) -> tuple[float, float] | None:
-        assert self.model is not None
-        assert self._frame is not None
-        reach = max(REACH_PX * self.view.canvas.box.viewPixelSize()[0], 4.0)
-        dark = self.model.field.polarity == "black-on-white"
-        return dot_at(self._frame.image, u, v, dark=dark, reach_px=min(reach, self._frame.image.shape[1] / 20))
 
     def _change(
         self, function: Callable[..., object], *arguments: object, move: bool = True, onward: bool = False
@@ -418,25 +405,6 @@ class PickPage(Page):
         """Show the guess of the image at work, unless the operator was quicker."""
         if self.model is not None and image == self.model.image and self.model.guess and not self.model.picks.seeds:
             self._show_marks(move=True)
-
-    # ------------------------------------------------------------------------------------------------------------ keys
-
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
-        """Take the keys of the image before the image itself does: here they pick instead of moving it."""
-        if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent) and self._image_key(event):
-            return True
-        return super().eventFilter(watched, event)
-
-    def _image_key(self, event: QKeyEvent) -> bool:
-        if event.key() in ARROWS:
-            self.nudge(event.key(), event.modifiers())
-        elif event.key() == Qt.Key.Key_Space and event.modifiers() & Modifier.ShiftModifier:
-            self.pick(snap=False)
-        elif event.key() in self._keys and not event.modifiers() & (Modifier.ControlModifier | Modifier.AltModifier):
-            self._keys[event.key()]()
-        else:
-            return False
-        return True
 
     def parts(self) -> Iterator[str]:
         """Show the targets of an image, and the images."""

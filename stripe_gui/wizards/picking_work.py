@@ -6,9 +6,10 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from core.measure import find_dots, propose_picks
-from core.model import Array, Capture, DeviceSpec, PhaseMap, Project, Seed
+from core.measure import dot_at, find_dots, propose_picks
+from core.model import Array, Capture, DeviceSpec, PhaseMap, Project, Seed, Testfield
 from core.pipeline import decode_capture
 from core.pipeline.measure import Side
 from core.progress import SILENT, Progress
@@ -46,6 +47,12 @@ def look_at(
     order = find_dots(frame.image, dark=field.polarity == "black-on-white")
     progress(0.6, capture.name)
     return Look(frame, order.uv, propose_picks(frame.image, order, field, camera, neighbour, side) if guess else None)
+
+
+def snapped(image: NDArray, field: Testfield, at: tuple[float, float], reach_px: float) -> tuple[float, float] | None:
+    """Give the centre of the dot at or next to a position; dots further than a 20th of the image are never meant."""
+    dark = field.polarity == "black-on-white"
+    return dot_at(image, *at, dark=dark, reach_px=min(reach_px, image.shape[1] / 20))
 
 
 def decode_board(capture: Capture, progress: Progress = SILENT) -> PhaseMap:
