@@ -26,6 +26,7 @@ from tests.benchmarks.timing import OURS, Row, say
 PARTS = (
     "decode",
     "intersection",
+    "cloud",
     "adjustment",
     "measurement",
     "opening",

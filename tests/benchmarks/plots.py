@@ -20,6 +20,8 @@ _TITLES = {
     "decode, frames": "Decoding against the number of frames, 748 × 576 pixels",
     "intersection, 4": "Intersection with 4 observations and sigmas",
     "intersection, 3": "Intersection with 3 observations and sigmas",
+    "depth look-up": "Depth look-up with sigma",
+    "frames to points": "From 28 frames in memory to points with sigmas",
     "measurement": "Measuring the 247 targets of an image",
     "rays": "Casting rays in the virtual bench",
     "adjustment": "Bundle adjustment of 247 points with all covariances",

@@ -42,17 +42,27 @@ class Frames:
         return sum(image.nbytes for image in self.images)
 
 
-def frames(patterns: Sequence[Pattern], width: int, height: int, seed: int = 0) -> Frames:
-    """8-bit frames of a slanted plane: modulation 25 grey values about 60, noise 2, the published figures."""
+def frames(
+    patterns: Sequence[Pattern],
+    width: int,
+    height: int,
+    seed: int = 0,
+    places: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Frames:
+    """8-bit frames: modulation 25 grey values about 60, noise 2, the published figures.
+
+    Without the projector coordinates `places` of all pixels, those of a slanted plane that fills the image.
+    """
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
     u = 6 + (LINES - 14) * x / width + np.float32(3) * y / height
     v = 6 + (LINES - 14) * y / height + np.float32(3) * x / width
+    u, v = places or (u, v)
     rng = np.random.default_rng(seed)
     noise = rng.normal(0, 2, u.size + 4096).astype(np.float32)
     images = []
     for pattern in patterns:
         place = v if getattr(pattern, "axis", "x") == "y" else u
-        at = np.rint((place + 0.5) * _FINE).astype(np.int32)
+        at = np.rint((np.clip(place, 0, LINES - 1) + 0.5) * _FINE).astype(np.int32)
         start = int(rng.integers(4096))
         grey = _profile(pattern)[at] + noise[start : start + u.size].reshape(u.shape)
         images.append(np.clip(np.rint(grey), 0, 255).astype(np.uint8))
