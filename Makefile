@@ -15,7 +15,7 @@ help:
 	@echo "make demo    the whole experiment on the virtual bench, to a report in $(OUT)/results/report"
 	@echo "make test    all tests"
 	@echo "make check   ruff, formatting and types"
-	@echo "make bench   benchmarks against peers"
+	@echo "make bench   benchmarks against peers, to a table and plots in bench-results"
 
 setup: $(STAMP)
 
@@ -38,6 +38,7 @@ check: setup
 	$(BIN)/mypy
 
 bench: setup
+	@echo "Installing the peers into .bench-venv, then all side by side: about four minutes if nothing else runs."
 	@$(BIN)/python -m tests.benchmarks
 
 clean:
