@@ -34,7 +34,7 @@ class Fields:
     @staticmethod
     def of(value: object, where: str) -> Fields:
         """Take a JSON value that must be an object."""
-        if not isinstance(value, Mapping):
+        if not isinstance(value, dict | Mapping):  # the common kind first: it is by far quicker to tell
             raise InputError(where, f"found {_short(value)}", "give an object with named fields")
         return Fields(value, where)
 

@@ -65,6 +65,9 @@ class Line:
 
 Pattern = White | Black | Code | Phase | Line
 
+_KNOWN: dict[tuple[Any, ...], Pattern] = {}  # what was read before, by its fields
+_MOST_KNOWN = 4096
+
 
 def brightness(pattern: Pattern, lines: ArrayLike) -> Array:
     """How bright (0 to 1) a pattern makes projector lines.
@@ -144,6 +147,19 @@ def pattern_from_dict(data: object, where: str) -> Pattern:
     Line(axis='x', index=7, width=2)
     """
     fields = Fields.of(data, where)
+    try:  # the captures of a project repeat their patterns; 1, 1.0 and true are equal, but not equally good
+        key = tuple(fields.data.items()), tuple(map(type, fields.data.values()))
+        known = _KNOWN.get(key)
+    except TypeError:  # a list or an object where a pattern has none
+        return _read(fields)
+    if known is None:
+        if len(_KNOWN) >= _MOST_KNOWN:
+            _KNOWN.clear()
+        known = _KNOWN[key] = _read(fields)
+    return known
+
+
+def _read(fields: Fields) -> Pattern:
     kind = fields.text("kind", among=("white", "black", "gray", "binary", "phase", "line"))
     if kind == "white":
         return White()

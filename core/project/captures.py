@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -132,13 +133,15 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
     if fields.data.get("state") == "taking":
         status = unfinished_status(folder, len(fields.items("planned")))
         raise InputError(path, str(status), "start the same capture again: it goes on where it stopped")
-    frames = []
+    frames, place, where = [], str(folder), str(path)
     for i, item in enumerate(fields.items("frames")):
-        entry = Fields.of(item, f"{path}: frame {i}")
-        file = folder / entry.text("file")
-        if not file.is_file():
-            raise InputError(file, "the frame is not there", "record it again, or take it out of capture.json")
-        frames.append(Frame(file, pattern_from_dict(entry.data.get("pattern"), f"{path}: frame {i} ({file.name})")))
+        entry = Fields.of(item, f"{where}: frame {i}")
+        name = entry.text("file")
+        if not os.path.isfile(os.path.join(place, name)):
+            raise InputError(folder / name, "the frame is not there", "record it again, or take it out of capture.json")
+        frames.append(
+            Frame(folder / name, pattern_from_dict(entry.data.get("pattern"), f"{where}: frame {i} ({name})"))
+        )
     if not frames:
         raise fields.refuse("frames", [], "a capture needs frames: record it again")
     testfield = None

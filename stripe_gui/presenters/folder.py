@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -114,15 +115,15 @@ class ProjectFolder:
         if isinstance(kept[1], StripeError):
             return CaptureEntry(folder, None, kept[1], 0)
         capture: Capture = kept[1]
-        files = [*(frame.path for frame in capture.frames), folder / "capture.json", folder / "picks.json"]
-        times = [v[0] for v in (*map(version, files), *(boards if capture.testfield else ())) if v]
+        known = [*now[:2], *(boards if capture.testfield else ())]
+        times = [v[0] for v in (*known, *(version(frame.path) for frame in capture.frames)) if v]
         return CaptureEntry(folder, capture, None, max(times))
 
 
 def version(path: Path) -> tuple[int, int] | None:
     """Tell one content of a file from another: time of writing in ns, and size; None where there is no file."""
     try:
-        stat = path.stat()
+        stat = os.stat(path)
     except OSError:
         return None
     return stat.st_mtime_ns, stat.st_size

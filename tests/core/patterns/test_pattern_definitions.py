@@ -137,3 +137,10 @@ def test_a_plain_lcd_refuses_the_other_axis() -> None:
     assert PlainLcd("x", 8).switch(White()).all()
     with pytest.raises(PatternRefusedError, match="'y'"):
         PlainLcd("x", 8).switch(Code("gray", "y", 0, 3))
+
+
+def test_what_was_read_before_does_not_let_its_equals_of_another_kind_pass():
+    good = {"kind": "gray", "axis": "x", "bit": 1, "bits": 4}
+    assert pattern_from_dict(good, "capture.json") == pattern_from_dict(dict(good), "capture.json")
+    with pytest.raises(InputError, match="bit is True"):
+        pattern_from_dict({**good, "bit": True}, "capture.json")
