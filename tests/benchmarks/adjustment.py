@@ -12,6 +12,7 @@ from tests.benchmarks.plain_adjustment import adjusted_points
 from tests.benchmarks.timing import EFFORT, OURS, Absent, Contestant, Row, race
 
 POSES = (20, 50, 100, 200)  # of two stations each
+PEERS_AT = (20, 50, 200)
 SLOW = 100  # poses from which a peer that takes tens of seconds works once
 
 
@@ -31,7 +32,7 @@ def _right(one: Task, result: Adjustment) -> str:
 
 
 def _peers(one: Task, poses: int) -> list[Contestant | Absent]:
-    if poses not in (POSES[0], POSES[-1]):
+    if poses not in PEERS_AT:
         return []
     right = judge(one)
 
