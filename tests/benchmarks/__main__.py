@@ -61,10 +61,12 @@ def main() -> int:
     if not options.no_peers:
         install_peers()
     started, busy = time.monotonic(), load()
-    rows = [row for part in options.parts or PARTS for row in _run(part, options.quick)]
-    seconds = time.monotonic() - started
-    about = {**machine(), "load": f"{busy:.1f} at the start", "took": f"{seconds:.0f} s"}
-    write_results(RESULTS, rows, about, seconds)
+    rows: list[Row] = []
+    for part in options.parts or PARTS:
+        rows += _run(part, options.quick)
+        seconds = time.monotonic() - started
+        about = {**machine(), "load": f"{busy:.1f} at the start", "took": f"{seconds:.0f} s"}
+        write_results(RESULTS, rows, about, seconds)  # after every part: a run may be stopped
     from tests.benchmarks.plots import write_plots
 
     write_plots(RESULTS, rows)
