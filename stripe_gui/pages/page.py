@@ -26,11 +26,14 @@ class Page(QWidget):
         The stage it belongs to, marked in the strip; its word is also the page's help topic.
     needs_project : bool
         Whether it can be shown only while a project is open.
+    undoes : bool
+        Whether "Undo" and "Redo" mean something here.
     """
 
     id = ""
     stage = ""
     needs_project = True
+    undoes = False
     action_ids: tuple[str, ...] = ()  # of actions, such as those of wizards, that get a button where they exist
 
     def __init__(self, bench: Workbench, title: str, purpose: str) -> None:
@@ -91,6 +94,12 @@ class Page(QWidget):
 
     def refresh(self) -> None:
         """Show the project as it is now."""
+
+    def undo(self) -> None:
+        """Take the operator's last change back; pages that set `undoes` do."""
+
+    def redo(self) -> None:
+        """Make the change again that was taken back last."""
 
     def run(self) -> None:
         """Do this stage's work (the action "Run this stage"); pages without any do nothing."""

@@ -101,7 +101,7 @@ class Background(QObject):
         if self._ahead.busy or self._stopped:
             return
         model = self._model
-        for image in dict.fromkeys((model.image, model.next_image(due=True), model.next_image(1))):
+        for image in dict.fromkeys((model.image, model.next_due(), model.next_image(1))):
             if image is None or image in self._unreadable:
                 continue
             capture = model.captures[image]

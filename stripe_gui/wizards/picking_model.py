@@ -129,8 +129,9 @@ class Picking:
         self.wanted = self._wanted(before)
         self.target = self.next_target() or self.wanted[0]
 
-    def show(self, image: int) -> None:
-        """Work on an image, unless it is the one at work already."""
+    def show(self, name: str) -> None:
+        """Work on the capture of a name, if it has a board, unless it is at work already."""
+        image = next((i for i, capture in enumerate(self.captures) if capture.name == name), self.image)
         if image != self.image:
             self.go_to(image)
 
@@ -142,10 +143,12 @@ class Picking:
         most = max(ENOUGH, len(self.picks.seeds))
         return tuple(dict.fromkeys((*last, *corner_targets(self.field))))[:most]
 
-    def next_image(self, step: int = 1, due: bool = False) -> int | None:
-        """Give the image `step` further on; `due`: the next one, round the end, that is not picked yet, if any."""
-        if not due:
-            return min(max(self.image + step, 0), len(self.captures) - 1)
+    def next_image(self, step: int) -> int:
+        """Give the image so many further on, or the last one there."""
+        return min(max(self.image + step, 0), len(self.captures) - 1)
+
+    def next_due(self) -> int | None:
+        """Give the next image, round the end, that is not picked yet."""
         ahead = [(self.image + i) % len(self.captures) for i in range(1, len(self.captures))]
         return next((i for i in ahead if len(self._picks[i].seeds) < ENOUGH), None)
 
@@ -339,6 +342,8 @@ class Picking:
         found = self._measured.get(image)
         return found is not None and found.picks != self._picks[image] and found.picks.seeds == self._picks[image].seeds
 
-    def keep_measurement(self, image: int, measurement: Measurement) -> None:
-        """Take what came out of measuring."""
-        self._measured[image] = measurement
+    def keep_measurement(self, image: int, measurement: Measurement | None) -> None:
+        """Take what came out of measuring; None forgets it."""
+        self._measured.pop(image, None)
+        if measurement is not None:
+            self._measured[image] = measurement

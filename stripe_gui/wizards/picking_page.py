@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QKeySequence, QShortcut
-from PySide6.QtWidgets import QSplitter
 
 from core.model import Capture
 from stripe_gui.pages.page import Page
@@ -32,7 +31,7 @@ Modifier = Qt.KeyboardModifier
 class PickPage(Page):
     """The image in the middle; to the right the map of the field, the loupe, and the images and targets as lists."""
 
-    id, stage = "pick", "measure"
+    id, stage, undoes = "pick", "measure", True
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
@@ -78,13 +77,7 @@ class PickPage(Page):
         fit = button(self.tr("Whole image"), self.view.fit, "fit", flat=True)
         left = column(row(self.state, None, fit), self.ask, self.view, self.legend, keys, spacing=6)
         left.setStretch(2, 1)
-        split = QSplitter(Qt.Orientation.Horizontal)
-        split.addWidget(boxed(left))
-        split.addWidget(self.side)
-        split.setStretchFactor(0, 1)
-        split.setChildrenCollapsible(False)
-        split.setHandleWidth(14)
-        self.body.addWidget(split, 1)
+        self.body.addLayout(row(boxed(left), self.side, spacing=14), 1)
         self.setFocusProxy(self.view.canvas)
 
     def _connect(self) -> None:
@@ -115,8 +108,6 @@ class PickPage(Page):
         self.side.left.connect(self.view.canvas.setFocus)
         self.session.project_changed.connect(self._forget)
         for shortcut, slot in (
-            ("Ctrl+Z", self.undo),
-            ("Ctrl+Shift+Z", self.redo),
             ("PgDown", lambda: self.turn_over(1)),
             ("PgUp", lambda: self.turn_over(-1)),
             ("F6", lambda: self.side.next_pane(self.view.canvas)),
@@ -138,9 +129,7 @@ class PickPage(Page):
                 self._begin(self.model)
         else:
             self.bench.guarded(self.model.reload)
-            names = [c.name for c in self.model.captures]
-            if self.session.capture_name in names:  # it may have been chosen on another page
-                self.model.show(names.index(self.session.capture_name))
+            self.model.show(self.session.capture_name)  # it may have been chosen on another page
         if self.background is not None:
             self.background.take_measured()
         self._show_image()
@@ -152,9 +141,8 @@ class PickPage(Page):
         self.background = Background(self.bench, model, folder.project, self.kept, self)
         self.background.measured.connect(self._measured)
         self.background.looked.connect(self._looked)
-        names = [c.name for c in model.captures]
-        model.go_to(names.index(self.session.capture_name) if self.session.capture_name in names else 0)
-        if model.complete and (due := model.next_image(due=True)) is not None:
+        model.show(self.session.capture_name)
+        if model.complete and (due := model.next_due()) is not None:
             model.go_to(due)
 
     def _forget(self) -> None:
@@ -188,7 +176,7 @@ class PickPage(Page):
             self._look_through(*self._cursor)
 
     def _show_nothing(self) -> None:
-        self._frame = self._shown = None
+        self._shown = None
         self.view.set_image(None)
         self.state.setText(self.tr("no board"))
         self.ask.setText(self.tr("Capture a testfield first; its board must be named in capture.json."))
@@ -364,8 +352,8 @@ class PickPage(Page):
 
     def turn_over(self, step: int) -> None:
         """Go to the next or the last image."""
-        if self.model is not None and (there := self.model.next_image(step)) is not None:
-            self.go_to(there)
+        if self.model is not None:
+            self.go_to(self.model.next_image(step))
 
     def advance(self) -> None:
         """Do the next step: take the guess, accept and measure, or go on to the next image."""
@@ -378,8 +366,7 @@ class PickPage(Page):
         elif step is NextStep.DONE:
             self.bench.show_page("measure")
         elif step is NextStep.NEXT:
-            due = model.next_image(due=True)
-            self.go_to(model.image if due is None else due)
+            self.go_to(model.next_due() or 0)
         else:
             if step is NextStep.GUESS and model.guess:
                 self._change(model.take, model.guess)
@@ -407,8 +394,15 @@ class PickPage(Page):
             self._show_marks(move=True)
 
     def parts(self) -> Iterator[str]:
-        """Show the targets of an image, and the images."""
-        tabs = self.side.tabs
+        """Show the picks before they are accepted, then the targets measured, then the images."""
+        model, tabs = self.model, self.side.tabs
+        kept = model.measured(model.image) if model is not None else None
+        if model is not None and kept is not None:
+            model.keep_measurement(model.image, None)
+            self._show_marks(move=True)
+            yield "-grid"
+            model.keep_measurement(model.image, kept)
+            self._show_marks(move=True)
         for i in (1, 0):
             tabs.setCurrentIndex(i)
             yield f"-{tabs.widget(i).objectName()}"

@@ -96,7 +96,7 @@ def picking_view(model: Picking, camera: DeviceSpec) -> PickingView:
 def next_step(model: Picking, view: PickingView, at_work: Collection[int]) -> NextStep:
     """Say what Enter does; `at_work` are the images that are being measured."""
     if model.complete and (model.image in at_work or model.measured(model.image) is not None):
-        return NextStep.DONE if model.next_image(due=True) is None else NextStep.NEXT
+        return NextStep.DONE if model.next_due() is None else NextStep.NEXT
     if model.complete:
         return NextStep.ACCEPT
     return NextStep.GUESS if view.marks.guessed and not view.problem else NextStep.PICK
@@ -175,9 +175,9 @@ def _legend(model: Picking, marks: Marks, measurement: Measurement | None) -> st
         )
         return text.format(n=len(targets.row), m=len(targets.missing), f=marks.factor, r=rms)
     if marks.guessed:
-        text = translate("Picking", "A guess: look at rows and columns before you accept it.")
-        more = translate("Picking", "R shows the next of {n}.").format(n=model.guesses)
-        return f"{text} {more}" if model.guesses > 1 else text
+        text = translate("Picking", "A guess, one of {n}: is target 1 where the map has it? R shows the next one.")
+        alone = translate("Picking", "A guess: are the targets where the map has them?")
+        return text.format(n=model.guesses) if model.guesses > 1 else alone
     if model.complete:
         return translate("Picking", "The circles are where the picks put the targets: do they lie on the dots?")
     return ""
