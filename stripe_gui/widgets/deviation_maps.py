@@ -43,7 +43,7 @@ class DeviationMaps(QWidget):
         self._cursors: list[pg.ScatterPlotItem] = []
         self._at: tuple[int, float, float] | None = None  # map, u, v
         self._grid = QGridLayout()
-        self._grid.setSpacing(12)
+        self._grid.setSpacing(8)
         self._grid.setContentsMargins(0, 0, 0, 0)
         inner = QWidget()
         inner.setLayout(self._grid)
@@ -81,10 +81,12 @@ class DeviationMaps(QWidget):
         self._clear()
         before, self._view = self._view, view
         for i, method in enumerate(view.methods):
+            if not self._beside:
+                self._grid.addWidget(label(method_name(method).capitalize(), "heading"), 2 * i, 0, 1, -1)
             for j, capture in enumerate(captures or view.captures):
                 evaluation = view.of(capture, method)
                 if evaluation is not None:
-                    self._grid.addWidget(self._map(evaluation), *((j, i) if self._beside else (i, j)))
+                    self._grid.addWidget(self._map(evaluation), *((j, i) if self._beside else (2 * i + 1, j)))
         if before is not None and before.evaluations is view.evaluations:
             self._scale(self.limit.value())
         else:
@@ -123,11 +125,11 @@ class DeviationMaps(QWidget):
         self.maps.append(made)
         self._captures.append(evaluation.capture)
         self._cursors.append(cursor)
-        parts = [] if self._beside else [label(plane_name(evaluation), "heading")]
-        figures = label(self.tr("{method}: {rms:.4f} mm r.m.s.").format(method=method, rms=evaluation.rms_mm), "muted")
+        title = label(method.capitalize() if self._beside else plane_name(evaluation))
+        figures = label(self.tr("{rms:.4f} mm r.m.s.").format(rms=evaluation.rms_mm), "muted")
         figures.setToolTip(self.tr("{n} points").format(n=evaluation.n))
-        figures.setMinimumWidth(100)
-        return boxed(column(*parts, figures, made, spacing=4))
+        heading = row(title, figures, None) if self._beside else column(title, figures, spacing=0)
+        return boxed(column(heading, made, spacing=4))
 
     def _automatic(self) -> None:
         if self._view is not None:

@@ -10,7 +10,7 @@ import pyqtgraph as pg
 from numpy.typing import ArrayLike
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QSizePolicy, QVBoxLayout, QWidget
 
 from stripe_gui import theme
 
@@ -81,7 +81,10 @@ class Plot(QWidget):
         outer.setSpacing(4)
         outer.addWidget(self.legend)
         outer.addWidget(self.canvas, 1)
-        self.canvas.setMinimumHeight(100)
+        self.setMinimumHeight(165)
+        self.canvas.setMinimumHeight(120)
+        # its own wish of 500 px would crowd out what stands beside it
+        self.canvas.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Ignored)
         self._colour()
 
     def set_curves(

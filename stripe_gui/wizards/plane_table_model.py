@@ -84,13 +84,19 @@ def calibration_choices(folder: ProjectFolder, statuses: Mapping[str, StageStatu
 
 
 def is_evaluated(
-    view: EvaluationView | None, status: StageStatus | None, captures: Collection[str], methods: Collection[str]
+    folder: ProjectFolder, view: EvaluationView | None, captures: Collection[str], methods: Collection[str]
 ) -> bool:
-    """Say whether the evaluation there is holds just these planes by these methods, as they are now."""
-    if view is None or status is None or status.state is not State.DONE:
+    """Say whether the evaluation there is holds just these planes by these methods, as they are now.
+
+    A calibration that is out of date may be judged all the same: its line says so.
+    """
+    if view is None:
         return False
+    at = written_ns(folder.result_file("evaluation.npz")) or 0
+    inputs = [entry.changed_ns for entry in folder.of_role("plane") if entry.name in captures]
+    inputs += [written_ns(folder.result_file(f"{method}.npz")) or 0 for method in methods]
     made = {(e.capture, e.method) for e in view.evaluations if e.camera is not None}
-    return made == {(c, m) for c in captures for m in methods}
+    return made == {(c, m) for c in captures for m in methods} and max(inputs, default=0) <= at
 
 
 def keep_sign_off(project: Project, sign_off: SignOff | None, evaluations: tuple[PlaneEvaluation, ...]) -> None:

@@ -162,8 +162,8 @@ class PlaneTableWizard(Wizard):
         self.update_steps()
 
     def _evaluated(self) -> bool:
-        status = self.session.statuses.get("evaluate")
-        return is_evaluated(self._view, status, self.planes.chosen(), self.calibrations.chosen())
+        folder = self.session.folder
+        return folder is not None and is_evaluated(folder, self._view, self.planes.chosen(), self.calibrations.chosen())
 
     def _missing(self) -> str:
         if not self.planes.count():
