@@ -63,6 +63,10 @@ class Progress:
             lambda f, message: self.report(start + f * (stop - start), message), self.cancelled, self.course
         )
 
+    def quiet(self) -> Progress:
+        """Give a channel that tells nothing and still stops the work: for parts too short to be reported."""
+        return Progress(cancelled=self.cancelled)
+
     def over(self, items: Iterable[T], message: str = "{}") -> Iterator[T]:
         """Iterate over items, reporting before each one; `message` is formatted with the item."""
         sequence: Sequence[T] = list(items)

@@ -169,7 +169,7 @@ def _calibrate_depth(
     side = side_of(captures)
     planes = []
     for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.7)):
-        targets = measure_capture(capture, phase, project, side) if capture.seeds else None
+        targets = measure_capture(capture, phase, project, side, progress.quiet()) if capture.seeds else None
         assert capture.z_mm is not None
         planes.append(DepthPlane(capture.z_mm, phase, targets))
         if targets:

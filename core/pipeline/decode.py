@@ -51,7 +51,7 @@ def phase_maps(
             images = ahead.pop().result()
             if i + 1 < len(waiting):
                 ahead.append(pool.submit(load, waiting[i + 1]))
-            yield capture, decode_images(capture, images, project, SILENT)
+            yield capture, decode_images(capture, images, project, progress.quiet())
 
 
 def write_phase(out: Path, phase: PhaseMap) -> None:

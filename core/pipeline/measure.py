@@ -40,7 +40,8 @@ def measured_targets(project: Project, captures: Sequence[Capture], progress: Pr
     due = [c for c in captures if signs[c.path] not in found]
     for capture, phase in phase_maps(project, due, progress):
         sign = signs[capture.path]
-        found[sign] = replace(measure_capture(capture, phase, project, side[capture.role]), made_from=sign)
+        targets = measure_capture(capture, phase, project, side[capture.role], progress.quiet())
+        found[sign] = replace(targets, made_from=sign)
     return [found[signs[c.path]] for c in captures]
 
 
@@ -75,7 +76,9 @@ def side_of(captures: list[Capture]) -> Side:
     return "front" if votes >= 0 else "back"
 
 
-def measure_capture(capture: Capture, phase: PhaseMap, project: Project, side: Side) -> TargetSet:
+def measure_capture(
+    capture: Capture, phase: PhaseMap, project: Project, side: Side, progress: Progress = SILENT
+) -> TargetSet:
     """Measure the targets of one decoded capture."""
     from core.measure import MeasureOptions, measure_targets
 
@@ -88,6 +91,7 @@ def measure_capture(capture: Capture, phase: PhaseMap, project: Project, side: S
         project.camera,
         capture=str(capture.path),
         excluded=capture.excluded,
+        progress=progress,
         options=MeasureOptions(side=side),
     )
     return replace(targets, capture=capture.name)
