@@ -184,7 +184,7 @@ class Loop:
         pattern = self.plan.shots[planned]
         for attempt in range(TRIES):
             try:
-                self._show(planned)
+                self._show(planned, progress)
                 wait_until(time.monotonic() + self.settle_s, progress.check)
                 image = self.camera.grab(check=progress.check)
                 break
@@ -200,13 +200,13 @@ class Loop:
         self._check_image(image, pattern)
         return image
 
-    def _show(self, planned: int) -> None:
+    def _show(self, planned: int, progress: Progress) -> None:
         shots = self.plan.shots
         if self.projector.capacity < len(shots):
             self.projector.show(shots[planned])
             return
         if not self._loaded:
-            self.projector.load(shots)
+            self.projector.load(shots, progress.check)
             self._loaded = True
         self.projector.step(planned)
 

@@ -73,8 +73,8 @@ class Projector(Protocol):
         """
         ...
 
-    def load(self, patterns: Sequence[Pattern]) -> None:
-        """Store a sequence in the device; nothing is shown yet."""
+    def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
+        """Store a sequence in the device; nothing is shown yet. `check` is called at every pattern."""
         ...
 
     def step(self, index: int) -> None:

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from core.devices.link import LineDownError, Link, unwrap, wrap
 from core.devices.profile import MEANINGS, Profile
-from core.devices.protocol import Note, no_note, refuse_grey
+from core.devices.protocol import Check, Note, no_check, no_note, refuse_grey
 from core.devices.template import Value, Values, checksum, pack_lines
 from core.errors import DeviceError, PatternRefusedError
 from core.patterns import CrossPatternLcd, Pattern
@@ -66,7 +66,7 @@ class SerialProjector:
             self.load([pattern])
         self.step(0)
 
-    def load(self, patterns: Sequence[Pattern]) -> None:
+    def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
         """Store a sequence in the device."""
         self._check_open()
         if not 0 < len(patterns) <= self.capacity:
@@ -75,7 +75,7 @@ class SerialProjector:
             if reason := self.refusal(pattern):
                 raise PatternRefusedError(self.name, f"pattern {pattern.kind}", reason)
         self._loaded = tuple(patterns)
-        self._recovering(self._send_sequence, reload=False)
+        self._recovering(lambda: self._send_sequence(check), reload=False)
 
     def step(self, index: int) -> None:
         """Show a pattern of the loaded sequence."""
@@ -112,20 +112,21 @@ class SerialProjector:
             self.capacity = min(self.capacity, int(answer.get("slots", self.capacity)))
         self._shown = -1
 
-    def _send_sequence(self) -> None:
+    def _send_sequence(self, check: Check = no_check) -> None:
         """Switch the lamp on, load, and see that both have lasted: a device may be reset without a word."""
         self._shown = -1
         if "lamp" in self.profile.commands:
             self._ask("lamp", on=1)
         for slot, pattern in enumerate(self._loaded):
+            check()
             plates = [pack_lines(lines, self.profile.first) for lines in self._lcd.switch(pattern)]
             if self.profile.both_plates:
-                check = checksum(self.profile.lines_check, plates[0] + plates[1])
-                self._ask("load", slot=slot, column_lines=plates[0], row_lines=plates[1], check=self._check(check))
+                total = checksum(self.profile.lines_check, plates[0] + plates[1])
+                self._ask("load", slot=slot, column_lines=plates[0], row_lines=plates[1], check=self._check(total))
                 continue
             for plate, lines in zip(self.profile.plates, plates, strict=True):
-                check = checksum(self.profile.lines_check, lines)
-                self._ask("load", slot=slot, plate=plate, lines=lines, check=self._check(check))
+                total = checksum(self.profile.lines_check, lines)
+                self._ask("load", slot=slot, plate=plate, lines=lines, check=self._check(total))
         if "query" in self.profile.commands:
             state = self._ask("query")
             if int(state["loaded"]) < len(self._loaded) or int(state.get("on", 1)) == 0:

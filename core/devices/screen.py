@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from core.devices.protocol import Note, no_note
+from core.devices.protocol import Check, Note, no_check, no_note
 from core.errors import DeviceError, InputError
 from core.patterns import Pattern, pattern_image
 
@@ -124,10 +124,11 @@ class ScreenProjector:
             )
         self.surface.present(screen_image(pattern, *self._size, self.gamma))
 
-    def load(self, patterns: Sequence[Pattern]) -> None:
+    def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
         """Store a sequence."""
         if len(patterns) > self.capacity:
             raise DeviceError(self.name, f"a sequence of {len(patterns)}", f"load at most {self.capacity} patterns")
+        check()  # nothing takes time here
         self._loaded = tuple(patterns)
 
     def step(self, index: int) -> None:

@@ -75,12 +75,13 @@ class VirtualProjector:
             raise PatternRefusedError(self.name, f"pattern {pattern.kind}", reason)
         self.stage.switch(pattern)
 
-    def load(self, patterns: Sequence[Pattern]) -> None:
+    def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
         """Store a sequence."""
         self._check_open()
         if len(patterns) > self.capacity:
             raise DeviceError(self.name, f"a sequence of {len(patterns)}", f"load at most {self.capacity} patterns")
         for pattern in patterns:
+            check()
             if reason := self.refusal(pattern):
                 raise PatternRefusedError(self.name, f"pattern {pattern.kind}", reason)
         self._loaded = tuple(patterns)

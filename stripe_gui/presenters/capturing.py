@@ -292,6 +292,7 @@ def connect(project: Project, rig: Rig, urls: tuple[str, str], progress: Progres
 
     projector, camera = rig.open(urls)
     progress.check()
+    rig.look(urls, "white", progress=progress)  # the first image of a camera takes longer than those after it
     look = rig.look(urls, "white", progress=progress)
     check_sizes(project, projector, camera)
     height, width = look.image.shape

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from core.devices import Projector, offer_screens, open_camera, open_projector
-from core.errors import DeviceError, PatternRefusedError
+from core.errors import Cancelled, DeviceError, PatternRefusedError
 from core.patterns import Black, Line, Phase, White, pattern_image, reference_sequence
 
 
@@ -104,6 +104,16 @@ def test_loading_replaces_the_sequence_before(bed: Bed) -> None:
     assert shows(bed, Line("x", 20, 8))
     with pytest.raises(DeviceError):
         bed.projector.step(1)
+
+
+def test_loading_can_be_cancelled(bed: Bed) -> None:
+    def cancelled() -> None:
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        bed.projector.load([White(), Black()], cancelled)
+    bed.projector.show(White())
+    assert shows(bed, White())
 
 
 def test_refuses_in_words_what_it_cannot_show(bed: Bed) -> None:

@@ -39,7 +39,7 @@ class DeviceCard(QWidget):
         self.url = QLineEdit()
         self.url.setAccessibleName(self.tr("{device}: address").format(device=name))
         self.explanation = label("", "muted", wrap=True)
-        self.explanation.setMinimumHeight(52)
+        self.explanation.setMinimumHeight(36)
         self.explanation.setAlignment(Qt.AlignmentFlag.AlignTop)
         frame, inside = card(title)
         for widget in (self.kind, self.url, self.explanation):

@@ -41,7 +41,7 @@ class TakingStep(QWidget):
         self._guards = 0
         self._job: Job | None = None
         self.title = label("", "heading")
-        self.start_button = button(self.tr("Take the sequence"), self.take, "capture")
+        self.start_button = button(self.tr("Take the sequence"), self.take, "capture", primary=True)
         self.cancel_button = button(self.tr("Cancel"), self.cancel, "stop")
         self.retake_button = button(self.tr("Take this frame again"), self.retake, "refresh")
         self.another_button = button(self.tr("Another like this"), self.another_wanted.emit, "next")
@@ -72,6 +72,13 @@ class TakingStep(QWidget):
     def running(self) -> bool:
         """Whether a capture is under way."""
         return self._job is not None
+
+    @property
+    def missing(self) -> str:
+        """What is to be done before the wizard is done."""
+        if self.running:
+            return self.tr("The sequence is being taken.")
+        return "" if self.report is not None else self.tr("Take the sequence.")
 
     def prepare(self, subject: Subject) -> None:
         """Get ready for a capture; one that was interrupted shows what it has."""

@@ -56,7 +56,13 @@ class CaptureWizard(Wizard):
         )
         self.add_step("picture", self.tr("Live picture"), self.picture, enter=self.picture.enter)
         self.add_step("checks", self.tr("Check the rig"), self.checks)
-        self.add_step("take", self.tr("Take"), self.taking, enter=lambda: self.taking.prepare(self.subject.subject))
+        self.add_step(
+            "take",
+            self.tr("Take"),
+            self.taking,
+            enter=lambda: self.taking.prepare(self.subject.subject),
+            missing=lambda: self.taking.missing,
+        )
         for step in (self.devices, self.subject, self.picture, self.checks, self.taking):
             step.changed.connect(self.update_steps)
         self.subject.changed.connect(self._choose_scene)

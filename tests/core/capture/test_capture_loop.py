@@ -64,7 +64,7 @@ def test_an_interrupted_capture_says_what_is_missing_and_goes_on_there(project: 
 
     def cancelled() -> bool:
         calls.append(1)
-        return len(calls) > 10
+        return len(calls) > 24 + 12  # once a pattern while loading, then before every image
 
     with pytest.raises(Cancelled):
         run_capture(project, "a", "object", FLAT, FLAT, progress=Progress(cancelled=cancelled))
