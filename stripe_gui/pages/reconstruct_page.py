@@ -23,7 +23,7 @@ from stripe_gui.presenters.reconstruct import (
 )
 from stripe_gui.presenters.status import method_name
 from stripe_gui.presenters.work import cloud_file, export_points, reconstruct
-from stripe_gui.widgets.layout import boxed, column, label
+from stripe_gui.widgets.layout import boxed, button, column, label, row
 from stripe_gui.workbench import Workbench
 
 SPACE = "space"
@@ -53,10 +53,11 @@ class ReconstructPage(MapPage):
         self.run_button = self.add_button(self.tr("Reconstruct"), self.run, "run", primary=True)
         self.run_button.setToolTip(self.tr("Reconstruct the chosen capture (F5)."))
         self.why_flat = label("", "muted", wrap=True)
+        self.try_button = button(self.tr("Try again"), self._try_again, "refresh", flat=True)
         self.stack = QStackedWidget()
         self.stack.addWidget(self.view)
         self.cloud = None  # made when it is first wanted: its packages are heavy
-        middle = boxed(column(self.state, self.stack, self.why_flat, spacing=8))
+        middle = boxed(column(self.state, self.stack, row(self.why_flat, self.try_button), spacing=8))
         self.lay_out(middle, before=(self.method,))
         self._offer_kinds()
 
@@ -150,6 +151,12 @@ class ReconstructPage(MapPage):
         text = self.tr("No view in space: {problem}. The shaded height shows the surface instead.")
         self.why_flat.setText(text.format(problem=problem) if problem else "")
         self.why_flat.setHidden(not problem)
+        self.try_button.setHidden(not (problem and self.bench.settings.flag(TRYING)))
+
+    def _try_again(self) -> None:
+        """Forget that the driver failed."""
+        self.bench.settings.set(TRYING, False)
+        self._offer_kinds()
 
     def _told(self, name: str) -> None:
         self.bench.notify("success", self.tr("{name} is reconstructed.").format(name=name))

@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QWidget
 
 from stripe_gui.widgets.image_view import ImageView
 
+PAPER = (255, 255, 255, 190)  # behind the numbers of the ends
 REACH_PX = 12  # on the screen: so near an end the mouse takes hold of it
 COLOUR = "#101010"  # dark on the light middle of the scale, in both appearances
 ARROWS = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
@@ -41,7 +42,7 @@ class LineTool(QObject):
         for view in views:
             line = pg.PlotCurveItem(pen=pg.mkPen(COLOUR, width=2))
             ends = pg.ScatterPlotItem(size=11, pen=pg.mkPen(COLOUR, width=2))
-            names = [pg.TextItem(str(i), color=COLOUR, anchor=(0.5, 1.3)) for i in (1, 2)]
+            names = [pg.TextItem(str(i), color=COLOUR, anchor=(0.5, 1.4), fill=PAPER) for i in (1, 2)]
             for item in (line, ends, *names):
                 view.add_item(item)
             self._items.append((line, ends, names))

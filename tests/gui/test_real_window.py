@@ -165,6 +165,15 @@ def test_a_driver_that_ended_the_program_is_not_tried_again(monkeypatch, setting
     assert "driver" in gl.gl_problem(settings)
 
 
+def test_the_operator_may_try_it_again(window, bench) -> None:
+    bench.settings.set(gl.TRYING, True)
+    page = window.page_of("reconstruct")
+    assert not page.try_button.isHidden()
+    page.try_button.click()
+    assert not bench.settings.flag(gl.TRYING)
+    assert page.try_button.isHidden()
+
+
 def test_a_display_without_opengl_is_told(monkeypatch, settings: Settings) -> None:
     class Context:
         def create(self) -> bool:
