@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import lru_cache
 from itertools import pairwise
 
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+TURNS = 4  # bands of each thread: who meets a busy processor leaves the rest to the others
 
 
 def limit_threads(count: int) -> None:
@@ -34,11 +36,30 @@ def run_in_bands(function: Callable[[int, int], None], rows: int, least: int = 1
     >>> sorted(done) == list(range(100))
     True
     """
-    bands = max(1, min(THREADS, rows // least))
-    if bands == 1:
+    threads = min(THREADS, rows // least)
+    if threads <= 1:
         function(0, rows)
         return
-    edges = [rows * i // bands for i in range(bands + 1)]
-    with ThreadPoolExecutor(bands) as pool:
-        for result in [pool.submit(function, a, b) for a, b in pairwise(edges)]:
-            result.result()
+    count = min(TURNS * threads, rows // least)
+    bands = pairwise([rows * i // count for i in range(count + 1)])
+    waiting = iter(list(bands))
+
+    def work() -> None:
+        for start, stop in waiting:
+            function(start, stop)
+
+    others = [_pool(os.getpid(), threads - 1).submit(work) for _ in range(threads - 1)]
+    try:
+        work()
+    finally:
+        # nobody may go on writing when this function has returned, and who never began is not waited for
+        begun = [other for other in others if not other.cancel()]
+        wait(begun)
+    for other in begun:
+        other.result()
+
+
+@lru_cache(maxsize=4)
+def _pool(process: int, threads: int) -> ThreadPoolExecutor:
+    """Threads that stay, of this process: those of a parent do not survive a fork."""
+    return ThreadPoolExecutor(threads, "bands")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from core.measure.kernels import weighted_moments
+from core.measure.kernels import in_bands, weighted_moments
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
 from core.measure.robust import inverse_2x2, normal_equations
@@ -55,11 +55,12 @@ def centroids(
     at_background = np.maximum(noise[0] + noise[1] * profile.plane[:, 0], 0.0)
     variance = np.ascontiguousarray(np.stack([at_background, np.full(len(centre), noise[1])], axis=1))
     level = np.clip(3.0 * np.sqrt(at_background), threshold * profile.contrast, MOST_THRESHOLD * profile.contrast)
-    m, sums = centre.copy(), np.empty((len(centre), 6))
+    m, sums, gradient = centre.copy(), np.empty((len(centre), 6)), np.ascontiguousarray(light)
     for _ in range(3):
         plane = profile.plane.copy()
         plane[:, 0] += np.sum(plane[:, 1:] * (m - centre), axis=1)
-        weighted_moments(image, m, inverse, profile.window, plane, np.ascontiguousarray(light), level, variance, sums)
+        of_dots = m, inverse, profile.window, plane, gradient, level, variance, sums
+        in_bands(weighted_moments, image, *of_dots)
         with np.errstate(all="ignore"):
             shift = sums[:, 1:3] / sums[:, :1]
             m = m + shift

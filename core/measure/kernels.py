@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.compiling import njit
+from core.parallel import run_in_bands
 
 jit: Callable[..., Any] = njit(cache=True, nogil=True)
 
@@ -86,3 +87,8 @@ def weighted_moments(
                     q1 += var * du * dv
                     q2 += var * dv * dv
         out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = s0, s1, s2, q0, q1, q2
+
+
+def in_bands(kernel: Callable[..., None], image: NDArray[np.float32], *of_dots: NDArray[Any]) -> None:
+    """Call a kernel for bands of dots on threads; the arrays' first axis counts the dots."""
+    run_in_bands(lambda a, b: kernel(image, *(array[a:b] for array in of_dots)), len(of_dots[0]), least=32)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure.kernels import sample_rays
+from core.measure.kernels import in_bands, sample_rays
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -50,5 +50,5 @@ class Rays:
         r = radius[:, None, :] if radius.ndim == 2 else radius
         full = np.ascontiguousarray(np.broadcast_to(r, (len(self.centre), RAYS, r.shape[-1])), dtype=np.float64)
         out = np.empty(full.shape, np.float32)
-        sample_rays(image, np.ascontiguousarray(self.centre), self.unit, full, out)
+        in_bands(sample_rays, image, np.ascontiguousarray(self.centre), self.unit, full, out)
         return out
