@@ -141,13 +141,13 @@ def _summary(targets: TargetSet, sigma: Array) -> str:
     """Count the targets, and the reasons of the missing ones."""
     text = translate("Measure", "{n} measured").format(n=len(targets.row))
     if len(sigma):
-        text += translate("Measure", ", σ {s:.3f} px (median)").format(s=float(np.median(sigma)))
+        text += translate("Measure", ", σ {s:.3f} px").format(s=float(np.median(sigma)))
     if not targets.missing:
         return text + translate("Measure", "; none missing")
     kinds = Counter(m.reason.partition(":")[0] for m in targets.missing)
-    listed = ", ".join(f"{count} {reason}" for reason, count in kinds.most_common(3))
+    listed = ", ".join(f"{count} {reason}" for reason, count in kinds.most_common(2))
     more = translate("Measure", "; {m} missing: {kinds}").format(m=len(targets.missing), kinds=listed)
-    return text + more + (" …" if len(kinds) > 3 else "")
+    return text + more + (" …" if len(kinds) > 2 else "")
 
 
 def _places(capture: Capture, targets: TargetSet, camera: DeviceSpec | None) -> Array:

@@ -13,18 +13,16 @@ from core.model import Capture
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.capture import FrameView
 from stripe_gui.presenters.measure import lit_frame
-from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.layout import row
 from stripe_gui.wizards.picking_background import Background
+from stripe_gui.wizards.picking_image import ImagePanel
 from stripe_gui.wizards.picking_keys import ImageKeys
-from stripe_gui.wizards.picking_marks import MarksOverlay
 from stripe_gui.wizards.picking_model import Picking, Target
 from stripe_gui.wizards.picking_side import SidePanel
 from stripe_gui.wizards.picking_view import NextStep, PickingView, next_step, picking_view, question
 from stripe_gui.wizards.picking_work import Kept, boards, snapped
 from stripe_gui.workbench import Workbench
 
-REACH_PX = 12  # on the screen: how far beside a dot a click may be
 Modifier = Qt.KeyboardModifier
 
 
@@ -37,14 +35,12 @@ class PickPage(Page):
         super().__init__(
             bench,
             self.tr("Pick targets"),
-            self.tr("Pick four dots in each image and say which targets they are: all others follow from them."),
+            self.tr("Four dots in each image say where all others are."),
         )
         self.model: Picking | None = None
         self.background: Background | None = None
         self.kept = Kept()
-        self._frame: FrameView | None = None
         self._shown: PickingView | None = None
-        self._cursor = (0.0, 0.0)
         self._lay_out()
         self._connect()
 
@@ -54,30 +50,9 @@ class PickPage(Page):
         self.redo_button = self.add_button(self.tr("Redo"), self.redo, "redo")
         self.redo_button.setToolTip(self.tr("Make it again (Ctrl+Shift+Z)"))
         self.primary = self.add_button(self.tr("Accept and measure"), self.advance, "next", primary=True)
-        self.view = ImageView(self.tr("Image with its targets"), bar=False)
-        self.view.canvas.setAccessibleDescription(
-            self.tr(
-                "1 to 4 and Tab choose a target, arrows move the cross hairs, Space picks, Enter does the next step, "
-                "F6 goes to the map and the lists."
-            )
-        )
-        self.marks = MarksOverlay(self.view)
-        self.side = SidePanel()
-        self.state = label(" ", "heading")
-        self.ask = label(" ", wrap=True)
-        self.legend = label(" ", "muted", wrap=True)
-        keys = label(
-            self.tr(
-                "Arrows: 1 px, Shift 0.1 px, Ctrl next dot · Space: pick · 1–4, Tab: target · X: exclude · "
-                "Page Up, Down: image · F6: map and lists"
-            ),
-            "muted",
-            wrap=True,
-        )
-        fit = button(self.tr("Whole image"), self.view.fit, "fit", flat=True)
-        left = column(row(self.state, None, fit), self.ask, self.view, self.legend, keys, spacing=6)
-        left.setStretch(2, 1)
-        self.body.addLayout(row(boxed(left), self.side, spacing=14), 1)
+        self.image, self.side = ImagePanel(self.exclude), SidePanel()
+        self.view, self.marks = self.image.view, self.image.marks
+        self.body.addLayout(row(self.image, self.side, spacing=14), 1)
         self.setFocusProxy(self.view.canvas)
 
     def _connect(self) -> None:
@@ -100,8 +75,7 @@ class PickPage(Page):
         keys.jumped.connect(self._jump)
         keys.unsnapped.connect(lambda: self.pick(snap=False))
         self.view.clicked.connect(self._clicked)
-        self.view.hovered.connect(self._look_through)
-        self.view.canvas.left.connect(lambda: self._look_through(*self._cursor))
+        self.image.looked_at.connect(self._look_through)
         self.side.image_chosen.connect(self.go_to)
         self.side.target_chosen.connect(lambda r, c: self.choose((r, c)))
         self.side.excluded.connect(self.exclude)
@@ -150,7 +124,7 @@ class PickPage(Page):
         if self.background is not None:
             self.background.stop()
             self.background.deleteLater()
-        self.model, self.background, self._frame = None, None, None
+        self.model, self.background = None, None
 
     def _show_image(self) -> None:
         """Show the image at work: at once where it is here, else when it has been read."""
@@ -170,17 +144,16 @@ class PickPage(Page):
 
     def _show_frame(self, capture: Capture, frame: FrameView) -> None:
         self.kept.keep_frame(capture, frame)
-        if self.model is not None and self.model.captures[self.model.image] == capture and frame is not self._frame:
-            self._frame = frame
-            self.view.set_image(frame.image, (0.0, frame.bright))
-            self._look_through(*self._cursor)
+        if self.model is not None and self.model.captures[self.model.image] == capture:
+            self.image.show_frame(frame)
 
     def _show_nothing(self) -> None:
         self._shown = None
-        self.view.set_image(None)
-        self.state.setText(self.tr("no board"))
-        self.ask.setText(self.tr("Capture a testfield first; its board must be named in capture.json."))
-        self.legend.setText(" ")
+        self.image.show_frame(None)
+        self.image.show_excluded(False, False)
+        self.image.name.setText(self.tr("no board"))
+        self.image.ask.setText(self.tr("Capture a testfield first; its board must be named in capture.json."))
+        self.image.legend.setText(" ")
         self.side.clear()
         for made in (self.undo_button, self.redo_button, self.primary):
             made.setEnabled(False)
@@ -191,8 +164,8 @@ class PickPage(Page):
             return
         self._shown = picking_view(self.model, self.session.folder.project.camera)
         self.marks.show(self._shown.marks)
-        self.state.setText(self.model.capture.name)
-        self.legend.setText(self._shown.legend or " ")
+        self.image.name.setText(self.model.capture.name)
+        self.image.legend.setText(self._shown.legend or " ")
         self.side.show_image(self.model, self._shown, self.background.at_work)
         self._show_target(move=move)
 
@@ -203,12 +176,13 @@ class PickPage(Page):
             return
         if move:
             known = None if model.target in model.picked else view.places.get(model.target)
-            self._set_cursor(*(known or model.likely() or self._middle()))
+            self._set_cursor(*(known or model.likely() or self.image.middle))
         self.side.show_target(model, view)
+        self.image.show_excluded(model.target in model.picks.excluded, bool(view.targets))
         self.marks.show_chosen(view.places.get(model.target) if len(view.marks.measured) else None)
         step = next_step(model, view, self.background.at_work)
         ask, does = question(model, view, step)
-        self.ask.setText(ask)
+        self.image.ask.setText(ask)
         key = self.tr("Space") if step is NextStep.PICK else self.tr("Enter")
         self.primary.setText(f" {does} ({key})")
         self.primary.setAccessibleName(does)
@@ -218,52 +192,39 @@ class PickPage(Page):
 
     # ------------------------------------------------------------------------------------------------- the cross hairs
 
-    def _middle(self) -> tuple[float, float]:
-        (x0, x1), (y0, y1) = self.view.canvas.box.viewRange()
-        return (x0 + x1) / 2, (y0 + y1) / 2
-
     def _set_cursor(self, u: float, v: float, *, follow: bool = False) -> None:
-        """Move the cross hairs; `follow` brings them into view where they would leave it."""
         if self.session.folder is not None:
-            camera = self.session.folder.project.camera
-            u, v = min(max(u, 0.0), camera.width - 1.0), min(max(v, 0.0), camera.height - 1.0)
-        self._cursor = (u, v)
-        self.marks.show_cursor(self._cursor)
-        self._look_through(u, v)
-        (x0, x1), (y0, y1) = self.view.canvas.box.viewRange()
-        if follow and not (x0 <= u <= x1 and y0 <= v <= y1):
-            self.view.centre_on(u, v)
+            self.image.set_cursor(u, v, self.session.folder.project.camera, follow=follow)
 
     def _look_through(self, u: float, v: float) -> None:
         """Look at a position through the loupe."""
         picks = self._shown.marks.picks if self._shown else np.zeros((0, 2))
-        image, bright = (self._frame.image, self._frame.bright) if self._frame else (None, 1.0)
+        frame = self.image.frame
+        image, bright = (frame.image, frame.bright) if frame is not None else (None, 1.0)
         self.side.loupe.show_at(image, bright, u, v, tuple((float(a), float(b)) for a, b in picks))
 
     def nudge(self, du: float, dv: float) -> None:
         """Move the cross hairs by so many px, and with them the pick of the target at work."""
-        u, v = self._cursor
+        u, v = self.image.cursor_at
         self._set_cursor(round(u + du, 3), round(v + dv, 3), follow=True)
         if self.model is not None and self.model.target in self.model.picked:
-            self._change(self.model.pick, *self._cursor, move=False)
+            self._change(self.model.pick, *self.image.cursor_at, move=False)
 
     def _jump(self, du: int, dv: int) -> None:
         """Move the cross hairs to the next dot in a direction; a tenth of the view further where there is none."""
-        u, v = self._cursor
-        (x0, x1), (y0, y1) = self.view.canvas.box.viewRange()
-        found = self.model.next_dot(u, v, (du, dv)) if self.model is not None else None
-        self._set_cursor(*(found or (u + du * (x1 - x0) / 10, v + dv * (y1 - y0) / 10)), follow=True)
+        found = self.model.next_dot(*self.image.cursor_at, (du, dv)) if self.model is not None else None
+        self._set_cursor(*(found or self.image.ahead(du, dv)), follow=True)
 
     # ------------------------------------------------------------------------------------------------------- the picks
 
     def pick(self, *, snap: bool = True) -> None:
         """Put the target at work where the cross hairs are, onto the dot's centre, and ask for the next one."""
-        if self.model is None or self._frame is None:
+        frame, at = self.image.frame, self.image.cursor_at
+        if self.model is None or frame is None:
             return
-        reach = max(REACH_PX * self.view.canvas.box.viewPixelSize()[0], 4.0)
-        at = snapped(self._frame.image, self.model.field, self._cursor, reach) if snap else self._cursor
+        at = snapped(frame.image, self.model.field, at, self.image.reach_px) if snap else at
         if at is None:
-            self.ask.setText(self.tr("There is no dot under the cross hairs; Shift+Space picks all the same."))
+            self.image.ask.setText(self.tr("There is no dot under the cross hairs; Shift+Space picks all the same."))
             return
         self._change(self.model.pick, *at, onward=True)
 

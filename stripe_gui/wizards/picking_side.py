@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QListWidget, QListWidgetItem, QTabWidget, QWidget
 
 from stripe_gui.assets import icon
 from stripe_gui.widgets.field_map import FieldMap, MapState
-from stripe_gui.widgets.layout import boxed, button, column, row
+from stripe_gui.widgets.layout import boxed, column
 from stripe_gui.widgets.loupe import Loupe
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
 from stripe_gui.wizards.picking_model import Picking
@@ -35,12 +35,11 @@ class SidePanel(QWidget):
         self.images.setAccessibleName(self.tr("Images"))
         self.images.setIconSize(QSize(18, 18))
         self.targets = ResultTable(self.tr("Targets of this image"), titled=False)
-        self.exclude_button = button(self.tr("Exclude (X)"), self.excluded.emit, "close")
         self.tabs = QTabWidget()
         self.tabs.setDocumentMode(True)
         for widget, name, title in (
             (boxed(column(self.images)), "images", self.tr("Images")),
-            (boxed(column(self.targets, row(self.exclude_button, None), spacing=6)), "targets", self.tr("Targets")),
+            (boxed(column(self.targets)), "targets", self.tr("Targets")),
         ):
             widget.setObjectName(name)
             self.tabs.addTab(widget, title)
@@ -62,7 +61,6 @@ class SidePanel(QWidget):
         self.loupe.show_at(None, 1.0, 0.0, 0.0)
         self.images.clear()
         self.targets.show_table(EMPTY)
-        self.exclude_button.setEnabled(False)
 
     def show_image(self, model: Picking, view: PickingView, at_work: set[int]) -> None:
         """Show the lists of targets and images."""
@@ -96,9 +94,6 @@ class SidePanel(QWidget):
         if model.target in view.targets:
             with QSignalBlocker(self.targets):
                 self.targets.choose_row(view.targets.index(model.target))
-        gone = model.target in model.picks.excluded
-        self.exclude_button.setEnabled(bool(view.targets))
-        self.exclude_button.setText(" " + (self.tr("Restore (X)") if gone else self.tr("Exclude (X)")))
 
     def next_pane(self, first: QWidget) -> None:
         """Take the focus round: `first`, the map, the tabs, the list in front."""

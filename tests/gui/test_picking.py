@@ -65,12 +65,12 @@ class Operator:
         """Bring the cross hairs near a dot: dot by dot, then by pixels."""
         for axis, (back, on) in enumerate(((Key.Key_Left, Key.Key_Right), (Key.Key_Up, Key.Key_Down))):
             for _ in range(20):
-                off = (u, v)[axis] - self.page._cursor[axis]
+                off = (u, v)[axis] - self.page.image.cursor_at[axis]
                 if abs(off) < 9:
                     break
                 self.press(on if off > 0 else back, Modifier.ControlModifier)
             for _ in range(40):
-                off = (u, v)[axis] - self.page._cursor[axis]
+                off = (u, v)[axis] - self.page.image.cursor_at[axis]
                 if abs(off) < 3:
                     break
                 self.press(on if off > 0 else back)
@@ -145,7 +145,7 @@ def test_without_a_guess_the_cross_hairs_go_from_dot_to_dot(operator: Operator) 
     operator.press(Key.Key_Return)
     operator.wait()
     assert len(page.marks.measured.getData()[0]) == 63
-    assert "residuals drawn" in page.legend.text()
+    assert "residuals drawn" in page.image.legend.text()
 
 
 def test_clicks_pick_and_snap_and_the_map_chooses(operator: Operator, qtbot) -> None:
@@ -172,7 +172,7 @@ def test_a_click_beside_all_dots_picks_nothing_and_says_so(operator: Operator) -
     page = operator.page
     operator.click(6, 6)
     assert page.model.picks.seeds == ()
-    assert "no dot" in page.ask.text()
+    assert "no dot" in page.image.ask.text()
 
 
 def test_arrows_nudge_by_one_and_by_a_tenth_of_a_pixel(operator: Operator) -> None:
@@ -238,7 +238,7 @@ def test_an_excluded_target_leaves_the_measured_set_and_is_restored(operator: Op
     page.side.tabs.setCurrentIndex(1)
     page.side.targets.choose_row(17)
     target = model.target
-    qtbot.mouseClick(page.side.exclude_button, Qt.MouseButton.LeftButton)
+    qtbot.mouseClick(page.image.exclude_button, Qt.MouseButton.LeftButton)
     operator.wait()
     kept = current_targets(read_project(operator.folder))["testfield-01"]
     assert target not in set(zip(kept.row.tolist(), kept.col.tolist(), strict=True))
@@ -287,7 +287,7 @@ def test_refused_picks_are_told_where_they_are(operator: Operator, notices) -> N
     assert measured is not None
     assert measured.targets is None
     assert notices[-1].kind == "error"
-    assert measured.refusal in page.ask.text()
+    assert measured.refusal in page.image.ask.text()
     assert "refused" in page.side.images.item(model.image).text()
 
 
@@ -318,7 +318,7 @@ def test_without_boards_the_page_says_what_to_do(window, qtbot, unpicked: Path) 
     data = json.loads((unpicked / "project.json").read_text())
     (unpicked / "project.json").write_text(json.dumps({**data, "captures": []}))
     operator = Operator(window, qtbot, unpicked)
-    assert "Capture a testfield" in operator.page.ask.text()
+    assert "Capture a testfield" in operator.page.image.ask.text()
     for key in (Key.Key_Space, Key.Key_Return, Key.Key_Tab, Key.Key_Left, Key.Key_X, Key.Key_R, Key.Key_1):
         operator.press(key)
 
