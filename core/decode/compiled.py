@@ -11,6 +11,10 @@ from numba.extending import intrinsic
 from core.compiling import njit
 
 F = np.float32
+HALF, ONE, TINY = F(0.5), F(1), F(1e-20)
+# sums of 32-bit integers are 64-bit ones until they are cast: half as many fit into a vector register
+INT = np.int32
+NONE = INT(0)
 # arctan(z) / (2 pi z) on [0, 1] as a polynomial in z², least maximum error: 2.4e-8 turns in single precision
 C0, C1, C2, C3 = F(0.159154832), F(-0.0530461147), F(0.0317458808), F(-0.0221359655)
 C4, C5, C6, C7 = F(0.0153452922), F(-0.00889775623), F(0.00347895455), F(-0.000645133085)
@@ -43,6 +47,12 @@ def angle(c, s):  # type: ignore[no-untyped-def]
     t = F(0.25) - t if y > x else t
     t = F(0.5) - t if c < F(0) else t
     return -t if s < F(0) else t
+
+
+@fast
+def turn_of(turns):  # type: ignore[no-untyped-def]
+    """What is left of a number of turns without the whole ones, from -1/2 to 1/2."""
+    return turns - np.rint(turns)
 
 
 @fast

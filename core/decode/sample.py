@@ -11,8 +11,10 @@ from core.decode.noise import LEAST, MEDIAN_OF_SQUARE, Noise, estimate_noise, sp
 from core.decode.options import DecodeOptions
 from core.decode.tables import Array, AxisTable, Limits, Singles, image_row
 from core.errors import InputError
+from core.parallel import run_in_bands
 
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
+RESIDUALS, FEWEST = 8192, 512  # residuals that are enough, but from no fewer pixels
 USUAL = 0.6  # part of the usual contrast that a code alone must have
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
 
@@ -53,7 +55,9 @@ def full_scale(images: Sequence[Image], numbers: Numbers, sample: Singles, optio
     if top == 255 or not numbers:
         return float(top)
     step = int(quantum(sample))
-    highest = int(max(images[n].max() for n in numbers))
+    tops: list[int] = []
+    run_in_bands(lambda a, b: tops.extend(int(images[n][a:b].max()) for n in numbers), len(images[0]), 128)
+    highest = max(tops)
     levels = highest // step + 1
     sensor = levels >= 256 and levels & (levels - 1) == 0
     return float(highest) if sensor else float(top - top % step)
@@ -73,7 +77,9 @@ def measure_noise(
     lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
     if len(found):
         used = np.abs(found).max(axis=0) > 0
-        g = sample[used][:, (sample[used] < saturation).all(axis=0)]
+        every = max(1, min(len(found) * sample.shape[1] // RESIDUALS, sample.shape[1] // FEWEST))
+        g = sample[used, ::every]
+        g = g[:, g.max(axis=0) < saturation]
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
         residual = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g)
         level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)

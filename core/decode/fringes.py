@@ -1,0 +1,141 @@
+"""The phases' part of the kernel: angle, variance and modulation of every period, and the way to the finest one.
+
+Everything works on a tile of pixels, one row of an array per period or kind of value.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.decode.compiled import HALF, INT, NONE, ONE, TINY, F, angle, fast, fill, turn_of
+from core.decode.options import Flag
+from core.decode.tables import CODE
+
+LOW, UNSURE, DISAGREEMENT = INT(Flag.LOW_MODULATION), INT(Flag.UNSURE), INT(Flag.DISAGREEMENT)
+
+TWO_PI = F(2 * np.pi)
+SIGMAS = F(4.5)  # a step that rounds is trusted when this many of its standard deviations stay below half a cycle
+GATE = F(0.4)  # cycles: phases that differ by more contradict each other
+SAME = F(0.02)  # cycles²: less does not tell the two ends of the longest beat apart
+
+
+@fast
+def fit_phases(table, values, limits, count, turns, variance, modulation, flags):  # type: ignore[no-untyped-def]
+    """Phase (turns), its variance (turns²) and modulation of every period; the finest period's modulation is kept."""
+    covariance, dark, shot, floor = table.covariance, limits.dark, limits.shot, limits.floor
+    dimmest, least = limits.modulation, limits.snr * limits.snr * TWO_PI * TWO_PI
+    for j in range(len(covariance)):
+        mean, cosine, sine = values[2 + 3 * j], values[3 + 3 * j], values[4 + 3 * j]
+        turn, var = turns[j], variance[j]
+        cc, cs, ss = covariance[j, 0], covariance[j, 1], covariance[j, 2]
+        for i in range(count):
+            c, s = cosine[i], sine[i]
+            square = c * c + s * s + TINY
+            noise = max(dark + shot * mean[i], floor)
+            v = noise * (cc * s * s - F(2) * cs * c * s + ss * c * c + TINY) / (square * square * TWO_PI * TWO_PI)
+            turn[i] = angle(c, s)
+            var[i] = v
+            amplitude = np.sqrt(square)
+            if j == 0:
+                modulation[i] = amplitude
+            weak = (not v * least <= ONE) or amplitude < dimmest
+            flags[i] |= LOW if weak else NONE
+
+
+@fast
+def combine(factors, errors, turns, variance, count, psi, noise):  # type: ignore[no-untyped-def]
+    """Give one combination of the phases (turns) and the variance of what it must round."""
+    fill(psi, 0, count, F(0))
+    fill(noise, 0, count, F(0))
+    for j in range(len(factors)):
+        factor, error, turn, var = factors[j], errors[j], turns[j], variance[j]
+        if factor != F(0) or error != F(0):
+            for i in range(count):
+                psi[i] += factor * turn[i]
+                noise[i] += error * var[i]
+
+
+@fast
+def unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ignore[no-untyped-def]
+    """Sharpen the coordinate by one combination of phases after the other."""
+    steps, errors, periods = table.steps, table.step_error, table.step_period
+    for s in range(1 if table.start == CODE else 0, len(steps)):
+        combine(steps[s], errors[s], turns, variance, count, psi, noise)
+        period, most = periods[s], F(0.25) / (SIGMAS * SIGMAS)
+        per_period = ONE / period
+        for i in range(count):
+            d = turn_of(psi[i] - (place[i] + HALF) * per_period)
+            place[i] += period * d
+            if s > 0:
+                flags[i] |= UNSURE if noise[i] > most else NONE
+                flags[i] |= DISAGREEMENT if abs(d) > GATE else NONE
+        if s == 0 and len(steps) > 1:
+            _choose_end(table, turns, noise, count, place, flags)
+
+
+@fast
+def _follow(steps, step_period, periods, turns, i, place):  # type: ignore[no-untyped-def]
+    """Where all steps after the first lead one pixel, and the sum of squares of the disagreements (cycles²)."""
+    misfit = F(0)
+    for s in range(1, len(steps) + len(periods)):
+        psi, period = F(0), ONE
+        if s < len(steps):
+            period = step_period[s]
+            for j in range(len(periods)):
+                psi += steps[s, j] * turns[j, i]
+        else:
+            psi, period = turns[s - len(steps), i], periods[s - len(steps)]
+        d = turn_of(psi - (place + HALF) / period)
+        misfit += d * d
+        place += period * d if s < len(steps) else F(0)
+    return place, misfit
+
+
+@fast
+def _choose_end(table, turns, noise, count, place, flags):  # type: ignore[no-untyped-def]
+    """At the ends of the longest beat, let the shorter ones tell if noise has carried a pixel to the other end."""
+    steps, step_period, periods = table.steps, table.step_period, table.period
+    beat, middle, half = step_period[0], HALF * (table.lines - ONE), HALF * table.lines + HALF * HALF
+    for i in range(count):
+        away = HALF * beat - abs(place[i] - middle)
+        if away * away < SIGMAS * SIGMAS * beat * beat * noise[i] and flags[i] == 0:
+            other = place[i] + (beat if place[i] < middle else -beat)
+            here, misfit = _follow(steps, step_period, periods, turns, i, place[i])
+            there, other_misfit = _follow(steps, step_period, periods, turns, i, other)
+            if abs(here - middle) > half:
+                misfit = F(1e9)
+            if abs(there - middle) > half:
+                other_misfit = F(1e9)
+            flags[i] |= UNSURE if abs(misfit - other_misfit) < SAME else NONE
+            place[i] = other if other_misfit < misfit else place[i]
+
+
+@fast
+def weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  # type: ignore[no-untyped-def]
+    """Mean of the coordinates by all periods, weighted by their variances."""
+    periods = table.period
+    if len(periods) == 1:
+        var, period = variance[0], periods[0]
+        for i in range(count):
+            sigma[i] = period * np.sqrt(var[i])
+    else:
+        fill(shift, 0, count, F(0))
+        fill(weight, 0, count, F(0))
+        for j in range(len(periods)):
+            period, turn, var = periods[j], turns[j], variance[j]
+            per_period = ONE / period
+            for i in range(count):
+                d = turn_of(turn[i] - (place[i] + HALF) * per_period)
+                w = ONE / (period * period * var[i] + TINY)
+                shift[i] += w * period * d
+                weight[i] += w
+                flags[i] |= DISAGREEMENT if abs(d) > GATE else NONE
+        for i in range(count):
+            place[i] += shift[i] / weight[i]
+            sigma[i] = np.sqrt(ONE / weight[i])
+    if table.start != CODE:
+        # what lies beyond the projector is a whole number of the longest beat away from where it belongs
+        middle, beat = HALF * (table.lines - ONE), table.step_period[0]
+        for i in range(count):
+            place[i] += beat * np.rint((middle - place[i]) / beat)
+            flags[i] |= UNSURE if HALF * beat - abs(place[i] - middle) < F(4) * sigma[i] else NONE
