@@ -26,7 +26,6 @@ class FindingList(QListWidget):
         self.setResizeMode(QListWidget.ResizeMode.Adjust)
         self.setIconSize(QSize(20, 20))
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)  # one that appears would cut the texts
         self.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
         self.findings: list[Finding] = []
         self.currentRowChanged.connect(self._choose)
@@ -35,6 +34,8 @@ class FindingList(QListWidget):
         """Show findings in place of those before."""
         self.findings = worst_first(findings)
         self.clear()
+        policy = Qt.ScrollBarPolicy  # a bar that appears while texts are laid out would cut them
+        self.setVerticalScrollBarPolicy(policy.ScrollBarAlwaysOn if self.findings else policy.ScrollBarAlwaysOff)
         for finding in self.findings:
             head = f"{check_name(finding.check)} – {level_name(finding.level)}"
             text = f"{finding.text[:1].upper()}{finding.text[1:]}."

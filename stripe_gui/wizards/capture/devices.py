@@ -44,6 +44,7 @@ class DeviceCard(QWidget):
         frame, inside = card(title)
         for widget in (self.kind, self.url, self.explanation):
             inside.addWidget(widget)
+        inside.addStretch(1)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(frame)
@@ -179,7 +180,7 @@ class DevicesStep(QWidget):
 
     def _failed(self, error: BaseException) -> None:
         told = describe(error)
-        self._say("error", (f"{told.happened}.".replace("..", "."), told.remedy))
+        self._say("error", (f"{told.happened}.".replace("..", "."), f"{told.remedy}.".replace("..", ".")))
         self.changed.emit()
 
     def _follow_projector(self) -> None:
@@ -211,8 +212,9 @@ class DevicesStep(QWidget):
         if sign is None:
             lines = (self.tr("Not tested yet."),)
         colour = {"success": "ok", "error": "danger"}.get(sign or "", "muted")
-        for line in filter(None, lines):
+        for i, line in enumerate(filter(None, lines)):
+            sign = "info" if sign == "error" and i else sign  # below what happened stands what to do
             text = label(f"{line[:1].upper()}{line[1:]}", "" if sign else "muted", wrap=True)
-            made = row(Sign(sign, colour, 18), text, spacing=8) if sign else row(text)
+            made = row(Sign(sign, colour if sign != "info" else "muted", 18), text, spacing=8) if sign else row(text)
             made.setStretch(made.count() - 1, 1)
             self.result.addWidget(boxed(made))

@@ -61,6 +61,8 @@ class SubjectStep(QWidget):
         self.interrupted = QListWidget()
         self.interrupted.setAccessibleName(self.tr("Interrupted captures"))
         self.interrupted.setWordWrap(True)
+        self.interrupted.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.interrupted.setMaximumHeight(130)
         self.interrupted_card, inside = card(self.tr("Go on with an interrupted capture"))
         inside.addWidget(self.interrupted)
         top = row(questions, self.interrupted_card)
