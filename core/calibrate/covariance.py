@@ -19,6 +19,7 @@ Ints = NDArray[np.int64]
 def _cofactor_band(  # pragma: no cover  compiled
     start: int,
     stop: int,
+    first_block: int,
     device: Ints,
     own: Ints,
     kept: Ints,
@@ -36,7 +37,7 @@ def _cofactor_band(  # pragma: no cover  compiled
     width = Q_eliminated.shape[1]
     local, place = np.empty(21, np.int64), np.empty(21, np.int64)
     for o in range(start, stop):
-        e, k = own[o], 0
+        e, k = own[o] - first_block, 0
         for j in range(15):
             if columns[device[o], j] >= 0:
                 local[k], place[k] = j, columns[device[o], j]
@@ -66,14 +67,15 @@ def redundancy_numbers(problem: Problem, equations: Equations, inverse: Inverse)
     the redundancy.
     """
     layout = layout_of(problem)
-    CQ = (inverse.C.reshape(-1, len(inverse.Q)) @ inverse.Q).reshape(inverse.C.shape)
-    Q_eliminated = inverse.Q_own + CQ @ inverse.C.transpose(0, 2, 1)
-    out = np.empty_like(equations.w)
+    out, (E, width, U) = np.empty_like(equations.w), inverse.C.shape
 
     def band(start: int, stop: int) -> None:
+        C = inverse.C[start:stop]
+        CQ = (C.reshape(-1, U) @ inverse.Q).reshape(-1, width, U)
         _cofactor_band(
+            problem.first[start],
+            problem.first[stop],
             start,
-            stop,
             problem.device,
             layout.own,
             layout.kept,
@@ -85,11 +87,11 @@ def redundancy_numbers(problem: Problem, equations: Equations, inverse: Inverse)
             equations.J,
             inverse.Q,
             CQ,
-            Q_eliminated,
+            inverse.Q_own[start:stop] + CQ @ C.transpose(0, 2, 1),
             out,
         )
 
-    run_in_bands(band, len(out), least=4096)
+    run_in_bands(band, E, least=max(1, 4096 * E // max(len(out), 1)))
     return np.where(problem.root_weight > 0, 1.0 - out, np.nan)
 
 

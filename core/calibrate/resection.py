@@ -32,17 +32,18 @@ def resect(points: Array, tangents: Array) -> list[Pose]:
     """
     centre = points.mean(axis=0)
     local = points - centre
-    axes = np.linalg.svd(local, full_matrices=False)[2]
-    extent = np.ptp(local @ axes.T, axis=0)
+    axes = np.linalg.eigh(local.T @ local)[1][:, ::-1].T
+    along = local @ axes.T
+    extent = along.max(axis=0) - along.min(axis=0)
     image = np.ascontiguousarray(tangents * [1.0, -1.0])
     poses = []
     if extent[2] < FLAT * extent[1] and extent[1] > 0:
-        flat = local - np.outer(local @ axes[2], axes[2])
+        flat = local - np.outer(along[:, 2], axes[2])
         poses += _pnp(flat, image, cv2.SOLVEPNP_IPPE)
     if extent[2] > 1e-6 * extent[0] or not poses:
         poses += _pnp(local, image, cv2.SOLVEPNP_SQPNP)
     shifted = [Pose(p.rotation, p.translation_mm - p.rotation @ centre) for p in poses]
-    return [p for p in shifted if np.all(p.apply(points)[:, 2] < 0)]
+    return [p for p in shifted if (p.apply(points)[:, 2] < 0).all()]
 
 
 def _pnp(points: Array, image: Array, method: int) -> list[Pose]:
