@@ -33,8 +33,12 @@ A whole experiment on the virtual bench, in a folder that does not exist yet::
         print(plane.capture, plane.method, plane.rms_mm)
 """
 
+import os
 from importlib import import_module
 from typing import Any
+
+# the threads of the linear algebra would only spin beside our own; it looks here once, when numpy is imported
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 _HOME = {
     "simulate_project": "core.pipeline",
