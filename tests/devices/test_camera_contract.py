@@ -11,10 +11,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from core.devices import Camera, open_camera, open_projector
+from core.devices import Adjustable, Camera, open_camera, open_projector
 from core.devices.genicam import GenicamCamera
 from core.devices.uvc import UvcCamera
-from core.errors import DeviceError
+from core.errors import Cancelled, DeviceError
 from core.patterns import Black, White
 from core.project import write_image
 
@@ -77,7 +77,7 @@ class Video:
 
     def __init__(self) -> None:
         self.level, self.run, self.queue, self.ready = 20, True, [], threading.Condition()
-        self.end = threading.Event()
+        self.end, self.settings = threading.Event(), dict[int, float]()
         self.thread = threading.Thread(target=self.expose)
         self.thread.start()
 
@@ -100,7 +100,11 @@ class Video:
         return True
 
     def set(self, key: int, value: float) -> bool:
+        self.settings[key] = value
         return True
+
+    def get(self, key: int) -> float:
+        return self.settings.get(key, 0.0)
 
     def release(self) -> None:
         self.end.set()
@@ -129,6 +133,7 @@ class Producer:
             Width=node(value=8),
             Height=node(value=6),
             PixelFormat=node(value="Mono12"),
+            ExposureTime=node(value=1000.0),
             TriggerMode=node(value="Off"),
             TriggerSoftware=node(execute=lambda: self.buffers.append(self.level)),
         )
@@ -199,6 +204,32 @@ def test_a_camera_that_delivers_nothing_says_so_within_the_time_given(bed: Bed) 
     with pytest.raises(DeviceError, match=r"no (new )?image within"):
         bed.camera.grab(timeout_s=0.2)
     assert time.monotonic() - start < 2.0
+
+
+def test_waiting_for_an_image_is_cancelled_within_half_a_second(bed: Bed) -> None:
+    bed.stop()
+    time.sleep(0.1)
+    start = time.monotonic()
+
+    def check() -> None:
+        if time.monotonic() - start > 0.2:
+            raise Cancelled
+
+    with pytest.raises((Cancelled, DeviceError)) as told:  # the virtual camera says at once that nothing comes
+        bed.camera.grab(30.0, check)
+    assert time.monotonic() - start < 0.7
+    assert told.type is Cancelled or time.monotonic() - start < 0.2
+
+
+def test_the_exposure_can_be_set_while_it_is_open_or_is_not_offered(bed: Bed) -> None:
+    if not isinstance(bed.camera, Adjustable):
+        assert "folder" in bed.camera.name  # its own program sets the exposure
+        return
+    before = bed.camera.setting
+    assert before.what in ("exposure", "gain")
+    after = bed.camera.adjust(2.0 * max(before.value, 1.0))
+    assert after.value == pytest.approx(2.0 * max(before.value, 1.0), rel=0.02)
+    assert after.option == before.option
 
 
 def test_closes_twice(bed: Bed) -> None:

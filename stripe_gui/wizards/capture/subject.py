@@ -65,6 +65,7 @@ class SubjectStep(QWidget):
         self.interrupted.setMaximumHeight(130)
         self.interrupted_card, inside = card(self.tr("Go on with an interrupted capture"))
         inside.addWidget(self.interrupted)
+        inside.addStretch(1)
         top = row(questions, self.interrupted_card)
         top.setStretch(0, 3)
         top.setStretch(1, 2)
