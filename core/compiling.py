@@ -2,7 +2,8 @@
 
 numba keeps a kernel until the file of its outermost function changes, and does not notice changes in the files of
 what that calls: after an update an old kernel would run, or fail to load. Here the cache's folder is named by the
-content of all rooms that have kernels, so what belongs to other sources is never found; it is deleted.
+content of all rooms that have kernels, so what belongs to other sources is never found; it is deleted. That a kernel
+is being compiled is told through the progress of the work that needs it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ from pathlib import Path
 
 import numba
 from numba import njit
+from numba.core import event
+
+from core.progress import announce
 
 __all__ = ["njit"]
 
@@ -44,3 +48,16 @@ def _cache_folder() -> Path:
 
 if not os.environ.get("NUMBA_CACHE_DIR"):
     numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
+
+
+class _Announcer(event.Listener):
+    """Tells that the work waits for the compiler."""
+
+    def on_start(self, event: event.Event) -> None:
+        announce("compiling for this processor, once")
+
+    def on_end(self, event: event.Event) -> None:
+        return None
+
+
+event.register("numba:compile", _Announcer())

@@ -25,6 +25,15 @@ def _never() -> bool:
     return False
 
 
+_latest: tuple[Report, float] = (_quiet, 0.0)  # the channel last used, and how far it was
+
+
+def announce(message: str) -> None:
+    """Say to whoever waits for the present work what nobody can foresee, such as that something is compiled first."""
+    report, fraction = _latest
+    report(fraction, message)
+
+
 @dataclass(frozen=True)
 class Progress:
     """A channel from long work to whoever waits for it.
@@ -54,8 +63,11 @@ class Progress:
 
     def __call__(self, fraction: float, message: str = "") -> None:
         """Report a fraction done (0 to 1), after looking whether to stop."""
+        global _latest
         self.check()
         self.report(fraction, message)
+        if self.report is not _quiet:
+            _latest = (self.report, fraction)
 
     def part(self, start: float, stop: float) -> Progress:
         """Give the channel for a part of the work that runs from `start` to `stop` of the whole."""

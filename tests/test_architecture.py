@@ -17,7 +17,7 @@ ALLOWED = {
     "progress": {"errors"},
     "fields": {"errors"},
     "parallel": set(),
-    "compiling": set(),
+    "compiling": {"progress"},
     "model": {"geometry", "patterns"},  # for type annotations only: see below
     "geometry": {"model"},
     "patterns": {"errors", "fields"},
