@@ -133,7 +133,8 @@ def _page_table(table: Table) -> PageTable:
 def _column_widths(table: Table) -> list[float]:
     """Widths that hold every cell on one line.
 
-    Where the page is too narrow the names in the first column wrap; only if that is not enough all columns shrink.
+    Where the page is too narrow sentences wrap, then the names in the first column; only if that is not enough all
+    columns shrink.
     """
     columns: list[float] = []
     for i, column in enumerate(table.columns):
@@ -141,6 +142,9 @@ def _column_widths(table: Table) -> list[float]:
         cells = [pdfmetrics.stringWidth(drawable(cell_text(row[i])), FONT, _CELL.fontSize) for row in table.rows]
         columns.append(max([*heads, *cells]) + 12)
 
+    for i, flush in enumerate(numeric_columns(table)):
+        if not flush:
+            columns[i] = min(columns[i], max(TEXT_WIDTH - sum(columns) + columns[i], TEXT_WIDTH / 2))
     columns[0] = min(columns[0], max(TEXT_WIDTH - sum(columns[1:]), 70.0))
     shrink = min(1.0, TEXT_WIDTH / sum(columns))
     return [width * shrink for width in columns]

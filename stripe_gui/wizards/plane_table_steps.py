@@ -219,7 +219,7 @@ class SignOffStep(QWidget):
         self.operator, self.instrument, self.date, self.remark = (QLineEdit() for _ in range(4))
         self.with_tolerance = QCheckBox(self.tr("Judge against a tolerance"))
         self.limit = QDoubleSpinBox()
-        self.limit.setDecimals(3)
+        self.limit.setDecimals(4)
         self.limit.setRange(0.001, 100.0)
         self.limit.setSingleStep(0.005)
         self.limit.setValue(0.05)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -60,7 +61,9 @@ def test_what_is_not_known_does_not_pass(judged) -> None:
 
 
 def test_the_sign_off_stands_in_html_and_pdf(data, judged, tmp_path) -> None:
-    signed = SignOff("A. Operator", "Rig <7>", "after a night of warming up", "2026-11-21", Tolerance(0.05))
+    signed = SignOff(
+        "A. Operator", "Rig <7>", "after a night of warming up" + 30 * " and more", "2026-11-21", Tolerance(0.05)
+    )
     small = dataclasses.replace(data, adjustment=None, photogrammetric=None, evaluations=judged, sign_off=signed)
     paths = write_report(small, tmp_path)
     html = paths.html.read_text(encoding="utf-8")
@@ -69,6 +72,9 @@ def test_the_sign_off_stands_in_html_and_pdf(data, judged, tmp_path) -> None:
         assert text in html
         assert text in pdf
     assert "Rig &lt;7&gt;" in html
+    assert " instrument Rig" in pdf  # words are not broken, however long the remark
+    names = re.findall(r'\bid="([^"]+)"', html)
+    assert len(names) == len(set(names))
     assert "Rig <7>" in pdf
     assert summary(small).findings[0].startswith("Signed off by A. Operator on 2026-11-21. Failed")
     assert [entry.title for entry in PdfReader(paths.pdf).outline][-1] == "Sign-off"
