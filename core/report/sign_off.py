@@ -63,7 +63,7 @@ def sign_off_table(sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) 
         rows.append(("remark", sign_off.remark))
     rows.append(("signature", "_" * 40))
     note = "Signed for the figures of Table 3 as they stand in this report."
-    return Table("Sign-off of the plane-table", ("", "entry"), tuple(rows), (note,))
+    return Table("Sign-off of the plane-table", ("item", "entry"), tuple(rows), (note,))
 
 
 def sign_off_sentence(sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) -> str:
