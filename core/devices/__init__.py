@@ -20,7 +20,7 @@ faults.py    what virtual devices do wrong on demand, by name and rate
 No device is needed to test any of this: one suite, tests/devices, holds every projector and camera to its promise.
 """
 
-from core.devices.address import Address, parse_address, with_option
+from core.devices.address import parse_address, with_option
 from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, Faults
 from core.devices.opening import CAMERA_KINDS, PROJECTOR_KINDS, open_camera, open_projector
 from core.devices.profile import profile_names
@@ -43,7 +43,6 @@ __all__ = [
     "CAMERA_KINDS",
     "LINK_FAULTS",
     "PROJECTOR_KINDS",
-    "Address",
     "Adjustable",
     "Camera",
     "Check",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -365,8 +365,3 @@ def stripes_at(
     """Take the finest stripes on a plate at a position; the virtual bench puts its own plate there."""
     rig.close()
     return rigcheck.stripes_at(urls, z_mm, progress)
-
-
-def another(subject: Subject, taken: Iterable[str]) -> Subject:
-    """Give the next capture like this one."""
-    return replace(subject, name=next_name(subject, taken))

@@ -107,6 +107,12 @@ def test_it_works_from_the_windows_own_thread_too(screens: Screens, qapp) -> Non
         surface.present(image)
 
 
+def test_the_program_offers_its_screens_from_the_start(program, qtbot) -> None:
+    projector = in_thread(lambda: open_projector("screen:0"), qtbot)
+    assert projector.size == (800, 800)  # what the offscreen platform pretends
+    in_thread(projector.close, qtbot)
+
+
 def test_an_image_that_would_be_scaled_is_refused(screens: Screens) -> None:
     surface = screens.open(0)
     with pytest.raises(DeviceError, match="px for"):

@@ -8,6 +8,7 @@ import pytest
 
 from core.capture.rigcheck import check_rig
 from core.cli import main
+from core.devices import offer_screens
 from core.devices.opening import at_depth
 from core.errors import Cancelled, DeviceError, InputError
 from core.model import DeviceSpec, Project
@@ -90,6 +91,7 @@ def test_the_command_refuses_a_device_that_is_none(project: Project, tmp_path: P
 
 
 def test_a_screen_without_a_window_is_told_where_to_find_one(project: Project, capsys) -> None:
+    offer_screens(None)  # as without the desktop program
     command = ["capture", str(project.path), "a", "--role", "object", "--projector", "screen:1", "--camera", FLAT]
     assert main(command) == 1
     error = capsys.readouterr().err
