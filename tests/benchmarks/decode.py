@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -32,12 +33,14 @@ def run() -> list[Row]:
         if size in ENDS:
             field.append(_fringes(width, height))
         rows += race("decode", f"{size} x 28", width * height, "pixels", field)
-        for name, patterns in _others().items() if size in ENDS else ():
-            other = frames(patterns, width, height)
+        others = {name: frames(patterns, width, height) for name, patterns in _others().items() if size in ENDS}
+        if size in ENDS:
+            others["in 16 bit"] = _in_16_bit(data)
+        for name, other in others.items():
             copies = floor(other.images, OUTPUT_BYTES * width * height)
             ours = Contestant("stripe workbench", lambda d=other: _ours(d), _close(other))
             rows += race(
-                "decode, other sequences", f"{size} x {len(patterns)} {name}", width * height, "", [*copies, ours]
+                "decode, other sequences", f"{size} x {len(other.images)} {name}", width * height, "", [*copies, ours]
             )
     for steps in (4, 16, 64):
         patterns = [p for axis in "xy" for p in _codes(axis, [4], steps)]
@@ -46,6 +49,13 @@ def run() -> list[Row]:
         ours = Contestant("stripe workbench", lambda d=data: _ours(d), _close(data))
         rows += race("decode, frames", f"748x576 x {len(patterns)}", len(patterns), "frames", [*copies, ours])
     return rows
+
+
+def _in_16_bit(data: Frames) -> Frames:
+    """The same seen by a camera of 12 bits."""
+    rng = np.random.default_rng(1)
+    images = [16 * image.astype(np.uint16) + rng.integers(0, 16, image.shape, np.uint16) for image in data.images]
+    return replace(data, images=images)
 
 
 def _codes(axis: str, periods: list[float], steps: int = 4, cell: int = 2, **more: object) -> list[Pattern]:
@@ -60,6 +70,9 @@ def _others() -> dict[str, list[Pattern]]:
             *both,
         ],
         "sine and inverse Gray": [p for axis in "xy" for p in _codes(axis, [8], 4, cell=4, inverse=True)],
+        "cell as wide as the period": [p for axis in "xy" for p in _codes(axis, [4], cell=4)] + both,
+        "8 sine steps": [p for axis in "xy" for p in _codes(axis, [8], 8, cell=4)] + both,
+        "plain binary": [p for axis in "xy" for p in _codes(axis, [4], kind="binary")] + both,
         "plain binary, 7 steps": [p for axis in "xy" for p in _codes(axis, [6.5], 7, kind="binary")] + both,
     }
 
