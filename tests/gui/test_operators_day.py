@@ -95,11 +95,8 @@ def make_project(operator: Operator, folder: Path) -> None:
         for field, value in zip(fields.all(), values, strict=True):
             operator.type(field, value)
     operator.click(page.next_button)
-    for field, value in zip(
-        (page.field.rows, page.field.columns, page.field.spacing, page.field.diameter),
-        ["7", "9", "19", "9"],
-        strict=True,
-    ):
+    asked = page.field
+    for field, value in ((asked.rows, "7"), (asked.columns, "9"), (asked.spacing, "19"), (asked.diameter, "9")):
         operator.type(field, value)
     for _ in range(4):  # no plate, no measured distance, the summary, create
         operator.click(page.next_button)
