@@ -21,6 +21,7 @@ from core.project import keep_picks
 from core.report import ReportData, Table, tables
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.runs import made_at, options_words, run_title
+from stripe_gui.presenters.status import method_name
 from stripe_gui.presenters.work import CalibrateChoice
 
 
@@ -120,13 +121,13 @@ def choice_of(folder: ProjectFolder) -> CalibrateChoice:
 
 def _made(folder: ProjectFolder) -> str:
     """Name the runs that the calibrations in use came from."""
-    words: dict[int, str] = {}
-    for method in METHODS:
-        run = current_run(folder.project, method)
-        if run is not None:
-            told = f"{run_title(run)}, {made_at(run)}: {options_words(run.options, run.methods)}"
-            words[run.number] = told
-    return "\n".join(text[0].upper() + text[1:] for text in words.values())
+    runs = {method: run for method in METHODS if (run := current_run(folder.project, method)) is not None}
+    lines = []
+    for run in {run.number: run for run in runs.values()}.values():
+        methods = [method for method, other in runs.items() if other.number == run.number]
+        names = " + ".join(map(method_name, methods))
+        lines.append(f"{run_title(run)}, {made_at(run)}: {names}; {options_words(run.options, methods)}")
+    return "\n".join(text[0].upper() + text[1:] for text in lines)
 
 
 def exclude_targets(capture: Capture, *targets: tuple[int, int]) -> None:

@@ -5,7 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QGridLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QBoxLayout,
+    QCheckBox,
+    QComboBox,
+    QDoubleSpinBox,
+    QGridLayout,
+    QLabel,
+    QVBoxLayout,
+    QWidget,
+)
 
 from core.model import INTERIOR_NAMES
 from core.pipeline import CalibrateOptions
@@ -45,17 +54,22 @@ class CalibrateForm(QWidget):
         if detail:
             left = column(label(self.tr("Photogrammetric"), "heading"), *network, None, spacing=14)
             right = column(label(self.tr("Polynomial depth"), "heading"), *depth, None, spacing=14)
-            halves = row(left, right, spacing=36)
-            halves.setStretch(0, 3)
-            halves.setStretch(1, 2)
+            self._halves = row(left, right, spacing=36)
+            self._halves.setStretch(0, 3)
+            self._halves.setStretch(1, 2)
             layout.addSpacing(4)
-            layout.addLayout(halves)
+            layout.addLayout(self._halves)
         else:
             for block in (*network, *depth):
                 layout.addLayout(block)
         layout.addWidget(self.also)
         layout.addStretch(1)
         self.set_choice(CalibrateChoice())
+
+    def set_narrow(self, narrow: bool) -> None:
+        """Put what belongs to the two methods below each other, or side by side."""
+        ways = QBoxLayout.Direction
+        self._halves.setDirection(ways.TopToBottom if narrow else ways.LeftToRight)
 
     def _make_fields(self) -> None:
         self.method = QComboBox()

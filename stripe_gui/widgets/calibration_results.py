@@ -10,7 +10,7 @@ from stripe_gui.presenters.adjusted import correlations, coverage, point_sigmas
 from stripe_gui.presenters.calibrate import CalibrationView
 from stripe_gui.widgets.correlation_view import CorrelationView
 from stripe_gui.widgets.coverage_view import CoverageView
-from stripe_gui.widgets.layout import label
+from stripe_gui.widgets.layout import card, label
 from stripe_gui.widgets.point_map import PointMap
 from stripe_gui.widgets.residual_view import ResidualView
 from stripe_gui.widgets.result_table import ResultTable
@@ -25,17 +25,14 @@ class CalibrationResults(QWidget):
         self._view: CalibrationView | None = None
         self._due: set[int] = set()
         self.made = label("", "muted", wrap=True)
-        self.warnings = label("", "", wrap=True)
+        self.warned = label("")
         self.tables: list[ResultTable] = []
         self._tables = QVBoxLayout()
         self._tables.setSpacing(20)
         self._tables.setContentsMargins(0, 12, 12, 12)
-        inner = QWidget()
-        inner.setLayout(self._tables)
-        scroll = QScrollArea()
-        scroll.setWidgetResizable(True)
-        scroll.setFrameShape(QFrame.Shape.NoFrame)
-        scroll.setWidget(inner)
+        self._warnings = QVBoxLayout()
+        self._warnings.setSpacing(10)
+        self._warnings.setContentsMargins(0, 12, 12, 12)
         self.residuals = ResidualView(bench, excluding=excluding)
         self.coverage = CoverageView()
         self.correlations = CorrelationView()
@@ -45,11 +42,12 @@ class CalibrationResults(QWidget):
         self.tabs.setDocumentMode(True)
         self.tabs.tabBar().setDrawBase(False)
         for name, title, widget in (
-            ("tables", self.tr("Tables"), scroll),
+            ("tables", self.tr("Tables"), _scrolled(self._tables)),
             ("residuals", self.tr("Residuals"), self.residuals),
             ("coverage", self.tr("Coverage"), self.coverage),
             ("correlations", self.tr("Correlations"), self.correlations),
             ("points", self.tr("Object points"), self.points),
+            ("warnings", self.tr("Warnings"), _scrolled(self._warnings)),
         ):
             widget.setObjectName(name)
             self.tabs.addTab(widget, title)
@@ -58,7 +56,7 @@ class CalibrationResults(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(10)
         layout.addWidget(self.made)
-        layout.addWidget(self.warnings)
+        layout.addWidget(self.warned)
         layout.addWidget(self.tabs, 1)
 
     def show_calibration(self, view: CalibrationView) -> None:
@@ -66,12 +64,11 @@ class CalibrationResults(QWidget):
         before, self._view = self._view, view
         self.made.setText(view.made)
         self.made.setVisible(bool(view.made))
-        self.warnings.setText("\n".join(f"⚠ {text}" for text in view.warnings))
-        self.warnings.setVisible(bool(view.warnings))
+        self._tell_warnings(view.warnings)
         if before is not None and before.tables == view.tables and before.adjustment is view.adjustment:
             return
         self._due = set(range(self.tabs.count()))
-        for i in range(1, self.tabs.count()):
+        for i in range(1, 5):
             self.tabs.setTabEnabled(i, view.adjustment is not None)
         self._fill()
 
@@ -95,20 +92,33 @@ class CalibrationResults(QWidget):
         elif adjustment is None:
             return
         elif at == 1:
-            self.residuals.show_residuals(view.residuals, adjustment.convergence)
+            self.residuals.show_residuals(view.residuals)
         elif at == 2:
             self.coverage.show_coverage(coverage(adjustment))
         elif at == 3:
             self.correlations.show_correlations(correlations(adjustment))
-        else:
+        elif at == 4:
             self.points.show_points(point_sigmas(adjustment))
 
+    def _tell_warnings(self, warnings: tuple[str, ...]) -> None:
+        """Say how many warnings there are above the tabs, and each in full on its own tab."""
+        count = len(warnings)
+        self.tabs.setTabText(5, self.tr("Warnings ({n})").format(n=count) if count else self.tr("Warnings"))
+        many = self.tr("⚠ {n} warnings: what is weak, and what to photograph next, stands under Warnings.")
+        one = self.tr("⚠ One warning: it stands under Warnings.")
+        self.warned.setText(many.format(n=count) if count > 1 else one)
+        self.warned.setVisible(count > 0)
+        _empty(self._warnings)
+        for text in warnings:
+            frame, inside = card()
+            inside.addWidget(label(f"⚠ {text[0].upper()}{text[1:]}.", wrap=True))
+            self._warnings.addWidget(frame)
+        if not warnings:
+            self._warnings.addWidget(label(self.tr("Nothing speaks against this calibration."), "muted"))
+        self._warnings.addStretch(1)
+
     def _fill_tables(self, view: CalibrationView) -> None:
-        while self._tables.count():
-            item = self._tables.takeAt(0)
-            if item.widget() is not None:
-                item.widget().hide()
-                item.widget().deleteLater()
+        _empty(self._tables)
         self.tables = []
         for table in view.tables:
             made = ResultTable(table.title)
@@ -116,4 +126,26 @@ class CalibrationResults(QWidget):
             made.fit_height()
             self.tables.append(made)
             self._tables.addWidget(made)
+        if view.adjustment is not None:
+            steps = " → ".join(f"{value:.6g}" for value in view.adjustment.convergence)
+            text = self.tr("Convergence, weighted sum of squares: {steps}")
+            self._tables.addWidget(label(text.format(steps=steps), "muted", wrap=True))
         self._tables.addStretch(1)
+
+
+def _scrolled(content: QVBoxLayout) -> QScrollArea:
+    inner = QWidget()
+    inner.setLayout(content)
+    scroll = QScrollArea()
+    scroll.setWidgetResizable(True)
+    scroll.setFrameShape(QFrame.Shape.NoFrame)
+    scroll.setWidget(inner)
+    return scroll
+
+
+def _empty(layout: QVBoxLayout) -> None:
+    while layout.count():
+        widget = layout.takeAt(0).widget()
+        if widget is not None:
+            widget.hide()
+            widget.deleteLater()

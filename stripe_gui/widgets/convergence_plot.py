@@ -17,7 +17,7 @@ class ConvergencePlot(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.plot = Plot(self.tr("Convergence"), self.tr("iteration"), self.tr("σ0, and correction in σ"))
+        self.plot = Plot(self.tr("Convergence"), self.tr("iteration"), self.tr("σ0, correction"))
         self.plot.axes["left"].setLogMode(x=False, y=True)
         self.plot.axes["bottom"].setTickSpacing(major=5, minor=1)
         self.state = label(" ", "muted", wrap=True)
@@ -62,6 +62,10 @@ class ConvergencePlot(QWidget):
         if self._course["correction"]:
             more = self.tr("; the last correction was {c:.2g} σ, all unknowns together.")
             said += more.format(c=self._course["correction"][-1][1])
+        anew = sum(step == 0 for step, _ in self._course["sigma0"]) - 1
+        if anew > 0:
+            again = self.tr(" Begun anew {n} times: after gross errors, for the weights, to test the rig.")
+            said += again.format(n=anew)
         return said
 
 

@@ -38,28 +38,27 @@ class ResidualView(QWidget):
         self.stations.setMinimumWidth(180)
         self.stations.currentIndexChanged.connect(self._draw)
         self.picked = label(self.tr("Click a vector to learn which point it is."), "muted")
-        self.open_image = button(self.tr("Open its image"), self._open, "measure", flat=True)
-        self.open_image.setEnabled(False)
-        self.exclude = button(self.tr("Exclude this target here"), self._exclude, "close", flat=True)
+        self.open_image = button(self.tr("Open image"), self._open, "measure", flat=True)
+        self.open_image.setToolTip(self.tr("Look at this target in its image."))
+        self.exclude = button(self.tr("Exclude target"), self._exclude, "close", flat=True)
         self.exclude.setToolTip(self.tr("Leave this target of this capture out, and calibrate again."))
-        self.leave_out = button(self.tr("Leave out the whole capture"), self._leave_out, "close", flat=True)
+        self.leave_out = button(self.tr("Leave out capture"), self._leave_out, "close", flat=True)
         self.leave_out.setToolTip(self.tr("Calibrate again without this capture."))
-        self.convergence = label("", "muted", wrap=True)
         self.plots: list[ResidualPlot] = []
         self._plots = QHBoxLayout()
         self._plots.setSpacing(16)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 12, 0, 0)
         layout.setSpacing(10)
-        layout.addLayout(row(label(self.tr("Captures")), self.stations, None))
+        buttons = row(self.open_image, self.exclude, self.leave_out, spacing=2)
+        layout.addLayout(row(label(self.tr("Captures")), self.stations, None, buttons))
         layout.addLayout(self._plots, 1)
-        layout.addLayout(row(self.picked, None, self.open_image, self.exclude, self.leave_out))
-        layout.addWidget(self.convergence)
+        layout.addWidget(self.picked)
         if not excluding:
             self.exclude.hide()
             self.leave_out.hide()
 
-    def show_residuals(self, sets: tuple[DeviceResiduals, ...], convergence: tuple[float, ...]) -> None:
+    def show_residuals(self, sets: tuple[DeviceResiduals, ...]) -> None:
         """Show the residuals of all devices."""
         self._sets = sets
         while self._plots.count():
@@ -79,9 +78,6 @@ class ResidualView(QWidget):
         for name in captures:
             self.stations.addItem(name, name)
         self.stations.blockSignals(False)
-        steps = " → ".join(f"{value:.6g}" for value in convergence)
-        text = self.tr("Convergence (weighted sum of squares): {steps}")
-        self.convergence.setText(text.format(steps=steps) if steps else "")
         self._draw()
 
     def _draw(self) -> None:

@@ -129,6 +129,7 @@ class CaptureChoice(QWidget):
 
     def _item(self, c: Contribution, text: str, *, first: bool) -> QTableWidgetItem:
         item = QTableWidgetItem(text)
+        item.setToolTip(text)
         flags = Qt.ItemFlag.ItemIsSelectable | Qt.ItemFlag.ItemIsEnabled
         if first and c.usable:
             flags |= Qt.ItemFlag.ItemIsUserCheckable

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QScrollArea, QVBoxLayout, QWidget
 
 from core.errors import StripeError
@@ -26,6 +27,7 @@ from stripe_gui.wizards.calibration_runs import RunsStep
 from stripe_gui.wizards.wizard import Wizard
 from stripe_gui.workbench import Workbench
 
+ROOM_FOR_TWO = 1000  # the two halves of the first step stand side by side from this width on
 METHODS: dict[str, tuple[Method, ...]] = {
     "all": ("photogrammetric", "polynomial"),
     "photogrammetric": ("photogrammetric",),
@@ -97,6 +99,11 @@ class CalibrationWizard(Wizard):
         layout.addWidget(self.results, 1)
         self._pending.hide()
         return body
+
+    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802
+        """Fold the form where there is little room."""
+        super().resizeEvent(event)
+        self.form.set_narrow(self.width() < ROOM_FOR_TWO)
 
     # ---------------------------------------------------------------------------------------------------------- choices
 
