@@ -159,7 +159,8 @@ class DevicesStep(QWidget):
             self._say("error", (problem,))
             return
         self.connection, self._tested = None, None
-        self._say("info", (self.tr("Asking both devices …"),))
+        first_use = self.tr("At its very first use the virtual bench is compiled, which can take a minute.")
+        self._say("info", (self.tr("Asking both devices …"), first_use if scene_of(urls[0]) else ""))
         self.changed.emit()
         self.bench.views.run(
             self.tr("Connection test"),
