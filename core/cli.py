@@ -265,7 +265,7 @@ def _measure(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def _calibrate(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from core.figures import calibration_figures
-    from core.pipeline import CalibrateOptions, calibrate_project, result_tables
+    from core.pipeline import CalibrateOptions, calibrate_project, current_runs, result_tables
     from core.project import read_project
 
     if options.degree < 1:
@@ -283,6 +283,7 @@ def _calibrate(options: argparse.Namespace, progress: Progress) -> dict[str, Any
     project = read_project(options.project)
     calibrations = calibrate_project(project, options.method, chosen, progress)
     print(result_tables(project))
+    print(f"\nkept as run {max(current_runs(project).values())}")
     return calibration_figures(calibrations)
 
 

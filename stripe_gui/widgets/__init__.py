@@ -9,6 +9,13 @@ command_palette.py  every action, searchable
 image_view.py       an image or a map with fixed levels, kept zoom and a read-out
 colour_bar.py       its colours and what they mean
 residual_plot.py    residual vectors of a device
+residual_view.py    those of all devices by capture, and what to do about one
+coverage_view.py    where in the images there are points
+matrix_view.py      correlations as a matrix; correlation_view.py with the strongest pairs
+point_map.py        sigmas of the object points over the testfield
+convergence_plot.py where the iterations are going
+calibrate_form.py   what can be chosen about a calibration
+calibration_results.py  everything a calibration found
 plot.py             curves over two axes
 histogram.py        histograms of deviations
 deviation_maps.py   maps of planes on one scale, with a cursor in all of them
