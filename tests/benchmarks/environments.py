@@ -38,7 +38,7 @@ PEERS = (
     # its wheels begin with Python 3.12; its viewer alone needs the other packages, which want FLTK's headers
     Peer(
         "mrcal",
-        ("mrcal==2.5.2.post1", "numpy", "numpysane", "scipy"),
+        ("mrcal==2.5.2.post1", "numpy", "numpysane", "packaging", "scipy"),
         ("python3.14", "python3.13", "python3.12"),
         ("--no-deps", "--only-binary", "mrcal,numpy,scipy"),
     ),
@@ -75,7 +75,10 @@ def _install(peer: Peer, folder: Path) -> str:
         return f"no environment: {_last_line(made.stdout + made.stderr)}"
     command = [str(folder / "venv/bin/python"), "-m", "pip", "install", "--quiet", *peer.pip_options]
     done = subprocess.run([*command, *peer.requirements], capture_output=True, text=True, check=False)
-    return f"pip: {_last_line(done.stderr)}" if done.returncode else ""
+    if done.returncode:
+        return f"pip: {_last_line(done.stderr)}"
+    tried = subprocess.run([command[0], "-c", f"import {peer.package}"], capture_output=True, text=True, check=False)
+    return f"does not load: {_last_line(tried.stderr)}" if tried.returncode else ""
 
 
 def _interpreter(name: str) -> str | None:
