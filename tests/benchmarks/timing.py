@@ -6,7 +6,6 @@ import ctypes
 import gc
 import math
 import mmap
-import mmap
 import statistics
 import sys
 import time
@@ -226,18 +225,6 @@ def trim_memory() -> None:
 def resident_mb() -> float:
     """Give how much memory this process holds now."""
     return _status_mb("VmRSS")
-
-
-def _copied_to_new_pages(a: np.ndarray) -> np.ndarray:
-    """Copy into memory just mapped, in huge pages from 4 MiB on as numpy asks for: `copy` might get pages back."""
-    if not hasattr(mmap, "MAP_PRIVATE"):
-        return a.copy()
-    pages = mmap.mmap(-1, max(a.nbytes, 1), flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    if a.nbytes >= 4 << 20 and hasattr(mmap, "MADV_HUGEPAGE"):
-        pages.madvise(mmap.MADV_HUGEPAGE)
-    copy = np.frombuffer(pages, a.dtype, a.size).reshape(a.shape)
-    np.copyto(copy, a)
-    return copy
 
 
 def _reset_peak() -> float:
