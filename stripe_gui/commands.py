@@ -110,7 +110,7 @@ def _view_actions() -> list[Action]:
     return [
         Action(
             "view.dark",
-            translate("Actions", "&Dark appearance"),
+            translate("Actions", "D&ark appearance"),
             lambda bench: bench.theme_wanted.emit("light" if theme.current().name == "dark" else "dark"),
             "Ctrl+Shift+D",
             "theme",
@@ -119,7 +119,7 @@ def _view_actions() -> list[Action]:
         ),
         Action(
             "view.system",
-            translate("Actions", "Appearance of the &desktop"),
+            translate("Actions", "Appearance of the des&ktop"),
             lambda bench: bench.theme_wanted.emit("system"),
             "Ctrl+Shift+A",
             "",

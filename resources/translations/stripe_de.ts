@@ -1,0 +1,3843 @@
+<?xml version="1.0" encoding="utf-8"?>
+<!DOCTYPE TS>
+<TS version="2.1" language="de_DE">
+<context>
+    <name>Actions</name>
+    <message>
+        <source>&amp;Run this stage</source>
+        <translation>Diesen Schritt &amp;ausführen</translation>
+    </message>
+    <message>
+        <source>Do the work of the page that is open.</source>
+        <translation>Die Arbeit der offenen Seite ausführen.</translation>
+    </message>
+    <message>
+        <source>&amp;Undo</source>
+        <translation>&amp;Rückgängig</translation>
+    </message>
+    <message>
+        <source>Take the last change back, in whichever image it was made.</source>
+        <translation>Die letzte Änderung zurücknehmen, in welchem Bild sie auch geschah.</translation>
+    </message>
+    <message>
+        <source>R&amp;edo</source>
+        <translation>&amp;Wiederholen</translation>
+    </message>
+    <message>
+        <source>Make the change again that was taken back last.</source>
+        <translation>Die zuletzt zurückgenommene Änderung wieder ausführen.</translation>
+    </message>
+    <message>
+        <source>&amp;Cancel the running work</source>
+        <translation>Laufende Arbeit ab&amp;brechen</translation>
+    </message>
+    <message>
+        <source>Stop at the next step; nothing half is written.</source>
+        <translation>Beim nächsten Schritt anhalten; nichts wird halb geschrieben.</translation>
+    </message>
+    <message>
+        <source>&amp;Full screen</source>
+        <translation>&amp;Vollbild</translation>
+    </message>
+    <message>
+        <source>Use the whole screen, or go back to a window.</source>
+        <translation>Den ganzen Bildschirm nutzen oder zurück zum Fenster.</translation>
+    </message>
+    <message>
+        <source>&amp;Help beside the work</source>
+        <translation>&amp;Hilfe neben der Arbeit</translation>
+    </message>
+    <message>
+        <source>Show or hide the help of the page that is open.</source>
+        <translation>Die Hilfe zur offenen Seite zeigen oder verbergen.</translation>
+    </message>
+    <message>
+        <source>&amp;All commands…</source>
+        <translation>&amp;Alle Befehle …</translation>
+    </message>
+    <message>
+        <source>Search everything the program can do.</source>
+        <translation>Alles durchsuchen, was das Programm kann.</translation>
+    </message>
+    <message>
+        <source>Put all &amp;notices away</source>
+        <translation>Alle Hin&amp;weise wegräumen</translation>
+    </message>
+    <message>
+        <source>Clear the notices above the page.</source>
+        <translation>Die Hinweise über der Seite entfernen.</translation>
+    </message>
+    <message>
+        <source>About this &amp;program</source>
+        <translation>Über dieses &amp;Programm</translation>
+    </message>
+    <message>
+        <source>Version and licence.</source>
+        <translation>Version und Lizenz.</translation>
+    </message>
+    <message>
+        <source>&amp;Quit</source>
+        <translation>&amp;Beenden</translation>
+    </message>
+    <message>
+        <source>Close the program; every step is saved already.</source>
+        <translation>Das Programm schließen; jeder Schritt ist schon gespeichert.</translation>
+    </message>
+    <message>
+        <source>&amp;Open project…</source>
+        <translation>Projekt ö&amp;ffnen …</translation>
+    </message>
+    <message>
+        <source>Go on with a project, or look at captures from another rig.</source>
+        <translation>Mit einem Projekt weitermachen oder Aufnahmen eines anderen Aufbaus ansehen.</translation>
+    </message>
+    <message>
+        <source>&amp;Demo experiment…</source>
+        <translation>&amp;Vorführversuch …</translation>
+    </message>
+    <message>
+        <source>Let the virtual bench record an experiment, calibrate it and judge it.</source>
+        <translation>Den virtuellen Prüfstand einen Versuch aufnehmen, kalibrieren und beurteilen lassen.</translation>
+    </message>
+    <message>
+        <source>Show project &amp;folder</source>
+        <translation>Projekt&amp;ordner zeigen</translation>
+    </message>
+    <message>
+        <source>Open the project&apos;s folder in the file manager.</source>
+        <translation>Den Ordner des Projekts im Dateimanager öffnen.</translation>
+    </message>
+    <message>
+        <source>&amp;Look for changes</source>
+        <translation>Nach Änderungen &amp;sehen</translation>
+    </message>
+    <message>
+        <source>Read the project&apos;s files again.</source>
+        <translation>Die Dateien des Projekts neu lesen.</translation>
+    </message>
+    <message>
+        <source>&amp;Close project</source>
+        <translation>Projekt s&amp;chließen</translation>
+    </message>
+    <message>
+        <source>Back to the start page; every step is saved already.</source>
+        <translation>Zurück zur Startseite; jeder Schritt ist schon gespeichert.</translation>
+    </message>
+    <message>
+        <source>Start page</source>
+        <translation>Startseite</translation>
+    </message>
+    <message>
+        <source>Open this page.</source>
+        <translation>Diese Seite öffnen.</translation>
+    </message>
+    <message>
+        <source>D&amp;ark appearance</source>
+        <translation>D&amp;unkle Darstellung</translation>
+    </message>
+    <message>
+        <source>Appearance of the des&amp;ktop</source>
+        <translation>Darstellung wie der &amp;Schreibtisch</translation>
+    </message>
+    <message>
+        <source>Switch between light and dark.</source>
+        <translation>Zwischen hell und dunkel wechseln.</translation>
+    </message>
+    <message>
+        <source>Follow the desktop in light and dark.</source>
+        <translation>Hell und dunkel wie die Arbeitsumgebung.</translation>
+    </message>
+    <message>
+        <source>Open a project: the folder with project.json</source>
+        <translation>Projekt öffnen: der Ordner mit project.json</translation>
+    </message>
+    <message>
+        <source>Choose a new or empty folder for the demo experiment</source>
+        <translation>Einen neuen oder leeren Ordner für den Vorführversuch wählen</translation>
+    </message>
+    <message>
+        <source>The demo experiment is complete; every stage shows its part.</source>
+        <translation>Der Vorführversuch ist fertig; jeder Schritt zeigt seinen Teil.</translation>
+    </message>
+    <message>
+        <source>Demo experiment</source>
+        <translation>Vorführversuch</translation>
+    </message>
+    <message>
+        <source>&amp;Calibration…</source>
+        <translation>&amp;Kalibrierung …</translation>
+    </message>
+    <message>
+        <source>Calibrate step by step: options, captures, convergence, results, kept runs.</source>
+        <translation>Schritt für Schritt kalibrieren: Einstellungen, Aufnahmen, Konvergenz, Ergebnisse, aufbewahrte Läufe.</translation>
+    </message>
+    <message>
+        <source>&amp;Plane-table…</source>
+        <translation>&amp;Planplatte …</translation>
+    </message>
+    <message>
+        <source>Judge planes step by step: maps, profiles, distribution, Table 3, sign-off.</source>
+        <translation>Ebenen Schritt für Schritt beurteilen: Karten, Profile, Verteilung, Tabelle 3, Freigabe.</translation>
+    </message>
+    <message>
+        <source>&amp;New project…</source>
+        <translation>&amp;Neues Projekt …</translation>
+    </message>
+    <message>
+        <source>Describe camera, projector and testfield; begin with an empty project.</source>
+        <translation>Kamera, Projektor und Testfeld beschreiben; mit einem leeren Projekt beginnen.</translation>
+    </message>
+    <message>
+        <source>&amp;Print testfield…</source>
+        <translation>&amp;Testfeld drucken …</translation>
+    </message>
+    <message>
+        <source>Write the project&apos;s testfield as PDF or SVG at true size.</source>
+        <translation>Das Testfeld des Projekts maßhaltig als PDF oder SVG schreiben.</translation>
+    </message>
+    <message>
+        <source>&amp;Pick targets</source>
+        <translation>&amp;Marken anwählen</translation>
+    </message>
+    <message>
+        <source>Pick four targets in each image of a board; all others follow.</source>
+        <translation>In jedem Bild einer Tafel vier Marken anwählen; alle anderen folgen daraus.</translation>
+    </message>
+    <message>
+        <source>&amp;New capture…</source>
+        <translation>&amp;Neue Aufnahme …</translation>
+    </message>
+    <message>
+        <source>Connect projector and camera, check the rig, and record a sequence.</source>
+        <translation>Projektor und Kamera verbinden, den Aufbau prüfen und eine Folge aufnehmen.</translation>
+    </message>
+</context>
+<context>
+    <name>Background</name>
+    <message>
+        <source>Measuring {name}</source>
+        <translation>Messe {name}</translation>
+    </message>
+</context>
+<context>
+    <name>BoardStep</name>
+    <message>
+        <source>This project has such a board</source>
+        <translation>Dieses Projekt hat eine solche Tafel</translation>
+    </message>
+    <message>
+        <source>Rows and columns</source>
+        <translation>Zeilen und Spalten</translation>
+    </message>
+    <message>
+        <source>CSV file</source>
+        <translation>CSV-Datei</translation>
+    </message>
+    <message>
+        <source>Rows</source>
+        <translation>Zeilen</translation>
+    </message>
+    <message>
+        <source>Columns</source>
+        <translation>Spalten</translation>
+    </message>
+    <message>
+        <source>Spacing</source>
+        <translation>Abstand</translation>
+    </message>
+    <message>
+        <source>Target diameter</source>
+        <translation>Markendurchmesser</translation>
+    </message>
+    <message>
+        <source>Targets</source>
+        <translation>Zielmarken</translation>
+    </message>
+    <message>
+        <source>white on black</source>
+        <translation>weiß auf schwarz</translation>
+    </message>
+    <message>
+        <source>black on white</source>
+        <translation>schwarz auf weiß</translation>
+    </message>
+    <message>
+        <source>CSV file with the targets</source>
+        <translation>CSV-Datei mit den Zielmarken</translation>
+    </message>
+    <message>
+        <source>Choose…</source>
+        <translation>Wählen …</translation>
+    </message>
+    <message>
+        <source>Choose the CSV file</source>
+        <translation>Die CSV-Datei wählen</translation>
+    </message>
+    <message>
+        <source>Print this board…</source>
+        <translation>Diese Tafel drucken …</translation>
+    </message>
+    <message>
+        <source>No such board in this project.</source>
+        <translation>Keine solche Tafel in diesem Projekt.</translation>
+    </message>
+    <message>
+        <source>Choose the targets of the board</source>
+        <translation>Die Zielmarken der Tafel wählen</translation>
+    </message>
+    <message>
+        <source>Targets (*.csv);;All files (*)</source>
+        <translation>Zielmarken (*.csv);;Alle Dateien (*)</translation>
+    </message>
+</context>
+<context>
+    <name>Calibrate</name>
+    <message>
+        <source>plate at {z:g} mm</source>
+        <translation>Platte bei {z:g} mm</translation>
+    </message>
+    <message>
+        <source>no targets picked yet</source>
+        <translation>noch keine Marken angewählt</translation>
+    </message>
+    <message>
+        <source>the picks do not fit the testfield</source>
+        <translation>die angewählten Marken passen nicht zum Testfeld</translation>
+    </message>
+    <message>
+        <source>a quarter turn: A3, A4, x0, y0</source>
+        <translation>eine Vierteldrehung: A3, A4, x0, y0</translation>
+    </message>
+    <message>
+        <source>seen straight on: distortion</source>
+        <translation>gerade von vorn: Verzeichnung</translation>
+    </message>
+    <message>
+        <source>inclined: c and the scale in depth</source>
+        <translation>geneigt: c und der Tiefenmaßstab</translation>
+    </message>
+</context>
+<context>
+    <name>CalibrateForm</name>
+    <message>
+        <source>Method</source>
+        <translation>Verfahren</translation>
+    </message>
+    <message>
+        <source>Depth as a function of the phase</source>
+        <translation>Tiefe als Funktion der Phase</translation>
+    </message>
+    <message>
+        <source>Low-pass of the depth calibration</source>
+        <translation>Tiefpass der Tiefenkalibrierung</translation>
+    </message>
+    <message>
+        <source>Photogrammetric</source>
+        <translation>Photogrammetrisch</translation>
+    </message>
+    <message>
+        <source>Polynomial depth</source>
+        <translation>Polynom der Tiefe</translation>
+    </message>
+    <message>
+        <source>both, as far as captures allow</source>
+        <translation>beide, soweit Aufnahmen da sind</translation>
+    </message>
+    <message>
+        <source>photogrammetric</source>
+        <translation>photogrammetrisch</translation>
+    </message>
+    <message>
+        <source>polynomial depth</source>
+        <translation>Polynom der Tiefe</translation>
+    </message>
+    <message>
+        <source>Camera and projector rigidly joined</source>
+        <translation>Kamera und Projektor starr verbunden</translation>
+    </message>
+    <message>
+        <source>Reject gross errors beyond</source>
+        <translation>Grobe Fehler verwerfen über</translation>
+    </message>
+    <message>
+        <source>Limit of gross errors</source>
+        <translation>Grenze der groben Fehler</translation>
+    </message>
+    <message>
+        <source>polynomial of degree {n}</source>
+        <translation>Polynom vom Grad {n}</translation>
+    </message>
+    <message>
+        <source>table, linear between plates</source>
+        <translation>Tabelle, linear zwischen den Platten</translation>
+    </message>
+    <message>
+        <source>none</source>
+        <translation>keine</translation>
+    </message>
+    <message>
+        <source>Camera</source>
+        <translation>Kamera</translation>
+    </message>
+    <message>
+        <source>Projector</source>
+        <translation>Projektor</translation>
+    </message>
+    <message>
+        <source>Estimate {name} of {device}</source>
+        <translation>{name} von {device} schätzen</translation>
+    </message>
+    <message>
+        <source>Parameters to estimate</source>
+        <translation>Zu schätzende Parameter</translation>
+    </message>
+    <message>
+        <source>Both can be compared at every plane. Takes as long as the two together.</source>
+        <translation>Beide lassen sich an jeder Ebene vergleichen. Dauert so lange wie die zwei zusammen.</translation>
+    </message>
+    <message>
+        <source>From the moved testfield alone. Measures anywhere, with the sigma of every point.</source>
+        <translation>Allein aus dem bewegten Testfeld. Misst überall, mit dem σ jedes Punktes.</translation>
+    </message>
+    <message>
+        <source>From the plate at known depths alone. Measures between the plate positions only.</source>
+        <translation>Allein aus der Platte in bekannten Tiefen. Misst nur zwischen den Plattenstellungen.</translation>
+    </message>
+    <message>
+        <source>One relative orientation for all poses: more redundancy. The program tests whether the rig was rigid.</source>
+        <translation>Eine relative Orientierung für alle Stellungen: mehr Redundanz. Das Programm prüft, ob der Aufbau starr war.</translation>
+    </message>
+    <message>
+        <source>Every station is oriented on its own: right if the rig was moved or knocked; wider sigmas.</source>
+        <translation>Jeder Standpunkt wird für sich orientiert: richtig, wenn der Aufbau bewegt oder gestoßen wurde; größere σ.</translation>
+    </message>
+    <message>
+        <source>Targets that contradict all others are left out one by one and counted; good ones stay.</source>
+        <translation>Marken, die allen anderen widersprechen, werden einzeln weggelassen und gezählt; gute bleiben.</translation>
+    </message>
+    <message>
+        <source>Every observation counts; a single wrong target can spoil the result. They are only named.</source>
+        <translation>Jede Beobachtung zählt; eine einzige falsche Marke kann das Ergebnis verderben. Sie werden nur genannt.</translation>
+    </message>
+    <message>
+        <source>Passes through every plate position; their noise goes straight into the depth.</source>
+        <translation>Geht durch jede Plattenstellung; deren Rauschen geht unmittelbar in die Tiefe ein.</translation>
+    </message>
+    <message>
+        <source>Needs at least {n} plate positions. A higher degree follows the optics more closely and the noise too.</source>
+        <translation>Braucht mindestens {n} Plattenstellungen. Ein höherer Grad folgt der Optik genauer, dem Rauschen auch.</translation>
+    </message>
+    <message>
+        <source>Every pixel keeps its own depth curve; its noise stays in the result.</source>
+        <translation>Jedes Pixel behält seine eigene Tiefenkurve; ihr Rauschen bleibt im Ergebnis.</translation>
+    </message>
+    <message>
+        <source>Neighbouring pixels are averaged: less noise, and detail finer than this is lost.</source>
+        <translation>Benachbarte Pixel werden gemittelt: weniger Rauschen; feinere Einzelheiten gehen verloren.</translation>
+    </message>
+    <message>
+        <source>All are estimated: right where the images are rolled, convergent and filled to the edges.</source>
+        <translation>Alle werden geschätzt: richtig, wo die Bilder verkantet, konvergent und bis zum Rand gefüllt sind.</translation>
+    </message>
+    <message>
+        <source>Held: {names}. c stays nominal, others zero; the residuals take what they would explain.</source>
+        <translation>Festgehalten: {names}. c bleibt beim Nennwert, die anderen null; was sie erklären würden, geht in die Verbesserungen.</translation>
+    </message>
+    <message>
+        <source>without {names}</source>
+        <translation>ohne {names}</translation>
+    </message>
+    <message>
+        <source>{names} held</source>
+        <translation>{names} festgehalten</translation>
+    </message>
+    <message>
+        <source>gross errors kept</source>
+        <translation>grobe Fehler behalten</translation>
+    </message>
+    <message>
+        <source>As in the run in use: {words}. The wizard changes it.</source>
+        <translation>Wie im verwendeten Lauf: {words}. Der Assistent ändert es.</translation>
+    </message>
+</context>
+<context>
+    <name>CalibratePage</name>
+    <message>
+        <source>Calibrate</source>
+        <translation>Kalibrieren</translation>
+    </message>
+    <message>
+        <source>Interior and relative orientation of camera and projector, and how well they are known.</source>
+        <translation>Innere und relative Orientierung von Kamera und Projektor, und wie genau sie bekannt sind.</translation>
+    </message>
+    <message>
+        <source>Decode, measure and calibrate in the background (F5).</source>
+        <translation>Im Hintergrund dekodieren, messen und kalibrieren (F5).</translation>
+    </message>
+    <message>
+        <source>Options</source>
+        <translation>Einstellungen</translation>
+    </message>
+    <message>
+        <source>Calibrated: {names}.</source>
+        <translation>Kalibriert: {names}.</translation>
+    </message>
+    <message>
+        <source>No calibration yet: {reason}.</source>
+        <translation>Noch keine Kalibrierung: {reason}.</translation>
+    </message>
+    <message>
+        <source>This calibration is out of date: {reason}.</source>
+        <translation>Diese Kalibrierung ist veraltet: {reason}.</translation>
+    </message>
+</context>
+<context>
+    <name>CalibrationResults</name>
+    <message>
+        <source>Results of the calibration</source>
+        <translation>Ergebnisse der Kalibrierung</translation>
+    </message>
+    <message>
+        <source>Tables</source>
+        <translation>Tabellen</translation>
+    </message>
+    <message>
+        <source>Residuals</source>
+        <translation>Verbesserungen</translation>
+    </message>
+    <message>
+        <source>Coverage</source>
+        <translation>Abdeckung</translation>
+    </message>
+    <message>
+        <source>Correlations</source>
+        <translation>Korrelationen</translation>
+    </message>
+    <message>
+        <source>Object points</source>
+        <translation>Objektpunkte</translation>
+    </message>
+    <message>
+        <source>Warnings</source>
+        <translation>Warnungen</translation>
+    </message>
+    <message>
+        <source>Warnings ({n})</source>
+        <translation>Warnungen ({n})</translation>
+    </message>
+    <message>
+        <source>⚠ {n} warnings: what is weak, and what to photograph next, stands under Warnings.</source>
+        <translation>⚠ {n} Warnungen: was schwach ist und was als Nächstes aufzunehmen ist, steht unter Warnungen.</translation>
+    </message>
+    <message>
+        <source>⚠ One warning: it stands under Warnings.</source>
+        <translation>⚠ Eine Warnung: sie steht unter Warnungen.</translation>
+    </message>
+    <message>
+        <source>Nothing speaks against this calibration.</source>
+        <translation>Nichts spricht gegen diese Kalibrierung.</translation>
+    </message>
+    <message>
+        <source>Convergence, weighted sum of squares: {steps}</source>
+        <translation>Konvergenz, gewichtete Quadratsumme: {steps}</translation>
+    </message>
+</context>
+<context>
+    <name>CalibrationWizard</name>
+    <message>
+        <source>Calibration</source>
+        <translation>Kalibrierung</translation>
+    </message>
+    <message>
+        <source>Choose, run, look at what came out, exclude what is wrong, run again and compare.</source>
+        <translation>Wählen, rechnen, das Ergebnis ansehen, Falsches ausschließen, noch einmal rechnen und vergleichen.</translation>
+    </message>
+    <message>
+        <source>Done</source>
+        <translation>Fertig</translation>
+    </message>
+    <message>
+        <source>Method</source>
+        <translation>Verfahren</translation>
+    </message>
+    <message>
+        <source>Captures</source>
+        <translation>Aufnahmen</translation>
+    </message>
+    <message>
+        <source>Run</source>
+        <translation>Lauf</translation>
+    </message>
+    <message>
+        <source>Results</source>
+        <translation>Ergebnisse</translation>
+    </message>
+    <message>
+        <source>Runs</source>
+        <translation>Läufe</translation>
+    </message>
+    <message>
+        <source>Take back</source>
+        <translation>Zurücknehmen</translation>
+    </message>
+    <message>
+        <source>Run again</source>
+        <translation>Noch einmal rechnen</translation>
+    </message>
+    <message>
+        <source>{n} testfields</source>
+        <translation>{n} Testfelder</translation>
+    </message>
+    <message>
+        <source>{n} plates</source>
+        <translation>{n} Platten</translation>
+    </message>
+    <message>
+        <source>{what}; {options}. Unchanged captures are not measured again.</source>
+        <translation>{what}; {options}. Unveränderte Aufnahmen werden nicht noch einmal gemessen.</translation>
+    </message>
+    <message>
+        <source>The calibration is running.</source>
+        <translation>Die Kalibrierung läuft.</translation>
+    </message>
+    <message>
+        <source>Run the calibration first.</source>
+        <translation>Zuerst die Kalibrierung rechnen.</translation>
+    </message>
+    <message>
+        <source>Excluded: {names}.</source>
+        <translation>Ausgeschlossen: {names}.</translation>
+    </message>
+    <message>
+        <source>Left out: {names}.</source>
+        <translation>Weggelassen: {names}.</translation>
+    </message>
+    <message>
+        <source>Run again to see what that changes.</source>
+        <translation>Noch einmal rechnen zeigt, was das ändert.</translation>
+    </message>
+</context>
+<context>
+    <name>Capture</name>
+    <message>
+        <source>testfield</source>
+        <translation>Testfeld</translation>
+    </message>
+    <message>
+        <source>plate at a depth</source>
+        <translation>Platte in einer Tiefe</translation>
+    </message>
+    <message>
+        <source>plane-table</source>
+        <translation>Planplatte</translation>
+    </message>
+    <message>
+        <source>object</source>
+        <translation>Objekt</translation>
+    </message>
+    <message>
+        <source>cannot be read</source>
+        <translation>nicht lesbar</translation>
+    </message>
+    <message>
+        <source>{n} picks</source>
+        <translation>{n} Marken angewählt</translation>
+    </message>
+    <message>
+        <source>no picks yet</source>
+        <translation>noch keine Marken angewählt</translation>
+    </message>
+    <message>
+        <source>white</source>
+        <translation>weiß</translation>
+    </message>
+    <message>
+        <source>black</source>
+        <translation>schwarz</translation>
+    </message>
+    <message>
+        <source>Gray code</source>
+        <translation>Gray-Code</translation>
+    </message>
+    <message>
+        <source>binary code</source>
+        <translation>Binärcode</translation>
+    </message>
+    <message>
+        <source>, inverse</source>
+        <translation>, invers</translation>
+    </message>
+    <message>
+        <source>{name} {axis}, bit {bit} of {bits}{inverse}</source>
+        <translation>{name} {axis}, Bit {bit} von {bits}{inverse}</translation>
+    </message>
+    <message>
+        <source>phase {axis}, period {period:g}, step {step} of {steps}</source>
+        <translation>Phase {axis}, Periode {period:g}, Schritt {step} von {steps}</translation>
+    </message>
+    <message>
+        <source>line {axis} {index}</source>
+        <translation>Linie {axis} {index}</translation>
+    </message>
+</context>
+<context>
+    <name>CaptureChoice</name>
+    <message>
+        <source>capture</source>
+        <translation>Aufnahme</translation>
+    </message>
+    <message>
+        <source>role</source>
+        <translation>Rolle</translation>
+    </message>
+    <message>
+        <source>targets</source>
+        <translation>Marken</translation>
+    </message>
+    <message>
+        <source>excluded</source>
+        <translation>ausgeschl.</translation>
+    </message>
+    <message>
+        <source>roll</source>
+        <translation>Kantung</translation>
+    </message>
+    <message>
+        <source>tilt</source>
+        <translation>Neigung</translation>
+    </message>
+    <message>
+        <source>contributes</source>
+        <translation>trägt bei</translation>
+    </message>
+    <message>
+        <source>Captures that take part</source>
+        <translation>Beteiligte Aufnahmen</translation>
+    </message>
+    <message>
+        <source>All</source>
+        <translation>Alle</translation>
+    </message>
+    <message>
+        <source>Use excluded targets again</source>
+        <translation>Ausgeschlossene Marken wieder verwenden</translation>
+    </message>
+    <message>
+        <source>Space or a click on the box leaves a capture out or takes it in.</source>
+        <translation>Leertaste oder ein Klick auf das Kästchen lässt eine Aufnahme weg oder nimmt sie hinzu.</translation>
+    </message>
+    <message>
+        <source>No capture takes part.</source>
+        <translation>Keine Aufnahme ist beteiligt.</translation>
+    </message>
+    <message>
+        <source>Take at least two captures of each role, or none.</source>
+        <translation>Mindestens zwei Aufnahmen jeder Rolle nehmen, oder keine.</translation>
+    </message>
+    <message>
+        <source>Take at least two testfields with picks.</source>
+        <translation>Mindestens zwei Testfelder mit angewählten Marken nehmen.</translation>
+    </message>
+    <message>
+        <source>Take at least two plates.</source>
+        <translation>Mindestens zwei Platten nehmen.</translation>
+    </message>
+    <message>
+        <source>{n} testfields, {r} of them turned by a quarter, and {m} plates take part.</source>
+        <translation>{n} Testfelder, {r} davon um 90° gedreht, und {m} Platten sind beteiligt.</translation>
+    </message>
+</context>
+<context>
+    <name>CaptureList</name>
+    <message>
+        <source>Captures</source>
+        <translation>Aufnahmen</translation>
+    </message>
+</context>
+<context>
+    <name>CapturePage</name>
+    <message>
+        <source>Capture</source>
+        <translation>Aufnehmen</translation>
+    </message>
+    <message>
+        <source>The sequences of stripe images in this project, frame by frame.</source>
+        <translation>Die Streifenbildfolgen dieses Projekts, Bild für Bild.</translation>
+    </message>
+    <message>
+        <source>Frames of the capture</source>
+        <translation>Bilder der Aufnahme</translation>
+    </message>
+    <message>
+        <source>Frame</source>
+        <translation>Bild</translation>
+    </message>
+    <message>
+        <source>This project has no captures yet.</source>
+        <translation>Dieses Projekt hat noch keine Aufnahmen.</translation>
+    </message>
+    <message>
+        <source>Brighten</source>
+        <translation>Aufhellen</translation>
+    </message>
+    <message>
+        <source>Show up to the brightest pixels of this frame instead of the sensor&apos;s full scale.</source>
+        <translation>Bis zum hellsten Pixel dieses Bildes zeigen statt bis zum Vollausschlag des Sensors.</translation>
+    </message>
+    <message>
+        <source>Whole image</source>
+        <translation>Ganzes Bild</translation>
+    </message>
+    <message>
+        <source>Captures</source>
+        <translation>Aufnahmen</translation>
+    </message>
+    <message>
+        <source>Frames</source>
+        <translation>Bilder</translation>
+    </message>
+    <message>
+        <source>{w} × {h} px, {bits} bit   mean {mean:.1f}   clipped {clipped:.2f} %</source>
+        <translation>{w} × {h} px, {bits} Bit   Mittel {mean:.1f}   übersteuert {clipped:.2f} %</translation>
+    </message>
+</context>
+<context>
+    <name>CaptureWizard</name>
+    <message>
+        <source>New capture</source>
+        <translation>Neue Aufnahme</translation>
+    </message>
+    <message>
+        <source>Connect projector and camera, look, and record one sequence of an unmoving scene.</source>
+        <translation>Projektor und Kamera verbinden, hinsehen und eine Folge einer unbewegten Szene aufnehmen.</translation>
+    </message>
+    <message>
+        <source>Done</source>
+        <translation>Fertig</translation>
+    </message>
+    <message>
+        <source>Devices</source>
+        <translation>Geräte</translation>
+    </message>
+    <message>
+        <source>What</source>
+        <translation>Was</translation>
+    </message>
+    <message>
+        <source>Live picture</source>
+        <translation>Livebild</translation>
+    </message>
+    <message>
+        <source>Check the rig</source>
+        <translation>Aufbau prüfen</translation>
+    </message>
+    <message>
+        <source>Take</source>
+        <translation>Aufnehmen</translation>
+    </message>
+</context>
+<context>
+    <name>Capturing</name>
+    <message>
+        <source>Virtual bench</source>
+        <translation>Virtueller Prüfstand</translation>
+    </message>
+    <message>
+        <source>A simulated rig: nothing to connect, for trying and for training.</source>
+        <translation>Ein simulierter Aufbau: nichts anzuschließen, zum Probieren und Üben.</translation>
+    </message>
+    <message>
+        <source>Serial line (RS-232)</source>
+        <translation>Serielle Leitung (RS-232)</translation>
+    </message>
+    <message>
+        <source>A projector spoken to by a command profile. Name the port (/dev/ttyUSB0, COM3) and the profile.</source>
+        <translation>Ein Projektor, der über ein Befehlsprofil angesprochen wird. Den Anschluss (/dev/ttyUSB0, COM3) und das Profil nennen.</translation>
+    </message>
+    <message>
+        <source>Second screen (HDMI)</source>
+        <translation>Zweiter Bildschirm (HDMI)</translation>
+    </message>
+    <message>
+        <source>Any projector that is a screen of this computer, at its own resolution, picture improvements off. Screens: {screens}.</source>
+        <translation>Jeder Projektor, der ein Bildschirm dieses Rechners ist, in seiner eigenen Auflösung, Bildverbesserungen aus. Bildschirme: {screens}.</translation>
+    </message>
+    <message>
+        <source>Emulated serial line</source>
+        <translation>Nachgebildete serielle Leitung</translation>
+    </message>
+    <message>
+        <source>The virtual bench behind a real serial protocol: for trying profiles, with faults if wanted.</source>
+        <translation>Der virtuelle Prüfstand hinter einem echten seriellen Protokoll: um Profile zu erproben, auf Wunsch mit Störungen.</translation>
+    </message>
+    <message>
+        <source>Looks at the same simulated scene as the virtual projector.</source>
+        <translation>Sieht dieselbe simulierte Szene wie der virtuelle Projektor.</translation>
+    </message>
+    <message>
+        <source>Video device (USB)</source>
+        <translation>Videogerät (USB)</translation>
+    </message>
+    <message>
+        <source>A camera the system knows as a video device, by its number; ?exposure=150&amp;format=GREY set it.</source>
+        <translation>Eine Kamera, die das System als Videogerät kennt, nach ihrer Nummer; ?exposure=150&amp;format=GREY stellen sie ein.</translation>
+    </message>
+    <message>
+        <source>Industrial camera (GenICam)</source>
+        <translation>Industriekamera (GenICam)</translation>
+    </message>
+    <message>
+        <source>GigE Vision or USB3 Vision: its serial number or 0 for the first, and the maker&apos;s file.</source>
+        <translation>GigE Vision oder USB3 Vision: ihre Seriennummer oder 0 für die erste, und die Datei des Herstellers.</translation>
+    </message>
+    <message>
+        <source>Watched folder</source>
+        <translation>Überwachter Ordner</translation>
+    </message>
+    <message>
+        <source>Any tethered camera whose own program writes each image into this folder.</source>
+        <translation>Jede angeschlossene Kamera, deren eigenes Programm jedes Bild in diesen Ordner schreibt.</translation>
+    </message>
+    <message>
+        <source>Shows a stored capture again: name its folder for projector and camera alike.</source>
+        <translation>Zeigt eine gespeicherte Aufnahme noch einmal: ihren Ordner für Projektor und Kamera nennen.</translation>
+    </message>
+    <message>
+        <source>Replay of a capture</source>
+        <translation>Wiedergabe einer Aufnahme</translation>
+    </message>
+    <message>
+        <source>Testfield</source>
+        <translation>Testfeld</translation>
+    </message>
+    <message>
+        <source>The board of dots in one more pose: about 20, tilted, some turned by 90°.</source>
+        <translation>Die Punkttafel in einer weiteren Stellung: etwa 20, geneigt, einige um 90° gedreht.</translation>
+    </message>
+    <message>
+        <source>Plate at a depth</source>
+        <translation>Platte in einer Tiefe</translation>
+    </message>
+    <message>
+        <source>A flat plate at a known position along its axis, for the polynomial method.</source>
+        <translation>Eine ebene Platte in bekannter Stellung längs ihrer Achse, für das Polynomverfahren.</translation>
+    </message>
+    <message>
+        <source>Plane-table</source>
+        <translation>Planplatte</translation>
+    </message>
+    <message>
+        <source>The certified plane at an angle, to judge the calibration.</source>
+        <translation>Die zertifizierte Ebene unter einem Winkel, um die Kalibrierung zu beurteilen.</translation>
+    </message>
+    <message>
+        <source>Object</source>
+        <translation>Objekt</translation>
+    </message>
+    <message>
+        <source>Whatever is to be measured.</source>
+        <translation>Was immer zu messen ist.</translation>
+    </message>
+    <message>
+        <source>{name} answers: {columns} × {rows} lines, waited for {settle:.0f} ms after a pattern.</source>
+        <translation>{name} antwortet: {columns} × {rows} Linien, {settle:.0f} ms Wartezeit nach einem Muster.</translation>
+    </message>
+    <message>
+        <source>{name} answers: {width} × {height} px, {bits} bit; an image took {ms:.0f} ms.</source>
+        <translation>{name} antwortet: {width} × {height} px, {bits} Bit; ein Bild dauerte {ms:.0f} ms.</translation>
+    </message>
+    <message>
+        <source>Both have the sizes of this project.</source>
+        <translation>Beide haben die Größen dieses Projekts.</translation>
+    </message>
+    <message>
+        <source>Patterns</source>
+        <translation>Muster</translation>
+    </message>
+    <message>
+        <source>Stripes</source>
+        <translation>Streifen</translation>
+    </message>
+    <message>
+        <source>Saturation</source>
+        <translation>Sättigung</translation>
+    </message>
+    <message>
+        <source>Lamp</source>
+        <translation>Lampe</translation>
+    </message>
+    <message>
+        <source>Movement</source>
+        <translation>Bewegung</translation>
+    </message>
+    <message>
+        <source>Exposure</source>
+        <translation>Belichtung</translation>
+    </message>
+    <message>
+        <source>Settle time</source>
+        <translation>Einschwingzeit</translation>
+    </message>
+    <message>
+        <source>Linearity</source>
+        <translation>Linearität</translation>
+    </message>
+    <message>
+        <source>Focus</source>
+        <translation>Schärfe</translation>
+    </message>
+    <message>
+        <source>Order</source>
+        <translation>Reihenfolge</translation>
+    </message>
+    <message>
+        <source>Orientation</source>
+        <translation>Ausrichtung</translation>
+    </message>
+    <message>
+        <source>Working depth</source>
+        <translation>Arbeitstiefe</translation>
+    </message>
+    <message>
+        <source>white, as a share of the range</source>
+        <translation>Weiß, als Anteil des Bereichs</translation>
+    </message>
+    <message>
+        <source>what half the light is seen as</source>
+        <translation>wie das halbe Licht gesehen wird</translation>
+    </message>
+    <message>
+        <source>modulation of the finest stripes, 1 is sharp</source>
+        <translation>Modulation der feinsten Streifen, 1 ist scharf</translation>
+    </message>
+    <message>
+        <source>contradiction between frames, 0 is none</source>
+        <translation>Widerspruch zwischen Bildern, 0 ist keiner</translation>
+    </message>
+    <message>
+        <source>the projector&apos;s column</source>
+        <translation>die Spalte des Projektors</translation>
+    </message>
+    <message>
+        <source>delay after the acknowledgement [ms]</source>
+        <translation>Wartezeit nach der Quittung [ms]</translation>
+    </message>
+    <message>
+        <source>light, white is 1</source>
+        <translation>Licht, Weiß ist 1</translation>
+    </message>
+    <message>
+        <source>light meant</source>
+        <translation>Licht, gemeint</translation>
+    </message>
+    <message>
+        <source>light seen</source>
+        <translation>Licht, gesehen</translation>
+    </message>
+    <message>
+        <source>position of the plate [mm]</source>
+        <translation>Stellung der Platte [mm]</translation>
+    </message>
+    <message>
+        <source>modulation [grey values]</source>
+        <translation>Modulation [Grauwerte]</translation>
+    </message>
+    <message>
+        <source>good</source>
+        <translation>gut</translation>
+    </message>
+    <message>
+        <source>could be better</source>
+        <translation>könnte besser sein</translation>
+    </message>
+    <message>
+        <source>wrong</source>
+        <translation>falsch</translation>
+    </message>
+</context>
+<context>
+    <name>ChecksStep</name>
+    <message>
+        <source>Check the rig</source>
+        <translation>Aufbau prüfen</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>Abbrechen</translation>
+    </message>
+    <message>
+        <source>Worth doing once before the first calibration and after every change of the rig. Put an even, bright surface where measuring will be done.</source>
+        <translation>Lohnt sich einmal vor der ersten Kalibrierung und nach jeder Änderung am Aufbau. Eine ebene, helle Fläche dorthin stellen, wo gemessen werden soll.</translation>
+    </message>
+    <message>
+        <source>Findings</source>
+        <translation>Befunde</translation>
+    </message>
+    <message>
+        <source>Where the plate stands</source>
+        <translation>Wo die Platte steht</translation>
+    </message>
+    <message>
+        <source>Add this depth</source>
+        <translation>Diese Tiefe hinzufügen</translation>
+    </message>
+    <message>
+        <source>Takes the finest stripes here; two positions or more show whether the whole depth can be used.</source>
+        <translation>Nimmt hier die feinsten Streifen auf; zwei oder mehr Stellungen zeigen, ob die ganze Tiefe nutzbar ist.</translation>
+    </message>
+    <message>
+        <source>Picture of the check</source>
+        <translation>Bild der Prüfung</translation>
+    </message>
+    <message>
+        <source>Curve of the check</source>
+        <translation>Kurve der Prüfung</translation>
+    </message>
+    <message>
+        <source>Nothing to look at here.</source>
+        <translation>Hier gibt es nichts anzusehen.</translation>
+    </message>
+    <message>
+        <source>Working depth: plate at</source>
+        <translation>Arbeitstiefe: Platte bei</translation>
+    </message>
+    <message>
+        <source>Checks of the rig</source>
+        <translation>Prüfungen des Aufbaus</translation>
+    </message>
+    <message>
+        <source>Stripes</source>
+        <translation>Streifen</translation>
+    </message>
+    <message>
+        <source>{good} of {n} checks are good; choose one to see it.</source>
+        <translation>{good} von {n} Prüfungen sind gut; eine wählen, um sie zu sehen.</translation>
+    </message>
+    <message>
+        <source>Stripes taken at one depth; put the plate elsewhere and add that depth too.</source>
+        <translation>Streifen in einer Tiefe aufgenommen; die Platte anderswohin stellen und auch diese Tiefe hinzufügen.</translation>
+    </message>
+    <message>
+        <source>The checks could not be done.</source>
+        <translation>Die Prüfungen ließen sich nicht ausführen.</translation>
+    </message>
+    <message>
+        <source>Stopped.</source>
+        <translation>Angehalten.</translation>
+    </message>
+</context>
+<context>
+    <name>CloudView</name>
+    <message>
+        <source>The arrow keys turn the points, page up and down come closer.</source>
+        <translation>Die Pfeiltasten drehen die Punkte, Bild auf und ab holen sie näher.</translation>
+    </message>
+    <message>
+        <source>Drag to turn, wheel to come closer, Ctrl and drag to move.</source>
+        <translation>Ziehen dreht, das Rad holt näher, Strg und Ziehen verschiebt.</translation>
+    </message>
+    <message>
+        <source>From the camera</source>
+        <translation>Von der Kamera</translation>
+    </message>
+    <message>
+        <source>From beside</source>
+        <translation>Von der Seite</translation>
+    </message>
+</context>
+<context>
+    <name>ColourBar</name>
+    <message>
+        <source>Colour scale from {a:g} to {b:g} {unit}</source>
+        <translation>Farbskala von {a:g} bis {b:g} {unit}</translation>
+    </message>
+</context>
+<context>
+    <name>CommandPalette</name>
+    <message>
+        <source>Commands</source>
+        <translation>Befehle</translation>
+    </message>
+    <message>
+        <source>Search all commands</source>
+        <translation>Alle Befehle durchsuchen</translation>
+    </message>
+    <message>
+        <source>Commands found</source>
+        <translation>Gefundene Befehle</translation>
+    </message>
+</context>
+<context>
+    <name>ConvergencePlot</name>
+    <message>
+        <source>Convergence</source>
+        <translation>Konvergenz</translation>
+    </message>
+    <message>
+        <source>iteration</source>
+        <translation>Iteration</translation>
+    </message>
+    <message>
+        <source>σ0, correction</source>
+        <translation>σ0, Zuschlag</translation>
+    </message>
+    <message>
+        <source>correction</source>
+        <translation>Zuschlag</translation>
+    </message>
+    <message>
+        <source>The iterations are drawn here while they run.</source>
+        <translation>Die Iterationen werden hier gezeichnet, während sie laufen.</translation>
+    </message>
+    <message>
+        <source>After {n} iterations: σ0 {s:.4g}</source>
+        <translation>Nach {n} Iterationen: σ0 {s:.4g}</translation>
+    </message>
+    <message>
+        <source>; the last correction was {c:.2g} σ, all unknowns together.</source>
+        <translation>; der letzte Zuschlag war {c:.2g} σ, alle Unbekannten zusammen.</translation>
+    </message>
+    <message>
+        <source> Begun anew {n} times: after gross errors, for the weights, to test the rig.</source>
+        <translation> {n}-mal neu begonnen: nach groben Fehlern, für die Gewichte, um den Aufbau zu prüfen.</translation>
+    </message>
+</context>
+<context>
+    <name>CorrelationView</name>
+    <message>
+        <source>Correlations</source>
+        <translation>Korrelationen</translation>
+    </message>
+    <message>
+        <source>Correlation under the cursor</source>
+        <translation>Korrelation unter dem Zeiger</translation>
+    </message>
+    <message>
+        <source>Strongest correlations</source>
+        <translation>Stärkste Korrelationen</translation>
+    </message>
+    <message>
+        <source>parameter</source>
+        <translation>Parameter</translation>
+    </message>
+    <message>
+        <source>with</source>
+        <translation>mit</translation>
+    </message>
+    <message>
+        <source>correlation</source>
+        <translation>Korrelation</translation>
+    </message>
+    <message>
+        <source>Strongest pairs</source>
+        <translation>Stärkste Paare</translation>
+    </message>
+    <message>
+        <source>Point at a cell to read it, or use the arrow keys. A dot marks correlations beyond ±0.9.</source>
+        <translation>Auf eine Zelle zeigen, um sie zu lesen, oder die Pfeiltasten benutzen. Ein Punkt markiert Korrelationen über ±0.9.</translation>
+    </message>
+</context>
+<context>
+    <name>CoverageView</name>
+    <message>
+        <source>Points of all stations per cell of the image. Where there are none the additional parameters are extrapolated: fill edges and corners.</source>
+        <translation>Punkte aller Standpunkte je Zelle des Bildes. Wo keine sind, werden die zusätzlichen Parameter extrapoliert: Ränder und Ecken füllen.</translation>
+    </message>
+    <message>
+        <source>Coverage of {name}</source>
+        <translation>Abdeckung von {name}</translation>
+    </message>
+    <message>
+        <source>{n} points; hull {h:.0%} of the image; {c:.0%} of the cells hold points</source>
+        <translation>{n} Punkte; Hülle {h:.0%} des Bildes; {c:.0%} der Zellen enthalten Punkte</translation>
+    </message>
+</context>
+<context>
+    <name>Decode</name>
+    <message>
+        <source>Projector u (columns)</source>
+        <translation>Projektor u (Spalten)</translation>
+    </message>
+    <message>
+        <source>Projector v (rows)</source>
+        <translation>Projektor v (Zeilen)</translation>
+    </message>
+    <message>
+        <source>Modulation</source>
+        <translation>Modulation</translation>
+    </message>
+    <message>
+        <source>σ of u</source>
+        <translation>σ von u</translation>
+    </message>
+    <message>
+        <source>σ of v</source>
+        <translation>σ von v</translation>
+    </message>
+    <message>
+        <source>Evenly lit image</source>
+        <translation>Gleichmäßig beleuchtetes Bild</translation>
+    </message>
+    <message>
+        <source>Validity</source>
+        <translation>Gültigkeit</translation>
+    </message>
+    <message>
+        <source>lines</source>
+        <translation>Linien</translation>
+    </message>
+    <message>
+        <source>grey</source>
+        <translation>Grauwerte</translation>
+    </message>
+    <message>
+        <source>invalid: {why}</source>
+        <translation>ungültig: {why}</translation>
+    </message>
+    <message>
+        <source>{axis} valid [%]</source>
+        <translation>{axis} gültig [%]</translation>
+    </message>
+    <message>
+        <source>σ of {axis}, median [lines]</source>
+        <translation>σ von {axis}, Median [Linien]</translation>
+    </message>
+    <message>
+        <source>modulation, median [grey]</source>
+        <translation>Modulation, Median [Grauwerte]</translation>
+    </message>
+    <message>
+        <source>quantity</source>
+        <translation>Größe</translation>
+    </message>
+    <message>
+        <source>value</source>
+        <translation>Wert</translation>
+    </message>
+</context>
+<context>
+    <name>DecodePage</name>
+    <message>
+        <source>Decode</source>
+        <translation>Dekodieren</translation>
+    </message>
+    <message>
+        <source>Which projector line lit each pixel, how surely, and where that cannot be told.</source>
+        <translation>Welche Projektorlinie jedes Pixel beleuchtet hat, wie sicher, und wo sich das nicht sagen lässt.</translation>
+    </message>
+    <message>
+        <source>Map of the decoded capture</source>
+        <translation>Karte der dekodierten Aufnahme</translation>
+    </message>
+    <message>
+        <source>Figures of the decoded capture</source>
+        <translation>Zahlen der dekodierten Aufnahme</translation>
+    </message>
+    <message>
+        <source>Decode all captures</source>
+        <translation>Alle Aufnahmen dekodieren</translation>
+    </message>
+    <message>
+        <source>Decode every capture that has changed, and keep its figures (F5).</source>
+        <translation>Jede geänderte Aufnahme dekodieren und ihre Zahlen behalten (F5).</translation>
+    </message>
+    <message>
+        <source>Figures</source>
+        <translation>Zahlen</translation>
+    </message>
+    <message>
+        <source>{n} captures decoded.</source>
+        <translation>{n} Aufnahmen dekodiert.</translation>
+    </message>
+    <message>
+        <source>decoding …</source>
+        <translation>dekodiere …</translation>
+    </message>
+</context>
+<context>
+    <name>DeviationMaps</name>
+    <message>
+        <source>Move the mouse over a map, or Shift and the arrow keys, to read values.</source>
+        <translation>Den Zeiger mit der Maus oder mit Umschalt und den Pfeiltasten über eine Karte bewegen, um Werte zu lesen.</translation>
+    </message>
+    <message>
+        <source>End of the colour scale</source>
+        <translation>Ende der Farbskala</translation>
+    </message>
+    <message>
+        <source>Automatic</source>
+        <translation>Automatisch</translation>
+    </message>
+    <message>
+        <source>Three times the largest r.m.s., as in the report.</source>
+        <translation>Dreimal das größte r.m.s., wie im Bericht.</translation>
+    </message>
+    <message>
+        <source>Deviations are positive towards the camera.</source>
+        <translation>Abweichungen sind zur Kamera hin positiv.</translation>
+    </message>
+    <message>
+        <source>+ is towards the camera</source>
+        <translation>+ ist zur Kamera hin</translation>
+    </message>
+    <message>
+        <source>Whole planes</source>
+        <translation>Ganze Ebenen</translation>
+    </message>
+    <message>
+        <source>Scale</source>
+        <translation>Skala</translation>
+    </message>
+    <message>
+        <source>Values under the cursor</source>
+        <translation>Werte unter dem Zeiger</translation>
+    </message>
+    <message>
+        <source>Deviations of {capture}, {method}</source>
+        <translation>Abweichungen von {capture}, {method}</translation>
+    </message>
+    <message>
+        <source>Shift and the arrow keys move the cursor; plus and minus zoom, the arrow keys move the map.</source>
+        <translation>Umschalt und die Pfeiltasten bewegen den Zeiger; Plus und Minus vergrößern und verkleinern, die Pfeiltasten verschieben die Karte.</translation>
+    </message>
+    <message>
+        <source>{rms:.4f} mm r.m.s.</source>
+        <translation>{rms:.4f} mm r.m.s.</translation>
+    </message>
+    <message>
+        <source>{n} points</source>
+        <translation>{n} Punkte</translation>
+    </message>
+</context>
+<context>
+    <name>DeviceCard</name>
+    <message>
+        <source>{device}: kind</source>
+        <translation>{device}: Art</translation>
+    </message>
+    <message>
+        <source>{device}: address</source>
+        <translation>{device}: Adresse</translation>
+    </message>
+</context>
+<context>
+    <name>DevicesStep</name>
+    <message>
+        <source>Projector</source>
+        <translation>Projektor</translation>
+    </message>
+    <message>
+        <source>Camera</source>
+        <translation>Kamera</translation>
+    </message>
+    <message>
+        <source>What stands before the virtual rig</source>
+        <translation>Was vor dem virtuellen Aufbau steht</translation>
+    </message>
+    <message>
+        <source>Before the virtual rig stands</source>
+        <translation>Vor dem virtuellen Aufbau steht</translation>
+    </message>
+    <message>
+        <source>of its experiment.</source>
+        <translation>aus seinem Versuch.</translation>
+    </message>
+    <message>
+        <source>Test the connection</source>
+        <translation>Verbindung prüfen</translation>
+    </message>
+    <message>
+        <source>Connection</source>
+        <translation>Verbindung</translation>
+    </message>
+    <message>
+        <source>Test the connection first.</source>
+        <translation>Zuerst die Verbindung prüfen.</translation>
+    </message>
+    <message>
+        <source>At its very first use the virtual bench is compiled, which can take a minute.</source>
+        <translation>Beim allerersten Gebrauch wird der virtuelle Prüfstand übersetzt, was eine Minute dauern kann.</translation>
+    </message>
+    <message>
+        <source>Asking both devices …</source>
+        <translation>Frage beide Geräte …</translation>
+    </message>
+    <message>
+        <source>Connection test</source>
+        <translation>Verbindungsprüfung</translation>
+    </message>
+    <message>
+        <source>Not tested yet.</source>
+        <translation>Noch nicht geprüft.</translation>
+    </message>
+</context>
+<context>
+    <name>Evaluate</name>
+    <message>
+        <source>no value</source>
+        <translation>kein Wert</translation>
+    </message>
+    <message>
+        <source>{method}: no values</source>
+        <translation>{method}: keine Werte</translation>
+    </message>
+    <message>
+        <source>{method}: {rms:.1f} µm r.m.s., {low:+.0f} to {high:+.0f} µm</source>
+        <translation>{method}: {rms:.1f} µm r.m.s., {low:+.0f} bis {high:+.0f} µm</translation>
+    </message>
+    <message>
+        <source>{method}: within 1, 2, 3 r.m.s. {shares} % (normal {normal} %); r.m.s. {rms:.4f} mm{predicted}</source>
+        <translation>{method}: innerhalb von 1, 2, 3 r.m.s. {shares} % (normal {normal} %); r.m.s. {rms:.4f} mm{predicted}</translation>
+    </message>
+    <message>
+        <source>, from the noise {rms:.4f} mm</source>
+        <translation>, aus dem Rauschen {rms:.4f} mm</translation>
+    </message>
+</context>
+<context>
+    <name>EvaluatePage</name>
+    <message>
+        <source>Evaluate</source>
+        <translation>Beurteilen</translation>
+    </message>
+    <message>
+        <source>How far the points of the plane-table lie from the plane fitted to them.</source>
+        <translation>Wie weit die Punkte der Planplatte von der ausgeglichenen Ebene abliegen.</translation>
+    </message>
+    <message>
+        <source>Judge every plane capture by every calibration (F5).</source>
+        <translation>Jede Planplattenaufnahme mit jeder Kalibrierung beurteilen (F5).</translation>
+    </message>
+    <message>
+        <source>Results of the evaluation</source>
+        <translation>Ergebnisse der Beurteilung</translation>
+    </message>
+    <message>
+        <source>Histograms of the deviations</source>
+        <translation>Histogramme der Abweichungen</translation>
+    </message>
+    <message>
+        <source>Deviations from the plane-table</source>
+        <translation>Abweichungen von der Planplatte</translation>
+    </message>
+    <message>
+        <source>Maps</source>
+        <translation>Karten</translation>
+    </message>
+    <message>
+        <source>Histograms</source>
+        <translation>Histogramme</translation>
+    </message>
+    <message>
+        <source>Table 3</source>
+        <translation>Tabelle 3</translation>
+    </message>
+    <message>
+        <source>{n} planes evaluated.</source>
+        <translation>{n} Ebenen beurteilt.</translation>
+    </message>
+    <message>
+        <source>This evaluation is out of date: {reason}.</source>
+        <translation>Diese Beurteilung ist veraltet: {reason}.</translation>
+    </message>
+    <message>
+        <source>Not evaluated yet: {reason}.</source>
+        <translation>Noch nicht beurteilt: {reason}.</translation>
+    </message>
+</context>
+<context>
+    <name>FieldMap</name>
+    <message>
+        <source>Map of the testfield</source>
+        <translation>Plan des Testfelds</translation>
+    </message>
+    <message>
+        <source>at work: row {r}, column {c}; {n} picked, {m} measured</source>
+        <translation>in Arbeit: Zeile {r}, Spalte {c}; {n} angewählt, {m} gemessen</translation>
+    </message>
+</context>
+<context>
+    <name>HelpPanel</name>
+    <message>
+        <source>Help</source>
+        <translation>Hilfe</translation>
+    </message>
+    <message>
+        <source>Help text</source>
+        <translation>Hilfetext</translation>
+    </message>
+    <message>
+        <source>Close help</source>
+        <translation>Hilfe schließen</translation>
+    </message>
+    <message>
+        <source>There is no help for this page.</source>
+        <translation>Zu dieser Seite gibt es keine Hilfe.</translation>
+    </message>
+</context>
+<context>
+    <name>Histogram</name>
+    <message>
+        <source>deviation [{unit}]</source>
+        <translation>Abweichung [{unit}]</translation>
+    </message>
+    <message>
+        <source>share of pixels [%]</source>
+        <translation>Anteil der Pixel [%]</translation>
+    </message>
+</context>
+<context>
+    <name>HistogramStep</name>
+    <message>
+        <source>Plane of the histogram</source>
+        <translation>Ebene des Histogramms</translation>
+    </message>
+    <message>
+        <source>Histogram of the deviations</source>
+        <translation>Histogramm der Abweichungen</translation>
+    </message>
+    <message>
+        <source>Plane</source>
+        <translation>Ebene</translation>
+    </message>
+    <message>
+        <source>normal, {rms:.4f} mm</source>
+        <translation>normal, {rms:.4f} mm</translation>
+    </message>
+</context>
+<context>
+    <name>ImagePanel</name>
+    <message>
+        <source>Image with its targets</source>
+        <translation>Bild mit seinen Marken</translation>
+    </message>
+    <message>
+        <source>1 to 4 and Tab choose a target, arrows move the cross hairs, Space picks, Enter does the next step, F6 goes to the map and the lists.</source>
+        <translation>1 bis 4 und Tab wählen eine Marke, Pfeile bewegen das Fadenkreuz, Leertaste wählt an, Eingabe tut den nächsten Schritt, F6 führt zum Plan und zu den Listen.</translation>
+    </message>
+    <message>
+        <source>Arrows: 1 px, Shift 0.1 px, Ctrl next dot · Space: pick · 1–4, Tab: target · X: exclude · Page Up, Down: image · F6: map and lists</source>
+        <translation>Pfeile: 1 px, Umschalt 0.1 px, Strg nächster Punkt · Leertaste: anwählen · 1–4, Tab: Marke · X: ausschließen · Bild auf, ab: Bild · F6: Plan, Listen</translation>
+    </message>
+    <message>
+        <source>Exclude (X)</source>
+        <translation>Ausschließen (X)</translation>
+    </message>
+    <message>
+        <source>Whole image</source>
+        <translation>Ganzes Bild</translation>
+    </message>
+    <message>
+        <source>Restore (X)</source>
+        <translation>Wieder verwenden (X)</translation>
+    </message>
+</context>
+<context>
+    <name>ImageView</name>
+    <message>
+        <source>Plus and minus zoom, the arrow keys move, 0 shows the whole image.</source>
+        <translation>Plus und Minus vergrößern und verkleinern, die Pfeiltasten verschieben, 0 zeigt das ganze Bild.</translation>
+    </message>
+    <message>
+        <source>Value under the cursor</source>
+        <translation>Wert unter dem Zeiger</translation>
+    </message>
+    <message>
+        <source>Move the cursor over the image to read values.</source>
+        <translation>Den Zeiger über das Bild bewegen, um Werte zu lesen.</translation>
+    </message>
+    <message>
+        <source>no value</source>
+        <translation>kein Wert</translation>
+    </message>
+</context>
+<context>
+    <name>JobBar</name>
+    <message>
+        <source>Progress</source>
+        <translation>Fortschritt</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>Abbrechen</translation>
+    </message>
+    <message>
+        <source>Cancel the running work</source>
+        <translation>Laufende Arbeit abbrechen</translation>
+    </message>
+    <message>
+        <source>{title}: stopping …</source>
+        <translation>{title}: hält an …</translation>
+    </message>
+    <message>
+        <source> (+{n} waiting)</source>
+        <translation> (+{n} warten)</translation>
+    </message>
+    <message>
+        <source>{n} s left</source>
+        <translation>noch {n} s</translation>
+    </message>
+    <message>
+        <source>{n} min left</source>
+        <translation>noch {n} min</translation>
+    </message>
+</context>
+<context>
+    <name>LineTool</name>
+    <message>
+        <source>Keys 1 and 2 choose an end of the line, the arrow keys move it, with Shift by ten pixels.</source>
+        <translation>Die Tasten 1 und 2 wählen ein Ende der Linie, die Pfeiltasten bewegen es, mit Umschalt um zehn Pixel.</translation>
+    </message>
+</context>
+<context>
+    <name>Loupe</name>
+    <message>
+        <source>Loupe, 8 times</source>
+        <translation>Lupe, 8-fach</translation>
+    </message>
+</context>
+<context>
+    <name>MainWindow</name>
+    <message>
+        <source>Stripe workbench</source>
+        <translation>Streifenprojektion</translation>
+    </message>
+    <message>
+        <source>Stripe workbench {version}
+Decode, calibrate, reconstruct and evaluate stripe projectors.
+
+{licence}</source>
+        <translation>Stripe workbench {version}
+Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
+
+{licence}</translation>
+    </message>
+    <message>
+        <source>BSD-3-Clause licence.</source>
+        <translation>BSD-3-Clause-Lizenz.</translation>
+    </message>
+    <message>
+        <source>About</source>
+        <translation>Über</translation>
+    </message>
+    <message>
+        <source>{title} is still running. Its result is lost if you stop it now.</source>
+        <translation>{title} läuft noch. Das Ergebnis geht verloren, wenn Sie jetzt anhalten.</translation>
+    </message>
+    <message>
+        <source>Work is running</source>
+        <translation>Eine Arbeit läuft</translation>
+    </message>
+    <message>
+        <source>Stop and close</source>
+        <translation>Anhalten und schließen</translation>
+    </message>
+    <message>
+        <source>Keep working</source>
+        <translation>Weiterarbeiten</translation>
+    </message>
+</context>
+<context>
+    <name>MapPage</name>
+    <message>
+        <source>Map</source>
+        <translation>Karte</translation>
+    </message>
+    <message>
+        <source>Whole image</source>
+        <translation>Ganzes Bild</translation>
+    </message>
+    <message>
+        <source>Captures</source>
+        <translation>Aufnahmen</translation>
+    </message>
+</context>
+<context>
+    <name>Measure</name>
+    <message>
+        <source>row</source>
+        <translation>Zeile</translation>
+    </message>
+    <message>
+        <source>column</source>
+        <translation>Spalte</translation>
+    </message>
+    <message>
+        <source>u projector [lines]</source>
+        <translation>u Projektor [Linien]</translation>
+    </message>
+    <message>
+        <source>v projector [lines]</source>
+        <translation>v Projektor [Linien]</translation>
+    </message>
+    <message>
+        <source>why it is missing</source>
+        <translation>warum sie fehlt</translation>
+    </message>
+    <message>
+        <source>{n} measured</source>
+        <translation>{n} gemessen</translation>
+    </message>
+    <message>
+        <source>, σ {s:.3f} px</source>
+        <translation>, σ {s:.3f} px</translation>
+    </message>
+    <message>
+        <source>; none missing</source>
+        <translation>; keine fehlt</translation>
+    </message>
+    <message>
+        <source>; {m} missing: {kinds}</source>
+        <translation>; {m} fehlen: {kinds}</translation>
+    </message>
+    <message>
+        <source>{n} targets picked, not measured yet</source>
+        <translation>{n} Marken angewählt, noch nicht gemessen</translation>
+    </message>
+    <message>
+        <source>no targets picked yet</source>
+        <translation>noch keine Marken angewählt</translation>
+    </message>
+</context>
+<context>
+    <name>MeasurePage</name>
+    <message>
+        <source>Measure</source>
+        <translation>Messen</translation>
+    </message>
+    <message>
+        <source>Where the targets of the testfield are, in the image of the camera and of the projector.</source>
+        <translation>Wo die Zielmarken des Testfelds liegen, im Bild der Kamera und des Projektors.</translation>
+    </message>
+    <message>
+        <source>Testfield with its targets</source>
+        <translation>Testfeld mit seinen Zielmarken</translation>
+    </message>
+    <message>
+        <source>+ measured   □ picked   ◇ missing</source>
+        <translation>+ gemessen   □ angewählt   ◇ fehlt</translation>
+    </message>
+    <message>
+        <source>Measured targets</source>
+        <translation>Gemessene Marken</translation>
+    </message>
+    <message>
+        <source>Missing targets</source>
+        <translation>Fehlende Marken</translation>
+    </message>
+    <message>
+        <source>Measure all</source>
+        <translation>Alle messen</translation>
+    </message>
+    <message>
+        <source>Measure the targets of all captures that have picks (F5).</source>
+        <translation>Die Zielmarken aller Aufnahmen mit angewählten Marken messen (F5).</translation>
+    </message>
+    <message>
+        <source>Whole image</source>
+        <translation>Ganzes Bild</translation>
+    </message>
+    <message>
+        <source>Boards</source>
+        <translation>Tafeln</translation>
+    </message>
+    <message>
+        <source>{n} targets in {m} captures.</source>
+        <translation>{n} Zielmarken in {m} Aufnahmen.</translation>
+    </message>
+    <message>
+        <source>no board</source>
+        <translation>keine Tafel</translation>
+    </message>
+    <message>
+        <source>Measured ({n})</source>
+        <translation>Gemessen ({n})</translation>
+    </message>
+    <message>
+        <source>Missing ({n})</source>
+        <translation>Fehlend ({n})</translation>
+    </message>
+</context>
+<context>
+    <name>Menus</name>
+    <message>
+        <source>&amp;Project</source>
+        <translation>&amp;Projekt</translation>
+    </message>
+    <message>
+        <source>&amp;Go</source>
+        <translation>&amp;Gehe zu</translation>
+    </message>
+    <message>
+        <source>&amp;Run</source>
+        <translation>&amp;Ausführen</translation>
+    </message>
+    <message>
+        <source>&amp;Capture</source>
+        <translation>Auf&amp;nehmen</translation>
+    </message>
+    <message>
+        <source>&amp;Measure</source>
+        <translation>&amp;Messen</translation>
+    </message>
+    <message>
+        <source>C&amp;alibrate</source>
+        <translation>&amp;Kalibrieren</translation>
+    </message>
+    <message>
+        <source>&amp;Evaluate</source>
+        <translation>&amp;Beurteilen</translation>
+    </message>
+    <message>
+        <source>&amp;Tools</source>
+        <translation>&amp;Werkzeuge</translation>
+    </message>
+    <message>
+        <source>&amp;View</source>
+        <translation>Ansi&amp;cht</translation>
+    </message>
+    <message>
+        <source>&amp;Help</source>
+        <translation>&amp;Hilfe</translation>
+    </message>
+</context>
+<context>
+    <name>NewProject</name>
+    <message>
+        <source>New project</source>
+        <translation>Neues Projekt</translation>
+    </message>
+    <message>
+        <source>Give the project a name.</source>
+        <translation>Dem Projekt einen Namen geben.</translation>
+    </message>
+    <message>
+        <source>Choose a folder for the project.</source>
+        <translation>Einen Ordner für das Projekt wählen.</translation>
+    </message>
+    <message>
+        <source>Give the folder in full, such as {example}.</source>
+        <translation>Den Ordner vollständig angeben, etwa {example}.</translation>
+    </message>
+    <message>
+        <source>Choose the CSV file with the targets.</source>
+        <translation>Die CSV-Datei mit den Zielmarken wählen.</translation>
+    </message>
+    <message>
+        <source>{n} targets: a testfield needs at least 4, not all in one row or column.</source>
+        <translation>{n} Marken: ein Testfeld braucht mindestens 4, nicht alle in einer Zeile oder Spalte.</translation>
+    </message>
+    <message>
+        <source>Neighbouring targets overlap: choose a diameter below the spacing.</source>
+        <translation>Benachbarte Marken überlappen sich: einen Durchmesser unter dem Abstand wählen.</translation>
+    </message>
+    <message>
+        <source>{n} targets from {file}</source>
+        <translation>{n} Marken aus {file}</translation>
+    </message>
+    <message>
+        <source>white on black</source>
+        <translation>weiß auf schwarz</translation>
+    </message>
+    <message>
+        <source>black on white</source>
+        <translation>schwarz auf weiß</translation>
+    </message>
+    <message>
+        <source>{rows} rows × {columns} columns, spacing {a:g} mm, diameter {d:g} mm, {polarity}</source>
+        <translation>{rows} Zeilen × {columns} Spalten, Abstand {a:g} mm, Durchmesser {d:g} mm, {polarity}</translation>
+    </message>
+    <message>
+        <source>{n} targets on {wide:.0f} × {high:.0f} mm, each {across:.1f} px across in the camera.</source>
+        <translation>{n} Marken auf {wide:.0f} × {high:.0f} mm, jede in der Kamera {across:.1f} px groß.</translation>
+    </message>
+    <message>
+        <source>That is small: below {least:.0f} px blur and pixels spoil the centroid.</source>
+        <translation>Das ist klein: unter {least:.0f} px verderben Unschärfe und Pixel den Schwerpunkt.</translation>
+    </message>
+    <message>
+        <source>It is larger than the camera&apos;s field of {w:.0f} × {h:.0f} mm.</source>
+        <translation>Es ist größer als das Feld der Kamera von {w:.0f} × {h:.0f} mm.</translation>
+    </message>
+    <message>
+        <source>It fills {share:.0f} % of the camera&apos;s field: move it into the image&apos;s corners too.</source>
+        <translation>Es füllt {share:.0f} % des Feldes der Kamera: es auch in die Ecken des Bildes bewegen.</translation>
+    </message>
+    <message>
+        <source>The projector lights {w:.0f} × {h:.0f} mm: targets beside it serve the camera only.</source>
+        <translation>Der Projektor beleuchtet {w:.0f} × {h:.0f} mm: Marken daneben nützen nur der Kamera.</translation>
+    </message>
+    <message>
+        <source>There is no target in row {row}, column {col}.</source>
+        <translation>In Zeile {row}, Spalte {col} ist keine Marke.</translation>
+    </message>
+    <message>
+        <source>Name two different targets.</source>
+        <translation>Zwei verschiedene Marken nennen.</translation>
+    </message>
+    <message>
+        <source>Type the measured length.</source>
+        <translation>Die gemessene Länge eingeben.</translation>
+    </message>
+    <message>
+        <source>Type the standard deviation of the measured length.</source>
+        <translation>Die Standardabweichung der gemessenen Länge eingeben.</translation>
+    </message>
+    <message>
+        <source>Nominal distance: {nominal:.3f} mm.</source>
+        <translation>Nennabstand: {nominal:.3f} mm.</translation>
+    </message>
+    <message>
+        <source>Nominal distance: {nominal:.3f} mm; measured {off:+.3f} mm ({share:+.3f} %).</source>
+        <translation>Nennabstand: {nominal:.3f} mm; gemessen {off:+.3f} mm ({share:+.3f} %).</translation>
+    </message>
+    <message>
+        <source>So large a difference is rarely true: check the two targets, and that it is in mm.</source>
+        <translation>Ein so großer Unterschied stimmt selten: die zwei Marken prüfen, und dass es mm sind.</translation>
+    </message>
+    <message>
+        <source>Reference rig: SONY XC75, cross-pattern LCD</source>
+        <translation>Referenzaufbau: SONY XC75, Kreuzmuster-LCD</translation>
+    </message>
+    <message>
+        <source>5 Mpx camera, HDMI projector</source>
+        <translation>5-Mpx-Kamera, HDMI-Projektor</translation>
+    </message>
+    <message>
+        <source>camera {w} × {h} px of {px:g} × {py:g} µm, focal length {c:g} mm</source>
+        <translation>Kamera {w} × {h} px zu {px:g} × {py:g} µm, Brennweite {c:g} mm</translation>
+    </message>
+    <message>
+        <source>projector {w} × {h} lines of {px:g} × {py:g} µm, focal length {c:g} mm</source>
+        <translation>Projektor {w} × {h} Linien zu {px:g} × {py:g} µm, Brennweite {c:g} mm</translation>
+    </message>
+    <message>
+        <source>The base has to be shorter than the working distance.</source>
+        <translation>Die Basis muss kürzer sein als der Arbeitsabstand.</translation>
+    </message>
+    <message>
+        <source>Rays of a device miss the object: its image is too wide for this focal length.</source>
+        <translation>Strahlen eines Geräts verfehlen das Objekt: sein Bild ist zu breit für diese Brennweite.</translation>
+    </message>
+    <message>
+        <source>The axes meet at {angle:.0f}°: depth is weak below {least:.0f}°, widen the base.</source>
+        <translation>Die Achsen schneiden sich unter {angle:.0f}°: unter {least:.0f}° ist die Tiefe schwach, die Basis vergrößern.</translation>
+    </message>
+    <message>
+        <source>The axes meet at {angle:.0f}°: above {most:.0f}° much of an object is in shadow.</source>
+        <translation>Die Achsen schneiden sich unter {angle:.0f}°: über {most:.0f}° liegt viel vom Objekt im Schatten.</translation>
+    </message>
+    <message>
+        <source>Camera and projector have only {common:.0f} mm of the object plane in common.</source>
+        <translation>Kamera und Projektor haben nur {common:.0f} mm der Objektebene gemeinsam.</translation>
+    </message>
+    <message>
+        <source>Write the testfield at true size</source>
+        <translation>Das Testfeld maßhaltig schreiben</translation>
+    </message>
+    <message>
+        <source>{out}: a page of {w:.0f} × {h:.0f} mm.</source>
+        <translation>{out}: eine Seite von {w:.0f} × {h:.0f} mm.</translation>
+    </message>
+    <message>
+        <source>Print at 100 %; its bars must then measure {across:g} mm across and {down:g} mm down.</source>
+        <translation>Mit 100 % drucken; seine Strecken müssen dann {across:g} mm quer und {down:g} mm hoch messen.</translation>
+    </message>
+    <message>
+        <source>Testfield to print</source>
+        <translation>Testfeld zum Drucken</translation>
+    </message>
+</context>
+<context>
+    <name>NewProjectWizard</name>
+    <message>
+        <source>New project</source>
+        <translation>Neues Projekt</translation>
+    </message>
+    <message>
+        <source>What the project is called, what rig and boards it is about. All can be typed; little has to be.</source>
+        <translation>Wie das Projekt heißt, um welchen Aufbau und welche Tafeln es geht. Alles lässt sich eingeben; nur wenig muss.</translation>
+    </message>
+    <message>
+        <source>Create project</source>
+        <translation>Projekt anlegen</translation>
+    </message>
+    <message>
+        <source>This project has a depth plate</source>
+        <translation>Dieses Projekt hat eine Tiefenplatte</translation>
+    </message>
+    <message>
+        <source>A flat plate with a few targets, moved along an axis: for the polynomial depth calibration only.</source>
+        <translation>Eine ebene Platte mit einigen Marken, längs einer Achse bewegt: nur für die Tiefenkalibrierung mit dem Polynom.</translation>
+    </message>
+    <message>
+        <source>Name and place</source>
+        <translation>Name und Ort</translation>
+    </message>
+    <message>
+        <source>Rig</source>
+        <translation>Aufbau</translation>
+    </message>
+    <message>
+        <source>Testfield</source>
+        <translation>Testfeld</translation>
+    </message>
+    <message>
+        <source>Depth plate</source>
+        <translation>Tiefenplatte</translation>
+    </message>
+    <message>
+        <source>Scale</source>
+        <translation>Maßstab</translation>
+    </message>
+    <message>
+        <source>Summary</source>
+        <translation>Übersicht</translation>
+    </message>
+    <message>
+        <source>Work is running in the open project.</source>
+        <translation>Im offenen Projekt läuft eine Arbeit.</translation>
+    </message>
+    <message>
+        <source>wait until it is done, or cancel it</source>
+        <translation>warten, bis sie fertig ist, oder sie abbrechen</translation>
+    </message>
+    <message>
+        <source>The project is ready for its first captures: {folder}.</source>
+        <translation>Das Projekt ist bereit für die ersten Aufnahmen: {folder}.</translation>
+    </message>
+    <message>
+        <source>Project &gt; Print testfield gives the board at true size.</source>
+        <translation>Projekt &gt; Testfeld drucken gibt die Tafel maßhaltig aus.</translation>
+    </message>
+</context>
+<context>
+    <name>NoticeBox</name>
+    <message>
+        <source>Put this notice away</source>
+        <translation>Diesen Hinweis wegräumen</translation>
+    </message>
+    <message>
+        <source>Details</source>
+        <translation>Einzelheiten</translation>
+    </message>
+    <message>
+        <source>Copy</source>
+        <translation>Kopieren</translation>
+    </message>
+    <message>
+        <source>Note</source>
+        <translation>Hinweis</translation>
+    </message>
+    <message>
+        <source>Done</source>
+        <translation>Fertig</translation>
+    </message>
+    <message>
+        <source>Warning</source>
+        <translation>Warnung</translation>
+    </message>
+    <message>
+        <source>Error</source>
+        <translation>Fehler</translation>
+    </message>
+</context>
+<context>
+    <name>PatternStrip</name>
+    <message>
+        <source>{text} (a part, enlarged)</source>
+        <translation>{text} (ein Ausschnitt, vergrößert)</translation>
+    </message>
+    <message>
+        <source>taken</source>
+        <translation>aufgenommen</translation>
+    </message>
+    <message>
+        <source>to be taken again</source>
+        <translation>noch einmal aufzunehmen</translation>
+    </message>
+    <message>
+        <source>not taken yet</source>
+        <translation>noch nicht aufgenommen</translation>
+    </message>
+</context>
+<context>
+    <name>PatternWindow</name>
+    <message>
+        <source>Patterns</source>
+        <translation>Muster</translation>
+    </message>
+    <message>
+        <source>Patterns of the projector</source>
+        <translation>Muster des Projektors</translation>
+    </message>
+</context>
+<context>
+    <name>PickPage</name>
+    <message>
+        <source>Pick targets</source>
+        <translation>Marken anwählen</translation>
+    </message>
+    <message>
+        <source>Four dots in each image say where all others are.</source>
+        <translation>Vier Punkte in jedem Bild sagen, wo alle anderen sind.</translation>
+    </message>
+    <message>
+        <source>Undo</source>
+        <translation>Rückgängig</translation>
+    </message>
+    <message>
+        <source>Take the last change back, in whichever image it was made (Ctrl+Z)</source>
+        <translation>Die letzte Änderung zurücknehmen, in welchem Bild sie auch geschah (Strg+Z)</translation>
+    </message>
+    <message>
+        <source>Redo</source>
+        <translation>Wiederholen</translation>
+    </message>
+    <message>
+        <source>Make it again (Ctrl+Shift+Z)</source>
+        <translation>Sie wieder ausführen (Strg+Umschalt+Z)</translation>
+    </message>
+    <message>
+        <source>Accept and measure</source>
+        <translation>Annehmen und messen</translation>
+    </message>
+    <message>
+        <source>no board</source>
+        <translation>keine Tafel</translation>
+    </message>
+    <message>
+        <source>Capture a testfield first; its board must be named in capture.json.</source>
+        <translation>Zuerst ein Testfeld aufnehmen; seine Tafel muss in capture.json genannt sein.</translation>
+    </message>
+    <message>
+        <source>Space</source>
+        <translation>Leertaste</translation>
+    </message>
+    <message>
+        <source>Enter</source>
+        <translation>Eingabe</translation>
+    </message>
+    <message>
+        <source>There is no dot under the cross hairs; Shift+Space picks all the same.</source>
+        <translation>Unter dem Fadenkreuz ist kein Punkt; Umschalt+Leertaste wählt trotzdem an.</translation>
+    </message>
+</context>
+<context>
+    <name>Picking</name>
+    <message>
+        <source>row</source>
+        <translation>Zeile</translation>
+    </message>
+    <message>
+        <source>col</source>
+        <translation>Spalte</translation>
+    </message>
+    <message>
+        <source>what became of it</source>
+        <translation>was daraus wurde</translation>
+    </message>
+    <message>
+        <source>excluded by the operator</source>
+        <translation>vom Bediener ausgeschlossen</translation>
+    </message>
+    <message>
+        <source>measured</source>
+        <translation>gemessen</translation>
+    </message>
+    <message>
+        <source>{n} measured, {m} missing; residuals drawn {f:g} times, r.m.s. {r:.2f} px (pose and nominal c)</source>
+        <translation>{n} gemessen, {m} fehlen; Verbesserungen {f:g}-fach gezeichnet, r.m.s. {r:.2f} px (Orientierung und Nennwert von c)</translation>
+    </message>
+    <message>
+        <source>A guess, one of {n}: is target 1 where the map has it? R shows the next one.</source>
+        <translation>Ein Vorschlag, einer von {n}: liegt Marke 1 dort, wo der Plan sie hat? R zeigt den nächsten.</translation>
+    </message>
+    <message>
+        <source>A guess: are the targets where the map has them?</source>
+        <translation>Ein Vorschlag: liegen die Marken dort, wo der Plan sie hat?</translation>
+    </message>
+    <message>
+        <source>The circles are where the picks put the targets: do they lie on the dots?</source>
+        <translation>Die Kreise zeigen, wo die Marken danach sein müssten: liegen sie auf den Punkten?</translation>
+    </message>
+    <message>
+        <source>being measured</source>
+        <translation>wird gemessen</translation>
+    </message>
+    <message>
+        <source>{n} measured, {m} missing</source>
+        <translation>{n} gemessen, {m} fehlen</translation>
+    </message>
+    <message>
+        <source>refused: {why}</source>
+        <translation>abgelehnt: {why}</translation>
+    </message>
+    <message>
+        <source>picked, not measured</source>
+        <translation>angewählt, nicht gemessen</translation>
+    </message>
+    <message>
+        <source>{n} of 4 picked</source>
+        <translation>{n} von 4 angewählt</translation>
+    </message>
+    <message>
+        <source>no picks yet</source>
+        <translation>noch keine Marken angewählt</translation>
+    </message>
+    <message>
+        <source>row {r}, column {c}</source>
+        <translation>Zeile {r}, Spalte {c}</translation>
+    </message>
+    <message>
+        <source>Pick here</source>
+        <translation>Hier anwählen</translation>
+    </message>
+    <message>
+        <source>Accept the guess</source>
+        <translation>Vorschlag annehmen</translation>
+    </message>
+    <message>
+        <source>Accept and measure</source>
+        <translation>Annehmen und messen</translation>
+    </message>
+    <message>
+        <source>Next image</source>
+        <translation>Nächstes Bild</translation>
+    </message>
+    <message>
+        <source>All picked: close</source>
+        <translation>Alle angewählt: schließen</translation>
+    </message>
+    <message>
+        <source>Target {k} of {n}: {target}. Click its dot, or bring the cross hairs there and press Space.</source>
+        <translation>Marke {k} von {n}: {target}. Ihren Punkt anklicken, oder das Fadenkreuz dorthin bringen und die Leertaste drücken.</translation>
+    </message>
+    <message>
+        <source>{target}: {fate}</source>
+        <translation>{target}: {fate}</translation>
+    </message>
+    <message>
+        <source>At work: {target}</source>
+        <translation>In Arbeit: {target}</translation>
+    </message>
+</context>
+<context>
+    <name>PictureStep</name>
+    <message>
+        <source>Live picture</source>
+        <translation>Livebild</translation>
+    </message>
+    <message>
+        <source>Light</source>
+        <translation>Licht</translation>
+    </message>
+    <message>
+        <source>White</source>
+        <translation>Weiß</translation>
+    </message>
+    <message>
+        <source>Finest stripes</source>
+        <translation>Feinste Streifen</translation>
+    </message>
+    <message>
+        <source>Black</source>
+        <translation>Schwarz</translation>
+    </message>
+    <message>
+        <source>Live</source>
+        <translation>Live</translation>
+    </message>
+    <message>
+        <source>Over-exposed</source>
+        <translation>Überbelichtet</translation>
+    </message>
+    <message>
+        <source>This camera&apos;s exposure is set on the camera itself, or by its own program.</source>
+        <translation>Die Belichtung dieser Kamera wird an ihr selbst eingestellt oder mit ihrem eigenen Programm.</translation>
+    </message>
+    <message>
+        <source>Whole image</source>
+        <translation>Ganzes Bild</translation>
+    </message>
+    <message>
+        <source>The brightest places use {share:.0f} % of the camera&apos;s range.</source>
+        <translation>Die hellsten Stellen nutzen {share:.0f} % des Bereichs der Kamera.</translation>
+    </message>
+    <message>
+        <source>The hatched pixels are over-exposed: expose less or close the aperture.</source>
+        <translation>Die schraffierten Pixel sind überbelichtet: kürzer belichten oder abblenden.</translation>
+    </message>
+    <message>
+        <source>There is room: expose longer or open the aperture.</source>
+        <translation>Da ist noch Spielraum: länger belichten oder aufblenden.</translation>
+    </message>
+    <message>
+        <source>Nothing that matters is over-exposed.</source>
+        <translation>Nichts Wesentliches ist überbelichtet.</translation>
+    </message>
+    <message>
+        <source>Gain</source>
+        <translation>Verstärkung</translation>
+    </message>
+    <message>
+        <source>Exposure</source>
+        <translation>Belichtung</translation>
+    </message>
+</context>
+<context>
+    <name>PlaceStep</name>
+    <message>
+        <source>Name of the project</source>
+        <translation>Name des Projekts</translation>
+    </message>
+    <message>
+        <source>Folder of the project</source>
+        <translation>Ordner des Projekts</translation>
+    </message>
+    <message>
+        <source>Choose…</source>
+        <translation>Wählen …</translation>
+    </message>
+    <message>
+        <source>Choose the folder</source>
+        <translation>Den Ordner wählen</translation>
+    </message>
+    <message>
+        <source>Name</source>
+        <translation>Name</translation>
+    </message>
+    <message>
+        <source>Folder</source>
+        <translation>Ordner</translation>
+    </message>
+    <message>
+        <source>A project is a folder: the rig and the boards in small files, every capture in a folder of its own, and the results. The folder has to be new or empty; it can be moved and copied as a whole.</source>
+        <translation>Ein Projekt ist ein Ordner: der Aufbau und die Tafeln in kleinen Dateien, jede Aufnahme in einem eigenen Ordner, und die Ergebnisse. Der Ordner muss neu oder leer sein; er lässt sich als Ganzes verschieben und kopieren.</translation>
+    </message>
+    <message>
+        <source>Choose a new or empty folder for the project</source>
+        <translation>Einen neuen oder leeren Ordner für das Projekt wählen</translation>
+    </message>
+</context>
+<context>
+    <name>PlaneTable</name>
+    <message>
+        <source>not evaluated</source>
+        <translation>nicht beurteilt</translation>
+    </message>
+    <message>
+        <source>changed since it was evaluated</source>
+        <translation>seit der Beurteilung geändert</translation>
+    </message>
+    <message>
+        <source>evaluated</source>
+        <translation>beurteilt</translation>
+    </message>
+    <message>
+        <source>captured {when}</source>
+        <translation>aufgenommen {when}</translation>
+    </message>
+    <message>
+        <source>calibrated {when}</source>
+        <translation>kalibriert {when}</translation>
+    </message>
+    <message>
+        <source>run {n}</source>
+        <translation>Lauf {n}</translation>
+    </message>
+    <message>
+        <source>out of date: {reason}</source>
+        <translation>veraltet: {reason}</translation>
+    </message>
+    <message>
+        <source>up to date</source>
+        <translation>aktuell</translation>
+    </message>
+</context>
+<context>
+    <name>PlaneTableWizard</name>
+    <message>
+        <source>Plane-table</source>
+        <translation>Planplatte</translation>
+    </message>
+    <message>
+        <source>Judge the sensor by planes: choose, evaluate, look, sign off.</source>
+        <translation>Den Sensor an Ebenen beurteilen: wählen, beurteilen, ansehen, freigeben.</translation>
+    </message>
+    <message>
+        <source>Write report</source>
+        <translation>Bericht schreiben</translation>
+    </message>
+    <message>
+        <source>Evaluate</source>
+        <translation>Beurteilen</translation>
+    </message>
+    <message>
+        <source>Judge the ticked planes by the ticked calibrations (F5).</source>
+        <translation>Die angekreuzten Ebenen mit den angekreuzten Kalibrierungen beurteilen (F5).</translation>
+    </message>
+    <message>
+        <source>Planes</source>
+        <translation>Ebenen</translation>
+    </message>
+    <message>
+        <source>Calibrations</source>
+        <translation>Kalibrierungen</translation>
+    </message>
+    <message>
+        <source>Deviations from the plane-table</source>
+        <translation>Abweichungen von der Planplatte</translation>
+    </message>
+    <message>
+        <source>Choose</source>
+        <translation>Wählen</translation>
+    </message>
+    <message>
+        <source>Maps</source>
+        <translation>Karten</translation>
+    </message>
+    <message>
+        <source>Profile</source>
+        <translation>Profil</translation>
+    </message>
+    <message>
+        <source>Histogram</source>
+        <translation>Histogramm</translation>
+    </message>
+    <message>
+        <source>Table 3</source>
+        <translation>Tabelle 3</translation>
+    </message>
+    <message>
+        <source>Sign off</source>
+        <translation>Freigeben</translation>
+    </message>
+    <message>
+        <source>Export the plane-table into a folder</source>
+        <translation>Die Planplatte in einen Ordner ausgeben</translation>
+    </message>
+    <message>
+        <source>{n} files written to {folder}.</source>
+        <translation>{n} Dateien nach {folder} geschrieben.</translation>
+    </message>
+    <message>
+        <source>The report is written: HTML and PDF.</source>
+        <translation>Der Bericht ist geschrieben: HTML und PDF.</translation>
+    </message>
+    <message>
+        <source>{n} planes by {m} calibrations: </source>
+        <translation>{n} Ebenen mit {m} Kalibrierungen: </translation>
+    </message>
+    <message>
+        <source>evaluated.</source>
+        <translation>beurteilt.</translation>
+    </message>
+    <message>
+        <source>not evaluated yet.</source>
+        <translation>noch nicht beurteilt.</translation>
+    </message>
+    <message>
+        <source>Capture planes first: captures of the role plane-table.</source>
+        <translation>Zuerst Ebenen aufnehmen: Aufnahmen der Rolle Planplatte.</translation>
+    </message>
+    <message>
+        <source>Calibrate first.</source>
+        <translation>Zuerst kalibrieren.</translation>
+    </message>
+    <message>
+        <source>Tick a plane.</source>
+        <translation>Eine Ebene ankreuzen.</translation>
+    </message>
+    <message>
+        <source>Tick a calibration.</source>
+        <translation>Eine Kalibrierung ankreuzen.</translation>
+    </message>
+    <message>
+        <source>Evaluate these first (F5).</source>
+        <translation>Diese zuerst beurteilen (F5).</translation>
+    </message>
+</context>
+<context>
+    <name>PointMap</name>
+    <message>
+        <source>Direction of the sigma</source>
+        <translation>Richtung des σ</translation>
+    </message>
+    <message>
+        <source>X, Y and Z together</source>
+        <translation>X, Y und Z zusammen</translation>
+    </message>
+    <message>
+        <source>Sigmas of the object points over the testfield</source>
+        <translation>σ der Objektpunkte über dem Testfeld</translation>
+    </message>
+    <message>
+        <source>Object points</source>
+        <translation>Objektpunkte</translation>
+    </message>
+    <message>
+        <source>Sigma in</source>
+        <translation>σ in</translation>
+    </message>
+    <message>
+        <source>point</source>
+        <translation>Punkt</translation>
+    </message>
+    <message>
+        <source>images</source>
+        <translation>Bilder</translation>
+    </message>
+    <message>
+        <source>R.m.s. {x:.1f}, {y:.1f}, {z:.1f} µm in X, Y, Z. Least certain: {worst}.</source>
+        <translation>R.m.s. {x:.1f}, {y:.1f}, {z:.1f} µm in X, Y, Z. Am unsichersten: {worst}.</translation>
+    </message>
+    <message>
+        <source>Point at a target to read its sigmas.</source>
+        <translation>Auf eine Marke zeigen, um ihre σ zu lesen.</translation>
+    </message>
+</context>
+<context>
+    <name>ProfileStep</name>
+    <message>
+        <source>Plane</source>
+        <translation>Ebene</translation>
+    </message>
+    <message>
+        <source>Draw a line with the mouse; keys 1, 2 and the arrows move its ends.</source>
+        <translation>Eine Linie mit der Maus ziehen; die Tasten 1, 2 und die Pfeile bewegen ihre Enden.</translation>
+    </message>
+    <message>
+        <source>Horizontal</source>
+        <translation>Waagrecht</translation>
+    </message>
+    <message>
+        <source>Vertical</source>
+        <translation>Senkrecht</translation>
+    </message>
+    <message>
+        <source>Diagonal</source>
+        <translation>Diagonal</translation>
+    </message>
+    <message>
+        <source>Deviations along the line</source>
+        <translation>Abweichungen längs der Linie</translation>
+    </message>
+    <message>
+        <source>length [mm]</source>
+        <translation>Länge [mm]</translation>
+    </message>
+    <message>
+        <source>deviation [µm]</source>
+        <translation>Abweichung [µm]</translation>
+    </message>
+    <message>
+        <source>{said}, tinted: ±σ predicted</source>
+        <translation>{said}, getönt: ±σ vorhergesagt</translation>
+    </message>
+    <message>
+        <source>{a:.0f}, {b:.0f} to {c:.0f}, {d:.0f} px</source>
+        <translation>{a:.0f}, {b:.0f} bis {c:.0f}, {d:.0f} px</translation>
+    </message>
+</context>
+<context>
+    <name>Reconstruct</name>
+    <message>
+        <source>Shaded height</source>
+        <translation>Schattierte Höhe</translation>
+    </message>
+    <message>
+        <source>Height over the mean plane</source>
+        <translation>Höhe über der mittleren Ebene</translation>
+    </message>
+    <message>
+        <source>Depth Z</source>
+        <translation>Tiefe Z</translation>
+    </message>
+    <message>
+        <source>σ of Z</source>
+        <translation>σ von Z</translation>
+    </message>
+    <message>
+        <source>Points in space</source>
+        <translation>Punkte im Raum</translation>
+    </message>
+</context>
+<context>
+    <name>ReconstructPage</name>
+    <message>
+        <source>Reconstruct</source>
+        <translation>Rekonstruieren</translation>
+    </message>
+    <message>
+        <source>From projector coordinates to points in the camera&apos;s frame, each with its sigma.</source>
+        <translation>Von Projektorkoordinaten zu Punkten im Kamerasystem, jeder mit seinem σ.</translation>
+    </message>
+    <message>
+        <source>Calibration</source>
+        <translation>Kalibrierung</translation>
+    </message>
+    <message>
+        <source>Map of the points</source>
+        <translation>Karte der Punkte</translation>
+    </message>
+    <message>
+        <source>Export points…</source>
+        <translation>Punkte ausgeben …</translation>
+    </message>
+    <message>
+        <source>Write the points as PLY, XYZ or NPZ.</source>
+        <translation>Die Punkte als PLY, XYZ oder NPZ schreiben.</translation>
+    </message>
+    <message>
+        <source>Reconstruct the chosen capture (F5).</source>
+        <translation>Die gewählte Aufnahme rekonstruieren (F5).</translation>
+    </message>
+    <message>
+        <source>Point clouds (*.ply *.xyz *.npz)</source>
+        <translation>Punktwolken (*.ply *.xyz *.npz)</translation>
+    </message>
+    <message>
+        <source>Export points</source>
+        <translation>Punkte ausgeben</translation>
+    </message>
+    <message>
+        <source>{n} points written to {path}.</source>
+        <translation>{n} Punkte nach {path} geschrieben.</translation>
+    </message>
+    <message>
+        <source>{name} is reconstructed.</source>
+        <translation>{name} ist rekonstruiert.</translation>
+    </message>
+    <message>
+        <source>Calibrate first.</source>
+        <translation>Zuerst kalibrieren.</translation>
+    </message>
+    <message>
+        <source>Try again</source>
+        <translation>Noch einmal versuchen</translation>
+    </message>
+    <message>
+        <source>{name} is not reconstructed yet.</source>
+        <translation>{name} ist noch nicht rekonstruiert.</translation>
+    </message>
+    <message>
+        <source>   Out of date: reconstruct it again.</source>
+        <translation>   Veraltet: neu rekonstruieren.</translation>
+    </message>
+    <message>
+        <source>No view in space: {problem}. The shaded height shows the surface instead.</source>
+        <translation>Keine Ansicht im Raum: {problem}. Die schattierte Höhe zeigt die Fläche stattdessen.</translation>
+    </message>
+    <message>
+        <source>{n} points, {p:.1%} of the image.</source>
+        <translation>{n} Punkte, {p:.1%} des Bildes.</translation>
+    </message>
+    <message>
+        <source>Points in space</source>
+        <translation>Punkte im Raum</translation>
+    </message>
+</context>
+<context>
+    <name>ReportPage</name>
+    <message>
+        <source>Report</source>
+        <translation>Bericht</translation>
+    </message>
+    <message>
+        <source>All tables and figures in one HTML file and one PDF, ready to sign off.</source>
+        <translation>Alle Tabellen und Bilder in einer HTML-Datei und einem PDF, fertig zur Unterschrift.</translation>
+    </message>
+    <message>
+        <source>Write report</source>
+        <translation>Bericht schreiben</translation>
+    </message>
+    <message>
+        <source>Evaluate the planes and write HTML and PDF (F5).</source>
+        <translation>Die Ebenen beurteilen und HTML und PDF schreiben (F5).</translation>
+    </message>
+    <message>
+        <source>Files</source>
+        <translation>Dateien</translation>
+    </message>
+    <message>
+        <source>Open HTML</source>
+        <translation>HTML öffnen</translation>
+    </message>
+    <message>
+        <source>Open PDF</source>
+        <translation>PDF öffnen</translation>
+    </message>
+    <message>
+        <source>Export…</source>
+        <translation>Ausgeben …</translation>
+    </message>
+    <message>
+        <source>Copy HTML and PDF, and the tables as CSV, into a folder.</source>
+        <translation>HTML und PDF, und die Tabellen als CSV, in einen Ordner kopieren.</translation>
+    </message>
+    <message>
+        <source>What it says</source>
+        <translation>Was darin steht</translation>
+    </message>
+    <message>
+        <source>Export the report into a folder</source>
+        <translation>Den Bericht in einen Ordner ausgeben</translation>
+    </message>
+    <message>
+        <source>{n} files written to {folder}.</source>
+        <translation>{n} Dateien nach {folder} geschrieben.</translation>
+    </message>
+    <message>
+        <source>Not written yet.</source>
+        <translation>Noch nicht geschrieben.</translation>
+    </message>
+    <message>
+        <source>Written {when} in {folder}.</source>
+        <translation>Geschrieben {when} in {folder}.</translation>
+    </message>
+    <message>
+        <source>Out of date: {reason}.</source>
+        <translation>Veraltet: {reason}.</translation>
+    </message>
+    <message>
+        <source>There are no results yet.</source>
+        <translation>Es gibt noch keine Ergebnisse.</translation>
+    </message>
+    <message>
+        <source>The report is written: HTML and PDF.</source>
+        <translation>Der Bericht ist geschrieben: HTML und PDF.</translation>
+    </message>
+</context>
+<context>
+    <name>ResidualPlot</name>
+    <message>
+        <source>{n} points; vectors drawn {f:g} times; r.m.s. {x:.2f} µm in x, {y:.2f} µm in y</source>
+        <translation>{n} Punkte; Vektoren {f:g}-fach; r.m.s. {x:.2f} µm in x, {y:.2f} µm in y</translation>
+    </message>
+</context>
+<context>
+    <name>ResidualView</name>
+    <message>
+        <source>Captures whose residuals are shown</source>
+        <translation>Aufnahmen, deren Verbesserungen gezeigt werden</translation>
+    </message>
+    <message>
+        <source>Click a vector to learn which point it is.</source>
+        <translation>Auf einen Vektor klicken, um den Punkt zu erfahren.</translation>
+    </message>
+    <message>
+        <source>Open image</source>
+        <translation>Bild öffnen</translation>
+    </message>
+    <message>
+        <source>Look at this target in its image.</source>
+        <translation>Diese Marke in ihrem Bild ansehen.</translation>
+    </message>
+    <message>
+        <source>Exclude target</source>
+        <translation>Marke ausschließen</translation>
+    </message>
+    <message>
+        <source>Leave this target of this capture out, and calibrate again.</source>
+        <translation>Diese Marke dieser Aufnahme weglassen und neu kalibrieren.</translation>
+    </message>
+    <message>
+        <source>Leave out capture</source>
+        <translation>Aufnahme weglassen</translation>
+    </message>
+    <message>
+        <source>Calibrate again without this capture.</source>
+        <translation>Ohne diese Aufnahme neu kalibrieren.</translation>
+    </message>
+    <message>
+        <source>Captures</source>
+        <translation>Aufnahmen</translation>
+    </message>
+    <message>
+        <source>Residual vectors of {name}</source>
+        <translation>Verbesserungen von {name}</translation>
+    </message>
+    <message>
+        <source>all</source>
+        <translation>alle</translation>
+    </message>
+</context>
+<context>
+    <name>RigSketch</name>
+    <message>
+        <source>Sketch of the rig</source>
+        <translation>Skizze des Aufbaus</translation>
+    </message>
+    <message>
+        <source>camera</source>
+        <translation>Kamera</translation>
+    </message>
+    <message>
+        <source>projector</source>
+        <translation>Projektor</translation>
+    </message>
+    <message>
+        <source>{common:.0f} mm in common</source>
+        <translation>{common:.0f} mm gemeinsam</translation>
+    </message>
+    <message>
+        <source>base {base:.0f} mm</source>
+        <translation>Basis {base:.0f} mm</translation>
+    </message>
+    <message>
+        <source>{angle:.0f}°</source>
+        <translation>{angle:.0f}°</translation>
+    </message>
+    <message>
+        <source>{distance:.0f} mm</source>
+        <translation>{distance:.0f} mm</translation>
+    </message>
+    <message>
+        <source>{w:.0f} × {h:.0f} mm</source>
+        <translation>{w:.0f} × {h:.0f} mm</translation>
+    </message>
+</context>
+<context>
+    <name>RigStep</name>
+    <message>
+        <source>Width</source>
+        <translation>Breite</translation>
+    </message>
+    <message>
+        <source>Height</source>
+        <translation>Höhe</translation>
+    </message>
+    <message>
+        <source>Pitch across</source>
+        <translation>Pixelabstand quer</translation>
+    </message>
+    <message>
+        <source>Pitch down</source>
+        <translation>Pixelabstand hoch</translation>
+    </message>
+    <message>
+        <source>Focal length</source>
+        <translation>Brennweite</translation>
+    </message>
+    <message>
+        <source>Rig to start from</source>
+        <translation>Aufbau als Vorlage</translation>
+    </message>
+    <message>
+        <source>Custom</source>
+        <translation>Eigener</translation>
+    </message>
+    <message>
+        <source>Camera</source>
+        <translation>Kamera</translation>
+    </message>
+    <message>
+        <source>px</source>
+        <translation>px</translation>
+    </message>
+    <message>
+        <source>Projector</source>
+        <translation>Projektor</translation>
+    </message>
+    <message>
+        <source>lines</source>
+        <translation>Linien</translation>
+    </message>
+    <message>
+        <source>Working distance</source>
+        <translation>Arbeitsabstand</translation>
+    </message>
+    <message>
+        <source>Base</source>
+        <translation>Basis</translation>
+    </message>
+    <message>
+        <source>For the sketch and the advice only; calibration finds the true orientation.</source>
+        <translation>Nur für Skizze und Ratschläge; die wahre Orientierung findet die Kalibrierung.</translation>
+    </message>
+    <message>
+        <source>(sketch only)</source>
+        <translation>(nur Skizze)</translation>
+    </message>
+    <message>
+        <source>On the object: 1 px = {px:.3f} mm, 1 line = {line:.3f} mm.</source>
+        <translation>Auf dem Objekt: 1 px = {px:.3f} mm, 1 Linie = {line:.3f} mm.</translation>
+    </message>
+    <message>
+        <source>Axes meet at {angle:.1f}°: 1 line = {depth:.2f} mm in depth.</source>
+        <translation>Achsen schneiden sich unter {angle:.1f}°: 1 Linie = {depth:.2f} mm in der Tiefe.</translation>
+    </message>
+</context>
+<context>
+    <name>RunStep</name>
+    <message>
+        <source>Calibrate</source>
+        <translation>Kalibrieren</translation>
+    </message>
+    <message>
+        <source>Calibrate in the background (F5).</source>
+        <translation>Im Hintergrund kalibrieren (F5).</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>Abbrechen</translation>
+    </message>
+    <message>
+        <source>Progress of the calibration</source>
+        <translation>Fortschritt der Kalibrierung</translation>
+    </message>
+    <message>
+        <source>Convergence</source>
+        <translation>Konvergenz</translation>
+    </message>
+    <message>
+        <source>Not started yet. The window stays usable while it runs.</source>
+        <translation>Noch nicht begonnen. Das Fenster bleibt währenddessen benutzbar.</translation>
+    </message>
+    <message>
+        <source>Stopping…</source>
+        <translation>Hält an …</translation>
+    </message>
+    <message>
+        <source>Waiting…</source>
+        <translation>Wartet …</translation>
+    </message>
+    <message>
+        <source>Cancelled; the project is as it was.</source>
+        <translation>Abgebrochen; das Projekt ist, wie es war.</translation>
+    </message>
+    <message>
+        <source>Failed: {what}. {remedy}.</source>
+        <translation>Gescheitert: {what}. {remedy}.</translation>
+    </message>
+    <message>
+        <source>Done; the run is kept.</source>
+        <translation>Fertig; der Lauf ist aufbewahrt.</translation>
+    </message>
+</context>
+<context>
+    <name>Runs</name>
+    <message>
+        <source>run {n}</source>
+        <translation>Lauf {n}</translation>
+    </message>
+    <message>
+        <source>rigid rig</source>
+        <translation>starrer Aufbau</translation>
+    </message>
+    <message>
+        <source>free stations</source>
+        <translation>freie Standpunkte</translation>
+    </message>
+    <message>
+        <source>held: {names}</source>
+        <translation>festgehalten: {names}</translation>
+    </message>
+    <message>
+        <source>gross errors kept</source>
+        <translation>grobe Fehler behalten</translation>
+    </message>
+    <message>
+        <source>rejected beyond {s:g} σ</source>
+        <translation>verworfen über {s:g} σ</translation>
+    </message>
+    <message>
+        <source>degree {n}</source>
+        <translation>Grad {n}</translation>
+    </message>
+    <message>
+        <source>depth table</source>
+        <translation>Tiefentabelle</translation>
+    </message>
+    <message>
+        <source>low-pass {s:g} px</source>
+        <translation>Tiefpass {s:g} px</translation>
+    </message>
+    <message>
+        <source>without {names}</source>
+        <translation>ohne {names}</translation>
+    </message>
+    <message>
+        <source>run</source>
+        <translation>Lauf</translation>
+    </message>
+    <message>
+        <source>name</source>
+        <translation>Name</translation>
+    </message>
+    <message>
+        <source>in use</source>
+        <translation>verwendet</translation>
+    </message>
+    <message>
+        <source>camera [µm]</source>
+        <translation>Kamera [µm]</translation>
+    </message>
+    <message>
+        <source>projector [µm]</source>
+        <translation>Projektor [µm]</translation>
+    </message>
+    <message>
+        <source>points [µm]</source>
+        <translation>Punkte [µm]</translation>
+    </message>
+    <message>
+        <source>depth [mm]</source>
+        <translation>Tiefe [mm]</translation>
+    </message>
+    <message>
+        <source>captures</source>
+        <translation>Aufnahmen</translation>
+    </message>
+    <message>
+        <source>excluded</source>
+        <translation>ausgeschl.</translation>
+    </message>
+    <message>
+        <source>options</source>
+        <translation>Einstellungen</translation>
+    </message>
+    <message>
+        <source>made</source>
+        <translation>entstanden</translation>
+    </message>
+    <message>
+        <source>both</source>
+        <translation>beide</translation>
+    </message>
+    <message>
+        <source>parameter</source>
+        <translation>Parameter</translation>
+    </message>
+    <message>
+        <source>difference</source>
+        <translation>Unterschied</translation>
+    </message>
+    <message>
+        <source>in σ</source>
+        <translation>in σ</translation>
+    </message>
+    <message>
+        <source>In σ: the difference over the greater of both sigmas. The runs share observations, so this is no test; it says what the change was worth. ▲ marks differences above one sigma.</source>
+        <translation>In σ: der Unterschied, geteilt durch das größere der beiden σ. Die Läufe haben Beobachtungen gemeinsam, es ist also kein Test; es sagt, was die Änderung ausmacht. ▲ markiert Unterschiede über einem σ.</translation>
+    </message>
+    <message>
+        <source>{second} against {first}</source>
+        <translation>{second} gegen {first}</translation>
+    </message>
+    <message>
+        <source>held</source>
+        <translation>fest</translation>
+    </message>
+</context>
+<context>
+    <name>RunsStep</name>
+    <message>
+        <source>Kept runs</source>
+        <translation>Aufbewahrte Läufe</translation>
+    </message>
+    <message>
+        <source>a name for the chosen run</source>
+        <translation>ein Name für den gewählten Lauf</translation>
+    </message>
+    <message>
+        <source>Name of the chosen run</source>
+        <translation>Name des gewählten Laufs</translation>
+    </message>
+    <message>
+        <source>Name it</source>
+        <translation>Benennen</translation>
+    </message>
+    <message>
+        <source>Use this run</source>
+        <translation>Diesen Lauf verwenden</translation>
+    </message>
+    <message>
+        <source>Put its calibrations in use; what follows is then out of date.</source>
+        <translation>Seine Kalibrierungen verwenden; was darauf folgt, ist dann veraltet.</translation>
+    </message>
+    <message>
+        <source>Delete</source>
+        <translation>Löschen</translation>
+    </message>
+    <message>
+        <source>Delete the chosen run from the disk.</source>
+        <translation>Den gewählten Lauf von der Platte löschen.</translation>
+    </message>
+    <message>
+        <source>Run to compare with</source>
+        <translation>Lauf, mit dem verglichen wird</translation>
+    </message>
+    <message>
+        <source>Run to compare</source>
+        <translation>Zu vergleichender Lauf</translation>
+    </message>
+    <message>
+        <source>Comparison of two runs</source>
+        <translation>Vergleich zweier Läufe</translation>
+    </message>
+    <message>
+        <source>Compare</source>
+        <translation>Vergleiche</translation>
+    </message>
+    <message>
+        <source>with</source>
+        <translation>mit</translation>
+    </message>
+    <message>
+        <source>{run} and its files are deleted for good.</source>
+        <translation>{run} und seine Dateien werden endgültig gelöscht.</translation>
+    </message>
+    <message>
+        <source>Delete a run</source>
+        <translation>Einen Lauf löschen</translation>
+    </message>
+    <message>
+        <source>Keep</source>
+        <translation>Behalten</translation>
+    </message>
+    <message>
+        <source>Runs are compared here once there are two of them.</source>
+        <translation>Läufe werden hier verglichen, sobald es zwei davon gibt.</translation>
+    </message>
+    <message>
+        <source>Choose two different runs.</source>
+        <translation>Zwei verschiedene Läufe wählen.</translation>
+    </message>
+    <message>
+        <source>Only photogrammetric calibrations can be compared.</source>
+        <translation>Nur photogrammetrische Kalibrierungen lassen sich vergleichen.</translation>
+    </message>
+</context>
+<context>
+    <name>ScaleStep</name>
+    <message>
+        <source>A distance on the board was measured</source>
+        <translation>Eine Strecke auf der Tafel ist gemessen</translation>
+    </message>
+    <message>
+        <source>Measured length</source>
+        <translation>Gemessene Länge</translation>
+    </message>
+    <message>
+        <source>not typed yet</source>
+        <translation>noch nicht eingegeben</translation>
+    </message>
+    <message>
+        <source>Standard deviation</source>
+        <translation>Standardabweichung</translation>
+    </message>
+    <message>
+        <source>From row, column</source>
+        <translation>Von Zeile, Spalte</translation>
+    </message>
+    <message>
+        <source>to row, column</source>
+        <translation>bis Zeile, Spalte</translation>
+    </message>
+    <message>
+        <source>One distance between two targets, measured with a calliper or a scale bar, gives the calibration its scale. Without it the nominal coordinates do, and a print is seldom true to a thousandth.</source>
+        <translation>Eine Strecke zwischen zwei Marken, mit Messschieber oder Maßstab gemessen, gibt der Kalibrierung ihren Maßstab. Ohne sie tun es die Nennkoordinaten, und ein Druck ist selten auf ein Tausendstel genau.</translation>
+    </message>
+    <message>
+        <source>From row</source>
+        <translation>Von Zeile</translation>
+    </message>
+    <message>
+        <source>From column</source>
+        <translation>Von Spalte</translation>
+    </message>
+    <message>
+        <source>To row</source>
+        <translation>Bis Zeile</translation>
+    </message>
+    <message>
+        <source>To column</source>
+        <translation>Bis Spalte</translation>
+    </message>
+</context>
+<context>
+    <name>SheetView</name>
+    <message>
+        <source>Picture of the board</source>
+        <translation>Bild der Tafel</translation>
+    </message>
+</context>
+<context>
+    <name>SidePanel</name>
+    <message>
+        <source>Images</source>
+        <translation>Bilder</translation>
+    </message>
+    <message>
+        <source>Targets of this image</source>
+        <translation>Marken dieses Bildes</translation>
+    </message>
+    <message>
+        <source>Targets</source>
+        <translation>Zielmarken</translation>
+    </message>
+</context>
+<context>
+    <name>SignOffStep</name>
+    <message>
+        <source>Judge against a tolerance</source>
+        <translation>Gegen eine Toleranz beurteilen</translation>
+    </message>
+    <message>
+        <source>Tolerance</source>
+        <translation>Toleranz</translation>
+    </message>
+    <message>
+        <source>Figure that the tolerance limits</source>
+        <translation>Größe, die die Toleranz begrenzt</translation>
+    </message>
+    <message>
+        <source>r.m.s. deviation</source>
+        <translation>r.m.s. der Abweichungen</translation>
+    </message>
+    <message>
+        <source>largest deviation</source>
+        <translation>größte Abweichung</translation>
+    </message>
+    <message>
+        <source>Result</source>
+        <translation>Ergebnis</translation>
+    </message>
+    <message>
+        <source>Report: HTML and PDF</source>
+        <translation>Bericht: HTML und PDF</translation>
+    </message>
+    <message>
+        <source>Table 3 as CSV</source>
+        <translation>Tabelle 3 als CSV</translation>
+    </message>
+    <message>
+        <source>Profiles along the line as CSV</source>
+        <translation>Profile längs der Linie als CSV</translation>
+    </message>
+    <message>
+        <source>Deviations of every pixel as CSV</source>
+        <translation>Abweichungen jedes Pixels als CSV</translation>
+    </message>
+    <message>
+        <source>Export…</source>
+        <translation>Ausgeben …</translation>
+    </message>
+    <message>
+        <source>Choose a folder for these files.</source>
+        <translation>Einen Ordner für diese Dateien wählen.</translation>
+    </message>
+    <message>
+        <source>Sign-off</source>
+        <translation>Freigabe</translation>
+    </message>
+    <message>
+        <source>Operator</source>
+        <translation>Bediener</translation>
+    </message>
+    <message>
+        <source>Instrument</source>
+        <translation>Messgerät</translation>
+    </message>
+    <message>
+        <source>Date</source>
+        <translation>Datum</translation>
+    </message>
+    <message>
+        <source>Remark</source>
+        <translation>Bemerkung</translation>
+    </message>
+    <message>
+        <source>without a name the report is not signed</source>
+        <translation>ohne Namen wird der Bericht nicht freigegeben</translation>
+    </message>
+    <message>
+        <source>Files</source>
+        <translation>Dateien</translation>
+    </message>
+</context>
+<context>
+    <name>Space</name>
+    <message>
+        <source>the program runs without a screen</source>
+        <translation>das Programm läuft ohne Bildschirm</translation>
+    </message>
+    <message>
+        <source>a package is missing: pip install &apos;stripe-workbench[gl]&apos;</source>
+        <translation>ein Paket fehlt: pip install &apos;stripe-workbench[gl]&apos;</translation>
+    </message>
+    <message>
+        <source>the graphics driver ended the program when it was tried last</source>
+        <translation>der Grafiktreiber hat das Programm beim letzten Versuch beendet</translation>
+    </message>
+    <message>
+        <source>this display has no OpenGL</source>
+        <translation>dieser Bildschirm hat kein OpenGL</translation>
+    </message>
+    <message>
+        <source>OpenGL does not start on this display</source>
+        <translation>OpenGL startet auf diesem Bildschirm nicht</translation>
+    </message>
+    <message>
+        <source>OpenGL {have[0]}.{have[1]} is too old, {least[0]}.{least[1]} is needed</source>
+        <translation>OpenGL {have[0]}.{have[1]} ist zu alt, {least[0]}.{least[1]} ist nötig</translation>
+    </message>
+</context>
+<context>
+    <name>StageStrip</name>
+    <message>
+        <source>Stages</source>
+        <translation>Schritte</translation>
+    </message>
+</context>
+<context>
+    <name>Stages</name>
+    <message>
+        <source>Capture</source>
+        <translation>Aufnehmen</translation>
+    </message>
+    <message>
+        <source>Decode</source>
+        <translation>Dekodieren</translation>
+    </message>
+    <message>
+        <source>Measure</source>
+        <translation>Messen</translation>
+    </message>
+    <message>
+        <source>Calibrate</source>
+        <translation>Kalibrieren</translation>
+    </message>
+    <message>
+        <source>Reconstruct</source>
+        <translation>Rekonstruieren</translation>
+    </message>
+    <message>
+        <source>Evaluate</source>
+        <translation>Beurteilen</translation>
+    </message>
+    <message>
+        <source>Report</source>
+        <translation>Bericht</translation>
+    </message>
+    <message>
+        <source>done</source>
+        <translation>fertig</translation>
+    </message>
+    <message>
+        <source>out of date</source>
+        <translation>veraltet</translation>
+    </message>
+    <message>
+        <source>to do</source>
+        <translation>offen</translation>
+    </message>
+    <message>
+        <source>failed</source>
+        <translation>gescheitert</translation>
+    </message>
+    <message>
+        <source>no captures yet</source>
+        <translation>noch keine Aufnahmen</translation>
+    </message>
+    <message>
+        <source>{n} captures</source>
+        <translation>{n} Aufnahmen</translation>
+    </message>
+    <message>
+        <source>needs captures</source>
+        <translation>braucht Aufnahmen</translation>
+    </message>
+    <message>
+        <source>{n} captures decoded</source>
+        <translation>{n} Aufnahmen dekodiert</translation>
+    </message>
+    <message>
+        <source>captures changed after decoding</source>
+        <translation>Aufnahmen nach dem Dekodieren geändert</translation>
+    </message>
+    <message>
+        <source>{n} of {m} captures decoded</source>
+        <translation>{n} von {m} Aufnahmen dekodiert</translation>
+    </message>
+    <message>
+        <source>needs testfield captures</source>
+        <translation>braucht Aufnahmen des Testfelds</translation>
+    </message>
+    <message>
+        <source>targets to pick in {n} of {m} captures</source>
+        <translation>in {n} von {m} Aufnahmen sind Marken anzuwählen</translation>
+    </message>
+    <message>
+        <source>targets of {n} captures</source>
+        <translation>Marken von {n} Aufnahmen</translation>
+    </message>
+    <message>
+        <source>measured while calibrating</source>
+        <translation>beim Kalibrieren gemessen</translation>
+    </message>
+    <message>
+        <source>{n} of {m} captures measured</source>
+        <translation>{n} von {m} Aufnahmen gemessen</translation>
+    </message>
+    <message>
+        <source>captures or picks changed after measuring</source>
+        <translation>Aufnahmen oder angewählte Marken nach dem Messen geändert</translation>
+    </message>
+    <message>
+        <source>picked, not measured yet</source>
+        <translation>angewählt, noch nicht gemessen</translation>
+    </message>
+    <message>
+        <source>needs picked testfields or plates at known depths</source>
+        <translation>braucht Testfelder mit angewählten Marken oder Platten in bekannten Tiefen</translation>
+    </message>
+    <message>
+        <source>ready to run</source>
+        <translation>kann beginnen</translation>
+    </message>
+    <message>
+        <source>captures or picks changed since</source>
+        <translation>Aufnahmen oder angewählte Marken seither geändert</translation>
+    </message>
+    <message>
+        <source>the rig or its scale changed since</source>
+        <translation>der Aufbau oder sein Maßstab seither geändert</translation>
+    </message>
+    <message>
+        <source>both methods</source>
+        <translation>beide Verfahren</translation>
+    </message>
+    <message>
+        <source>needs a calibration</source>
+        <translation>braucht eine Kalibrierung</translation>
+    </message>
+    <message>
+        <source>calibrated anew since</source>
+        <translation>seither neu kalibriert</translation>
+    </message>
+    <message>
+        <source>{n} point clouds</source>
+        <translation>{n} Punktwolken</translation>
+    </message>
+    <message>
+        <source>planes, while evaluating</source>
+        <translation>Ebenen, beim Beurteilen</translation>
+    </message>
+    <message>
+        <source>needs plane captures</source>
+        <translation>braucht Aufnahmen der Planplatte</translation>
+    </message>
+    <message>
+        <source>the calibration is out of date</source>
+        <translation>die Kalibrierung ist veraltet</translation>
+    </message>
+    <message>
+        <source>plane captures changed since</source>
+        <translation>Aufnahmen der Planplatte seither geändert</translation>
+    </message>
+    <message>
+        <source>{n} planes</source>
+        <translation>{n} Ebenen</translation>
+    </message>
+    <message>
+        <source>{n} of {m} planes</source>
+        <translation>{n} von {m} Ebenen</translation>
+    </message>
+    <message>
+        <source>a stage before it is out of date</source>
+        <translation>ein Schritt davor ist veraltet</translation>
+    </message>
+    <message>
+        <source>results changed since</source>
+        <translation>Ergebnisse seither geändert</translation>
+    </message>
+    <message>
+        <source>HTML and PDF</source>
+        <translation>HTML und PDF</translation>
+    </message>
+    <message>
+        <source>photogrammetric</source>
+        <translation>photogrammetrisch</translation>
+    </message>
+    <message>
+        <source>polynomial</source>
+        <translation>Polynom</translation>
+    </message>
+</context>
+<context>
+    <name>Start</name>
+    <message>
+        <source>not there any more</source>
+        <translation>nicht mehr da</translation>
+    </message>
+    <message>
+        <source>damaged</source>
+        <translation>beschädigt</translation>
+    </message>
+    <message>
+        <source>1 capture</source>
+        <translation>1 Aufnahme</translation>
+    </message>
+    <message>
+        <source>{n} captures</source>
+        <translation>{n} Aufnahmen</translation>
+    </message>
+</context>
+<context>
+    <name>StartPage</name>
+    <message>
+        <source>Stripe workbench</source>
+        <translation>Streifenprojektion</translation>
+    </message>
+    <message>
+        <source>From captured stripes to a plane-table report.</source>
+        <translation>Von aufgenommenen Streifen zum Prüfbericht an der Planplatte.</translation>
+    </message>
+    <message>
+        <source>Recent projects</source>
+        <translation>Letzte Projekte</translation>
+    </message>
+    <message>
+        <source>Projects you open are listed here. Without a rig, begin with the demo experiment.</source>
+        <translation>Geöffnete Projekte stehen hier. Ohne Aufbau mit dem Vorführversuch beginnen.</translation>
+    </message>
+    <message>
+        <source>A project folder can also be dropped onto this window.</source>
+        <translation>Ein Projektordner lässt sich auch auf dieses Fenster ziehen.</translation>
+    </message>
+    <message>
+        <source>Enter opens a project, Delete takes it off the list.</source>
+        <translation>Eingabe öffnet ein Projekt, Entf nimmt es von der Liste.</translation>
+    </message>
+</context>
+<context>
+    <name>SubjectStep</name>
+    <message>
+        <source>Position of the plate</source>
+        <translation>Stellung der Platte</translation>
+    </message>
+    <message>
+        <source>Angle of the plane-table</source>
+        <translation>Winkel der Planplatte</translation>
+    </message>
+    <message>
+        <source>What is it for?</source>
+        <translation>Wofür ist sie?</translation>
+    </message>
+    <message>
+        <source>Position</source>
+        <translation>Stellung</translation>
+    </message>
+    <message>
+        <source>Angle</source>
+        <translation>Winkel</translation>
+    </message>
+    <message>
+        <source>Board</source>
+        <translation>Tafel</translation>
+    </message>
+    <message>
+        <source>Name</source>
+        <translation>Name</translation>
+    </message>
+    <message>
+        <source>New capture</source>
+        <translation>Neue Aufnahme</translation>
+    </message>
+    <message>
+        <source>Interrupted captures</source>
+        <translation>Unterbrochene Aufnahmen</translation>
+    </message>
+    <message>
+        <source>Go on with an interrupted capture</source>
+        <translation>Eine unterbrochene Aufnahme fortsetzen</translation>
+    </message>
+    <message>
+        <source>Planned patterns</source>
+        <translation>Geplante Muster</translation>
+    </message>
+    <message>
+        <source>Sequence</source>
+        <translation>Folge</translation>
+    </message>
+    <message>
+        <source>Open a project.</source>
+        <translation>Ein Projekt öffnen.</translation>
+    </message>
+    <message>
+        <source>A capture of this name was interrupted: choose it in the list, or another name.</source>
+        <translation>Eine Aufnahme dieses Namens wurde unterbrochen: sie in der Liste wählen, oder einen anderen Namen.</translation>
+    </message>
+    <message>
+        <source>There is a capture of this name already: choose another.</source>
+        <translation>Eine Aufnahme dieses Namens gibt es schon: einen anderen wählen.</translation>
+    </message>
+    <message>
+        <source>{n} patterns, one image each. Before and after them {g} more are shown, to see whether anything moved and whether the lamp is steady.</source>
+        <translation>{n} Muster, je ein Bild. Davor und danach werden {g} weitere gezeigt, um zu sehen, ob sich etwas bewegt hat und ob die Lampe beständig ist.</translation>
+    </message>
+</context>
+<context>
+    <name>SummaryStep</name>
+    <message>
+        <source>Name</source>
+        <translation>Name</translation>
+    </message>
+    <message>
+        <source>Folder</source>
+        <translation>Ordner</translation>
+    </message>
+    <message>
+        <source>Rig</source>
+        <translation>Aufbau</translation>
+    </message>
+    <message>
+        <source>Testfield</source>
+        <translation>Testfeld</translation>
+    </message>
+    <message>
+        <source>Depth plate</source>
+        <translation>Tiefenplatte</translation>
+    </message>
+    <message>
+        <source>Scale</source>
+        <translation>Maßstab</translation>
+    </message>
+    <message>
+        <source>Will be written</source>
+        <translation>Wird geschrieben</translation>
+    </message>
+    <message>
+        <source>none</source>
+        <translation>keine</translation>
+    </message>
+    <message>
+        <source>{length:.4f} mm ± {sigma:.4f} mm from row {a}, column {b} to row {c}, column {d}</source>
+        <translation>{length:.4f} mm ± {sigma:.4f} mm von Zeile {a}, Spalte {b} bis Zeile {c}, Spalte {d}</translation>
+    </message>
+    <message>
+        <source>from the nominal coordinates of the testfield</source>
+        <translation>aus den Nennkoordinaten des Testfelds</translation>
+    </message>
+</context>
+<context>
+    <name>TakingStep</name>
+    <message>
+        <source>Take the sequence</source>
+        <translation>Folge aufnehmen</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>Abbrechen</translation>
+    </message>
+    <message>
+        <source>Take this frame again</source>
+        <translation>Dieses Bild noch einmal</translation>
+    </message>
+    <message>
+        <source>Another like this</source>
+        <translation>Noch eine solche</translation>
+    </message>
+    <message>
+        <source>Progress of the capture</source>
+        <translation>Fortschritt der Aufnahme</translation>
+    </message>
+    <message>
+        <source>Patterns of the capture</source>
+        <translation>Muster der Aufnahme</translation>
+    </message>
+    <message>
+        <source>Frame</source>
+        <translation>Bild</translation>
+    </message>
+    <message>
+        <source>What the checks said</source>
+        <translation>Was die Prüfungen ergaben</translation>
+    </message>
+    <message>
+        <source>The sequence is being taken.</source>
+        <translation>Die Folge wird aufgenommen.</translation>
+    </message>
+    <message>
+        <source>Take the sequence.</source>
+        <translation>Die Folge aufnehmen.</translation>
+    </message>
+    <message>
+        <source>Nothing may move from now until the last image.</source>
+        <translation>Von jetzt bis zum letzten Bild darf sich nichts bewegen.</translation>
+    </message>
+    <message>
+        <source>Goes on where it stopped: {taken} of {planned} images are there already.</source>
+        <translation>Geht weiter, wo sie stehen blieb: {taken} von {planned} Bildern sind schon da.</translation>
+    </message>
+    <message>
+        <source>Frame again</source>
+        <translation>Bild noch einmal</translation>
+    </message>
+    <message>
+        <source>Stopping …</source>
+        <translation>Hält an …</translation>
+    </message>
+    <message>
+        <source>{taken} of {of} images taken</source>
+        <translation>{taken} von {of} Bildern aufgenommen</translation>
+    </message>
+    <message>
+        <source>All images are taken; they are being verified</source>
+        <translation>Alle Bilder sind aufgenommen; sie werden geprüft</translation>
+    </message>
+    <message>
+        <source>, about {s:.0f} s left</source>
+        <translation>, noch etwa {s:.0f} s</translation>
+    </message>
+    <message>
+        <source>{n} images stored in {s:.1f} s; {r} taken again.</source>
+        <translation>{n} Bilder in {s:.1f} s gespeichert; {r} noch einmal aufgenommen.</translation>
+    </message>
+    <message>
+        <source>Stopped. The images that are there stay; take the sequence again to go on with the rest.</source>
+        <translation>Angehalten. Die vorhandenen Bilder bleiben; die Folge noch einmal aufnehmen, um mit dem Rest fortzufahren.</translation>
+    </message>
+    <message>
+        <source>Stopped. The capture is as it was.</source>
+        <translation>Angehalten. Die Aufnahme ist, wie sie war.</translation>
+    </message>
+</context>
+<context>
+    <name>Wizard</name>
+    <message>
+        <source>Close</source>
+        <translation>Schließen</translation>
+    </message>
+    <message>
+        <source>Back</source>
+        <translation>Zurück</translation>
+    </message>
+    <message>
+        <source>Next</source>
+        <translation>Weiter</translation>
+    </message>
+    <message>
+        <source>One step back (Alt+Left)</source>
+        <translation>Einen Schritt zurück (Alt+Links)</translation>
+    </message>
+    <message>
+        <source>One step on (Alt+Right)</source>
+        <translation>Einen Schritt weiter (Alt+Rechts)</translation>
+    </message>
+</context>
+<context>
+    <name>Workbench</name>
+    <message>
+        <source>Work is running in the open project.</source>
+        <translation>Im offenen Projekt läuft eine Arbeit.</translation>
+    </message>
+    <message>
+        <source>wait until it is done, or cancel it</source>
+        <translation>warten, bis sie fertig ist, oder sie abbrechen</translation>
+    </message>
+</context>
+</TS>
