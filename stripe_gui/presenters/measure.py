@@ -9,7 +9,6 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
-from core.measure import measured_view
 from core.model import Adjustment, Array, Capture, DeviceSpec, Network, TargetSet
 from core.patterns import White
 from core.progress import SILENT, Progress
@@ -152,6 +151,8 @@ def _summary(targets: TargetSet, sigma: Array) -> str:
 
 def _places(capture: Capture, targets: TargetSet, camera: DeviceSpec | None) -> Array:
     """Where the missing targets should be, shape (n, 2) px, NaN where nothing tells."""
+    from core.measure import measured_view
+
     nowhere = np.full((len(targets.missing), 2), np.nan)
     if camera is None or capture.testfield is None or not targets.missing:
         return nowhere
