@@ -45,6 +45,7 @@ State = Literal["done", "left", "failed", "waiting"]
 STEPS: tuple[Step, ...] = ("decode", "reconstruct", "evaluate")
 FILES: dict[Step, str] = {"decode": "phase.npz", "reconstruct": "points.npz", "evaluate": "evaluation.npz"}
 RETRIES = 2
+CAPTURES_IN_HAND = 2
 _VERSION = 1
 _ASK_S = 0.25  # how often a waiting batch looks whether to stop
 
@@ -302,7 +303,10 @@ def _calibrations(project: Project, changed_ns: tuple[int, ...]) -> dict[Method,
 
 @contextmanager
 def _client(scheduler: str | None, workers: int) -> Iterator[Client]:
-    """Connect to a scheduler, or start one with its worker processes for as long as the batch runs."""
+    """Connect to a scheduler, or start one with its worker processes for as long as the batch runs.
+
+    A worker has `CAPTURES_IN_HAND`: one decodes while the other loads or is written.
+    """
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
@@ -311,7 +315,9 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Client]:
         ) from error
     if scheduler is None:
         with (
-            LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+            LocalCluster(
+                n_workers=workers, threads_per_worker=CAPTURES_IN_HAND, processes=True, dashboard_address=None
+            ) as cluster,
             Client(cluster) as client,
         ):
             yield client
