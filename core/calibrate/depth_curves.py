@@ -117,6 +117,19 @@ def _steady(u, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _gather(depths, used, least, u, z):  # type: ignore[no-untyped-def]
+    """A pixel's valid values, and their number; 0 where they are too few, -1 where they are not steady."""
+    n = 0
+    for i in range(len(depths)):
+        if np.isfinite(used[i]):
+            u[n], z[n] = used[i], depths[i]
+            n += 1
+    if n < least:
+        return 0
+    return n if _steady(u, n) else -1
+
+
+@njit(cache=True, nogil=True)
 def _solve(N, b, n):  # type: ignore[no-untyped-def]
     """Solve the positive definite N x = b of size n in place by Cholesky's method; False where it is singular."""
     for i in range(n):
@@ -157,15 +170,9 @@ def _fit_rows(depths, used, measured, least, coefficients, u_range, squares, cou
     N, b, power = np.empty((terms, terms)), np.empty(terms), np.empty(2 * terms)
     for r in range(start, stop):
         for c in range(used.shape[2]):
-            n = 0
-            for i in range(planes):
-                if np.isfinite(used[i, r, c]):
-                    u[n], z[n] = used[i, r, c], depths[i]
-                    n += 1
-            if n < least:
-                continue
-            if not _steady(u, n):
-                broken[r] += 1
+            n = _gather(depths, used[:, r, c], least, u, z)
+            if n <= 0:
+                broken[r] += n < 0
                 continue
             low, high = min(u[0], u[n - 1]), max(u[0], u[n - 1])
             centre, half = 0.5 * (low + high), 0.5 * (high - low)
@@ -199,15 +206,9 @@ def _table_rows(depths, used, measured, least, table, u_range, squares, count, b
     u, z = np.empty(planes), np.empty(planes)
     for r in range(start, stop):
         for c in range(used.shape[2]):
-            n = 0
-            for i in range(planes):
-                if np.isfinite(used[i, r, c]):
-                    u[n], z[n] = used[i, r, c], depths[i]
-                    n += 1
-            if n < least:
-                continue
-            if not _steady(u, n):
-                broken[r] += 1
+            n = _gather(depths, used[:, r, c], least, u, z)
+            if n <= 0:
+                broken[r] += n < 0
                 continue
             k = 0
             for i in range(planes):
