@@ -106,7 +106,7 @@ def walked(display: str, finished: Path, tmp_path_factory) -> tuple[Path, list[s
 
 
 def colours(image: np.ndarray) -> int:
-    return len(np.unique(image.reshape(-1, 3), axis=0))
+    return len(np.unique(image.reshape(-1, 3).astype(np.uint32) @ np.array([1, 256, 65536], np.uint32)))
 
 
 def test_the_screen_is_found_to_answer(display: str) -> None:
