@@ -79,7 +79,7 @@ def _panel(axes: Axes, rows: Sequence[Row], values: dict[int, float], style: dic
     least, most = axes.get_ylim()
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:,.10g}")
     narrow = most / least < 30  # few powers of ten: 2 and 5 between them help
-    axes.yaxis.set_minor_formatter(lambda value, _: f"{value:,.3g}" if narrow and f"{value:e}"[0] in "25" else "")
+    axes.yaxis.set_minor_formatter(lambda value, _: f"{value:,.10g}" if narrow and f"{value:e}"[0] in "25" else "")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):

@@ -71,9 +71,9 @@ def readme_block(data: dict[str, Any]) -> str:
             raise ValueError(f"table.json has no answer of ours for {part}, {size}: run the whole, `make bench`")
         others = [_beside(r, ours["seconds"]) for r in rows if r is not ours and r["contestant"] != WARM]
         lines.append(f"| {told} | {_time(ours['seconds'])} | {'; '.join(others)} |")
-    return "\n".join(
-        [*lines, "", f"Medians, on {machine['processor']}, {machine['memory']}, Python {machine['Python']}."]
-    )
+    source = f"Medians of one run on {machine['processor']}, {machine['memory']}, Python {machine['Python']}"
+    source += f", load {machine['load']}" if "load" in machine else ""
+    return "\n".join([*lines, "", f"{source}; 0.5× is half our time, 10× ten times."])
 
 
 def _beside(row: dict[str, Any], ours: float) -> str:
