@@ -19,7 +19,7 @@ NO_DISPLAY = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
 def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
     kept = {k: v for k, v in os.environ.items() if k not in NO_DISPLAY}
     command = [sys.executable, "-W", "error", "-m", "stripe_gui", *arguments]
-    return subprocess.run(command, env={**kept, **environment}, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, env={**kept, **environment}, capture_output=True, text=True, timeout=280)
 
 
 def test_without_a_display_the_program_points_to_the_command() -> None:
