@@ -114,7 +114,7 @@ class ResidualView(QWidget):
 
     def _open(self) -> None:
         self._bench.session.choose_capture(self._capture(), self._target())
-        self._bench.show_page("measure")
+        self._bench.show_page("pick")
 
     def _exclude(self) -> None:
         if (target := self._target()) is not None:

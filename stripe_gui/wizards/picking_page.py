@@ -96,6 +96,7 @@ class PickPage(Page):
         """Show the project as it is now; picks that others changed are taken over."""
         folder = self.session.folder
         captures = boards(folder.captures()) if folder else []
+        target = self.session.take_target()  # another page may ask to look at one
         if self.model is None or not self.model.is_about(captures):
             self._forget()
             self.model = self.bench.guarded(Picking, captures) if captures else None
@@ -106,7 +107,11 @@ class PickPage(Page):
             self.model.show(self.session.capture_name)  # it may have been chosen on another page
         if self.background is not None:
             self.background.take_measured()
+        if target is not None and self.model is not None:
+            self.model.show(self.session.capture_name)
         self._show_image()
+        if target is not None:
+            self.choose(target)
 
     def _begin(self, model: Picking) -> None:
         """Start at the image the operator looks at, or at the first one that is not picked."""

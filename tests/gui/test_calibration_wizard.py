@@ -183,11 +183,17 @@ def test_a_residual_opens_its_image_at_the_target(open_wizard, window, finished_
     capture, target, uv = residuals._capture(), residuals._target(), residuals._sets[0].uv[40]
     click(residuals.open_image, qtbot)
     idle(window, qtbot)
-    assert window.page.id == "measure"
+    assert window.page.id == "pick"
     assert window.bench.session.capture_name == capture
+    assert window.page.model.capture.name == capture
+    assert window.page.model.target == target
+    assert window.page.image.cursor_at == pytest.approx(tuple(uv), abs=3.0)  # the dot itself, not its neighbour
+    # the same on the measure page
+    window.bench.session.choose_capture(capture, target)
+    window.show_page("measure")
+    idle(window, qtbot)
     page = window.page
-    at = page.table.chosen_row()
-    assert page._shown.targets[at] == target
+    assert page._shown.targets[page.table.chosen_row()] == target
     (u0, u1), (v0, v1) = page.view.canvas.box.viewRange()
     assert ((u0 + u1) / 2, (v0 + v1) / 2) == pytest.approx(tuple(uv), abs=0.5)
 

@@ -162,7 +162,7 @@ def test_a_residual_leads_to_its_image(open_window, window, finished: Path, qtbo
     assert "µm" in page.results.residuals.picked.text()
     capture = page.results.residuals._capture()
     click(page.results.residuals.open_image, qtbot)
-    assert window.page.id == "measure"
+    assert window.page.id == "pick"
     assert window.bench.session.capture_name == capture
 
 
