@@ -25,7 +25,7 @@ class CalibrationResults(QWidget):
         self._view: CalibrationView | None = None
         self._due: set[int] = set()
         self.made = label("", "muted", wrap=True)
-        self.warned = label("")
+        self.warned = label("", wrap=True)
         self.tables: list[ResultTable] = []
         self._tables = QVBoxLayout()
         self._tables.setSpacing(20)
@@ -104,8 +104,8 @@ class CalibrationResults(QWidget):
         """Say how many warnings there are above the tabs, and each in full on its own tab."""
         count = len(warnings)
         self.tabs.setTabText(5, self.tr("Warnings ({n})").format(n=count) if count else self.tr("Warnings"))
-        many = self.tr("⚠ {n} warnings: what is weak, and what to photograph next, stands under Warnings.")
-        one = self.tr("⚠ One warning: it stands under Warnings.")
+        many = self.tr("⚠ {n} warnings: what is weak and what to photograph next, see Warnings.")
+        one = self.tr("⚠ One warning, see Warnings.")
         self.warned.setText(many.format(n=count) if count > 1 else one)
         self.warned.setVisible(count > 0)
         _empty(self._warnings)

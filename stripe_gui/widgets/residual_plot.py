@@ -24,7 +24,7 @@ class ResidualPlot(QWidget):
     def __init__(self, name: str) -> None:
         super().__init__()
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.setMinimumSize(220, 150)
+        self.setMinimumSize(170, 150)
         self.canvas = Canvas()
         self.canvas.setAccessibleName(name)
         self.canvas.clicked.connect(self._click)
