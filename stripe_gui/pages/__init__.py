@@ -14,16 +14,16 @@ if TYPE_CHECKING:
 
 PAGES = {
     "start": ("pages.start_page", "StartPage"),
-    "new-project": ("wizards.new_project_wizard", "NewProjectWizard"),
+    "new-project": ("wizards.new_project.wizard", "NewProjectWizard"),
     "capture": ("pages.capture_page", "CapturePage"),
     "decode": ("pages.decode_page", "DecodePage"),
     "measure": ("pages.measure_page", "MeasurePage"),
-    "pick": ("wizards.picking_page", "PickPage"),
+    "pick": ("wizards.picking.page", "PickPage"),
     "calibrate": ("pages.calibrate_page", "CalibratePage"),
     "calibrate-wizard": ("wizards.calibration_page", "CalibrationWizard"),
     "reconstruct": ("pages.reconstruct_page", "ReconstructPage"),
     "evaluate": ("pages.evaluate_page", "EvaluatePage"),
-    "plane-table": ("wizards.plane_table_page", "PlaneTableWizard"),
+    "plane-table": ("wizards.plane_table.wizard", "PlaneTableWizard"),
     "report": ("pages.report_page", "ReportPage"),
     "capture-wizard": ("wizards.capture.wizard", "CaptureWizard"),
 }  # id of the page -> module below stripe_gui, class

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QCheckBox, QCom
 from core.project import nominal_testfield, read_project, read_testfield, write_testfield
 from core.report.board import board_sheet
 from stripe_gui.main_window import MainWindow
-from stripe_gui.wizards.new_project_wizard import NewProjectWizard
+from stripe_gui.wizards.new_project.wizard import NewProjectWizard
 
 LEFT, NO_KEY = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
 FIELDS = (QLineEdit, QAbstractSpinBox, QComboBox, QCheckBox, QPushButton)

@@ -52,7 +52,7 @@ def test_length_runs_along_the_plane_in_mm() -> None:
 
 
 def test_on_a_tilted_plane_the_length_is_that_between_the_points_in_space() -> None:
-    """At 40° about Y the plane is Z = -600 - X tan 40°: the ray X = t s, Z = -s meets it at s = 600 / (1 - t tan 40°)."""
+    """At 40° the plane is Z = -600 - X tan 40°: the ray X = t s, Z = -s meets it at s = 600 / (1 - t tan 40°)."""
     slope = np.tan(np.radians(40))
     normal = np.array([slope, 0, 1]) / np.hypot(slope, 1)
     found = read_profile(

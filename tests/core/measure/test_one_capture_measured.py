@@ -78,5 +78,5 @@ def test_an_unknown_excluded_target_is_refused_and_nothing_changes(quick: Path) 
 
 def test_a_capture_without_picks_is_refused(quick: Path) -> None:
     picks_of(quick, "testfield-01").unlink()
-    with pytest.raises(InputError, match="testfield-01.*no picks"):
+    with pytest.raises(InputError, match=r"testfield-01.*no picks"):
         measure_one(read_project(quick), "testfield-01")

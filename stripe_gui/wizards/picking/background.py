@@ -13,8 +13,8 @@ from core.model import Capture, PhaseMap, Project, TargetSet
 from core.pipeline.picking import current_targets, measure_one
 from stripe_gui.jobs import Failure, JobQueue
 from stripe_gui.presenters.failures import describe
-from stripe_gui.wizards.picking_model import Measurement, Picking, Picks
-from stripe_gui.wizards.picking_work import Kept, Look, decode_board, look_at, signature
+from stripe_gui.wizards.picking.model import Measurement, Picking, Picks
+from stripe_gui.wizards.picking.work import Kept, Look, decode_board, look_at, signature
 from stripe_gui.workbench import Workbench
 
 

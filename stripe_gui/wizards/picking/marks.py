@@ -8,7 +8,7 @@ import pyqtgraph as pg
 from stripe_gui import theme
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.symbols import cross_hairs, plus
-from stripe_gui.wizards.picking_view import Marks
+from stripe_gui.wizards.picking.view import Marks
 
 
 class MarksOverlay:

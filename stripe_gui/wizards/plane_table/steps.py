@@ -32,7 +32,7 @@ from stripe_gui.widgets.histogram import Histogram
 from stripe_gui.widgets.layout import SPACE, boxed, button, card, column, label, row
 from stripe_gui.widgets.line_tool import LineTool
 from stripe_gui.widgets.plot import Curve, Plot
-from stripe_gui.wizards.plane_table_model import UM, Choice, Wishes
+from stripe_gui.wizards.plane_table.model import UM, Choice, Wishes
 
 NAME = Qt.ItemDataRole.UserRole
 

@@ -1,4 +1,10 @@
-"""Beginning a project and printing its testfield: the actions (the wizard itself is `new_project_wizard`)."""
+"""Beginning a project and printing its testfield.
+
+wizard.py    the steps in their order; the last writes the project
+steps.py     name and rig
+boards.py    testfield, depth plate, scale, summary
+pictures.py  a plan of the rig, and a board as it will be printed
+"""
 
 from __future__ import annotations
 

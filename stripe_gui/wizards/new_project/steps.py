@@ -12,7 +12,7 @@ from core.model import DeviceSpec
 from stripe_gui.presenters.new_project import place_problem, suggested_folder
 from stripe_gui.presenters.rig_view import RigPlan, RigView, presets, rig_problem, rig_view, rig_words
 from stripe_gui.widgets.layout import SPACE, boxed, button, card, column, label, row
-from stripe_gui.wizards.new_project_pictures import RigSketch
+from stripe_gui.wizards.new_project.pictures import RigSketch
 from stripe_gui.workbench import Workbench
 
 FORM_WIDTH = 350

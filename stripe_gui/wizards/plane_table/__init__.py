@@ -1,9 +1,8 @@
 """The plane-table wizard: choose planes and calibrations, judge them, sign the result off.
 
-plane_table.py        its action
-plane_table_page.py   the wizard and its steps
-plane_table_steps.py  the bodies of the steps
-plane_table_model.py  what there is to choose, what is signed and exported, without Qt widgets
+wizard.py   the wizard and its steps
+steps.py    the bodies of the steps
+model.py    what there is to choose, what is signed and exported, without Qt widgets
 """
 
 from __future__ import annotations

@@ -11,14 +11,14 @@ from stripe_gui.widgets.deviation_maps import DeviationMaps
 from stripe_gui.widgets.job_bar import JobBar
 from stripe_gui.widgets.layout import boxed, column, label
 from stripe_gui.widgets.result_table import ResultTable
-from stripe_gui.wizards.plane_table_model import (
+from stripe_gui.wizards.plane_table.model import (
     calibration_choices,
     export_files,
     is_evaluated,
     plane_choices,
     write_signed_report,
 )
-from stripe_gui.wizards.plane_table_steps import CheckList, HistogramStep, ProfileStep, SignOffStep, choose_body
+from stripe_gui.wizards.plane_table.steps import CheckList, HistogramStep, ProfileStep, SignOffStep, choose_body
 from stripe_gui.wizards.wizard import Wizard
 from stripe_gui.workbench import Workbench
 

@@ -11,7 +11,7 @@ from core.model import DeviceSpec
 from stripe_gui.presenters.capture import FrameView
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import button, column, label, row
-from stripe_gui.wizards.picking_marks import MarksOverlay
+from stripe_gui.wizards.picking.marks import MarksOverlay
 
 REACH_PX = 12  # on the screen: how far beside a dot a click may be
 

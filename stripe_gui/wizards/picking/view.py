@@ -14,7 +14,7 @@ from core.measure import measured_view, predicted_view
 from core.measure.view import View
 from core.model import Array, DeviceSpec, TargetSet
 from core.report import Number, Table
-from stripe_gui.wizards.picking_model import Measurement, Picking, Target
+from stripe_gui.wizards.picking.model import Measurement, Picking, Target
 
 translate = QCoreApplication.translate
 NOTHING = np.zeros((0, 2))

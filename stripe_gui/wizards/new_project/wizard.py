@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from stripe_gui.presenters.new_project import Draft, create, draft_from_text, draft_text, new_draft
-from stripe_gui.wizards.new_project_boards import BoardStep, ScaleStep, SummaryStep
-from stripe_gui.wizards.new_project_steps import PlaceStep, RigStep
+from stripe_gui.wizards.new_project.boards import BoardStep, ScaleStep, SummaryStep
+from stripe_gui.wizards.new_project.steps import PlaceStep, RigStep
 from stripe_gui.wizards.wizard import Wizard
 from stripe_gui.workbench import Workbench
 

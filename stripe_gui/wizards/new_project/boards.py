@@ -24,8 +24,8 @@ from stripe_gui.presenters.new_project import (
 from stripe_gui.presenters.rig_view import RigView, rig_text
 from stripe_gui.widgets.layout import boxed, button, card, column, label, row
 from stripe_gui.wizards.new_project import print_board
-from stripe_gui.wizards.new_project_pictures import SheetView
-from stripe_gui.wizards.new_project_steps import FORM_WIDTH, form, real, whole
+from stripe_gui.wizards.new_project.pictures import SheetView
+from stripe_gui.wizards.new_project.steps import FORM_WIDTH, form, real, whole
 from stripe_gui.workbench import Workbench
 
 POLARITIES = ("white-on-black", "black-on-white")

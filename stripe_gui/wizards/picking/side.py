@@ -13,8 +13,8 @@ from stripe_gui.widgets.field_map import FieldMap, MapState
 from stripe_gui.widgets.layout import boxed, column
 from stripe_gui.widgets.loupe import Loupe
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
-from stripe_gui.wizards.picking_model import Picking
-from stripe_gui.wizards.picking_view import PickingView, state_text
+from stripe_gui.wizards.picking.model import Picking
+from stripe_gui.wizards.picking.view import PickingView, state_text
 
 WIDTH = 272
 

@@ -14,13 +14,13 @@ from stripe_gui.pages.page import Page
 from stripe_gui.presenters.capture import FrameView
 from stripe_gui.presenters.measure import lit_frame
 from stripe_gui.widgets.layout import row
-from stripe_gui.wizards.picking_background import Background
-from stripe_gui.wizards.picking_image import ImagePanel
-from stripe_gui.wizards.picking_keys import ImageKeys
-from stripe_gui.wizards.picking_model import Picking, Target
-from stripe_gui.wizards.picking_side import SidePanel
-from stripe_gui.wizards.picking_view import NextStep, PickingView, next_step, picking_view, question
-from stripe_gui.wizards.picking_work import Kept, boards, snapped
+from stripe_gui.wizards.picking.background import Background
+from stripe_gui.wizards.picking.image import ImagePanel
+from stripe_gui.wizards.picking.keys import ImageKeys
+from stripe_gui.wizards.picking.model import Picking, Target
+from stripe_gui.wizards.picking.side import SidePanel
+from stripe_gui.wizards.picking.view import NextStep, PickingView, next_step, picking_view, question
+from stripe_gui.wizards.picking.work import Kept, boards, snapped
 from stripe_gui.workbench import Workbench
 
 Modifier = Qt.KeyboardModifier
