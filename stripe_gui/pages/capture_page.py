@@ -33,7 +33,7 @@ class CapturePage(Page):
         self.frames.setMaximumWidth(300)
         self.frames.currentItemChanged.connect(self._load)
         self.view = ImageView(self.tr("Frame"))
-        self.figures = label(" ", "muted")
+        self.figures = label(" ", "muted", wrap=True)
         self.empty = label(self.tr("This project has no captures yet."), "muted")
         self.stretch = QCheckBox(self.tr("Brighten"))
         self.stretch.setToolTip(
@@ -41,8 +41,10 @@ class CapturePage(Page):
         )
         self.stretch.toggled.connect(self._draw)
         self._frame: FrameView | None = None
-        fit = button(self.tr("Whole image"), self.view.fit, "fit", flat=True)
-        middle = column(row(self.figures, None, self.stretch, fit), self.view)
+        fit = button("", self.view.fit, "fit", flat=True)
+        fit.setAccessibleName(self.tr("Whole image"))
+        fit.setToolTip(self.tr("Whole image"))
+        middle = column(row(self.stretch, None, fit), self.figures, self.view)
         split = QSplitter(Qt.Orientation.Horizontal)
         split.addWidget(boxed(column(label(self.tr("Captures"), "heading"), self.captures, spacing=8)))
         split.addWidget(boxed(middle))

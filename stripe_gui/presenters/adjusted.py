@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from PySide6.QtCore import QCoreApplication
 
 from core.model import Adjustment, Array, Ints
 
+translate = QCoreApplication.translate
 CELLS = 12  # of the coverage along the longer side of an image
 STRONG = 0.9  # a correlation that ties two parameters together
 
@@ -160,7 +162,8 @@ class PointSigmas:
     def describe(self, index: int) -> str:
         """Name a point, its sigmas and in how many images it was seen."""
         x, y, z = self.sigma_um[index]
-        return f"{self.names[index]}: σ {x:.1f}, {y:.1f}, {z:.1f} µm in X, Y, Z; {self.images[index]} images"
+        text = translate("Calibrate", "{point}: σ {x:.1f}, {y:.1f}, {z:.1f} µm in X, Y, Z; {n} images")
+        return text.format(point=self.names[index], x=x, y=y, z=z, n=self.images[index])
 
 
 def point_sigmas(adjustment: Adjustment) -> PointSigmas:

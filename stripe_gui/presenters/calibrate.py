@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass, replace
 
 import numpy as np
+from PySide6.QtCore import QCoreApplication
 
 from core.model import (
     Adjustment,
@@ -23,6 +24,8 @@ from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.runs import made_at, options_words, run_title
 from stripe_gui.presenters.status import method_name
 from stripe_gui.presenters.work import CalibrateChoice
+
+translate = QCoreApplication.translate
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,8 @@ class DeviceResiduals:
         """Name an image point and its residual."""
         du, dv = self.residual[index]
         x, y = du * self.um_per_px[0], -dv * self.um_per_px[1]
-        return f"{self.station[index]}, {self.point[index]}: {x:+.2f} µm in x, {y:+.2f} µm in y"
+        text = translate("Calibrate", "{station}, {point}: {x:+.2f} µm in x, {y:+.2f} µm in y")
+        return text.format(station=self.station[index], point=self.point[index], x=x, y=y)
 
     def capture(self, index: int) -> str:
         """Give the capture that an image point was measured in."""

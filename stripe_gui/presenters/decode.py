@@ -67,7 +67,16 @@ def pixel_text(phase: PhaseMap, u: int, v: int) -> str:
 
 def flag_words(flags: int) -> list[str]:
     """Name the reasons in a pixel's flags."""
-    return [flag.name.lower().replace("_", " ") for flag in Flag if flag.name and flag.value and flags & flag.value]
+    words = {
+        Flag.LOW_MODULATION: translate("Decode", "low modulation"),
+        Flag.SATURATED: translate("Decode", "saturated"),
+        Flag.UNSURE: translate("Decode", "unsure"),
+        Flag.DISAGREEMENT: translate("Decode", "disagreement"),
+        Flag.OUTSIDE: translate("Decode", "outside"),
+        Flag.NO_U: translate("Decode", "no u"),
+        Flag.NO_V: translate("Decode", "no v"),
+    }
+    return [word for flag, word in words.items() if flags & flag.value]
 
 
 def figures_table(phase: PhaseMap) -> Table:

@@ -293,6 +293,12 @@ def method_name(method: str) -> str:
     return names.get(method, method)
 
 
+def device_name(device: str) -> str:
+    """Give a device's name in the operator's language, as a heading."""
+    names = {"camera": translate("Stages", "Camera"), "projector": translate("Stages", "Projector")}
+    return names.get(device, device)
+
+
 def decoded_captures(folder: Path) -> dict[str, dict]:
     """Read which captures were decoded and what came out, by name."""
     try:

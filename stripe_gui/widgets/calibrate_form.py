@@ -122,8 +122,8 @@ class CalibrateForm(QWidget):
             grid.addWidget(label(words[device], "muted"), i, 0)
             for j, name in enumerate(INTERIOR_NAMES):
                 box = self.parameters[f"{device}.{name}"]
-                text = self.tr("Estimate {name} of {device}")
-                box.setAccessibleName(text.format(name=name, device=words[device].lower()))
+                text = self.tr("{device}: estimate {name}")
+                box.setAccessibleName(text.format(name=name, device=words[device]))
                 grid.addWidget(box, i, j + 1)
         grid.setColumnStretch(len(INTERIOR_NAMES) + 1, 1)
         self._held = _small()

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 from stripe_gui import theme
 from stripe_gui.presenters.adjusted import Coverage
 from stripe_gui.presenters.decode import round_up
+from stripe_gui.presenters.status import device_name
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, column, label
 
@@ -43,14 +44,14 @@ class CoverageView(QWidget):
             old.deleteLater()
         self.maps = []
         for device in devices:
-            view = ImageView(self.tr("Coverage of {name}").format(name=device.name))
+            view = ImageView(self.tr("Coverage of {name}").format(name=device_name(device.name)))
             self._fill(view, device)
             self.maps.append(view)
             text = self.tr("{n} points; hull {h:.0%} of the image; {c:.0%} of the cells hold points")
             said = text.format(n=len(device.uv), h=device.hull_share, c=device.filled)
             words = label(said, "muted", wrap=True)
             view.canvas.setAccessibleDescription(said)
-            self._maps.addWidget(boxed(column(label(device.name.capitalize(), "heading"), view, words, spacing=6)), 1)
+            self._maps.addWidget(boxed(column(label(device_name(device.name), "heading"), view, words, spacing=6)), 1)
 
     def _fill(self, view: ImageView, device: Coverage) -> None:
         image = device.map().astype(np.float32)

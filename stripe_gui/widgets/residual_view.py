@@ -9,6 +9,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QVBoxLayout, QWidget
 
 from stripe_gui.presenters.calibrate import DeviceResiduals
+from stripe_gui.presenters.status import device_name
 from stripe_gui.widgets.layout import boxed, button, column, label, row
 from stripe_gui.widgets.residual_plot import ResidualPlot
 from stripe_gui.workbench import Workbench
@@ -67,10 +68,10 @@ class ResidualView(QWidget):
             old.deleteLater()
         self.plots = []
         for i, device in enumerate(sets):
-            plot = ResidualPlot(self.tr("Residual vectors of {name}").format(name=device.name))
+            plot = ResidualPlot(self.tr("Residual vectors of {name}").format(name=device_name(device.name)))
             plot.picked.connect(partial(self._pick, i))
             self.plots.append(plot)
-            self._plots.addWidget(boxed(column(label(device.name.capitalize(), "heading"), plot, spacing=6)), 1)
+            self._plots.addWidget(boxed(column(label(device_name(device.name), "heading"), plot, spacing=6)), 1)
         captures = dict.fromkeys(d.capture(i) for d in sets for i in range(len(d.station)))
         self.stations.blockSignals(True)
         self.stations.clear()

@@ -84,5 +84,6 @@ class RunStep(QWidget):
             return self.tr("Cancelled; the project is as it was.")
         if job.state is JobState.FAILED:
             told = describe(job.failure.error)
-            return self.tr("Failed: {what}. {remedy}.").format(what=told.happened, remedy=told.remedy.capitalize())
+            remedy = told.remedy[:1].upper() + told.remedy[1:]
+            return self.tr("Failed: {what}. {remedy}.").format(what=told.happened, remedy=remedy)
         return self.tr("Done; the run is kept.")

@@ -103,7 +103,8 @@ class RunsStep(QWidget):
         run = self.chosen
         if run is None:
             return
-        text = self.tr("{run} and its files are deleted for good.").format(run=run_title(run).capitalize())
+        name = run_title(run)
+        text = self.tr("{run} and its files are deleted for good.").format(run=name[0].upper() + name[1:])
         ask = self._bench.dialogs.confirm
         if ask(self, self.tr("Delete a run"), text, self.tr("Delete"), self.tr("Keep")):
             self._change(delete_run)
