@@ -38,6 +38,8 @@ class Curve:
     style : {"line", "dash", "dot", "dash-dot"}
     band : array, optional
         The area between ±band is tinted.
+    marked : bool
+        Whether its points are marked: few values, each measured.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Curve:
     tone: int = 0
     style: str = "line"
     band: ArrayLike | None = None
+    marked: bool = False
 
 
 class Plot(QWidget):
@@ -75,7 +78,7 @@ class Plot(QWidget):
         self.legend.setTextFormat(Qt.TextFormat.RichText)
         self.legend.setWordWrap(True)
         self.curves: tuple[Curve, ...] = ()
-        self._items: list[tuple[Curve, pg.PlotCurveItem, pg.FillBetweenItem | None]] = []
+        self._items: list[tuple[Curve, pg.PlotCurveItem, pg.FillBetweenItem | None, pg.ScatterPlotItem | None]] = []
         outer = QVBoxLayout(self)
         outer.setContentsMargins(0, 0, 0, 0)
         outer.setSpacing(4)
@@ -91,10 +94,10 @@ class Plot(QWidget):
         self, curves: Sequence[Curve], x_range: tuple[float, float], y_range: tuple[float, float], said: str = ""
     ) -> None:
         """Show curves between fixed limits; `said` tells in words what is seen."""
-        for _, item, band in self._items:
-            self.box.removeItem(item)
-            if band is not None:
-                self.box.removeItem(band)
+        for _, *items in self._items:
+            for item in items:
+                if item is not None:
+                    self.box.removeItem(item)
         self.curves, self._items = tuple(curves), []
         for curve in curves:
             steps = len(curve.x) == len(curve.y) + 1
@@ -105,7 +108,10 @@ class Plot(QWidget):
                 band = pg.FillBetweenItem(*edges)
                 self.box.addItem(band)
             self.box.addItem(item)
-            self._items.append((curve, item, band))
+            points = pg.ScatterPlotItem(curve.x, curve.y, size=7) if curve.marked else None
+            if points is not None:
+                self.box.addItem(points)
+            self._items.append((curve, item, band, points))
         self.box.setRange(xRange=x_range, yRange=y_range, padding=0)
         self.canvas.setAccessibleDescription(said)
         self._colour()
@@ -117,12 +123,15 @@ class Plot(QWidget):
             axis.setPen(colours.border)
             axis.setTextPen(colours.muted)
         entries = []
-        for curve, item, band in self._items:
+        for curve, item, band, points in self._items:
             colour = QColor(colours.mark if curve.tone == 0 else colours.mark_other)
             item.setPen(pg.mkPen(colour, width=1.6, style=STYLES[curve.style]))
             if curve.name:
                 sample = f'<span style="color:{colour.name()}; font-weight:bold">{SAMPLES[curve.style]}</span>'
                 entries.append(f"{sample}&nbsp;{escape(curve.name).replace(' ', '&nbsp;')}")
+            if points is not None:
+                points.setPen(None)
+                points.setBrush(colour)
             if band is not None:
                 colour.setAlpha(45)
                 band.setBrush(colour)
