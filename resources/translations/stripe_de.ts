@@ -316,6 +316,14 @@
         <source>inclined: c and the scale in depth</source>
         <translation>geneigt: c und der Tiefenmaßstab</translation>
     </message>
+    <message>
+        <source>{station}, {point}: {x:+.2f} µm in x, {y:+.2f} µm in y</source>
+        <translation>{station}, {point}: {x:+.2f} µm in x, {y:+.2f} µm in y</translation>
+    </message>
+    <message>
+        <source>{point}: σ {x:.1f}, {y:.1f}, {z:.1f} µm in X, Y, Z; {n} images</source>
+        <translation>{point}: σ {x:.1f}, {y:.1f}, {z:.1f} µm in X, Y, Z; {n} Bilder</translation>
+    </message>
 </context>
 <context>
     <name>CalibrateForm</name>
@@ -341,7 +349,7 @@
     </message>
     <message>
         <source>both, as far as captures allow</source>
-        <translation>beide, soweit Aufnahmen da sind</translation>
+        <translation>beide, soweit möglich</translation>
     </message>
     <message>
         <source>photogrammetric</source>
@@ -353,7 +361,7 @@
     </message>
     <message>
         <source>Camera and projector rigidly joined</source>
-        <translation>Kamera und Projektor starr verbunden</translation>
+        <translation>Kamera und Projektor starr</translation>
     </message>
     <message>
         <source>Reject gross errors beyond</source>
@@ -384,8 +392,8 @@
         <translation>Projektor</translation>
     </message>
     <message>
-        <source>Estimate {name} of {device}</source>
-        <translation>{name} von {device} schätzen</translation>
+        <source>{device}: estimate {name}</source>
+        <translation>{device}: {name} schätzen</translation>
     </message>
     <message>
         <source>Parameters to estimate</source>
@@ -515,7 +523,7 @@
     </message>
     <message>
         <source>Object points</source>
-        <translation>Objektpunkte</translation>
+        <translation>Punkte</translation>
     </message>
     <message>
         <source>Warnings</source>
@@ -526,12 +534,12 @@
         <translation>Warnungen ({n})</translation>
     </message>
     <message>
-        <source>⚠ {n} warnings: what is weak, and what to photograph next, stands under Warnings.</source>
-        <translation>⚠ {n} Warnungen: was schwach ist und was als Nächstes aufzunehmen ist, steht unter Warnungen.</translation>
+        <source>⚠ {n} warnings: what is weak and what to photograph next, see Warnings.</source>
+        <translation>⚠ {n} Warnungen: was schwach ist und was als Nächstes aufzunehmen ist, siehe Warnungen.</translation>
     </message>
     <message>
-        <source>⚠ One warning: it stands under Warnings.</source>
-        <translation>⚠ Eine Warnung: sie steht unter Warnungen.</translation>
+        <source>⚠ One warning, see Warnings.</source>
+        <translation>⚠ Eine Warnung, siehe Warnungen.</translation>
     </message>
     <message>
         <source>Nothing speaks against this calibration.</source>
@@ -625,7 +633,7 @@
     </message>
     <message>
         <source>plate at a depth</source>
-        <translation>Platte in einer Tiefe</translation>
+        <translation>Tiefenplatte</translation>
     </message>
     <message>
         <source>plane-table</source>
@@ -641,7 +649,7 @@
     </message>
     <message>
         <source>{n} picks</source>
-        <translation>{n} Marken angewählt</translation>
+        <translation>{n} Marken</translation>
     </message>
     <message>
         <source>no picks yet</source>
@@ -673,7 +681,7 @@
     </message>
     <message>
         <source>phase {axis}, period {period:g}, step {step} of {steps}</source>
-        <translation>Phase {axis}, Periode {period:g}, Schritt {step} von {steps}</translation>
+        <translation>Phase {axis}, Per. {period:g}, {step} von {steps}</translation>
     </message>
     <message>
         <source>line {axis} {index}</source>
@@ -696,7 +704,7 @@
     </message>
     <message>
         <source>excluded</source>
-        <translation>ausgeschl.</translation>
+        <translation>ausgeschlossen</translation>
     </message>
     <message>
         <source>roll</source>
@@ -724,7 +732,7 @@
     </message>
     <message>
         <source>Space or a click on the box leaves a capture out or takes it in.</source>
-        <translation>Leertaste oder ein Klick auf das Kästchen lässt eine Aufnahme weg oder nimmt sie hinzu.</translation>
+        <translation>Leertaste oder Klick lässt weg oder nimmt hinzu.</translation>
     </message>
     <message>
         <source>No capture takes part.</source>
@@ -916,7 +924,7 @@
     </message>
     <message>
         <source>Plate at a depth</source>
-        <translation>Platte in einer Tiefe</translation>
+        <translation>Tiefenplatte</translation>
     </message>
     <message>
         <source>A flat plate at a known position along its axis, for the polynomial method.</source>
@@ -1295,6 +1303,34 @@
         <translation>ungültig: {why}</translation>
     </message>
     <message>
+        <source>low modulation</source>
+        <translation>schwache Modulation</translation>
+    </message>
+    <message>
+        <source>saturated</source>
+        <translation>gesättigt</translation>
+    </message>
+    <message>
+        <source>unsure</source>
+        <translation>unsicher</translation>
+    </message>
+    <message>
+        <source>disagreement</source>
+        <translation>Widerspruch</translation>
+    </message>
+    <message>
+        <source>outside</source>
+        <translation>außerhalb</translation>
+    </message>
+    <message>
+        <source>no u</source>
+        <translation>kein u</translation>
+    </message>
+    <message>
+        <source>no v</source>
+        <translation>kein v</translation>
+    </message>
+    <message>
         <source>{axis} valid [%]</source>
         <translation>{axis} gültig [%]</translation>
     </message>
@@ -1304,7 +1340,7 @@
     </message>
     <message>
         <source>modulation, median [grey]</source>
-        <translation>Modulation, Median [Grauwerte]</translation>
+        <translation>Modulation, Median [Grau]</translation>
     </message>
     <message>
         <source>quantity</source>
@@ -1358,7 +1394,7 @@
     <name>DeviationMaps</name>
     <message>
         <source>Move the mouse over a map, or Shift and the arrow keys, to read values.</source>
-        <translation>Den Zeiger mit der Maus oder mit Umschalt und den Pfeiltasten über eine Karte bewegen, um Werte zu lesen.</translation>
+        <translation>Werte lesen: mit der Maus über eine Karte, oder Umschalt und Pfeiltasten.</translation>
     </message>
     <message>
         <source>End of the colour scale</source>
@@ -2648,7 +2684,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>Height over the mean plane</source>
-        <translation>Höhe über der mittleren Ebene</translation>
+        <translation>Höhe über der Ebene</translation>
     </message>
     <message>
         <source>Depth Z</source>
@@ -2828,7 +2864,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>Open image</source>
-        <translation>Bild öffnen</translation>
+        <translation>Zum Bild</translation>
     </message>
     <message>
         <source>Look at this target in its image.</source>
@@ -3092,7 +3128,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>excluded</source>
-        <translation>ausgeschl.</translation>
+        <translation>ausgeschlossen</translation>
     </message>
     <message>
         <source>options</source>
@@ -3566,6 +3602,14 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <source>polynomial</source>
         <translation>Polynom</translation>
     </message>
+    <message>
+        <source>Camera</source>
+        <translation>Kamera</translation>
+    </message>
+    <message>
+        <source>Projector</source>
+        <translation>Projektor</translation>
+    </message>
 </context>
 <context>
     <name>Start</name>
@@ -3677,7 +3721,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>{n} patterns, one image each. Before and after them {g} more are shown, to see whether anything moved and whether the lamp is steady.</source>
-        <translation>{n} Muster, je ein Bild. Davor und danach werden {g} weitere gezeigt, um zu sehen, ob sich etwas bewegt hat und ob die Lampe beständig ist.</translation>
+        <translation>{n} Muster, je ein Bild; davor und danach {g} weitere, um Bewegung und Lampe zu prüfen.</translation>
     </message>
 </context>
 <context>
