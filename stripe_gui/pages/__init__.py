@@ -20,7 +20,7 @@ PAGES = {
     "measure": ("pages.measure_page", "MeasurePage"),
     "pick": ("wizards.picking.page", "PickPage"),
     "calibrate": ("pages.calibrate_page", "CalibratePage"),
-    "calibrate-wizard": ("wizards.calibration_page", "CalibrationWizard"),
+    "calibrate-wizard": ("wizards.calibration.wizard", "CalibrationWizard"),
     "reconstruct": ("pages.reconstruct_page", "ReconstructPage"),
     "evaluate": ("pages.evaluate_page", "EvaluatePage"),
     "plane-table": ("wizards.plane_table.wizard", "PlaneTableWizard"),

@@ -1,10 +1,9 @@
 """The calibration wizard: choose, run, look at what came out, exclude, run again, compare.
 
-calibration.py            its action
-calibration_page.py       the wizard and its steps
-calibration_captures.py   which captures take part
-calibration_run.py        the run with its convergence
-calibration_runs.py       kept runs side by side
+wizard.py     the wizard and its steps
+captures.py   which captures take part
+run.py        the run with its convergence
+runs.py       kept runs side by side
 """
 
 from __future__ import annotations

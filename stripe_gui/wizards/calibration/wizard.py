@@ -21,9 +21,9 @@ from stripe_gui.presenters.work import CalibrateChoice, calibrate
 from stripe_gui.widgets.calibrate_form import CalibrateForm
 from stripe_gui.widgets.calibration_results import CalibrationResults
 from stripe_gui.widgets.layout import button, card, label, row
-from stripe_gui.wizards.calibration_captures import CaptureChoice
-from stripe_gui.wizards.calibration_run import RunStep
-from stripe_gui.wizards.calibration_runs import RunsStep
+from stripe_gui.wizards.calibration.captures import CaptureChoice
+from stripe_gui.wizards.calibration.run import RunStep
+from stripe_gui.wizards.calibration.runs import RunsStep
 from stripe_gui.wizards.wizard import Wizard
 from stripe_gui.workbench import Workbench
 
