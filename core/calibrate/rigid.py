@@ -24,6 +24,7 @@ from core.progress import SILENT, Progress
 Array = NDArray[np.float64]
 
 ERROR_LEVEL = 0.001  # chance that a rigid rig is called loose
+NEGLIGIBLE = 0.3  # of sigma: uneven light moves all targets of an image alike by 0.1 to 0.2 sigma, no rig has to
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,9 @@ class RigidityTest:
         Increase of vᵀPv by the constraint, per constraint, over the variance of unit weight without it; F distributed.
     critical : float
         What the statistic of a rigid rig exceeds once in a thousand experiments.
+    drift_sigmas : float
+        R.m.s. shift of the image points that the constraint brings about, noise taken off, in units of their sigma.
+        A significant one below 0.3 is put down to the targets' own systematic errors.
     shift_rms_mm, turn_rms_mrad : float
         Deviations of the poses' own relative orientations from their mean, noise included.
     poses : int
@@ -44,6 +48,7 @@ class RigidityTest:
 
     statistic: float
     critical: float
+    drift_sigmas: float
     shift_rms_mm: float
     turn_rms_mrad: float
     poses: int
@@ -51,14 +56,15 @@ class RigidityTest:
     @property
     def rigid(self) -> bool:
         """Whether nothing speaks against a rigid rig."""
-        return self.statistic <= self.critical
+        return self.statistic <= self.critical or self.drift_sigmas <= NEGLIGIBLE
 
     def __str__(self) -> str:
         """Say the result in words."""
         verdict = "the rig was rigid" if self.rigid else "the rig was not rigid"
         return (
-            f"{verdict}: F = {self.statistic:.2f}, critical value {self.critical:.2f}; over {self.poses} poses the "
-            f"relative orientation scatters by {self.shift_rms_mm:.3g} mm and {self.turn_rms_mrad:.3g} mrad r.m.s."
+            f"{verdict}: F = {self.statistic:.2f}, critical value {self.critical:.2f}; one orientation for all poses "
+            f"moves the image points by {self.drift_sigmas:.2g} sigma r.m.s.; over {self.poses} poses the relative "
+            f"orientation scatters by {self.shift_rms_mm:.3g} mm and {self.turn_rms_mrad:.3g} mrad r.m.s."
         )
 
 
@@ -89,10 +95,12 @@ def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILE
     rigid_start = solved.state if given_rigid else _bound(rigid, solved.state)
     rigid_cost = _solution(solved.network, rigid, rigid_start, progress).cost
     variance = free_solution.cost / free.redundancy
+    excess = max(rigid_cost - free_solution.cost - constraints * variance, 0.0)
     deviations = np.concatenate([_deviations(rigid, free_solution.state, d) for d in range(len(rigid.base))])
     return RigidityTest(
         statistic=(rigid_cost - free_solution.cost) / constraints / variance,
         critical=float(fdtri(constraints, free.redundancy, 1 - ERROR_LEVEL)),
+        drift_sigmas=float(np.sqrt(excess / variance / (2 * len(rigid.point)))),
         shift_rms_mm=float(np.sqrt(np.mean(np.sum(deviations[:, 3:] ** 2, axis=1)))),
         turn_rms_mrad=1e3 * float(np.sqrt(np.mean(np.sum(deviations[:, :3] ** 2, axis=1)))),
         poses=len(deviations),

@@ -48,6 +48,15 @@ def test_a_loose_rig_is_recognised_and_its_looseness_measured(loose):
     assert 0.5 < result.shift_rms_mm < 1.4
 
 
+def test_what_is_significant_and_smaller_than_the_targets_own_errors_is_no_looseness(loose):
+    large, small = rigidity_test(loose(0.5)), rigidity_test(loose(0.007))
+    assert small.statistic > small.critical
+    assert small.rigid
+    # the same motion on a scale of 1:71. The small one's F of about 3 has 54 degrees of freedom and so a standard
+    # deviation of sqrt(2 + 4 · 2) / sqrt(54) = 0.43: a fifth of its excess over 1, a tenth of the drift
+    assert large.drift_sigmas / small.drift_sigmas == pytest.approx(0.5 / 0.007, rel=0.3)
+
+
 def test_statistic_of_rigid_rigs_is_f_distributed(loose):
     values = [rigidity_test(loose(0.0, seed)).statistic for seed in range(30)]
     # F with 54 degrees of freedom has mean 1 and standard deviation 0.19; the mean of 30 is good to 0.035
