@@ -602,7 +602,7 @@
     </message>
     <message>
         <source>{what}; {options}. Unchanged captures are not measured again.</source>
-        <translation>{what}; {options}. Unveränderte Aufnahmen werden nicht noch einmal gemessen.</translation>
+        <translation>{what}; {options}. Unverändertes wird nicht neu gemessen.</translation>
     </message>
     <message>
         <source>The calibration is running.</source>
@@ -1242,7 +1242,7 @@
     </message>
     <message>
         <source>Point at a cell to read it, or use the arrow keys. A dot marks correlations beyond ±0.9.</source>
-        <translation>Auf eine Zelle zeigen, um sie zu lesen, oder die Pfeiltasten benutzen. Ein Punkt markiert Korrelationen über ±0.9.</translation>
+        <translation>Auf eine Zelle zeigen (oder Pfeiltasten), um sie zu lesen. Punkt: über ±0.9.</translation>
     </message>
 </context>
 <context>
@@ -2343,7 +2343,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>All picked: close</source>
-        <translation>Alle angewählt: schließen</translation>
+        <translation>Alle fertig: schließen</translation>
     </message>
     <message>
         <source>Target {k} of {n}: {target}. Click its dot, or bring the cross hairs there and press Space.</source>
@@ -2665,7 +2665,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>deviation [µm]</source>
-        <translation>Abweichung [µm]</translation>
+        <translation>Abw. [µm]</translation>
     </message>
     <message>
         <source>{said}, tinted: ±σ predicted</source>
@@ -3024,10 +3024,6 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Fortschritt der Kalibrierung</translation>
     </message>
     <message>
-        <source>Convergence</source>
-        <translation>Konvergenz</translation>
-    </message>
-    <message>
         <source>Not started yet. The window stays usable while it runs.</source>
         <translation>Noch nicht begonnen. Das Fenster bleibt währenddessen benutzbar.</translation>
     </message>
@@ -3331,7 +3327,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>r.m.s. deviation</source>
-        <translation>r.m.s. der Abweichungen</translation>
+        <translation>r.m.s.-Abweichung</translation>
     </message>
     <message>
         <source>largest deviation</source>
@@ -3387,7 +3383,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>without a name the report is not signed</source>
-        <translation>ohne Namen wird der Bericht nicht freigegeben</translation>
+        <translation>ohne Namen keine Freigabe</translation>
     </message>
     <message>
         <source>Files</source>

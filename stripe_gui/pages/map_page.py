@@ -38,12 +38,12 @@ class MapPage(Page):
     def lay_out(self, middle: QWidget, *, before: Sequence[QWidget] = (), below: Sequence[QWidget] = ()) -> None:
         """Put the captures, with what is `below` them, beside what holds the map.
 
-        What stands `before` the choice of maps is in one row with it.
+        What stands `before` the choice of maps is in one row with it, and leaves no room for its name.
         """
         fit = button("", self.fit, "fit", flat=True)
         fit.setAccessibleName(self.tr("Whole image"))
         fit.setToolTip(self.tr("Whole image"))
-        top = row(*before, label(self.tr("Map")), self.kind, None, fit)
+        top = row(*(before or (label(self.tr("Map")),)), self.kind, None, fit)
         split = QSplitter(Qt.Orientation.Horizontal)
         split.addWidget(boxed(column(label(self.tr("Captures"), "heading"), self.captures, *below, spacing=8)))
         split.addWidget(boxed(column(top, middle)))

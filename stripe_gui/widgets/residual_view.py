@@ -36,7 +36,7 @@ class ResidualView(QWidget):
         self._at: tuple[int, int] | None = None
         self.stations = QComboBox()
         self.stations.setAccessibleName(self.tr("Captures whose residuals are shown"))
-        self.stations.setMinimumWidth(180)
+        self.stations.setMinimumWidth(150)
         self.stations.currentIndexChanged.connect(self._draw)
         self.picked = label(self.tr("Click a vector to learn which point it is."), "muted")
         self.open_image = button(self.tr("Open image"), self._open, "measure", flat=True)

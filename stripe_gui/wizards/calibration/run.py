@@ -34,7 +34,7 @@ class RunStep(QWidget):
         inside.itemAt(0).layout().setStretch(0, 1)
         inside.addWidget(self.bar)
         inside.addWidget(self.state)
-        curve, around = card(self.tr("Convergence"))
+        curve, around = card()
         around.addWidget(self.convergence, 1)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)

@@ -45,9 +45,11 @@ class PickPage(Page):
         self._connect()
 
     def _lay_out(self) -> None:
-        self.undo_button = self.add_button(self.tr("Undo"), self.undo, "undo")
+        self.undo_button = self.add_button("", self.undo, "undo")  # no words: the next step's name needs the room
+        self.undo_button.setAccessibleName(self.tr("Undo"))
         self.undo_button.setToolTip(self.tr("Take the last change back, in whichever image it was made (Ctrl+Z)"))
-        self.redo_button = self.add_button(self.tr("Redo"), self.redo, "redo")
+        self.redo_button = self.add_button("", self.redo, "redo")
+        self.redo_button.setAccessibleName(self.tr("Redo"))
         self.redo_button.setToolTip(self.tr("Make it again (Ctrl+Shift+Z)"))
         self.primary = self.add_button(self.tr("Accept and measure"), self.advance, "next", primary=True)
         self.image, self.side = ImagePanel(self.exclude), SidePanel()

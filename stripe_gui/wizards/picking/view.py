@@ -222,7 +222,7 @@ def question(model: Picking, view: PickingView, step: NextStep) -> tuple[str, st
         return text.format(k=number, n=len(model.wanted), target=target), does
     if model.target in view.targets:
         fate = str(view.table.rows[view.targets.index(model.target)][2])
-        return translate("Picking", "{target}: {fate}").format(target=target.capitalize(), fate=fate), does
+        return translate("Picking", "{target}: {fate}").format(target=target[0].upper() + target[1:], fate=fate), does
     return translate("Picking", "At work: {target}").format(target=target), does
 
 
