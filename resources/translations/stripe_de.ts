@@ -306,15 +306,15 @@
     </message>
     <message>
         <source>a quarter turn: A3, A4, x0, y0</source>
-        <translation>eine Vierteldrehung: A3, A4, x0, y0</translation>
+        <translation>90°: A3, A4, x0, y0</translation>
     </message>
     <message>
         <source>seen straight on: distortion</source>
-        <translation>gerade von vorn: Verzeichnung</translation>
+        <translation>von vorn: Verzeichnung</translation>
     </message>
     <message>
         <source>inclined: c and the scale in depth</source>
-        <translation>geneigt: c und der Tiefenmaßstab</translation>
+        <translation>geneigt: c, Tiefenmaßstab</translation>
     </message>
     <message>
         <source>{station}, {point}: {x:+.2f} µm in x, {y:+.2f} µm in y</source>
@@ -1579,6 +1579,29 @@
     <message>
         <source>Not evaluated yet: {reason}.</source>
         <translation>Noch nicht beurteilt: {reason}.</translation>
+    </message>
+</context>
+<context>
+    <name>Failures</name>
+    <message>
+        <source>out of memory</source>
+        <translation>der Speicher reicht nicht</translation>
+    </message>
+    <message>
+        <source>close other programs, or use fewer captures</source>
+        <translation>andere Programme schließen, oder weniger Aufnahmen verwenden</translation>
+    </message>
+    <message>
+        <source>see to the disk and the folder&apos;s permissions</source>
+        <translation>nach der Platte und den Rechten am Ordner sehen</translation>
+    </message>
+    <message>
+        <source>the program met something it was not written for ({kind}: {error})</source>
+        <translation>das Programm ist auf etwas gestoßen, wofür es nicht geschrieben ist ({kind}: {error})</translation>
+    </message>
+    <message>
+        <source>report it with the details; your data are untouched</source>
+        <translation>mit den Einzelheiten melden; die Daten sind unberührt</translation>
     </message>
 </context>
 <context>

@@ -7,8 +7,12 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from PySide6.QtCore import QCoreApplication
+
 from core.errors import StripeError
 from core.project import write_json
+
+translate = QCoreApplication.translate
 
 
 @dataclass(frozen=True)
@@ -24,13 +28,18 @@ class StageFailure:
 def describe(error: BaseException, trace: str = "") -> StageFailure:
     """Put an error into the operator's words; anything but our own errors is a fault of the program."""
     if isinstance(error, StripeError):
-        return StageFailure(f"{error.where}: {error.seen}", error.remedy, trace, time.time_ns())
-    if isinstance(error, MemoryError):
-        return StageFailure("out of memory", "close other programs, or use fewer captures", trace, time.time_ns())
-    if isinstance(error, OSError):
-        return StageFailure(str(error), "see to the disk and the folder's permissions", trace, time.time_ns())
-    happened = f"the program met something it was not written for ({type(error).__name__}: {error})"
-    return StageFailure(happened, "report it with the details; your data are untouched", trace, time.time_ns())
+        happened, remedy = f"{error.where}: {error.seen}", error.remedy
+    elif isinstance(error, MemoryError):
+        happened = translate("Failures", "out of memory")
+        remedy = translate("Failures", "close other programs, or use fewer captures")
+    elif isinstance(error, OSError):
+        happened = str(error)
+        remedy = translate("Failures", "see to the disk and the folder's permissions")
+    else:
+        text = translate("Failures", "the program met something it was not written for ({kind}: {error})")
+        happened = text.format(kind=type(error).__name__, error=error)
+        remedy = translate("Failures", "report it with the details; your data are untouched")
+    return StageFailure(happened, remedy, trace, time.time_ns())
 
 
 def read_failures(folder: Path) -> dict[str, StageFailure]:
