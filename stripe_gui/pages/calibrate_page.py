@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QFrame, QScrollArea, QWidget
 from core.errors import StripeError
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.calibrate import calibration_view, choice_of
-from stripe_gui.presenters.status import State
+from stripe_gui.presenters.status import State, method_name
 from stripe_gui.presenters.work import CalibrateChoice, calibrate
 from stripe_gui.widgets.calibrate_form import CalibrateForm
 from stripe_gui.widgets.calibration_results import CalibrationResults
@@ -76,7 +76,7 @@ class CalibratePage(Page):
         yield from self.results.parts()
 
     def _told(self, calibrations: dict) -> None:
-        names = ", ".join(calibrations)
+        names = ", ".join(map(method_name, calibrations))
         self.bench.notify("success", self.tr("Calibrated: {names}.").format(names=names))
 
     def refresh(self) -> None:
