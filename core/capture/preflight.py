@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from math import acos, atan2, degrees
+from math import acos, atan2, ceil, degrees
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,19 +74,22 @@ def preflight(
 def measure_settle(projector: Projector, camera: Camera, rest_s: float = 0.2, check: Check = no_check) -> Finding:
     """Measure how long after the acknowledgement the light is steady, dark to bright and bright to dark.
 
-    Before every step the light rests for `rest_s`. An image is taken a growing time after the acknowledgement; the
-    light is steady from the first delay on after which all images differ by less than `STEADY` from the last. The curve
-    is delay in ms against the light, 0 to 1.
+    Before every step the light rests for `rest_s`. An image is taken a growing time after the acknowledgement, and
+    stands for the time at which it was really begun; the light is steady from the first image on after which all differ
+    by less than `STEADY` from the last. The curve is delay in ms against the light, 0 to 1.
     """
 
-    def level(before: Pattern, after: Pattern, delay_s: float) -> tuple[float, float]:
+    def level(before: Pattern, after: Pattern, delay_s: float) -> tuple[float, float, float]:
+        """Give the mean grey value, when the image was begun and how long it took, in ms."""
         projector.show(before)
         wait_until(time.monotonic() + rest_s, check)
         projector.show(after)
         acknowledged = time.monotonic()
         wait_until(acknowledged + delay_s, check)
+        begun = time.monotonic()
         image = camera.grab(check=check)
-        return float(image.pixels.astype(np.float64).mean()), time.monotonic() - acknowledged - delay_s
+        took = time.monotonic() - begun
+        return float(image.pixels.astype(np.float64).mean()), 1000 * (begun - acknowledged), 1000 * took
 
     dark, bright = level(White(), Black(), rest_s)[0], level(Black(), White(), rest_s)[0]
     step = bright - dark
@@ -97,25 +100,27 @@ def measure_settle(projector: Projector, camera: Camera, rest_s: float = 0.2, ch
             "between white and black the image hardly changes: look whether the projector's light reaches the camera",
             {"settle_ms": 1000 * projector.settle_s, "step": step},
         )
-    curve, needed, grabbing = [], 0.0, []
+    curve, needed, steady, grabbing = [], 0.0, True, []
     for delay_ms in DELAYS_MS:
-        up, took = level(Black(), White(), delay_ms / 1000)
-        down, _ = level(White(), Black(), delay_ms / 1000)
+        up, up_at, took = level(Black(), White(), delay_ms / 1000)
+        down, down_at, _ = level(White(), Black(), delay_ms / 1000)
         grabbing.append(took)
-        curve.append((float(delay_ms), (up - dark) / step))
-        if max(bright - up, down - dark) > STEADY * step:
-            later = [d for d in DELAYS_MS if d > delay_ms]
-            needed = float(later[0]) if later else float("inf")
-        elif delay_ms > 3 * needed + 20:
+        curve.append((up_at, (up - dark) / step))
+        before, steady = steady, max(bright - up, down - dark) <= STEADY * step
+        if steady and not before:
+            needed = max(up_at, down_at)
+        if steady and delay_ms > 3 * needed + 20:
             break
-    image_ms = 1000 * float(np.median(grabbing))
+    if not steady:
+        needed = float("inf")
+    image_ms = float(np.median(grabbing))
     figures = {"settle_ms": min(needed, float(DELAYS_MS[-1])), "image_ms": image_ms}
     words = f"the light is steady {needed:.0f} ms after the acknowledgement, an image takes {image_ms:.0f} ms"
     if needed == float("inf"):
         text = f"the light is not steady {DELAYS_MS[-1]} ms after the acknowledgement: look for automatic exposure"
         return Finding("settle", "bad", text, figures, curve=tuple(curve))
     if needed > 1000 * projector.settle_s + 0.5:
-        text = f"{words}; it is waited for {1000 * projector.settle_s:.0f} ms: set settle_ms={needed:.0f}"
+        text = f"{words}; it is waited for {1000 * projector.settle_s:.0f} ms: set settle_ms={ceil(needed)}"
         return Finding("settle", "warning", text, figures, curve=tuple(curve))
     return Finding("settle", "good", words, figures, curve=tuple(curve))
 

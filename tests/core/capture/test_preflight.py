@@ -70,8 +70,8 @@ def test_the_settle_time_is_measured(settle_ms: int) -> None:
     stage = Stage(FlatScene())
     projector = VirtualProjector(stage, settle_s=settle_ms / 1000)
     finding = measure_settle(projector, VirtualCamera(stage), rest_s=0.09)
-    # not less than the truth, not more than the next delay tried on a busy machine
-    assert settle_ms <= finding.figures["settle_ms"] <= max(1.5 * settle_ms, 8)
+    # not less than the truth, not more than twice it on a busy machine
+    assert settle_ms <= finding.figures["settle_ms"] <= max(2 * settle_ms, 8)
     assert finding.curve[0][1] == pytest.approx(0.0 if settle_ms else 1.0, abs=0.02)
 
 
@@ -81,7 +81,9 @@ def test_a_settle_time_that_is_too_short_is_advised() -> None:
     projector.settle_s = 0.005
     finding = measure_settle(projector, VirtualCamera(stage), rest_s=0.09)
     assert finding.level == "warning"
-    assert "set settle_ms=30" in finding.text or "set settle_ms=40" in finding.text
+    # not less than the truth, not more than twice it on a busy machine
+    advised = float(finding.text.rpartition("settle_ms=")[2])
+    assert 30 <= advised <= 60
 
 
 def test_a_projector_that_gives_no_light_is_told() -> None:
