@@ -15,7 +15,7 @@ import numpy as np
 
 from core.compiling import njit
 from core.errors import InputError
-from core.model import PhaseMap, PhotogrammetricCalibration, PointCloud
+from core.model import Floats, PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
 from core.reconstruct.system import System, prepare, sigma_table
 
@@ -47,8 +47,8 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> Point
     Notes
     -----
     A pixel has a point where the leading coordinate (of those decoded the one that changes more with depth) is valid;
-    the other one takes part where it is valid too. The calibration's part of the sigma is interpolated in a table and
-    taken for equal weights of u and v.
+    the other one takes part where it is valid too. The calibration's part of the sigma is interpolated between nodes
+    and taken for equal weights of u and v.
     """
     system = prepare(calibration)
     lead, other = _axes(phase, system)
@@ -61,17 +61,21 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> Point
     sigma_depth = np.empty((height, width), np.float32)
     table = sigma_table(calibration, lead + (other or ""))
     device = (*system.matrix.ravel().tolist(), *system.vector.tolist(), *system.radial)
-    spread = _column_weights(width, table.q2_variance.shape[1])
 
     def band(start: int, stop: int) -> None:
         _intersect_rows(
             first, first_sigma, first_line, second, second_sigma, second_line, other is not None,
-            system.rays, device, table.q2_variance, table.nodes_per_line, *spread,
-            xyz, sigma, sigma_depth, start, stop,
+            _flat(system.rays), device, table.nodes, table.step, table.per_q,
+            _flat(xyz), _flat(sigma), sigma_depth, start, stop,
         )  # fmt: skip
 
     run_in_bands(band, height)
     return PointCloud(xyz, sigma, sigma_depth)
+
+
+def _flat(vectors: Floats) -> Floats:
+    """View (H, W, k) as (H, W k): a loop over them is compiled for several pixels at once if it knows their step."""
+    return vectors.reshape(len(vectors), -1)
 
 
 def _axes(phase: PhaseMap, system: System) -> tuple[str, str | None]:
@@ -100,13 +104,6 @@ def _any_finite(values):  # type: ignore[no-untyped-def]
     return False
 
 
-def _column_weights(width: int, nodes: int) -> tuple[np.ndarray, np.ndarray]:
-    """For every column the table node to its left and the weight of the next one."""
-    position = np.arange(width) * ((nodes - 1) / max(width - 1, 1))
-    left = np.minimum(position.astype(np.int64), nodes - 2)
-    return left, position - left
-
-
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")
 def _along(q, X, Y, W, device):  # type: ignore[no-untyped-def]
     """Image after radial and decentring parameters at inverse depth q, and its derivative by q."""
@@ -133,7 +130,7 @@ def _begin_row(u, line, rays, device, X, Y, W, q):  # type: ignore[no-untyped-de
     mx, my, mw = device[9:12]
     along = kx * mx + ky * my
     for c in range(u.shape[0]):
-        dx, dy = np.float64(rays[c, 0]), np.float64(rays[c, 1])
+        dx, dy = np.float64(rays[2 * c]), np.float64(rays[2 * c + 1])
         X[c] = device[0] * dx + device[1] * dy - device[2]
         Y[c] = device[3] * dx + device[4] * dy - device[5]
         W[c] = device[6] * dx + device[7] * dy - device[8]
@@ -185,40 +182,52 @@ def _step_two(u, sigma_u, line_u, v, sigma_v, line_v, device, X, Y, W, q, sigma_
     return moving
 
 
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")
+def _five(values, start):  # type: ignore[no-untyped-def]
+    return values[start], values[start + 1], values[start + 2], values[start + 3], values[start + 4]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")
+def _polynomial(x, t, first, change):  # type: ignore[no-untyped-def]
+    """A polynomial whose coefficients change with t."""
+    value = first[0] + t * change[0]
+    for k in range(1, 5):
+        value = value * x + (first[k] + t * change[k])
+    return value
+
+
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
-def _end_row(u, rays, q, sigma_q, last, mw, W, nodes, per_line, left, share, xyz, sigma, sigma_depth):  # type: ignore[no-untyped-def]
-    """Points and sigmas of a row from the inverse depths; `nodes` (columns, lines, 3) is the table at this row."""
-    most = nodes.shape[1] - 2
+def _end(rays, q, sigma_q, last, mw, W, left, right, per_column, per_q, xyz, sigma, sigma_depth):  # type: ignore[no-untyped-def]
+    """Points and sigmas between two columns of nodes, from the inverse depths."""
+    change = right - left
+    x0, y0, z0 = _five(left, 0), _five(left, 5), _five(left, 10)
+    x1, y1, z1 = _five(change, 0), _five(change, 5), _five(change, 10)
+    low0, high0, low1, high1 = left[15], left[16], change[15], change[16]
     for c in range(q.shape[0]):
-        if not (last[c] <= SETTLED_LINES and q[c] > 0 and W[c] + mw * q[c] > 0):
-            xyz[c, 0] = xyz[c, 1] = xyz[c, 2] = np.nan
-            sigma[c, 0] = sigma[c, 1] = sigma[c, 2] = sigma_depth[c] = np.nan
-            continue
-        s = 1.0 / q[c]
-        noise = sigma_q[c] * s * s
-        noise2, s4 = noise * noise, s * s * s * s
-        dx, dy = np.float64(rays[c, 0]), np.float64(rays[c, 1])
-        xyz[c, 0], xyz[c, 1], xyz[c, 2] = dx * s, dy * s, -s
+        good = (last[c] <= SETTLED_LINES) & (q[c] > 0) & (W[c] + mw * q[c] > 0)
+        s = 1.0 / q[c] if good else np.nan
+        s2 = s * s
+        noise = sigma_q[c] * s2
+        dx, dy = np.float64(rays[2 * c]), np.float64(rays[2 * c + 1])
+        xyz[3 * c], xyz[3 * c + 1], xyz[3 * c + 2] = dx * s, dy * s, -s
         sigma_depth[c] = noise
-        k = min(max(np.float64(u[c]) * per_line, 0.0), most + 1.0)
-        i = min(int(k), most)
-        k -= i
-        j, t = left[c], share[c]
-        a, b, e, f = (1 - t) * (1 - k), (1 - t) * k, t * (1 - k), t * k
-        for n in range(3):
-            along = dx * dx if n == 0 else (dy * dy if n == 1 else 1.0)
-            own = a * nodes[j, i, n] + b * nodes[j, i + 1, n] + e * nodes[j + 1, i, n] + f * nodes[j + 1, i + 1, n]
-            sigma[c, n] = np.sqrt(along * noise2 + own * s4)
+        t = c * per_column
+        x = min(max(q[c] * per_q - 1.0, low0 + t * low1), high0 + t * high1)
+        noise2, s4 = noise * noise, s2 * s2
+        sigma[3 * c] = np.sqrt(dx * dx * noise2 + s4 * _polynomial(x, t, x0, x1))
+        sigma[3 * c + 1] = np.sqrt(dy * dy * noise2 + s4 * _polynomial(x, t, y0, y1))
+        sigma[3 * c + 2] = np.sqrt(noise2 + s4 * _polynomial(x, t, z0, z1))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _intersect_rows(  # type: ignore[no-untyped-def]
-    u, sigma_u, line_u, v, sigma_v, line_v, both, rays, device, table, per_line, left, share,
-    xyz, sigma, sigma_depth, start, stop,
-):  # fmt: skip
+    u, sigma_u, line_u, v, sigma_v, line_v, both, rays, device, table, step, per_q, xyz, sigma, sigma_depth, start, stop
+):
     """Intersect rows start to stop - 1."""
     width = u.shape[1]
-    X, Y, W, q, sigma_q, last = np.empty((6, width))
+    # arrays of their own: the compiler does not do several pixels at once where the columns of one array are written
+    X, Y, W = np.empty(width), np.empty(width), np.empty(width)
+    q, sigma_q, last = np.empty(width), np.empty(width), np.empty(width)
     for r in range(start, stop):
         _begin_row(u[r], line_u, rays[r], device, X, Y, W, q)
         for _ in range(MOST_STEPS):
@@ -233,19 +242,10 @@ def _intersect_rows(  # type: ignore[no-untyped-def]
         height = r * (table.shape[0] - 1) / max(u.shape[0] - 1, 1)
         i = min(int(height), table.shape[0] - 2)
         nodes = (1 - (height - i)) * table[i] + (height - i) * table[i + 1]
-        _end_row(
-            u[r],
-            rays[r],
-            q,
-            sigma_q,
-            last,
-            device[11],
-            W,
-            nodes,
-            per_line,
-            left,
-            share,
-            xyz[r],
-            sigma[r],
-            sigma_depth[r],
-        )
+        for j in range(nodes.shape[0] - 1):
+            a, b = j * step, min((j + 1) * step, width)
+            _end(
+                rays[r, 2 * a : 2 * b], q[a:b], sigma_q[a:b], last[a:b], device[11], W[a:b],
+                nodes[j], nodes[j + 1], 1.0 / step, per_q,
+                xyz[r, 3 * a : 3 * b], sigma[r, 3 * a : 3 * b], sigma_depth[r, a:b],
+            )  # fmt: skip

@@ -1,8 +1,8 @@
-"""What the calibration's covariance does to a point, on a coarse grid over the common field of view.
+"""What the calibration's covariance does to a point, as polynomials on a coarse grid over the camera's image.
 
-The sigma that comes from the calibration varies slowly over image and depth, so a table costs nothing in accuracy and
-saves a factor of a hundred in time. ``X q²`` is tabulated (q the inverse depth, see `system`), because its variance
-hardly depends on q.
+With q the inverse depth (see `system`), the variance of ``X q²`` at a pixel is a polynomial of the fourth degree in q:
+dX/dp is quadratic in q for central projections, and distortion changes little of that. Its coefficients vary slowly
+over the image, so that interpolating them costs nothing in accuracy and saves a factor of a hundred in time.
 """
 
 from __future__ import annotations
@@ -17,9 +17,12 @@ from core.geometry import Pose, matrix_from_rotation_vector, project, ray_direct
 from core.model import Array, DeviceSpec, Interior
 
 PARAMETERS = 24
-NODES = (17, 17, 13)  # rows, columns, projector coordinates
+NODES = 25  # rows, and about as many columns
+LANES = 4  # columns between nodes are a multiple: what a processor works on at once
+DEGREE = 4
+SAMPLES = 9  # inverse depths at which a polynomial is fitted
 DEPTH_LIMITS = (0.05, 100.0)  # depths tried, in units of the base
-MARGIN = 0.15  # nodes this far outside the raster still serve: more than the distance of two nodes
+MARGIN = 0.15  # points this far outside the raster still count: more than the distance of two nodes
 
 
 @dataclass(frozen=True)
@@ -37,14 +40,18 @@ class SigmaTable:
 
     Attributes
     ----------
-    q2_variance : array, shape (rows, columns, lines, 3)
-        Variance of X q² at nodes spread evenly over the camera's image and the leading projector coordinate.
-    nodes_per_line : float
-        By which a projector coordinate becomes a place in the table.
+    nodes : array, shape (rows, columns, 17)
+        Of the polynomials for the variances of X q², Y q² and Z q² five coefficients each, highest power first, and
+        the least and the greatest x at which they hold. The variable is x = q `per_q` - 1.
+    step : int
+        Image columns from node to node, from column 0 on; the rows of nodes are spread evenly over the image.
+    per_q : float
+        In mm.
     """
 
-    q2_variance: Array
-    nodes_per_line: float
+    nodes: Array
+    step: int
+    per_q: float
 
 
 def depth_slopes(devices: Devices) -> tuple[float, float]:
@@ -69,26 +76,31 @@ def make_table(devices: Devices, covariance: Array, axes: str) -> SigmaTable:
     covariance : array, shape (24, 24)
         In the order of `PhotogrammetricCalibration.covariance`.
     axes : str
-        The observed projector coordinates, the leading one first; they count with equal weight.
+        The observed projector coordinates; they count with equal weight.
     """
-    spec = devices.projector[0]
-    lead = "uv".index(axes[0])
-    end = (spec.width, spec.height)[lead] - 1
     uv = _camera_nodes(devices)
+    step = int(uv[0, 1, 0])
     if not np.diag(covariance).any():
-        return SigmaTable(np.zeros((*NODES, 3)), (NODES[2] - 1) / end)
-    rays = ray_directions(*devices.camera, uv)
+        return SigmaTable(np.zeros((*uv.shape[:2], 3 * (DEGREE + 1) + 2)), step, 1.0)
     tried = _tried(devices)
-    lit = _lit(spec, _pinhole(devices, rays, tried), MARGIN)
-    lines = _projected(devices, rays, np.broadcast_to(tried, (*rays.shape[:2], len(tried))))[..., lead]
-    q = _inverse_depths(np.where(lit, lines, np.nan), tried, np.linspace(0, end, NODES[2]))
+    lit = _lit(devices.projector[0], _pinhole(devices, ray_directions(*devices.camera, uv), tried), MARGIN)
+    least, greatest = (
+        np.where(lit.any(axis=-1), tried[e], np.nan) for e in (lit.argmax(-1), -1 - lit[..., ::-1].argmax(-1))
+    )
+    q = least[..., None] + (greatest - least)[..., None] * np.linspace(0, 1, SAMPLES)
     weights = np.array([float("u" in axes), float("v" in axes)])
-    return SigmaTable(_filled(_variance(devices, uv, q, covariance, weights)), (NODES[2] - 1) / end)
+    per_q = 2 / (np.nanmin(least) + np.nanmax(greatest)) if lit.any() else 1.0
+    x = q * per_q - 1
+    coefficients = _fitted(x, _variance(devices, uv, q, covariance, weights))
+    nodes = np.concatenate([coefficients.reshape(*uv.shape[:2], -1), x[..., :1], x[..., -1:]], axis=-1)
+    return SigmaTable(_filled(nodes), step, float(per_q))
 
 
 def _camera_nodes(devices: Devices) -> Array:
+    """Pixel coordinates (rows, columns, 2) of the nodes; the last column lies outside of the image."""
     spec = devices.camera[0]
-    rows, columns = np.linspace(0, spec.height - 1, NODES[0]), np.linspace(0, spec.width - 1, NODES[1])
+    step = LANES * -(-spec.width // ((NODES - 1) * LANES))
+    rows, columns = np.linspace(0, spec.height - 1, NODES), np.arange(0, spec.width + step, step)
     return np.stack(np.meshgrid(columns, rows), axis=-1)
 
 
@@ -118,16 +130,13 @@ def _lit(spec: DeviceSpec, uv: Array, margin: float) -> NDArray[np.bool_]:
         return np.asarray(np.all((uv >= -margin * size) & (uv <= (1 + margin) * size), axis=-1))
 
 
-def _inverse_depths(lines: Array, tried: Array, nodes: Array) -> Array:
-    """Inverse depth at which each ray has the projector coordinates `nodes`, NaN where it never has one."""
-    q = np.full((*lines.shape[:2], len(nodes)), np.nan)
-    for index in np.ndindex(lines.shape[:2]):
-        known = np.isfinite(lines[index])
-        if np.count_nonzero(known) > 1:
-            found, at = lines[index][known], tried[known]
-            order = np.argsort(found)
-            q[index] = np.interp(nodes, found[order], at[order], left=np.nan, right=np.nan)
-    return q
+def _fitted(x: Array, variance: Array) -> Array:
+    """Polynomials (rows, columns, 3, 5) through variances (rows, columns, k, 3) at x (rows, columns, k)."""
+    known = np.isfinite(variance).all(axis=(-1, -2))
+    coefficients = np.full((*known.shape, 3, DEGREE + 1), np.nan)
+    powers = x[known][..., None] ** np.arange(DEGREE, -1, -1)
+    coefficients[known] = np.swapaxes(np.linalg.pinv(powers) @ variance[known], -1, -2)
+    return coefficients
 
 
 def _variance(devices: Devices, uv: Array, q: Array, covariance: Array, weights: Array) -> Array:
@@ -168,10 +177,10 @@ def _moved(devices: Devices, parameter: int, step: float) -> Devices:
     )
 
 
-def _filled(table: Array) -> Array:
-    """Carry the nearest known value to nodes that no point can have."""
-    known = np.isfinite(table).all(axis=-1)
+def _filled(nodes: Array) -> Array:
+    """Carry the nearest known polynomials to nodes where no point can be."""
+    known = np.isfinite(nodes).all(axis=-1)
     if known.all() or not known.any():
-        return table
+        return nodes
     nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.asarray(table[tuple(nearest)])
+    return np.asarray(nodes[tuple(nearest)])

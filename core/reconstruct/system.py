@@ -55,9 +55,9 @@ def prepare(calibration: PhotogrammetricCalibration) -> System:
 
 
 def sigma_table(calibration: PhotogrammetricCalibration, axes: str) -> SigmaTable:
-    """Give the table of what the covariance does to points, for the observed axes, the leading one first.
+    """Give the table of what the covariance does to points, for the observed axes.
 
-    `axes` is "u", "v", "uv" or "vu"; the last four tables are remembered.
+    `axes` is "u", "v" or "uv", in any order; the last four tables are remembered.
     """
     return _table(_key(calibration), np.ascontiguousarray(calibration.covariance, np.float64).tobytes(), axes)
 

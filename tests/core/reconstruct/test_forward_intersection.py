@@ -201,7 +201,7 @@ def test_the_sigma_table_repeats_the_covariance_propagated_at_every_pixel(make_r
             G.append((ends[0].astype(np.float64) - ends[1]) / (2 * sigma))
         exact = np.sqrt(np.einsum("ihwk,ij,jhwk->hwk", np.array(G), covariance, np.array(G)))
         ratio = reconstruct(observed, rig.calibration).sigma_mm / exact
-        # linear interpolation between 17 x 17 x 13 nodes
+        # linear interpolation of the polynomials between 25 x 25 nodes
         assert np.nanmin(ratio) > 0.99
         assert np.nanmax(ratio) < 1.01
 
