@@ -8,7 +8,7 @@ OUT    ?= demo
 # small matrices: the threads of the linear algebra would only spin beside our own
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test check bench clean
+.PHONY: help setup demo test check bench pictures clean
 
 help:
 	@echo "make setup   the environment in $(VENV) (a second call is quick)"
@@ -16,6 +16,7 @@ help:
 	@echo "make test    all tests"
 	@echo "make check   ruff, formatting and types"
 	@echo "make bench   benchmarks against peers, to a table and plots in bench-results"
+	@echo "make pictures  the pictures of the help, from the finished project in $(OUT)"
 
 setup: $(STAMP)
 
@@ -29,7 +30,7 @@ demo: setup
 	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ] && [ -z "$$CI" ]; then $(BIN)/stripe-gui $(OUT); fi
 
 test: setup
-	@echo "Running all tests: about five minutes on two cores."
+	@echo "Running all tests: about eight minutes on two cores."
 	@$(BIN)/python -m pytest -n 2
 
 check: setup
@@ -40,6 +41,9 @@ check: setup
 bench: setup
 	@echo "Installing the peers into .bench-venv, then all side by side: about four minutes if nothing else runs."
 	@$(BIN)/python -m tests.benchmarks
+
+pictures: setup
+	@$(BIN)/python packaging/pictures.py $(OUT)
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from PySide6.QtCore import QSize, QUrl, Signal
-from PySide6.QtGui import QDesktopServices
+from PySide6.QtCore import QSize, Qt, QUrl, Signal
+from PySide6.QtGui import QDesktopServices, QImage, QTextDocument
 from PySide6.QtWidgets import QTextBrowser, QToolButton, QVBoxLayout, QWidget
 
 from stripe_gui import theme
@@ -21,6 +22,25 @@ def help_file(topic: str, language: str = "en") -> Path | None:
     return None
 
 
+class HelpText(QTextBrowser):
+    """A chapter whose pictures are as wide as the panel."""
+
+    def loadResource(self, kind: int, name: QUrl) -> Any:  # noqa: N802
+        """Load a picture at the panel's width, in the pixels of the screen."""
+        if kind != QTextDocument.ResourceType.ImageResource.value:
+            return super().loadResource(kind, name)
+        found = (Path(folder) / name.path() for folder in self.searchPaths())
+        image = QImage(str(next((path for path in found if path.is_file()), "")))
+        if image.isNull():
+            return super().loadResource(kind, name)
+        ratio = self.devicePixelRatioF()
+        beside = 2 * self.frameWidth() + self.verticalScrollBar().sizeHint().width()
+        width = self.width() - beside - 2 * self.document().documentMargin()
+        image = image.scaledToWidth(round(ratio * max(width, 100.0)), Qt.TransformationMode.SmoothTransformation)
+        image.setDevicePixelRatio(ratio)
+        return image
+
+
 class HelpPanel(QWidget):
     """One chapter at a time; links lead to other chapters."""
 
@@ -32,7 +52,7 @@ class HelpPanel(QWidget):
         self.topic = ""
         self.setMinimumWidth(320)
         self.setAccessibleName(self.tr("Help"))
-        self.browser = QTextBrowser()
+        self.browser = HelpText()
         self.browser.setOpenLinks(False)
         self.browser.setAccessibleName(self.tr("Help text"))
         self.browser.anchorClicked.connect(self._follow)

@@ -7,12 +7,13 @@ import time
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, QPointF, Qt
-from PySide6.QtGui import QGuiApplication
+from PySide6.QtCore import QPoint, QPointF, Qt, QUrl
+from PySide6.QtGui import QGuiApplication, QTextDocument
 from PySide6.QtTest import QTest
 
 from core.report import Number, Table
 from stripe_gui.widgets.colours import SCALES, lookup, nice_ticks
+from stripe_gui.widgets.help_panel import HelpPanel
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.residual_plot import ResidualPlot
 from stripe_gui.widgets.result_table import ResultTable
@@ -181,3 +182,15 @@ def test_ticks_are_round_and_within_the_limits(low: float, high: float) -> None:
     assert 2 <= len(ticks) <= 8
     assert min(ticks) >= low - 1e-12
     assert max(ticks) <= high + 1e-12
+
+
+def test_pictures_of_the_help_are_as_wide_as_the_panel(qtbot) -> None:
+    panel = HelpPanel()
+    qtbot.addWidget(panel)
+    panel.resize(360, 600)
+    panel.show()
+    for topic in ("evaluate", "report"):
+        panel.show_topic(topic)
+        image = panel.browser.loadResource(QTextDocument.ResourceType.ImageResource.value, QUrl(f"images/{topic}.png"))
+        assert 250 < image.deviceIndependentSize().width() < 360
+        assert panel.browser.horizontalScrollBar().maximum() == 0
