@@ -15,8 +15,9 @@ import numpy as np
 
 from core.compiling import njit
 from core.errors import InputError
-from core.model import Floats, PhaseMap, PhotogrammetricCalibration, PointCloud
+from core.model import PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
+from core.reconstruct.rays import flat
 from core.reconstruct.system import System, prepare, sigma_table
 
 MOST_STEPS = 12
@@ -65,17 +66,12 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> Point
     def band(start: int, stop: int) -> None:
         _intersect_rows(
             first, first_sigma, first_line, second, second_sigma, second_line, other is not None,
-            _flat(system.rays), device, table.nodes, table.step, table.per_q,
-            _flat(xyz), _flat(sigma), sigma_depth, start, stop,
+            flat(system.rays), device, table.nodes, table.step, table.per_q,
+            flat(xyz), flat(sigma), sigma_depth, start, stop,
         )  # fmt: skip
 
     run_in_bands(band, height)
     return PointCloud(xyz, sigma, sigma_depth)
-
-
-def _flat(vectors: Floats) -> Floats:
-    """View (H, W, k) as (H, W k): a loop over them is compiled for several pixels at once if it knows their step."""
-    return vectors.reshape(len(vectors), -1)
 
 
 def _axes(phase: PhaseMap, system: System) -> tuple[str, str | None]:
@@ -189,11 +185,11 @@ def _five(values, start):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")
 def _polynomial(x, t, first, change):  # type: ignore[no-untyped-def]
-    """A polynomial whose coefficients change with t."""
+    """A variance: a polynomial whose coefficients change with t."""
     value = first[0] + t * change[0]
     for k in range(1, 5):
         value = value * x + (first[k] + t * change[k])
-    return value
+    return max(value, 0.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})

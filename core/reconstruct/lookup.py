@@ -12,7 +12,7 @@ from core.compiling import njit
 from core.errors import InputError
 from core.model import DepthCalibration, PhaseMap, PointCloud
 from core.parallel import run_in_bands
-from core.reconstruct.rays import camera_rays
+from core.reconstruct.rays import camera_rays, flat
 
 
 def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool = False) -> PointCloud:
@@ -42,7 +42,7 @@ def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool
         axis = {"u": "x", "v": "y"}[calibration.axis]
         seen = f"no pixel has the coordinate {calibration.axis} that the depth calibration uses"
         raise InputError("phase map", seen, f"capture with patterns along {axis}")
-    rays = camera_rays(calibration.camera_spec, calibration.camera)
+    rays = flat(camera_rays(calibration.camera_spec, calibration.camera))
     pose = calibration.camera_from_plate
     normal = pose.rotation[:, 2]  # the plate is its own plane z = 0
     at_zero = float(normal @ pose.translation_mm)
@@ -56,11 +56,11 @@ def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool
         if calibration.degree is None:
             _table_rows(
                 measured, sigma, coefficients, calibration.depths_mm, u_range, extrapolate, rays, plate,
-                xyz, sigma_depth, start, stop,
+                flat(xyz), sigma_depth, start, stop,
             )  # fmt: skip
         else:
             _polynomial_rows(
-                measured, sigma, coefficients, u_range, extrapolate, rays, plate, xyz, sigma_depth, start, stop
+                measured, sigma, coefficients, u_range, extrapolate, rays, plate, flat(xyz), sigma_depth, start, stop
             )
 
     run_in_bands(band, measured.shape[0])
@@ -88,12 +88,12 @@ def _polynomial_rows(u, sigma, coefficients, u_range, extrapolate, rays, plate, 
             for k in range(terms - 1, -1, -1):
                 slope = slope * t + z
                 z = z * t + np.float64(coefficients[k, r, c])
-            dx, dy = np.float64(rays[r, c, 0]), np.float64(rays[r, c, 1])
+            dx, dy = np.float64(rays[r, 2 * c]), np.float64(rays[r, 2 * c + 1])
             s, noise = _place(z, slope / half, np.float64(sigma[r, c]), dx, dy, plate)
             # u_range is stored as float32, as u is: a plate at its own calibrated depth is inside
             good = (extrapolate or abs(t) <= 1.0) and s > 0
             s = s if good else np.nan
-            xyz[r, c, 0], xyz[r, c, 1], xyz[r, c, 2] = dx * s, dy * s, -s
+            xyz[r, 3 * c], xyz[r, 3 * c + 1], xyz[r, 3 * c + 2] = dx * s, dy * s, -s
             sigma_depth[r, c] = noise if good else np.nan
 
 
@@ -102,7 +102,7 @@ def _table_rows(u, sigma, table, depths, u_range, extrapolate, rays, plate, xyz,
     """Depth by the piecewise-linear tables of rows start to stop - 1."""
     for r in range(start, stop):
         for c in range(u.shape[1]):
-            xyz[r, c, 0] = xyz[r, c, 1] = xyz[r, c, 2] = sigma_depth[r, c] = np.nan
+            xyz[r, 3 * c] = xyz[r, 3 * c + 1] = xyz[r, 3 * c + 2] = sigma_depth[r, c] = np.nan
             value = u[r, c]
             inside = u_range[0, r, c] <= value <= u_range[1, r, c]
             if not (inside or (extrapolate and np.isfinite(value) and np.isfinite(u_range[0, r, c]))):
@@ -121,8 +121,8 @@ def _table_rows(u, sigma, table, depths, u_range, extrapolate, rays, plate, xyz,
                     high = middle
             slope = (depths[high] - depths[low]) / (np.float64(table[high, r, c]) - np.float64(table[low, r, c]))
             z = depths[low] + (np.float64(value) - np.float64(table[low, r, c])) * slope
-            dx, dy = np.float64(rays[r, c, 0]), np.float64(rays[r, c, 1])
+            dx, dy = np.float64(rays[r, 2 * c]), np.float64(rays[r, 2 * c + 1])
             s, noise = _place(z, slope, np.float64(sigma[r, c]), dx, dy, plate)
             if s > 0:
-                xyz[r, c, 0], xyz[r, c, 1], xyz[r, c, 2] = dx * s, dy * s, -s
+                xyz[r, 3 * c], xyz[r, 3 * c + 1], xyz[r, 3 * c + 2] = dx * s, dy * s, -s
                 sigma_depth[r, c] = noise

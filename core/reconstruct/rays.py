@@ -34,3 +34,8 @@ def camera_rays(spec: DeviceSpec, interior: Interior) -> Floats:
         rays[rows] = ray_directions(spec, interior, uv)[..., :2]
     rays.setflags(write=False)
     return rays
+
+
+def flat(vectors: Floats) -> Floats:
+    """View (H, W, k) as (H, W k): loops over pixels are compiled for several at once if their distance is known."""
+    return vectors.reshape(len(vectors), -1)

@@ -7,12 +7,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from core.decode import decode
-from core.geometry import Pose
-from core.model import DepthCalibration, PhaseMap, PhotogrammetricCalibration, PointCloud
-from core.patterns import reference_sequence
+from core.model import PhaseMap, PointCloud
 from core.reconstruct import reconstruct
-from tests.benchmarks.scenes import LINES, frames, phase_of, plane_points, rig, sizes
+from tests.benchmarks.scenes import phase_of, plane_points, rig, sizes
 from tests.benchmarks.timing import OURS, Contestant, Row, floor, race
 
 OUTPUT_BYTES = 28  # a pixel: xyz, their sigmas, sigma of the depth, float32
@@ -43,48 +40,7 @@ def _at(size: str, width: int, height: int) -> list[Row]:
     n = phase.u.size
     both = [phase.u, phase.v, phase.sigma_u, phase.sigma_v]
     rows = race("intersection, 4", size, n, "pixels", [ours(phase), *floor(both, OUTPUT_BYTES * n), _cv2(n)])
-    rows += race("intersection, 3", size, n, "pixels", [*floor(both[::2], OUTPUT_BYTES * n), ours(single)])
-    return rows + _depth(size, phase, calibration, truth) + _frames_to_cloud(size, width, height)
-
-
-def _depth(size: str, phase: PhaseMap, rig: PhotogrammetricCalibration, truth: np.ndarray) -> list[Row]:
-    """The look-up by polynomials of the third degree, made so that every pixel's plate goes through its true point."""
-    height, width = phase.u.shape
-    coefficients = np.zeros((4, height, width), np.float32)
-    coefficients[0], coefficients[1] = truth[..., 2] + 600, 50
-    spread = np.stack([phase.u - 40, phase.u + 40])
-    plate = Pose(np.eye(3), np.array([0.0, 0.0, -600.0]))
-    depths, axis = np.linspace(-50, 50, 11), np.array([0.0, 0.0, 1.0])
-    calibration = DepthCalibration(
-        "u", depths, 3, coefficients, spread, 0.0, phase.u.size, rig.camera.spec, rig.camera.interior, plate, axis
-    )
-
-    def right(cloud: PointCloud) -> str:
-        error = np.nanmax(np.abs(cloud.xyz_mm - truth))
-        assert error < 0.05, f"a point is {error:.3f} mm off"
-        return f"largest error {1e3 * error:.1f} um"
-
-    ours = Contestant(OURS, lambda: reconstruct(phase, calibration), right)
-    copies = floor([phase.u, phase.sigma_u, spread, coefficients], 16 * phase.u.size)
-    return race("depth look-up", size, phase.u.size, "pixels", [*copies, ours])
-
-
-def _frames_to_cloud(size: str, width: int, height: int) -> list[Row]:
-    """All of it: 28 frames in memory to points with sigmas, against the copy of the frames."""
-    data = frames(reference_sequence(), width, height)
-    calibration = rig(width, height)
-
-    def work() -> PointCloud:
-        return reconstruct(decode(data.patterns, data.images, lines=(LINES, LINES)), calibration)
-
-    def right(cloud: PointCloud) -> str:
-        assert cloud.sigma_mm is not None
-        found = np.isfinite(cloud.sigma_mm).all(axis=-1).mean()
-        assert found > 0.2, f"only {found:.0%} of the pixels have a point"
-        return f"{found:.0%} of the pixels have a point"
-
-    ours = Contestant(OURS, work, right)
-    return race("frames to cloud", size, width * height, "pixels", [*floor(data.images), ours])
+    return rows + race("intersection, 3", size, n, "pixels", [*floor(both[::2], OUTPUT_BYTES * n), ours(single)])
 
 
 def _cv2(n: int) -> Contestant:
