@@ -184,21 +184,20 @@ def _five(values, start):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")
-def _polynomial(x, t, first, change):  # type: ignore[no-untyped-def]
-    """A variance: a polynomial whose coefficients change with t."""
-    value = first[0] + t * change[0]
+def _polynomial(x, t, first, last):  # type: ignore[no-untyped-def]
+    """A variance: a polynomial whose coefficients change from `first` to `last` with t from 0 to 1."""
+    value = first[0] + t * (last[0] - first[0])
     for k in range(1, 5):
-        value = value * x + (first[k] + t * change[k])
+        value = value * x + (first[k] + t * (last[k] - first[k]))
     return max(value, 0.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def _end(rays, q, sigma_q, last, mw, W, left, right, per_column, per_q, xyz, sigma, sigma_depth):  # type: ignore[no-untyped-def]
     """Points and sigmas between two columns of nodes, from the inverse depths."""
-    change = right - left
     x0, y0, z0 = _five(left, 0), _five(left, 5), _five(left, 10)
-    x1, y1, z1 = _five(change, 0), _five(change, 5), _five(change, 10)
-    low0, high0, low1, high1 = left[15], left[16], change[15], change[16]
+    x1, y1, z1 = _five(right, 0), _five(right, 5), _five(right, 10)
+    low, high, lower, higher = left[15], left[16], right[15] - left[15], right[16] - left[16]
     for c in range(q.shape[0]):
         good = (last[c] <= SETTLED_LINES) & (q[c] > 0) & (W[c] + mw * q[c] > 0)
         s = 1.0 / q[c] if good else np.nan
@@ -208,11 +207,11 @@ def _end(rays, q, sigma_q, last, mw, W, left, right, per_column, per_q, xyz, sig
         xyz[3 * c], xyz[3 * c + 1], xyz[3 * c + 2] = dx * s, dy * s, -s
         sigma_depth[c] = noise
         t = c * per_column
-        x = min(max(q[c] * per_q - 1.0, low0 + t * low1), high0 + t * high1)
+        x = min(max(q[c] * per_q - 1.0, low + t * lower), high + t * higher)
         noise2, s4 = noise * noise, s2 * s2
-        sigma[3 * c] = np.sqrt(dx * dx * noise2 + s4 * _polynomial(x, t, x0, x1))
-        sigma[3 * c + 1] = np.sqrt(dy * dy * noise2 + s4 * _polynomial(x, t, y0, y1))
-        sigma[3 * c + 2] = np.sqrt(noise2 + s4 * _polynomial(x, t, z0, z1))
+        sigma[3 * c] = np.sqrt(np.float32(dx * dx * noise2 + s4 * _polynomial(x, t, x0, x1)))
+        sigma[3 * c + 1] = np.sqrt(np.float32(dy * dy * noise2 + s4 * _polynomial(x, t, y0, y1)))
+        sigma[3 * c + 2] = np.sqrt(np.float32(noise2 + s4 * _polynomial(x, t, z0, z1)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
