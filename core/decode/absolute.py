@@ -94,8 +94,8 @@ def decode(
     tables = (measure_fading(tables[0], sample, noise), measure_fading(tables[1], sample, noise))
 
     height, width = arrays[0].shape
-    place, sigma = np.empty((2, height * width), np.float32), np.empty((2, height * width), np.float32)
-    modulation, image = np.empty(height * width, np.float32), np.empty(height * width, np.float32)
+    planes = np.empty((6, height * width), np.float32)  # one block, large enough for large pages
+    place, sigma, modulation, image = planes[:2], planes[2:4], planes[4], planes[5]
     flags = np.empty(height * width, np.uint8)
     swept = {n for table in tables for n in table.line_frames}
     plain = np.array([n for n in range(len(arrays)) if n not in swept], np.int32)

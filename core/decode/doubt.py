@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import HALF, INT, NONE, ONE, F, fast, turn_of
+from core.decode.compiled import HALF, INT, NONE, ONE, F, fast, pixel_sum, turn_of
 from core.decode.options import Flag
 from core.decode.words import cell_of, word_of
 
@@ -20,7 +20,9 @@ EVIDENCE = F(20)  # twice the logarithm of how much likelier than the second the
 
 
 @fast
-def settle(table, limits, bits, turns, noise, threshold, contrast, word, unsure, doubtful, count, place, flags):  # type: ignore[no-untyped-def]
+def settle(  # type: ignore[no-untyped-def]
+    table, source, limits, turns, noise, threshold, contrast, word, unsure, doubtful, count, place, flags
+):
     """Decide the doubtful pixels of a tile."""
     anything = NONE
     for i in range(count):
@@ -31,14 +33,15 @@ def settle(table, limits, bits, turns, noise, threshold, contrast, word, unsure,
     gray, cell, lines, steps, fading = table.gray, table.cell, table.lines, table.steps, table.fading
     period = table.step_period[0] if len(steps) > 0 else F(0)
     dark, shot, floor = limits.dark, limits.shot, limits.floor
-    soft = np.empty(len(fading), F)
+    soft, first = np.empty(len(fading), F), 2 + 3 * len(table.period)
     for i in range(count):
         if doubtful[i] != NONE:
             turn, loose, per_contrast = F(0), 0, ONE / contrast[i]
             for j in range(steps.shape[1]):
                 turn += steps[0, j] * turns[j, i]
             for b in range(len(soft)):
-                x = bits[b, i] * per_contrast / fading[b]
+                x = pixel_sum(table.rows, first + b, source, i) + table.sign[b] * threshold[i]
+                x *= per_contrast / fading[b]
                 soft[b] = min(max(x, -ONE), ONE)
                 loose = (loose << 1) | (1 if abs(x) < LOOSE else 0)
             blunt = max(max(dark + shot * threshold[i], floor) * per_contrast * per_contrast, BLUNT * BLUNT)

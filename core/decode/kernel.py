@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import HALF, INT, NONE, ONE, F, brightest, fast, fill, weighted_sum
+from core.decode.compiled import HALF, INT, NONE, ONE, TILE, F, brightest, fast, fill, weighted_sum
 from core.decode.doubt import settle
 from core.decode.fringes import fit_phases, unwrap, weigh
 from core.decode.options import Flag
@@ -16,8 +16,6 @@ from core.decode.tables import CODE, NOTHING, SWEEP
 from core.decode.words import contrast_of, locate, read_bits
 
 SATURATED, OUTSIDE, NO_U = INT(Flag.SATURATED), INT(Flag.OUTSIDE), INT(Flag.NO_U)
-
-TILE = 2048  # pixels taken together: long enough to read every frame in runs, short enough for the cache
 
 
 @fast
@@ -59,17 +57,21 @@ def decode_pixels(  # type: ignore[no-untyped-def]
         Written.
     """
     saturation = limits.saturation
-    most = max(len(tables[0].rows.first), len(tables[1].rows.first))
     periods = max(len(tables[0].period), len(tables[1].period))
-    values, turns, variance = np.empty((most, TILE), F), np.empty((periods, TILE), F), np.empty((periods, TILE), F)
+    values, turns, variance = (
+        np.empty((2 + 3 * periods, TILE), F),
+        np.empty((periods, TILE), F),
+        np.empty((periods, TILE), F),
+    )
     u, s, m, one, two = np.empty(TILE, F), np.empty(TILE, F), np.empty(TILE, F), np.empty(TILE, F), np.empty(TILE, F)
     least, every, flag = np.empty(TILE, F), np.empty(TILE, INT), np.empty(TILE, INT)
-    word, unsure, near = np.empty(TILE, INT), np.empty(TILE, INT), np.empty(TILE, INT)
+    masks = np.empty(3 * TILE, INT)
+    word, unsure, near = masks[:TILE], masks[TILE : 2 * TILE], masks[2 * TILE :]
     doubtful = np.empty(TILE, INT)
     for first in range(start, stop, TILE):
         count = min(TILE, stop - first)
         # views of what is written: an index that may be negative would not compile to vector instructions
-        here = slice(first, first + count)
+        here, source = slice(first, first + count), (addresses, item_size, first)
         fill(every, 0, count, 0)
         fill(least, 0, count, F(np.inf))
         for axis in range(2):
@@ -82,20 +84,20 @@ def decode_pixels(  # type: ignore[no-untyped-def]
             if table.start == NOTHING or table.start == SWEEP:
                 continue
             rows = table.rows
-            for r in range(len(rows.first) - 1):
-                weighted_sum(rows, r, addresses, item_size, first, count, values[r])
-            brightest(table.phase_frames, addresses, item_size, first, count, one)
+            for r in range(2 + 3 * len(table.period)):
+                weighted_sum(rows, r, source, count, values[r])
+            brightest(table.phase_frames, source, count, one)
             for i in range(count):
                 flag[i] = SATURATED if one[i] >= saturation else NONE
             fill(m, 0, count, F(0))
             fit_phases(table, values, limits, count, turns, variance, m, flag)
             fill(u, 0, count, HALF * (table.lines - ONE))
             if table.start == CODE:
-                bits, threshold, contrast = values[2 + 3 * len(table.period) :], values[0], values[1]
-                contrast_of(table, bits, limits, count, threshold, contrast, m, one, two, flag)
-                read_bits(table, bits, limits, count, threshold, contrast, word, unsure, near)
+                threshold, contrast = values[0], values[1]
+                contrast_of(table, source, limits, count, threshold, contrast, m, one, two, s, flag)
+                read_bits(table, source, limits, count, threshold, contrast, one, s, masks)
                 locate(table, turns, variance, word, unsure, near, count, u, one, doubtful)
-                settle(table, limits, bits, turns, one, threshold, contrast, word, unsure, doubtful, count, u, flag)
+                settle(table, source, limits, turns, one, threshold, contrast, word, unsure, doubtful, count, u, flag)
             amplitude = m if len(table.period) > 0 else values[1]
             if len(table.period) > 0:
                 unwrap(table, turns, variance, count, u, one, two, flag)
@@ -103,7 +105,7 @@ def decode_pixels(  # type: ignore[no-untyped-def]
             else:
                 fill(s, 0, count, table.cell / np.sqrt(F(12)))
             _finish(table, axis, count, u, s, amplitude, flag, u_out, s_out, least, every)
-        _even_image(image_rows, plain, addresses, item_size, first, count, image[here])
+        _even_image(image_rows, plain, source, count, image[here])
         m_out, f_out = modulation[here], flags[here]
         for i in range(count):
             m_out[i] = least[i]
@@ -111,9 +113,9 @@ def decode_pixels(  # type: ignore[no-untyped-def]
 
 
 @fast
-def _even_image(image_rows, plain, addresses, item_size, first, count, out):  # type: ignore[no-untyped-def]
+def _even_image(image_rows, plain, source, count, out):  # type: ignore[no-untyped-def]
     """The evenly lit image of a tile, or the brightest of the plain frames where none follows."""
     if len(image_rows.value) > 0:
-        weighted_sum(image_rows, 0, addresses, item_size, first, count, out)
+        weighted_sum(image_rows, 0, source, count, out)
     else:
-        brightest(plain, addresses, item_size, first, count, out)
+        brightest(plain, source, count, out)

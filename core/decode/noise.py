@@ -8,6 +8,7 @@ where the camera adds an offset to its grey values, for the offset is without sh
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -128,11 +129,14 @@ def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
         return Noise(floor, 0.0, floor)
     square, low, high = np.square(residual), float(level.min()), float(level.max())
     number = ((level - low) * ((BINS - 0.001) / max(high - low, TINY))).astype(np.int8)
+    order = np.argsort(number, kind="stable")
+    square, level = square[order], level[order]
+    ends = np.cumsum(np.bincount(number, minlength=BINS)).tolist()
     bins: list[tuple[float, float, float]] = []
-    for inside in (number == b for b in range(BINS)):
-        if np.count_nonzero(inside) >= LEAST:
-            part = square[inside]
-            bins.append((_robust_variance(part, floor), float(level[inside].mean()), float(len(part))))
+    for start, stop in pairwise([0, *ends]):
+        if stop - start >= LEAST:
+            mean = float(level[start:stop].mean())
+            bins.append((_robust_variance(square[start:stop], floor), mean, float(stop - start)))
     if not bins:
         return Noise(_robust_variance(square, floor), 0.0, floor)
     variance, where, count = np.array(bins).T
@@ -141,10 +145,12 @@ def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
 
 def _robust_variance(square: Array, floor: float) -> float:
     """Mean square without the outliers beyond four standard deviations."""
-    variance = max(float(np.median(square)) / MEDIAN_OF_SQUARE, floor)
+    ordered = np.sort(square)
+    middle, sums = len(ordered) // 2, np.cumsum(ordered, dtype=float)
+    variance = max(float(ordered[middle] + ordered[-1 - middle]) / 2 / MEDIAN_OF_SQUARE, floor)
     for _ in range(3):
-        inner = square[square <= 16 * variance]
-        variance = max(float(inner.mean()), floor)
+        inner = int(np.searchsorted(ordered, 16 * variance, "right"))
+        variance = max(float(sums[inner - 1]) / inner, floor)
     return variance
 
 
@@ -154,12 +160,14 @@ def _fit(variance: Array, level: Array, count: Array, floor: float) -> Noise:
     The weights follow from the line itself: those from the variances found would favour what is small by chance.
     """
     weight, noise = count, Noise(floor, 0.0, floor)
+    least = max(floor, LOWEST * float(variance.min()))
     for _ in range(3):
-        mean_level, mean_variance = np.average(level, weights=weight), np.average(variance, weights=weight)
-        spread = np.average(np.square(level - mean_level), weights=weight)
-        slope = np.average((level - mean_level) * (variance - mean_variance), weights=weight) / max(spread, TINY)
-        slope = max(float(slope), 0.0)
-        noise = Noise(float(mean_variance - slope * mean_level), slope, max(floor, LOWEST * float(variance.min())))
+        total = float(weight.sum())
+        mean_level, mean_variance = float(weight @ level) / total, float(weight @ variance) / total
+        away = weight * (level - mean_level)
+        slope = float(away @ (variance - mean_variance)) / max(float(away @ (level - mean_level)), TINY * total)
+        slope = max(slope, 0.0)
+        noise = Noise(mean_variance - slope * mean_level, slope, least)
         weight = count / np.square(noise.variance(level))
     return noise
 

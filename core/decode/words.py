@@ -4,7 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import HALF, INT, NONE, ONE, F, fast, fill, turn_of
+from core.decode.compiled import (
+    HALF,
+    INT,
+    NONE,
+    ONE,
+    TILE,
+    F,
+    fast,
+    fill,
+    narrow,
+    turn_of,
+    weighted_sum,
+    wide,
+)
 from core.decode.fringes import SIGMAS, combine
 from core.decode.options import Flag
 
@@ -17,29 +30,33 @@ NEAR = F(0.6)  # part of half the contrast: a bit nearer to its threshold is at 
 
 
 @fast
-def contrast_of(table, bits, limits, count, threshold, contrast, modulation, low, high, flags):  # type: ignore[no-untyped-def]
+def contrast_of(  # type: ignore[no-untyped-def]
+    table, source, limits, count, threshold, contrast, modulation, low, high, bit, flags
+):
     """Threshold and half the contrast between on and off, where they must come from the bits themselves.
 
     At an edge of binary code all bits may be halfway: then the phase's modulation tells the contrast; without phases
     the contrast must be a usual part of the brightness.
     """
-    signs = table.sign
+    signs, rows, first = table.sign, table.rows, 2 + 3 * len(table.period)
     if not table.has_threshold:
         fill(low, 0, count, F(np.inf))
         fill(high, 0, count, F(-np.inf))
         for b in range(len(signs)):
-            row, sign = bits[b], -signs[b]
+            weighted_sum(rows, first + b, source, count, bit)
+            sign = -signs[b]
             for i in range(count):
-                low[i], high[i] = min(low[i], sign * row[i]), max(high[i], sign * row[i])
+                low[i], high[i] = min(low[i], sign * bit[i]), max(high[i], sign * bit[i])
         for i in range(count):
             threshold[i] = HALF * (low[i] + high[i])
     if not table.has_contrast:
         for i in range(count):
             contrast[i] = modulation[i]
         for b in range(len(signs)):
-            row, sign = bits[b], signs[b]
+            weighted_sum(rows, first + b, source, count, bit)
+            sign = signs[b]
             for i in range(count):
-                contrast[i] = max(contrast[i], abs(row[i] + sign * threshold[i]))
+                contrast[i] = max(contrast[i], abs(bit[i] + sign * threshold[i]))
     dark, shot, floor, least = limits.dark, limits.shot, limits.floor, HALF * limits.snr * limits.snr
     share = table.least_contrast
     for i in range(count):
@@ -49,27 +66,48 @@ def contrast_of(table, bits, limits, count, threshold, contrast, modulation, low
 
 
 @fast
-def read_bits(table, bits, limits, count, threshold, contrast, word, unsure, near):  # type: ignore[no-untyped-def]
-    """Bits about their threshold (in place), their hard word, most significant first, and masks of the less sure ones.
+def read_bits(  # type: ignore[no-untyped-def]
+    table, source, limits, count, threshold, contrast, blur, bit, masks
+):
+    """The hard word, most significant bit first, and masks of the less sure bits: `masks` holds the three as rows.
 
-    `unsure` bits may be either for the noise; `near` ones are between their levels, as at an edge.
+    Unsure bits, the second row, may be either for the noise; near ones are between their levels, as at an edge.
     """
-    fill(word, 0, count, NONE)
-    fill(unsure, 0, count, NONE)
-    fill(near, 0, count, NONE)
-    signs, fading, spread = table.sign, table.fading, table.spread
+    for part in range(3):
+        fill(masks, part * TILE, part * TILE + count, NONE)
     dark, shot, floor = limits.dark, limits.shot, limits.floor
-    last = len(signs) - 1
+    for i in range(count):
+        blur[i] = NOISE_BIT * np.sqrt(max(dark + shot * threshold[i], floor))
+    addresses, item_size, start = source
+    rows, last = table.rows, len(table.sign) - 1
     for b in range(last + 1):
-        row, sign, margin, wide = bits[b], signs[b], limits.bit_margin * fading[b], NEAR * fading[b]
-        noisy, mask = NOISE_BIT * NOISE_BIT * spread[b], INT(1 << (last - b))
-        for i in range(count):
-            x, part = row[i] + sign * threshold[i], margin * contrast[i]
-            row[i] = x
-            doubt = x * x < max(part * part, noisy * max(dark + shot * threshold[i], floor))
-            word[i] |= mask if x > F(0) else NONE
-            unsure[i] |= mask if doubt else NONE
-            near[i] |= mask if doubt or abs(x) < wide * contrast[i] else NONE
+        r, mask = 2 + 3 * len(table.period) + b, INT(1 << (last - b))
+        spread, fading = np.sqrt(table.spread[b]), table.fading[b]
+        how = (table.sign[b], limits.bit_margin * fading, NEAR * fading, spread, mask)
+        entry = rows.first[r]
+        if rows.first[r + 1] > entry + 1:
+            weighted_sum(rows, r, source, count, bit)
+            _read_bit(bit, ONE, how, count, threshold, contrast, blur, masks)
+        else:
+            address, factor = addresses[rows.column[entry]], rows.value[entry]
+            if item_size == 1:
+                grey = narrow(address, start, count)
+                _read_bit(grey, factor, how, count, threshold, contrast, blur, masks)
+            else:
+                deep = wide(address, start, count)
+                _read_bit(deep, factor, how, count, threshold, contrast, blur, masks)
+
+
+@fast
+def _read_bit(bit, factor, how, count, threshold, contrast, blur, masks):  # type: ignore[no-untyped-def]
+    sign, margin, wide, spread, mask = how
+    for i in range(count):
+        x = factor * F(bit[i]) + sign * threshold[i]
+        away, noise = abs(x), spread * blur[i]
+        # one array, so that one check tells that nothing overlaps: with more the compiler shuns vector instructions
+        masks[i] |= mask if x > F(0) else NONE
+        masks[TILE + i] |= mask if away < max(margin * contrast[i], noise) else NONE
+        masks[2 * TILE + i] |= mask if away < max(wide * contrast[i], noise) else NONE
 
 
 @fast
