@@ -21,6 +21,7 @@ from tests.benchmarks.timing import EFFORT
 LINES = 640
 SIZES = {"748x576": (748, 576), "1280x1024": (1280, 1024), "2448x2048": (2448, 2048)}
 _FINE = 16  # samples per line of the blurred profiles
+AMBIENT = 35.0  # grey value of the room's light
 
 
 def sizes() -> dict[str, tuple[int, int]]:
@@ -51,12 +52,14 @@ def frames(
 ) -> Frames:
     """8-bit frames: modulation 25 grey values about 60, noise 2, the published figures.
 
-    Without the projector coordinates `places` of all pixels, those of a slanted plane that fills the image.
+    Without the projector coordinates `places` of all pixels, those of a slanted plane that fills the image. Beyond the
+    projector's lines only the room's light is seen.
     """
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
     u = 6 + (LINES - 14) * x / width + np.float32(3) * y / height
     v = 6 + (LINES - 14) * y / height + np.float32(3) * x / width
     u, v = places or (u, v)
+    lit = np.logical_and.reduce([(a > -0.5) & (a < LINES - 0.5) for a in (u, v)])
     rng = np.random.default_rng(seed)
     noise = rng.normal(0, 2, u.size + 4096).astype(np.float32)
     images = []
@@ -64,7 +67,9 @@ def frames(
         place = v if getattr(pattern, "axis", "x") == "y" else u
         at = np.rint((np.clip(place, 0, LINES - 1) + 0.5) * _FINE).astype(np.int32)
         start = int(rng.integers(4096))
-        grey = _profile(pattern)[at] + noise[start : start + u.size].reshape(u.shape)
+        grey = np.where(lit, _profile(pattern)[at], np.float32(AMBIENT)) + noise[start : start + u.size].reshape(
+            u.shape
+        )
         images.append(np.clip(np.rint(grey), 0, 255).astype(np.uint8))
     return Frames(list(patterns), images, u, v)
 
@@ -79,7 +84,7 @@ def _profile(pattern: Pattern) -> np.ndarray:
         # the lens passes the first harmonic of a period of 4 lines and little else
         line = np.arange(len(soft)) / _FINE
         soft = 0.5 + 0.5 * np.cos(2 * np.pi * line / pattern.period - pattern.shift_rad)
-    return (35 + contrast * np.append(soft, [soft[-1]] * _FINE)).astype(np.float32)
+    return (AMBIENT + contrast * np.append(soft, [soft[-1]] * _FINE)).astype(np.float32)
 
 
 def rig(width: int, height: int) -> PhotogrammetricCalibration:
