@@ -79,7 +79,8 @@ def readme_block(data: dict[str, Any]) -> str:
 def _beside(row: dict[str, Any], ours: float) -> str:
     if row["seconds"] is None:
         return f"{row['contestant']}: {'not here' if row['right'].startswith('not run') else 'failed'}"
-    return f"{row['contestant']} {_time(row['seconds'])} ({row['seconds'] / ours:.2g}×)"
+    ratio = row["seconds"] / ours
+    return f"{row['contestant']} {_time(row['seconds'])} ({ratio:{'.0f' if ratio >= 10 else '.2g'}}×)"
 
 
 def update_readme(readme: Path, table: Path) -> None:
