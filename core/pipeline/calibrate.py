@@ -23,8 +23,9 @@ from core.model import (
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
 from core.pipeline.freshness import made_from
-from core.pipeline.measure import BOARDS, kept_targets, measure_capture, measured_targets, save_targets, side_of
+from core.pipeline.measure import measure_capture, measured_targets, save_targets, side_of
 from core.pipeline.options import CalibrateOptions, check_options
+from core.pipeline.picking import current_targets
 from core.pipeline.runs import Run, current_run, keep_run, now
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_network
@@ -105,10 +106,7 @@ def _keep_targets(project: Project, targets: list[TargetSet]) -> None:
     if not targets:
         return
     names = {t.capture for t in targets}
-    boards = [c for role in BOARDS for c in captures_of(project, role) if c.seeds]
-    current = {made_from(project, c, side_of([b for b in boards if b.role == c.role])) for c in boards}
-    others = [t for t in kept_targets(project) if t.capture not in names and t.made_from in current]
-    save_targets(project, [*targets, *others])
+    save_targets(project, [*targets, *(t for name, t in current_targets(project).items() if name not in names)])
 
 
 def _calibrate_photogrammetric(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Literal
 
 from core.errors import InputError
@@ -24,7 +25,7 @@ def measure_project(project: Project, progress: Progress = SILENT) -> tuple[Targ
 
     What was measured before from the same frames, picks, board and rig is taken as it is.
     """
-    captures = [c for role in BOARDS for c in captures_of(project, role) if c.seeds]
+    captures = picked_boards(project)
     if not captures:
         raise InputError(project.path, "no capture has picks.json", "pick 4 targets in each testfield capture")
     targets = measured_targets(project, captures, progress)
@@ -32,17 +33,27 @@ def measure_project(project: Project, progress: Progress = SILENT) -> tuple[Targ
     return tuple(targets)
 
 
+def picked_boards(project: Project) -> list[Capture]:
+    """Give all captures of boards that have picks."""
+    return [c for role in BOARDS for c in captures_of(project, role) if c.seeds]
+
+
 def measured_targets(project: Project, captures: Sequence[Capture], progress: Progress = SILENT) -> list[TargetSet]:
     """Measure the targets of captures, or take what was measured before where nothing has changed since."""
-    side = {role: side_of([c for c in captures if c.role == role]) for role in BOARDS}
-    signs = {c.path: made_from(project, c, side[c.role]) for c in captures}
+    sides = sides_of(captures)
+    signs = signs_of(project, captures, sides)
     found = {t.made_from: t for t in kept_targets(project)}
     due = [c for c in captures if signs[c.path] not in found]
     for capture, phase in phase_maps(project, due, progress):
         sign = signs[capture.path]
-        targets = measure_capture(capture, phase, project, side[capture.role], progress.quiet())
+        targets = measure_capture(capture, phase, project, sides[capture.role], progress.quiet())
         found[sign] = replace(targets, made_from=sign)
     return [found[signs[c.path]] for c in captures]
+
+
+def signs_of(project: Project, captures: Sequence[Capture], sides: Mapping[Role, Side]) -> dict[Path, str]:
+    """Sign what the targets of captures follow from, by the captures' folders."""
+    return {c.path: made_from(project, c, sides[c.role]) for c in captures}
 
 
 def kept_targets(project: Project) -> tuple[TargetSet, ...]:
@@ -58,6 +69,11 @@ def save_targets(project: Project, targets: Sequence[TargetSet]) -> None:
     """Keep measured targets in the project, for the program and as JSON."""
     save_archive(result_path(project, "targets.npz"), tuple(targets))
     write_json(result_path(project, "targets.json"), targets_figures(targets))
+
+
+def sides_of(captures: Sequence[Capture]) -> dict[Role, Side]:
+    """Give the side from which the boards of each role are seen, see `side_of`."""
+    return {role: side_of([c for c in captures if c.role == role]) for role in BOARDS}
 
 
 def side_of(captures: list[Capture]) -> Side:
