@@ -173,12 +173,13 @@ def _raise(a, count, out):  # type: ignore[no-untyped-def]
 def load(frames, addresses, item_size, start, count, grey):  # type: ignore[no-untyped-def]
     """Copy grey values of some frames to the rows of `grey`."""
     for n in range(len(frames)):
-        row = grey[n]
         if item_size == 1:
-            narrow = carray(pointer(addresses[frames[n]] + np.uint64(start)), (count,), np.uint8)
-            for i in range(count):
-                row[i] = narrow[i]
+            _copy(narrow(addresses[frames[n]], start, count), count, grey[n])
         else:
-            wide = carray(pointer(addresses[frames[n]] + np.uint64(2 * start)), (count,), np.uint16)
-            for i in range(count):
-                row[i] = wide[i]
+            _copy(wide(addresses[frames[n]], start, count), count, grey[n])
+
+
+@fast
+def _copy(a, count, out):  # type: ignore[no-untyped-def]
+    for i in range(count):
+        out[i] = a[i]
