@@ -94,5 +94,6 @@ def _picture(check: Check) -> Figure:
     image = axes.imshow(check.picture, cmap="viridis", interpolation="nearest")
     axes.set_xticks([])
     axes.set_yticks([])
-    colour_bar(figure, image, axes, check.picture_label)
+    axes.set_anchor("W")  # where the sentence begins, the scale right beside it
+    colour_bar(figure, image, axes, check.picture_label, cax=axes.inset_axes((1.03, 0.0, 0.04, 1.0)))
     return figure
