@@ -58,7 +58,7 @@ def most_likely(gray, cell, lines, period, sigma, blunt, soft, word, loose, turn
     Candidates are the places about the hard word's cell, and about whatever else the loose bits leave open, at which
     the phase is `turn`, give or take three of its standard deviations; a shift costs as much as bits (of variance
     `blunt`) of the same likelihood. With `period` 0 there is no phase: middles and edges of cells are tried, and a
-    middle is the answer.
+    middle is the answer: of an edge's two the one that its bits rather show.
     """
     best, second, place, accepted = F(1e9), F(1e9), F(0), F(0)
     apart = HALF * period if period > F(0) else F(1.25) * cell
@@ -86,6 +86,13 @@ def most_likely(gray, cell, lines, period, sigma, blunt, soft, word, loose, turn
             elif distinct:
                 second = min(second, cost)
     if period == F(0):
+        y = (place + HALF) / cell
+        if abs(y - np.rint(y)) < F(0.25):
+            within = F(0.25) * cell
+            below = misfit(gray, cell, soft, word, loose, place - within, F(1e9))[0]
+            above = misfit(gray, cell, soft, word, loose, place + within, F(1e9))[0]
+            odd = INT(np.rint(y)) & 1 != NONE  # of bits exactly halfway: as off, which is every other side
+            place += within if above < below or (above == below and not odd) else -within
         place = (np.floor((place + HALF) / cell) + HALF) * cell - HALF
     return place, best <= accepted and second - best >= EVIDENCE * blunt
 
