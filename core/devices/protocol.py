@@ -9,6 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
 
+from core.errors import DeviceError, PatternRefusedError
 from core.patterns import Pattern, Phase
 
 Pixels = NDArray[Any]  # (H, W), uint8 or uint16
@@ -153,6 +154,49 @@ def refuse_grey(pattern: Pattern) -> str | None:
     if isinstance(pattern, Phase) and pattern.profile == "sine":
         return 'it shows black or white only, and the pattern has profile "sine": use "square"'
     return None
+
+
+def check_pattern(projector: Projector, pattern: Pattern) -> None:
+    """See that a projector can show a pattern.
+
+    Raises
+    ------
+    PatternRefusedError
+    """
+    if reason := projector.refusal(pattern):
+        raise PatternRefusedError(projector.name, f"pattern {pattern.kind}", reason)
+
+
+def check_sequence(projector: Projector, patterns: Sequence[Pattern], check: Check = no_check) -> tuple[Pattern, ...]:
+    """Give a sequence as a projector keeps it, having seen that it fits and that all of it can be shown.
+
+    Raises
+    ------
+    PatternRefusedError, DeviceError
+    """
+    if not 0 < len(patterns) <= projector.capacity:
+        raise DeviceError(
+            projector.name,
+            f"a sequence of {len(patterns)}",
+            f"load at least one pattern and at most {projector.capacity} patterns",
+        )
+    for pattern in patterns:
+        check()
+        check_pattern(projector, pattern)
+    return tuple(patterns)
+
+
+def pattern_at(projector: Projector, loaded: Sequence[Pattern], index: int) -> Pattern:
+    """Give a pattern of the loaded sequence.
+
+    Raises
+    ------
+    DeviceError
+        If it has none of that number.
+    """
+    if not 0 <= index < len(loaded):
+        raise DeviceError(projector.name, f"step to pattern {index} of {len(loaded)}", "load the sequence first")
+    return loaded[index]
 
 
 def wait_until(moment_s: float, check: Check = no_check) -> None:

@@ -13,9 +13,9 @@ from typing import TypeVar
 
 from core.devices.link import LineDownError, Link, unwrap, wrap
 from core.devices.profile import MEANINGS, Profile
-from core.devices.protocol import Check, Note, no_check, no_note, refuse_grey
+from core.devices.protocol import Check, Note, check_sequence, no_check, no_note, pattern_at, refuse_grey
 from core.devices.template import Value, Values, checksum, pack_lines
-from core.errors import DeviceError, PatternRefusedError
+from core.errors import DeviceError
 from core.patterns import CrossPatternLcd, Pattern
 
 _REOPEN_S = 3.0  # for a line to come back
@@ -69,19 +69,13 @@ class SerialProjector:
     def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
         """Store a sequence in the device."""
         self._check_open()
-        if not 0 < len(patterns) <= self.capacity:
-            raise DeviceError(self.name, f"a sequence of {len(patterns)}", f"load at most {self.capacity} patterns")
-        for pattern in patterns:
-            if reason := self.refusal(pattern):
-                raise PatternRefusedError(self.name, f"pattern {pattern.kind}", reason)
-        self._loaded = tuple(patterns)
+        self._loaded = check_sequence(self, patterns, check)
         self._recovering(lambda: self._send_sequence(check), reload=False)
 
     def step(self, index: int) -> None:
         """Show a pattern of the loaded sequence."""
         self._check_open()
-        if not 0 <= index < len(self._loaded):
-            raise DeviceError(self.name, f"step to pattern {index} of {len(self._loaded)}", "load the sequence first")
+        pattern_at(self, self._loaded, index)
         self._recovering(lambda: self._go(index))
 
     def close(self) -> None:

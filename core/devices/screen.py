@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from core.devices.protocol import Check, Note, no_check, no_note
+from core.devices.protocol import Check, Note, check_sequence, no_check, no_note, pattern_at
 from core.errors import DeviceError, InputError
 from core.patterns import Pattern, pattern_image
 
@@ -126,16 +126,11 @@ class ScreenProjector:
 
     def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
         """Store a sequence."""
-        if len(patterns) > self.capacity:
-            raise DeviceError(self.name, f"a sequence of {len(patterns)}", f"load at most {self.capacity} patterns")
-        check()  # nothing takes time here
-        self._loaded = tuple(patterns)
+        self._loaded = check_sequence(self, patterns, check)
 
     def step(self, index: int) -> None:
         """Show a pattern of the loaded sequence."""
-        if not 0 <= index < len(self._loaded):
-            raise DeviceError(self.name, f"step to pattern {index} of {len(self._loaded)}", "load the sequence first")
-        self.show(self._loaded[index])
+        self.show(pattern_at(self, self._loaded, index))
 
     def close(self) -> None:
         """Take the window away."""

@@ -10,9 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.devices.faults import CAMERA_FAULTS, Faults
-from core.devices.protocol import Check, Image, Pixels, Setting, no_check, wait_until
+from core.devices.protocol import (
+    Check,
+    Image,
+    Pixels,
+    Setting,
+    check_pattern,
+    check_sequence,
+    no_check,
+    pattern_at,
+    wait_until,
+)
 from core.devices.scene import Lines, Scene
-from core.errors import DeviceError, PatternRefusedError
+from core.errors import DeviceError
 from core.patterns import Black, Pattern
 
 Light = Pattern | tuple[Lines, Lines]  # a pattern, or column lines and row lines
@@ -71,26 +81,17 @@ class VirtualProjector:
     def show(self, pattern: Pattern) -> None:
         """Show one pattern."""
         self._check_open()
-        if reason := self.refusal(pattern):
-            raise PatternRefusedError(self.name, f"pattern {pattern.kind}", reason)
+        check_pattern(self, pattern)
         self.stage.switch(pattern)
 
     def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
         """Store a sequence."""
         self._check_open()
-        if len(patterns) > self.capacity:
-            raise DeviceError(self.name, f"a sequence of {len(patterns)}", f"load at most {self.capacity} patterns")
-        for pattern in patterns:
-            check()
-            if reason := self.refusal(pattern):
-                raise PatternRefusedError(self.name, f"pattern {pattern.kind}", reason)
-        self._loaded = tuple(patterns)
+        self._loaded = check_sequence(self, patterns, check)
 
     def step(self, index: int) -> None:
         """Show a pattern of the loaded sequence."""
-        if not 0 <= index < len(self._loaded):
-            raise DeviceError(self.name, f"step to pattern {index} of {len(self._loaded)}", "load the sequence first")
-        self.show(self._loaded[index])
+        self.show(pattern_at(self, self._loaded, index))
 
     def close(self) -> None:
         """Let go."""
