@@ -81,9 +81,9 @@ def measure_settle(projector: Projector, camera: Camera, rest_s: float = 0.2, ch
 
     def level(before: Pattern, after: Pattern, delay_s: float) -> tuple[float, float, float]:
         """Give the mean grey value, when the image was begun and how long it took, in ms."""
-        projector.show(before)
+        projector.show(before, check)
         wait_until(time.monotonic() + rest_s, check)
-        projector.show(after)
+        projector.show(after, check)
         acknowledged = time.monotonic()
         wait_until(acknowledged + delay_s, check)
         begun = time.monotonic()
@@ -360,7 +360,7 @@ def _sequence(projector: Projector, camera: Camera, wait_s: float, progress: Pro
 
 
 def _image(projector: Projector, camera: Camera, pattern: Pattern, wait_s: float, check: Check) -> Array:
-    projector.show(pattern)
+    projector.show(pattern, check)
     wait_until(time.monotonic() + wait_s, check)
     return camera.grab(check=check).pixels.astype(np.float64)
 

@@ -57,7 +57,10 @@ def retake_frame(
     def note(who: str, what: str) -> None:
         notes.append((time.monotonic(), who, what))
 
-    with closing(open_projector(projector_url, note)) as projector, closing(open_camera(camera_url, note)) as camera:
+    with (
+        closing(open_projector(projector_url, note, progress.check)) as projector,
+        closing(open_camera(camera_url, note)) as camera,
+    ):
         check_sizes(project, projector, camera)
         check_shown(plan, projector.refusal, projector.name)
         store.note("retake", True, planned=plan.own[frame])

@@ -47,7 +47,10 @@ def check_rig(
     ------
     InputError, DeviceError
     """
-    with closing(open_projector(urls[0])) as projector, closing(open_camera(urls[1])) as camera:
+    with (
+        closing(open_projector(urls[0], check=progress.check)) as projector,
+        closing(open_camera(urls[1])) as camera,
+    ):
         check_sizes(project, projector, camera)
         findings = preflight(projector, camera, progress.part(0.0, 0.8 if depths_mm else 1.0))
     if not depths_mm:
@@ -65,5 +68,8 @@ def check_rig(
 def stripes_at(urls: Urls, z_mm: float, progress: Progress = SILENT) -> tuple[list[Array], float]:
     """Take the finest stripes on a plate at a position, as `measure_stripes`; the virtual bench puts its own there."""
     here = at_depth(urls[0], z_mm), at_depth(urls[1], z_mm)
-    with closing(open_projector(here[0])) as projector, closing(open_camera(here[1])) as camera:
-        return measure_stripes(projector, camera, projector.settle_s, Progress(cancelled=progress.cancelled))
+    with (
+        closing(open_projector(here[0], check=progress.check)) as projector,
+        closing(open_camera(here[1])) as camera,
+    ):
+        return measure_stripes(projector, camera, projector.settle_s, progress.quiet())

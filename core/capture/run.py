@@ -99,7 +99,10 @@ def run_capture(
     def note(who: str, what: str) -> None:
         notes.append((time.monotonic(), who, what))
 
-    with closing(open_projector(projector_url, note)) as projector, closing(open_camera(camera_url, note)) as camera:
+    with (
+        closing(open_projector(projector_url, note, progress.check)) as projector,
+        closing(open_camera(camera_url, note)) as camera,
+    ):
         check_sizes(project, projector, camera)
         chosen = patterns if patterns is not None else projector.sequence
         plan = make_plan(project, name, role, patterns=chosen, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)
@@ -203,12 +206,12 @@ class Loop:
     def _show(self, planned: int, progress: Progress) -> None:
         shots = self.plan.shots
         if self.projector.capacity < len(shots):
-            self.projector.show(shots[planned])
+            self.projector.show(shots[planned], progress.check)
             return
         if not self._loaded:
             self.projector.load(shots, progress.check)
             self._loaded = True
-        self.projector.step(planned)
+        self.projector.step(planned, progress.check)
 
     def _check_image(self, image: Image, pattern: Pattern) -> None:
         self._shape = self._shape or image.pixels.shape

@@ -7,7 +7,7 @@ from dataclasses import replace
 from core.devices.emulator import Emulator
 from core.devices.faults import Faults
 from core.devices.profile import Profile
-from core.devices.protocol import Note, no_note
+from core.devices.protocol import Check, Note, no_check, no_note
 from core.devices.rs232 import SerialProjector
 from core.devices.server import EmulatedLine
 from core.devices.virtual import Stage
@@ -24,6 +24,7 @@ class EmulatedProjector(SerialProjector):
         line: str = "pty",
         note: Note = no_note,
         settle_s: float | None = None,
+        check: Check = no_check,
     ) -> None:
         settle_s = profile.settle_s if settle_s is None else settle_s
         stage.switching_s = settle_s
@@ -31,7 +32,7 @@ class EmulatedProjector(SerialProjector):
         profile = replace(profile, port=replace(profile.port, parity="none", bits=8, stop=1.0))
         self.line = EmulatedLine(Emulator(replace(profile, settle_s=settle_s), stage, faults), line)
         try:
-            super().__init__(self.line.url, profile, note, settle_s=settle_s)
+            super().__init__(self.line.url, profile, note, settle_s=settle_s, check=check)
         except BaseException:
             self.line.close()
             raise

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from core.devices.profile import Framing, Port
+from core.devices.protocol import Check, no_check
 from core.devices.template import CHECKS, checksum
 from core.errors import DeviceError
 
@@ -55,8 +56,10 @@ class Link:
         with self._wrapped("does not take bytes"):
             self._port.write(data)
 
-    def receive(self, until_s: float) -> bytes:
+    def receive(self, until_s: float, check: Check = no_check) -> bytes:
         """Give what has arrived, waiting for it until a moment of `time.monotonic`; empty if nothing came.
+
+        `check` is called every `_GRAIN_S` while nothing comes.
 
         Raises
         ------
@@ -64,17 +67,18 @@ class Link:
         """
         with self._wrapped("does not deliver bytes"):
             while True:
+                check()
                 data = self._port.read(1)
                 if data:
                     return bytes(data + self._port.read(self._port.in_waiting))
                 if time.monotonic() >= until_s:
                     return b""
 
-    def drain(self, quiet_s: float) -> int:
+    def drain(self, quiet_s: float, check: Check = no_check) -> int:
         """Throw away what arrives until nothing has come for a while, at most ten times as long; count the bytes."""
         count, end = 0, time.monotonic() + 10 * quiet_s
         while time.monotonic() < end:
-            data = self.receive(time.monotonic() + quiet_s)
+            data = self.receive(time.monotonic() + quiet_s, check)
             if not data:
                 break
             count += len(data)

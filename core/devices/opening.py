@@ -9,7 +9,7 @@ from weakref import WeakValueDictionary
 from core.devices.address import Address, parse_address, with_option
 from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, parse_faults
 from core.devices.profile import Profile, read_profile
-from core.devices.protocol import Camera, Note, Projector, no_note
+from core.devices.protocol import Camera, Check, Note, Projector, no_check, no_note
 from core.devices.scene import FlatScene, Scene
 from core.devices.stored import FolderCamera, ReplayScene
 from core.devices.virtual import Stage, VirtualCamera, VirtualProjector
@@ -33,7 +33,7 @@ _SCENE_OPTIONS = ("pose", "shot", "seed")
 _stages: WeakValueDictionary[str, Stage] = WeakValueDictionary()
 
 
-def open_projector(url: str, note: Note = no_note) -> Projector:
+def open_projector(url: str, note: Note = no_note, check: Check = no_check) -> Projector:
     """Open the projector that a URL names.
 
     Parameters
@@ -42,6 +42,8 @@ def open_projector(url: str, note: Note = no_note) -> Projector:
         One of `PROJECTOR_KINDS`.
     note : callable
         Receives what the device does beside what it was asked: retries, reconnections.
+    check : callable
+        Is called while the device is waited for; what it raises ends the wait.
 
     Raises
     ------
@@ -59,9 +61,9 @@ def open_projector(url: str, note: Note = no_note) -> Projector:
             address.finish()
             return VirtualProjector(stage, settle_s, capacity)
         case "serial":
-            return _serial(address, note)
+            return _serial(address, note, check)
         case "emulated":
-            return _emulated(address, note)
+            return _emulated(address, note, check)
         case "screen":
             return _screen(address, note)
     raise _unknown(address, "projector", PROJECTOR_KINDS)
@@ -114,17 +116,17 @@ def at_depth(url: str, z_mm: float) -> str:
     return with_option(url, "shot", names[0]) if names else url
 
 
-def _serial(address: Address, note: Note) -> Projector:
+def _serial(address: Address, note: Note, check: Check) -> Projector:
     from core.devices.rs232 import SerialProjector
 
     if not address.place:
         raise InputError(address.url, "no port", "name it, as in serial:/dev/ttyUSB0 or serial:socket://host:port")
     profile, settle_s = _profile(address, 0, 0)
     address.finish()
-    return SerialProjector(address.place, profile, note, settle_s=settle_s)
+    return SerialProjector(address.place, profile, note, settle_s=settle_s, check=check)
 
 
-def _emulated(address: Address, note: Note) -> Projector:
+def _emulated(address: Address, note: Note, check: Check) -> Projector:
     """A serial projector whose other end is an emulator on the stage of a scene."""
     from core.devices.emulated import EmulatedProjector
 
@@ -134,7 +136,7 @@ def _emulated(address: Address, note: Note) -> Projector:
     faults = parse_faults(address.text("faults", ""), LINK_FAULTS, address.url, seed)
     line = address.text("line", "pty", among=("pty", "socket"))
     address.finish()
-    return EmulatedProjector(stage, profile, faults, line, note, settle_s)
+    return EmulatedProjector(stage, profile, faults, line, note, settle_s, check)
 
 
 def _screen(address: Address, note: Note) -> Projector:

@@ -48,7 +48,8 @@ class Projector(Protocol):
     """Something that shows patterns.
 
     `show`, `load` and `step` return once the device has acknowledged and within a bounded time, or raise `DeviceError`
-    saying what to check. From then on the light is steady after `settle_s`.
+    saying what to check. From then on the light is steady after `settle_s`. `check` is called at least every `GRAIN_S`
+    while they wait for an answer; what it raises ends the wait, and what is loaded and shown is then unknown.
     """
 
     name: str
@@ -65,7 +66,7 @@ class Projector(Protocol):
         """Why this pattern cannot be shown, in words; None if it can."""
         ...
 
-    def show(self, pattern: Pattern) -> None:
+    def show(self, pattern: Pattern, check: Check = no_check) -> None:
         """Show one pattern.
 
         Raises
@@ -75,10 +76,10 @@ class Projector(Protocol):
         ...
 
     def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
-        """Store a sequence in the device; nothing is shown yet. `check` is called at every pattern."""
+        """Store a sequence in the device; nothing is shown yet. `check` is called at every pattern too."""
         ...
 
-    def step(self, index: int) -> None:
+    def step(self, index: int, check: Check = no_check) -> None:
         """Show pattern `index` of the loaded sequence."""
         ...
 

@@ -3,6 +3,7 @@
 Every command ends within a bounded time: acknowledged, repeated and acknowledged, or as a `DeviceError` that says what
 to check. A command that must not be repeated blindly (a step forward whose answer was lost) is followed by the question
 where the device stands. A device that has lost its sequence is loaded again, a line that was cut is opened again.
+Whoever waits may cancel meanwhile: the check that a call brings is asked between short reads.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from typing import TypeVar
 
 from core.devices.link import LineDownError, Link, unwrap, wrap
 from core.devices.profile import MEANINGS, Profile
-from core.devices.protocol import Check, Note, check_sequence, no_check, no_note, pattern_at, refuse_grey
+from core.devices.protocol import Check, Note, check_sequence, no_check, no_note, pattern_at, refuse_grey, wait_until
 from core.devices.template import Value, Values, checksum, pack_lines
-from core.errors import DeviceError
+from core.errors import Cancelled, DeviceError
 from core.patterns import CrossPatternLcd, Pattern
 
 _REOPEN_S = 3.0  # for a line to come back
@@ -34,7 +35,15 @@ class _UnansweredError(DeviceError):
 class SerialProjector:
     """A cross-pattern LCD projector on a serial line."""
 
-    def __init__(self, url: str, profile: Profile, note: Note = no_note, *, settle_s: float | None = None) -> None:
+    def __init__(
+        self,
+        url: str,
+        profile: Profile,
+        note: Note = no_note,
+        *,
+        settle_s: float | None = None,
+        check: Check = no_check,
+    ) -> None:
         self.name = f"projector {profile.name} on {url}"
         self.profile, self.url, self.note = profile, url, note
         self.settle_s = profile.settle_s if settle_s is None else settle_s
@@ -44,9 +53,10 @@ class SerialProjector:
         self._loaded: tuple[Pattern, ...] = ()
         self._buffer, self._tag, self._shown = bytearray(), 0, -1
         self._open = True
+        self._cancel = no_check  # of the call that is under way
         self._link: Link | None = Link(url, profile.port)
         try:
-            self._recovering(self._greet)
+            self._recovering(self._greet, check)
         except BaseException:
             self.close()
             raise
@@ -60,23 +70,23 @@ class SerialProjector:
         """Why this pattern cannot be shown."""
         return refuse_grey(pattern)
 
-    def show(self, pattern: Pattern) -> None:
+    def show(self, pattern: Pattern, check: Check = no_check) -> None:
         """Load one pattern and show it."""
         if self._loaded != (pattern,):
-            self.load([pattern])
-        self.step(0)
+            self.load([pattern], check)
+        self.step(0, check)
 
     def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
         """Store a sequence in the device."""
         self._check_open()
         self._loaded = check_sequence(self, patterns, check)
-        self._recovering(lambda: self._send_sequence(check), reload=False)
+        self._recovering(self._send_sequence, check, reload=False)
 
-    def step(self, index: int) -> None:
+    def step(self, index: int, check: Check = no_check) -> None:
         """Show a pattern of the loaded sequence."""
         self._check_open()
         pattern_at(self, self._loaded, index)
-        self._recovering(lambda: self._go(index))
+        self._recovering(lambda: self._go(index), check)
 
     def close(self) -> None:
         """Let the line go."""
@@ -106,13 +116,13 @@ class SerialProjector:
             self.capacity = min(self.capacity, int(answer.get("slots", self.capacity)))
         self._shown = -1
 
-    def _send_sequence(self, check: Check = no_check) -> None:
+    def _send_sequence(self) -> None:
         """Switch the lamp on, load, and see that both have lasted: a device may be reset without a word."""
         self._shown = -1
         if "lamp" in self.profile.commands:
             self._ask("lamp", on=1)
         for slot, pattern in enumerate(self._loaded):
-            check()
+            self._cancel()
             plates = [pack_lines(lines, self.profile.first) for lines in self._lcd.switch(pattern)]
             if self.profile.both_plates:
                 total = checksum(self.profile.lines_check, plates[0] + plates[1])
@@ -202,7 +212,7 @@ class SerialProjector:
                 reason = "wrong checksum"
                 wrong.clear()
             if body is None:
-                data = self._up.receive(until_s)
+                data = self._up.receive(until_s, self._cancel)
                 if not data:
                     return None, reason
                 self._buffer += data
@@ -221,7 +231,7 @@ class SerialProjector:
 
     def _settle_line(self) -> None:
         """Let late answers and noise pass."""
-        self._up.drain(self.profile.gap_s)
+        self._up.drain(self.profile.gap_s, self._cancel)
         self._buffer.clear()
 
     # -------------------------------------------------------------------------------- lost lines, lost sequences
@@ -232,13 +242,17 @@ class SerialProjector:
             raise LineDownError(self.name, "the line is closed", "open the projector again")
         return self._link
 
-    def _recovering(self, action: Callable[[], T], reload: bool = True) -> T:
+    def _recovering(self, action: Callable[[], T], check: Check, reload: bool = True) -> T:
         """Do something; if the line or the sequence is lost, restore it and do it again, a bounded number of times."""
+        self._cancel = check
         for recovery in range(_RECOVERIES + 1):
             try:
                 if recovery:
                     self._restore(reload)
                 return action()
+            except Cancelled:
+                self._loaded, self._shown = (), -1  # the answer will not be waited for: nobody knows what was done
+                raise
             except (LineDownError, _EmptyError, _UnansweredError) as error:
                 self.note(self.name, str(error))
                 if recovery == _RECOVERIES or isinstance(error, _UnansweredError):
@@ -270,7 +284,7 @@ class SerialProjector:
                     raise DeviceError(
                         self.name, f"the line did not come back within {_REOPEN_S:g} s", "check cable and supply"
                     ) from error
-                time.sleep(0.02)
+                wait_until(time.monotonic() + 0.02, self._cancel)
 
 
 def _tag_agrees(values: Values, sent: Values) -> bool:

@@ -111,7 +111,7 @@ class ScreenProjector:
         """Nothing is refused."""
         return None
 
-    def show(self, pattern: Pattern) -> None:
+    def show(self, pattern: Pattern, check: Check = no_check) -> None:
         """Show one pattern."""
         if not self._open:
             raise DeviceError(self.name, "closed", "open it again")
@@ -128,7 +128,7 @@ class ScreenProjector:
         """Store a sequence."""
         self._loaded = check_sequence(self, patterns, check)
 
-    def step(self, index: int) -> None:
+    def step(self, index: int, check: Check = no_check) -> None:
         """Show a pattern of the loaded sequence."""
         self.show(pattern_at(self, self._loaded, index))
 

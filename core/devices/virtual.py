@@ -78,7 +78,7 @@ class VirtualProjector:
         """Why this pattern cannot be shown."""
         return self.stage.scene.refusal(pattern)
 
-    def show(self, pattern: Pattern) -> None:
+    def show(self, pattern: Pattern, check: Check = no_check) -> None:
         """Show one pattern."""
         self._check_open()
         check_pattern(self, pattern)
@@ -89,7 +89,7 @@ class VirtualProjector:
         self._check_open()
         self._loaded = check_sequence(self, patterns, check)
 
-    def step(self, index: int) -> None:
+    def step(self, index: int, check: Check = no_check) -> None:
         """Show a pattern of the loaded sequence."""
         self.show(pattern_at(self, self._loaded, index))
 

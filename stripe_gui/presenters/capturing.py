@@ -290,7 +290,7 @@ def connect(project: Project, rig: Rig, urls: tuple[str, str], progress: Progres
     """
     from core.capture.run import check_sizes
 
-    projector, camera = rig.open(urls)
+    projector, camera = rig.open(urls, progress)
     progress.check()
     rig.look(urls, "white", progress=progress)  # the first image of a camera takes longer than those after it
     look = rig.look(urls, "white", progress=progress)

@@ -56,7 +56,7 @@ class Rig:
         self._camera: Camera | None = None
         self._light = ""
 
-    def open(self, urls: tuple[str, str]) -> tuple[Projector, Camera]:
+    def open(self, urls: tuple[str, str], progress: Progress = SILENT) -> tuple[Projector, Camera]:
         """Open both devices, or give those that are open already.
 
         Raises
@@ -66,7 +66,7 @@ class Rig:
         with self._lock:
             if self._urls != urls or self._projector is None or self._camera is None:
                 self.close()
-                self._projector = open_projector(urls[0])
+                self._projector = open_projector(urls[0], check=progress.check)
                 try:
                     self._camera = open_camera(urls[1])
                 except BaseException:
@@ -101,9 +101,10 @@ class Rig:
         """
         with self._lock:
             try:
-                projector, camera = self.open(urls)
+                projector, camera = self.open(urls, progress)
                 if light != self._light:
-                    projector.show(_pattern(light, projector))
+                    self._light = ""  # unknown while it changes: the change may be cancelled
+                    projector.show(_pattern(light, projector), progress.check)
                     wait_until(time.monotonic() + projector.settle_s, progress.check)
                     self._light = light
                 start = time.monotonic()

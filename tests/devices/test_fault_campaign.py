@@ -1,11 +1,16 @@
 """Whole captures through a serial projector and a camera that err: right or refused, never mislabelled."""
 
+import time
 from pathlib import Path
 
 import pytest
 
+from core.capture import run_capture
 from core.devices import LINK_FAULTS
+from core.errors import Cancelled
 from core.model import Project
+from core.progress import Progress
+from core.project import read_project
 from tests.devices.campaign import COMMANDS, PROFILES, QUICK, make_project, many, outcome, single_link
 
 
@@ -21,6 +26,24 @@ def test_a_single_fault_anywhere_in_a_capture_is_overcome(project: Project, prof
     for at in range(offset, COMMANDS[profile], 41):
         _, projector, camera = single_link(profile, fault, at)
         assert outcome(project, f"at{at}", projector, camera) == "right"
+
+
+@pytest.mark.parametrize("at", [9, 60], ids=["while loading", "while stepping"])
+def test_a_capture_is_cancelled_within_half_a_second_though_its_projector_is_silent(project: Project, at: int) -> None:
+    start = time.monotonic()
+    # a lost command is missed after 3 s, while loading after 6 s
+    projector = f"emulated:flat?settle_ms=1&answer_ms=3000&faults=lost-command@{at}"
+    with pytest.raises(Cancelled):
+        run_capture(
+            project,
+            "a",
+            "object",
+            projector,
+            "virtual:flat",
+            progress=Progress(cancelled=lambda: time.monotonic() > start + 1.0),
+        )
+    assert 1.0 < time.monotonic() - start < 1.5
+    assert not read_project(project.path).captures
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 from core.devices import LINK_FAULTS, open_camera, open_projector
+from core.devices.emulator import Emulator
 from core.devices.link import Link, unwrap, wrap
 from core.devices.profile import Port, profile_names, read_profile
 from core.devices.rs232 import SerialProjector
-from core.errors import DeviceError, InputError
+from core.devices.scene import FlatScene
+from core.devices.server import EmulatedLine
+from core.devices.virtual import Stage
+from core.errors import Cancelled, DeviceError, InputError
 from core.patterns import Black, Line, White, reference_sequence
 
 PROFILES = ["stripe-lines", "stripe-frames"]
@@ -152,6 +156,83 @@ def test_a_line_that_dies_for_good_is_an_error_within_seconds(line: str) -> None
     with pytest.raises(DeviceError, match="check"):
         projector.step(0)
     assert time.monotonic() - start < 10.0
+    projector.close()
+
+
+class Impatience:
+    """Cancels as soon as a device has told of a second try, and knows how long ago that was."""
+
+    def __init__(self) -> None:
+        self.since_s: float | None = None
+
+    def note(self, who: str, what: str) -> None:
+        if "try 2" in what:
+            self.since_s = time.monotonic()
+
+    def check(self) -> None:
+        if self.since_s is not None:
+            raise Cancelled
+
+    @property
+    def waited_s(self) -> float:
+        assert self.since_s is not None
+        return time.monotonic() - self.since_s
+
+
+def fall_silent(line: EmulatedLine) -> Callable[[], None]:
+    """Let the device at the other end hear nothing any more; gives what wakes it."""
+    feed, line.emulator.feed = line.emulator.feed, lambda data: []
+    return lambda: setattr(line.emulator, "feed", feed)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda projector, check: projector.load([Line("x", 8, 8)], check),
+        lambda projector, check: projector.show(Line("x", 8, 8), check),
+        lambda projector, check: projector.step(0, check),
+    ],
+    ids=["load", "show", "step"],
+)
+def test_a_command_that_is_being_repeated_is_cancelled_within_half_a_second(profile: str, call: Callable) -> None:
+    person = Impatience()
+    # three tries more would take another 0.9 s
+    projector = open_projector(f"emulated:flat?profile={profile}&settle_ms=0&answer_ms=300", person.note)
+    camera = open_camera("virtual:flat")
+    projector.load([Black(), Black()])
+    wake = fall_silent(projector.line)
+    with pytest.raises(Cancelled):
+        call(projector, person.check)
+    assert person.waited_s < 0.5
+    wake()
+    projector.show(White())  # whatever the device did meanwhile
+    assert camera.grab().pixels.mean() > 80
+    projector.close()
+
+
+def test_opening_a_silent_device_is_cancelled_within_half_a_second() -> None:
+    person, profile = Impatience(), replace(read_profile("stripe-lines", 64, 64), answer_s=0.3)
+    line = EmulatedLine(Emulator(profile, Stage(FlatScene())))
+    fall_silent(line)
+    with pytest.raises(Cancelled):
+        SerialProjector(line.url, profile, person.note, check=person.check)
+    assert person.waited_s < 0.5
+    line.close()
+
+
+def test_waiting_for_a_line_to_come_back_is_cancelled_within_half_a_second() -> None:
+    def check() -> None:
+        if time.monotonic() > start + 0.3:
+            raise Cancelled
+
+    projector = open_projector("emulated:flat")
+    projector.load([White(), Black()])
+    projector.line.close()
+    start = time.monotonic()
+    with pytest.raises(Cancelled):
+        projector.step(0, check)
+    assert time.monotonic() - start < 0.8
     projector.close()
 
 
