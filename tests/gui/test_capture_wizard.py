@@ -161,6 +161,7 @@ def test_the_live_picture_marks_and_counts_what_is_over_exposed(wizard, window, 
 def test_the_rig_is_checked_with_a_picture_or_curve_of_every_check(wizard, window, qtbot) -> None:
     go_to(wizard, "checks", qtbot)
     step = wizard.checks
+    assert step.words.text().startswith("Worth doing once")  # no count of checks that nobody has run
     click(step.run_button, qtbot)
     qtbot.waitUntil(lambda: not step.running, timeout=120_000)
     assert {f.check for f in step.findings.findings} == {
@@ -169,6 +170,7 @@ def test_the_rig_is_checked_with_a_picture_or_curve_of_every_check(wizard, windo
     for i in range(step.findings.count()):
         step.findings.setCurrentRow(i)
         assert step.stack.currentWidget() is not step.nothing
+    assert " of 6 checks are good" in step.words.text()
     for z_mm in (-50.0, 50.0):
         step.z.setValue(z_mm)
         click(step.depth_button, qtbot)
@@ -176,6 +178,9 @@ def test_the_rig_is_checked_with_a_picture_or_curve_of_every_check(wizard, windo
     depth = next(f for f in step.findings.findings if f.check == "visibility")
     assert [z for z, _ in depth.curve] == [-50.0, 50.0]
     idle(window, qtbot)
+    step.clear()  # another rig
+    assert step.words.text().startswith("Worth doing once")
+    assert step.stack.currentWidget() is step.nothing
 
 
 def test_devices_that_do_not_answer_are_told_in_words_and_close_the_way(wizard, window, tmp_path, qtbot) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import Signal
@@ -35,14 +37,11 @@ class ChecksStep(QWidget):
         self._stripes: dict[float, Stripes] = {}
         self.run_button = button(self.tr("Check the rig"), self.run, "run")
         self.stop_button = button(self.tr("Cancel"), self.cancel, "stop")
-        self.words = label(
-            self.tr(
-                "Worth doing once before the first calibration and after every change of the rig. Put an even, bright "
-                "surface where measuring will be done."
-            ),
-            "muted",
-            wrap=True,
+        self._purpose = self.tr(
+            "Worth doing once before the first calibration and after every change of the rig. Put an even, bright "
+            "surface where measuring will be done."
         )
+        self.words = label(self._purpose, "muted", wrap=True)
         self.findings = FindingList(self.tr("Findings"))
         self.findings.chosen.connect(self._show)
         self.z = QDoubleSpinBox()
@@ -94,6 +93,8 @@ class ChecksStep(QWidget):
         """Forget what was found: another rig."""
         self._found, self._stripes = (), {}
         self._list()
+        self.heading.clear()
+        self.stack.setCurrentWidget(self.nothing)
 
     def _start(self, title: str, function, done, *arguments: object) -> None:
         if self.running or self.bench.session.folder is None:
@@ -128,11 +129,15 @@ class ChecksStep(QWidget):
             stacks, noises = zip(*(self._stripes[z] for z in depths), strict=True)
             found.append(visibility(depths, stacks, max(noises)))
         self.findings.show_findings(found)
+        self.words.setText(self._summary(found))
+
+    def _summary(self, found: Sequence[Finding]) -> str:
+        if len(self._stripes) == 1:
+            return self.tr("Stripes taken at one depth; put the plate elsewhere and add that depth too.")
+        if not found:
+            return self._purpose
         good = sum(f.level == "good" for f in found)
-        text = self.tr("{good} of {n} checks are good; choose one to see it.").format(good=good, n=len(found))
-        if self._stripes and len(self._stripes) < 2:
-            text = self.tr("Stripes taken at one depth; put the plate elsewhere and add that depth too.")
-        self.words.setText(text)
+        return self.tr("{good} of {n} checks are good; choose one to see it.").format(good=good, n=len(found))
 
     def _failed(self, failure: Failure) -> None:
         self.bench.report_error(failure.error, failure.trace)
