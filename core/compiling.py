@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import numba
@@ -35,9 +36,12 @@ def fingerprint() -> str:
 
 
 def _cache_folder() -> Path:
-    """A folder of this version's own beside the sources, or in the user's cache where the sources cannot be written."""
+    """A folder of this version's own beside the sources.
+
+    In the user's cache where the sources cannot be written or are those of an installed bundle, which stays as it is.
+    """
     base = _CORE / "__pycache__"
-    if not os.access(base if base.exists() else _CORE, os.W_OK):
+    if getattr(sys, "frozen", False) or not os.access(base if base.exists() else _CORE, os.W_OK):
         base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "stripe-workbench"
     folder = base / f"kernels-{fingerprint()}"
     for old in base.glob("kernels-*"):
