@@ -9,7 +9,8 @@ identity.py  which pattern a frame shows, told from the images alone
 lookup.py    ... and what patterns look like on every projector line
 quality.py   saturation, modulation, movement, the lamp
 rigcheck.py  all checks of a rig that two URLs name
-preflight.py the checks before the first calibration: settle time, linearity, exposure, focus, orientation
+preflight.py the checks before the first calibration: the settle time, and the images for all others
+fitness.py   ... what these images tell: linearity, exposure, focus, order, orientation, working depth
 finding.py   what a check found, in words and figures
 """
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.capture.finding import Finding
-from core.capture.preflight import measure_stripes, preflight, visibility
+from core.capture.fitness import visibility
+from core.capture.preflight import measure_stripes, preflight
 from core.capture.run import check_sizes
 from core.devices import open_camera, open_projector
 from core.devices.opening import at_depth

@@ -10,7 +10,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QStackedWidget, QWidget
 
 from core.capture import Finding
-from core.capture.preflight import visibility
+from core.capture.fitness import visibility
 from stripe_gui.jobs import Failure, Job
 from stripe_gui.presenters.capturing import check_rig, stripes_at
 from stripe_gui.presenters.findings import check_axes, check_name, check_picture
