@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
-from core.decode.kernel import decode_pixels
+from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.noise import contrasts
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
 from core.decode.rim import drop_rim
 from core.decode.sample import check_duplicates, full_scale, limits_of, measure_fading, measure_noise, take_sample
-from core.decode.sections import decode_sections
+from core.decode.sections import decode_sections, section_scratch
 from core.decode.tables import SWEEP, AxisTable, Rows, axis_table, image_row, make_rows, no_axis
 from core.errors import InputError
 from core.model import PhaseMap
@@ -107,10 +107,10 @@ def decode(
         def band(first: int, last: int, top: int = top) -> None:
             common = ((top + first) * width, (top + last) * width, addresses, arrays[0].itemsize, limits)
             out = (place, sigma, modulation, image, flags)
-            decode_pixels(*common, sequence.image_rows, plain, tables, *out)
+            decode_pixels(*common, sequence.image_rows, plain, tables, scratch_for(tables), *out)
             for axis, table in enumerate(tables):
                 if table.start == SWEEP:
-                    decode_sections(*common, table, axis, *out)
+                    decode_sections(*common, table, section_scratch(table), axis, *out)
 
         run_in_bands(band, min(block, height - top))
     shape = (height, width)

@@ -21,7 +21,7 @@ EVIDENCE = F(20)  # twice the logarithm of how much likelier than the second the
 
 @fast
 def settle(  # type: ignore[no-untyped-def]
-    table, source, limits, turns, noise, threshold, contrast, word, unsure, doubtful, count, place, flags
+    table, source, limits, turns, noise, threshold, contrast, word, unsure, doubtful, count, soft, place, flags
 ):
     """Decide the doubtful pixels of a tile."""
     anything = NONE
@@ -33,7 +33,7 @@ def settle(  # type: ignore[no-untyped-def]
     gray, cell, lines, steps, fading = table.gray, table.cell, table.lines, table.steps, table.fading
     period = table.step_period[0] if len(steps) > 0 else F(0)
     dark, shot, floor = limits.dark, limits.shot, limits.floor
-    soft, first = np.empty(len(fading), F), 2 + 3 * len(table.period)
+    soft, first = soft[: len(fading)], 2 + 3 * len(table.period)
     for i in range(count):
         if doubtful[i] != NONE:
             turn, loose, per_contrast = F(0), 0, ONE / contrast[i]

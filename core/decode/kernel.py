@@ -6,16 +6,59 @@ vector instructions; `decode_pixels` shows the order. All arithmetic is in singl
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from core.decode.compiled import HALF, INT, NONE, ONE, TILE, F, brightest, fast, fill, weighted_sum
 from core.decode.doubt import settle
 from core.decode.fringes import fit_phases, unwrap, weigh
 from core.decode.options import Flag
-from core.decode.tables import CODE, NOTHING, SWEEP
+from core.decode.tables import CODE, NOTHING, SWEEP, AxisTable, Shorts, Singles
 from core.decode.words import contrast_of, locate, read_bits
 
 SATURATED, OUTSIDE, NO_U = INT(Flag.SATURATED), INT(Flag.OUTSIDE), INT(Flag.NO_U)
+
+
+class Scratch(NamedTuple):
+    """Memory for one tile: rows of `TILE` pixels, and `soft` for the bits of one."""
+
+    values: Singles
+    turns: Singles
+    variance: Singles
+    u: Singles
+    s: Singles
+    m: Singles
+    one: Singles
+    two: Singles
+    least: Singles
+    every: Shorts
+    flag: Shorts
+    doubtful: Shorts
+    masks: Shorts
+    widths: Singles
+    edges: NDArray[np.uint8]
+    deep_edges: NDArray[np.uint16]
+    octets: NDArray[np.uint8]
+    soft: Singles
+
+
+def scratch_for(tables: tuple[AxisTable, AxisTable]) -> Scratch:
+    """Make the scratch memory for decoding with these tables."""
+    periods = max(len(table.period) for table in tables)
+    bits = max(len(table.sign) for table in tables)
+    return Scratch(
+        *(np.empty((rows, TILE), F) for rows in (2 + 3 * periods, periods, periods)),
+        *(np.empty(TILE, F) for _ in range(6)),
+        *(np.empty(TILE, INT) for _ in range(3)),
+        masks=np.empty(3 * TILE, INT),
+        widths=np.empty(2 * TILE, F),
+        edges=np.empty(5 * TILE, np.uint8),
+        deep_edges=np.empty(5 * TILE, np.uint16),
+        octets=np.empty((max(1, (bits + 7) // 8), 3 * TILE), np.uint8),
+        soft=np.empty(bits, F),
+    )
 
 
 @fast
@@ -24,17 +67,17 @@ def _finish(table, axis, count, place, sigma, modulation, flags, u, s, least, ev
     missing, last = INT(NO_U << axis), table.lines - HALF
     for i in range(count):
         flag = flags[i]
-        outside = (flag == 0) & ((place[i] < -HALF) | (place[i] > last))
+        outside = (flag == NONE) & ((place[i] < -HALF) | (place[i] > last))
         flag = OUTSIDE if outside else flag
-        u[i] = place[i] if flag == 0 else F(np.nan)
-        s[i] = sigma[i] if flag == 0 else F(np.nan)
+        u[i] = place[i] if flag == NONE else F(np.nan)
+        s[i] = sigma[i] if flag == NONE else F(np.nan)
         least[i] = min(least[i], modulation[i])
-        every[i] |= flag | (missing if flag != 0 else NONE)
+        every[i] |= INT(flag | missing) if flag != NONE else NONE
 
 
 @fast
 def decode_pixels(  # type: ignore[no-untyped-def]
-    start, stop, addresses, item_size, limits, image_rows, plain, tables, place, sigma, modulation, image, flags
+    start, stop, addresses, item_size, limits, image_rows, plain, tables, scratch, place, sigma, modulation, image, flags
 ):
     """Decode pixels start to stop - 1.
 
@@ -49,6 +92,8 @@ def decode_pixels(  # type: ignore[no-untyped-def]
         The evenly lit image; without entries the brightest of the frames `plain`, int32 (k,), is taken.
     tables : (AxisTable, AxisTable)
         Of axis x and y.
+    scratch : Scratch
+        Memory of this thread alone.
     place, sigma : float32 (2, pixels)
         Coordinates and their standard deviations in lines, written.
     modulation, image : float32 (pixels,)
@@ -57,17 +102,10 @@ def decode_pixels(  # type: ignore[no-untyped-def]
         Written.
     """
     saturation = limits.saturation
-    periods = max(len(tables[0].period), len(tables[1].period))
-    values, turns, variance = (
-        np.empty((2 + 3 * periods, TILE), F),
-        np.empty((periods, TILE), F),
-        np.empty((periods, TILE), F),
-    )
-    u, s, m, one, two = np.empty(TILE, F), np.empty(TILE, F), np.empty(TILE, F), np.empty(TILE, F), np.empty(TILE, F)
-    least, every, flag = np.empty(TILE, F), np.empty(TILE, INT), np.empty(TILE, INT)
-    masks = np.empty(3 * TILE, INT)
+    values, turns, variance, masks = scratch.values, scratch.turns, scratch.variance, scratch.masks
+    u, s, m, one, two, least = scratch.u, scratch.s, scratch.m, scratch.one, scratch.two, scratch.least
+    every, flag, doubtful = scratch.every, scratch.flag, scratch.doubtful
     word, unsure, near = masks[:TILE], masks[TILE : 2 * TILE], masks[2 * TILE :]
-    doubtful = np.empty(TILE, INT)
     for first in range(start, stop, TILE):
         count = min(TILE, stop - first)
         # views of what is written: an index that may be negative would not compile to vector instructions
@@ -95,9 +133,9 @@ def decode_pixels(  # type: ignore[no-untyped-def]
             if table.start == CODE:
                 threshold, contrast = values[0], values[1]
                 contrast_of(table, source, limits, count, threshold, contrast, m, one, two, s, flag)
-                read_bits(table, source, limits, count, threshold, contrast, one, s, masks)
+                read_bits(table, source, limits, count, threshold, contrast, one, scratch, masks)
                 locate(table, turns, variance, word, unsure, near, count, u, one, doubtful)
-                settle(table, source, limits, turns, one, threshold, contrast, word, unsure, doubtful, count, u, flag)
+                settle(table, source, limits, turns, one, threshold, contrast, word, unsure, doubtful, count, scratch.soft, u, flag)
             amplitude = m if len(table.period) > 0 else values[1]
             if len(table.period) > 0:
                 unwrap(table, turns, variance, count, u, one, two, flag)

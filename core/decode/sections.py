@@ -7,6 +7,7 @@ import numpy as np
 from core.decode.compiled import fast, load
 from core.decode.options import Flag
 from core.decode.tables import TAIL as TAIL_PART
+from core.decode.tables import AxisTable, Singles
 
 LOW, SATURATED, NO_U = int(Flag.LOW_MODULATION), int(Flag.SATURATED), int(Flag.NO_U)
 DISAGREEMENT, OUTSIDE = int(Flag.DISAGREEMENT), int(Flag.OUTSIDE)
@@ -17,8 +18,15 @@ RIVAL = F(0.5)  # part of its height that light may reach far from the section
 CHANCE = F(2)  # the brightest of some hundred frames is so many standard deviations higher by chance alone
 
 
+def section_scratch(table: AxisTable) -> tuple[Singles, Singles]:
+    """Make the scratch memory for decoding a sweep: as many pixels of all frames as stay in the cache."""
+    frames = len(table.line_frames)
+    tile = max(64, min(512, 65536 // frames // 16 * 16))
+    return np.empty((frames, tile), F), np.empty((10, tile), F)
+
+
 @fast
-def decode_sections(start, stop, addresses, item_size, limits, table, axis, place, sigma, modulation, image, flags):  # type: ignore[no-untyped-def]
+def decode_sections(start, stop, addresses, item_size, limits, table, scratch, axis, place, sigma, modulation, image, flags):  # type: ignore[no-untyped-def]
     """Decode the axis of a sweep for pixels start to stop - 1.
 
     Parameters
@@ -29,6 +37,8 @@ def decode_sections(start, stop, addresses, item_size, limits, table, axis, plac
         Of the first grey value of every frame, each contiguous; `item_size` 1 or 2 bytes.
     limits : Limits
     table : AxisTable
+    scratch : (float32 (frames, tile), float32 (10, tile))
+        Memory of this thread alone.
     axis : int
         0 for u, 1 for v.
     place, sigma : float32 (2, pixels)
@@ -45,18 +55,18 @@ def decode_sections(start, stop, addresses, item_size, limits, table, axis, plac
     lines that count, besides what their discreteness causes.
     """
     frames, centres, ripple = table.line_frames, table.line_centre, table.line_ripple
-    tile = max(64, min(512, 65536 // len(frames) // 16 * 16))
-    grey = np.empty((len(frames), tile), F)
-    sums = np.empty((10, tile), F)
+    grey, sums = scratch
+    tile = grey.shape[1]
     for first in range(start, stop, tile):
         count = min(tile, stop - first)
-        load(frames, addresses, item_size, first, count, grey)
+        source = (addresses, item_size, first)
+        load(frames, source, count, grey)
         peak, where, dark = sums[0], sums[1], sums[2]
         _find_peak(centres, grey, count, peak, where)
         rival, others = sums[3], sums[4]
         _background(centres, table.line_reach, grey, count, where, dark, rival, others)
-        if table.black >= 0:
-            load(np.array([table.black], np.int32), addresses, item_size, first, count, sums[2:3])
+        if len(table.black) > 0:
+            load(table.black, source, count, sums[2:3])
         least = limits.snr + CHANCE
         total, moment, noise0, noise1, noise2 = sums[4], sums[5], sums[6], sums[7], sums[8]
         for i in range(count):

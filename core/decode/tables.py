@@ -84,7 +84,7 @@ class AxisTable(NamedTuple):
     line_centre: Singles
     line_reach: np.float32
     line_ripple: np.float32
-    black: int
+    black: Shorts
 
 
 @dataclass(frozen=True)
@@ -238,7 +238,7 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         line_centre=np.array(lines.centre if lines else [], np.float32),
         line_reach=np.float32(lines.width + 2 * _pitch(lines.centre) + 3 if lines else 0),
         line_ripple=np.float32(ripple(_pitch(lines.centre), lines.width) if lines else 0),
-        black=frames.black[0] if frames.black else -1,
+        black=np.array(frames.black[:1], np.int32),
     )
 
 

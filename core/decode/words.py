@@ -13,6 +13,7 @@ from core.decode.compiled import (
     F,
     fast,
     fill,
+    grey_at,
     narrow,
     turn_of,
     weighted_sum,
@@ -23,9 +24,11 @@ from core.decode.options import Flag
 
 LOW = INT(Flag.LOW_MODULATION)
 
+OCTET, WHOLE = np.uint8, np.uint16
 NOISE_BIT = F(3.5)  # a bit nearer to its threshold, in standard deviations, is unsure
 EDGE = F(0.35)  # cells: how far from the edge of a cell code and phase may see it
 CLOSE = F(0.2)  # lines: so near to an edge of binary code all bits that change there are unsure
+TWO_PLACES = INT(1 << 30)  # no bit, but a reason for doubt
 NEAR = F(0.6)  # part of half the contrast: a bit nearer to its threshold is at an edge
 
 
@@ -67,47 +70,90 @@ def contrast_of(  # type: ignore[no-untyped-def]
 
 @fast
 def read_bits(  # type: ignore[no-untyped-def]
-    table, source, limits, count, threshold, contrast, blur, bit, masks
+    table, source, limits, count, threshold, contrast, bit, scratch, masks
 ):
     """The hard word, most significant bit first, and masks of the less sure bits: `masks` holds the three as rows.
 
     Unsure bits, the second row, may be either for the noise; near ones are between their levels, as at an edge.
     """
-    for part in range(3):
-        fill(masks, part * TILE, part * TILE + count, NONE)
-    dark, shot, floor = limits.dark, limits.shot, limits.floor
-    for i in range(count):
-        blur[i] = NOISE_BIT * np.sqrt(max(dark + shot * threshold[i], floor))
-    addresses, item_size, start = source
+    widths, octets = scratch.widths, scratch.octets
+    edges, deep_edges = scratch.edges, scratch.deep_edges
     rows, last = table.rows, len(table.sign) - 1
+    planes = (last >> 3) + 1
+    for plane in range(planes):
+        fill(octets[plane], 0, 3 * TILE, OCTET(0))
     for b in range(last + 1):
-        r, mask = 2 + 3 * len(table.period) + b, INT(1 << (last - b))
-        spread, fading = np.sqrt(table.spread[b]), table.fading[b]
-        how = (table.sign[b], limits.bit_margin * fading, NEAR * fading, spread, mask)
-        entry = rows.first[r]
-        if rows.first[r + 1] > entry + 1:
-            weighted_sum(rows, r, source, count, bit)
-            _read_bit(bit, ONE, how, count, threshold, contrast, blur, masks)
-        else:
-            address, factor = addresses[rows.column[entry]], rows.value[entry]
-            if item_size == 1:
-                grey = narrow(address, start, count)
-                _read_bit(grey, factor, how, count, threshold, contrast, blur, masks)
+        r, place = 2 + 3 * len(table.period) + b, last - b
+        if b == 0 or table.fading[b] != table.fading[b - 1] or table.spread[b] != table.spread[b - 1]:
+            _widths(limits, table.fading[b], np.sqrt(table.spread[b]), threshold, contrast, count, widths)
+            if source[1] == 1:
+                _edges(threshold, widths, F(255), OCTET, count, edges)
             else:
-                deep = wide(address, start, count)
-                _read_bit(deep, factor, how, count, threshold, contrast, blur, masks)
+                _edges(threshold, widths, F(65535), WHOLE, count, deep_edges)
+        entry = rows.first[r]
+        mask = OCTET(1 << (place & 7))
+        if rows.first[r + 1] > entry + 1 or rows.value[entry] != ONE:
+            weighted_sum(rows, r, source, count, bit)
+            _read_sum(bit, table.sign[b], threshold, widths, mask, count, octets[place >> 3])
+        elif source[1] == 1:
+            _read_grey(narrow(grey_at(source, rows.column[entry]), count), edges, mask, count, octets[place >> 3])
+        else:
+            _read_grey(wide(grey_at(source, rows.column[entry]), count), deep_edges, mask, count, octets[place >> 3])
+    fill(masks, 0, 3 * TILE, NONE)
+    for plane in range(planes):
+        _join(octets[plane], INT(1 << 8 * plane), count, masks)
 
 
 @fast
-def _read_bit(bit, factor, how, count, threshold, contrast, blur, masks):  # type: ignore[no-untyped-def]
-    sign, margin, wide, spread, mask = how
+def _widths(limits, fading, spread, threshold, contrast, count, widths):  # type: ignore[no-untyped-def]
+    """How near to its threshold, in grey values, a bit is unsure (first row), and at an edge (second row)."""
+    dark, shot, floor, margin, blunt = limits.dark, limits.shot, limits.floor, limits.bit_margin * fading, NEAR * fading
+    factor = NOISE_BIT * spread
     for i in range(count):
-        x = factor * F(bit[i]) + sign * threshold[i]
-        away, noise = abs(x), spread * blur[i]
-        # one array, so that one check tells that nothing overlaps: with more the compiler shuns vector instructions
-        masks[i] |= mask if x > F(0) else NONE
-        masks[TILE + i] |= mask if away < max(margin * contrast[i], noise) else NONE
-        masks[2 * TILE + i] |= mask if away < max(wide * contrast[i], noise) else NONE
+        noise = factor * np.sqrt(max(dark + shot * threshold[i], floor))
+        widths[i] = max(margin * contrast[i], noise)
+        widths[TILE + i] = max(blunt * contrast[i], noise)
+
+
+@fast
+def _edges(threshold, widths, top, whole, count, edges):  # type: ignore[no-untyped-def]
+    """The same as whole grey values: the last that is off; the first and last that are unsure, and at an edge."""
+    for i in range(count):
+        middle, unsure, near = threshold[i], widths[i], widths[TILE + i]
+        edges[i] = whole(INT(min(middle, top)))
+        edges[TILE + i] = whole(INT(max(np.ceil(middle - unsure), F(0))))
+        edges[2 * TILE + i] = whole(INT(min(middle + unsure, top)))
+        edges[3 * TILE + i] = whole(INT(max(np.ceil(middle - near), F(0))))
+        edges[4 * TILE + i] = whole(INT(min(middle + near, top)))
+
+
+@fast
+def _read_grey(grey, edges, mask, count, octets):  # type: ignore[no-untyped-def]
+    """Read a bit that one frame shows."""
+    for i in range(count):
+        g = grey[i]
+        octets[i] |= mask if g > edges[i] else OCTET(0)
+        octets[TILE + i] |= mask if (g >= edges[TILE + i]) & (g <= edges[2 * TILE + i]) else OCTET(0)
+        octets[2 * TILE + i] |= mask if (g >= edges[3 * TILE + i]) & (g <= edges[4 * TILE + i]) else OCTET(0)
+
+
+@fast
+def _read_sum(bit, sign, threshold, widths, mask, count, octets):  # type: ignore[no-untyped-def]
+    """Read a bit that several frames show."""
+    for i in range(count):
+        x = bit[i] + sign * threshold[i]
+        octets[i] |= mask if x > F(0) else OCTET(0)
+        octets[TILE + i] |= mask if abs(x) <= widths[i] else OCTET(0)
+        octets[2 * TILE + i] |= mask if abs(x) <= widths[TILE + i] else OCTET(0)
+
+
+@fast
+def _join(octets, unit, count, masks):  # type: ignore[no-untyped-def]
+    """Add octets to words of 32 bits."""
+    for i in range(count):
+        masks[i] += unit * INT(octets[i])
+        masks[TILE + i] += unit * INT(octets[TILE + i])
+        masks[2 * TILE + i] += unit * INT(octets[2 * TILE + i])
 
 
 @fast
@@ -161,31 +207,70 @@ def locate(table, turns, variance, word, unsure, near, count, place, noise, doub
             either = INT(unsure[i] & -unsure[i]) if gray else _side_of(word[i], unsure[i], near[i])
             doubtful[i] = unsure[i] & ~either
         return
-    top, two_places = F((1 << len(table.sign)) - 1), INT(1 << 30)
     combine(table.steps[0], table.step_error[0], turns, variance, count, place, noise)
-    period = table.step_period[0]
-    per_period, per_cell, room = ONE / period, ONE / cell, ONE - HALF * cell / period
-    close = CLOSE * per_cell
+    if gray:
+        _locate_gray(table, word, unsure, near, count, place, noise, doubtful)
+    else:
+        _locate_binary(table, word, unsure, near, count, place, noise, doubtful)
+
+
+@fast
+def _locate_gray(table, word, unsure, near, count, place, noise, doubtful):  # type: ignore[no-untyped-def]
+    """Combine Gray code with the phase in `place` (turns)."""
+    cell, period, top = table.cell, table.step_period[0], F((1 << len(table.sign)) - 1)
+    per_cell, cell_turns, room = ONE / cell, cell / period, ONE - HALF * cell / period
+    cells = period * per_cell
     for i in range(count):
         seen, open_bits = word[i], unsure[i]
-        k = F(cell_of(gray, seen))
-        beside = F(cell_of(gray, INT(seen ^ (open_bits if gray else NONE))))
-        shared = NONE if gray else _shared(open_bits, near[i])
-        start = HALF * (k + beside + ONE) if abs(beside - k) <= ONE else k + HALF
-        start = F(INT((seen & ~shared) + ((shared + 1) >> 1))) if shared != NONE else start
-        d = turn_of(place[i] - cell * start * per_period)
-        y = start + period * d * per_cell
-        place[i] = cell * start + period * d - HALF
+        k = cell_of(True, seen)
+        apart = INT(cell_of(True, INT(seen ^ open_bits)) - k)
+        start = F(k) + HALF + (HALF * F(apart) if abs(apart) <= 1 else F(0))
+        d = turn_of(place[i] - cell_turns * start)
+        y = start + cells * d
+        place[i] = cell * y - HALF
         edge = np.rint(y)
-        low = word_of(gray, INT(min(max(edge - ONE, F(0)), top)))
-        high = word_of(gray, INT(min(max(edge, F(0)), top)))
+        away = abs(y - edge)
+        low, high = _words_beside(True, edge, top)
         flips = INT(low ^ high)
-        side = flips if gray else _side_of(seen, open_bits, near[i])
-        changing = shared if shared != NONE and abs(y - edge) <= close else side
+        wrong = INT(seen ^ (high if y > edge else low))
+        doubt = INT(wrong & ~(flips if away <= EDGE else NONE))
+        doubt |= open_bits if open_bits & ~flips != NONE else NONE
+        gap = max(room - abs(d), F(0))
+        elsewhere = TWO_PLACES if gap * gap < SIGMAS * SIGMAS * noise[i] else NONE
+        doubtful[i] = doubt | (NONE if flips != NONE and near[i] == flips else elsewhere)
+
+
+@fast
+def _locate_binary(table, word, unsure, near, count, place, noise, doubtful):  # type: ignore[no-untyped-def]
+    """Combine binary code with the phase in `place` (turns)."""
+    cell, period, top = table.cell, table.step_period[0], F((1 << len(table.sign)) - 1)
+    per_cell, cell_turns, room = ONE / cell, cell / period, ONE - HALF * cell / period
+    cells, close = period * per_cell, CLOSE * per_cell
+    for i in range(count):
+        seen, open_bits = word[i], unsure[i]
+        shared = _shared(open_bits, near[i])
+        middle = F(INT((seen & ~shared) + ((shared + 1) >> 1)))
+        start = middle if shared != NONE else F(seen) + HALF
+        d = turn_of(place[i] - cell_turns * start)
+        y = start + cells * d
+        place[i] = cell * y - HALF
+        edge = np.rint(y)
+        away = abs(y - edge)
+        low, high = _words_beside(False, edge, top)
+        flips = INT(low ^ high)
+        side = _side_of(seen, open_bits, near[i])
+        changing = shared if shared != NONE and away <= close else side
         odd = INT((open_bits & ~changing) | (changing ^ flips))
         wrong = INT(seen ^ (high if y > edge else low))
-        doubt = INT(wrong & ~(flips if abs(y - edge) <= EDGE else NONE))
+        doubt = INT(wrong & ~(flips if away <= EDGE else NONE))
         doubt |= open_bits if odd != NONE else NONE
         gap = max(room - abs(d), F(0))
-        elsewhere = two_places if gap * gap < SIGMAS * SIGMAS * noise[i] else NONE
+        elsewhere = TWO_PLACES if gap * gap < SIGMAS * SIGMAS * noise[i] else NONE
         doubtful[i] = doubt | (NONE if flips != NONE and near[i] == flips else elsewhere)
+
+
+@fast
+def _words_beside(gray, edge, top):  # type: ignore[no-untyped-def]
+    """Words of the cells below and above an edge."""
+    low = word_of(gray, INT(min(max(edge - ONE, F(0)), top)))
+    return low, word_of(gray, INT(min(max(edge, F(0)), top)))
