@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
-from PySide6.QtWidgets import QPushButton
 
 from core.model import Adjustment
 from core.pipeline import calibrate_project, current_runs, list_runs, measure_project
 from core.project import load_archive, read_capture, read_project
 from stripe_gui.presenters.status import State
+from tests.gui.hands import click, idle
 
 
 @pytest.fixture
@@ -42,16 +42,6 @@ def open_wizard(window, qtbot):
         return window.page
 
     return opened
-
-
-def idle(window, qtbot) -> None:
-    bench = window.bench
-    qtbot.waitUntil(lambda: not bench.views.busy and not bench.jobs.busy, timeout=60_000)
-
-
-def click(button: QPushButton, qtbot) -> None:
-    assert button.isEnabled(), button.text()
-    qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
 
 
 def click_vector(plot, index: int, qtbot) -> None:

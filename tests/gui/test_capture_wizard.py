@@ -19,15 +19,7 @@ from stripe_gui.presenters.capturing import Subject, in_scene, next_name, scene_
 from stripe_gui.presenters.looking import Rig
 from stripe_gui.widgets.pattern_strip import picture
 from stripe_gui.wizards.capture.picture import hatch
-
-
-def click(button: QPushButton, qtbot) -> None:
-    assert button.isEnabled()
-    qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
-
-
-def idle(window, qtbot) -> None:
-    qtbot.waitUntil(lambda: not window.bench.jobs.busy and not window.bench.views.busy, timeout=60_000)
+from tests.gui.hands import click, idle
 
 
 @pytest.fixture

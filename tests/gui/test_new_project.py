@@ -13,6 +13,7 @@ from core.project import nominal_testfield, read_project, read_testfield, write_
 from core.report.board import board_sheet
 from stripe_gui.main_window import MainWindow
 from stripe_gui.wizards.new_project.wizard import NewProjectWizard
+from tests.gui.hands import click
 
 LEFT, NO_KEY = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
 FIELDS = (QLineEdit, QAbstractSpinBox, QComboBox, QCheckBox, QPushButton)
@@ -39,12 +40,6 @@ def retype(qtbot, field: QLineEdit | QAbstractSpinBox, text: str) -> None:
         field.interpretText()
 
 
-def click(qtbot, made: QAbstractButton) -> None:
-    assert made.isVisible()
-    assert made.isEnabled(), made.text()
-    qtbot.mouseClick(made, LEFT)
-
-
 def on_sign(made: QAbstractButton) -> QPoint:
     """Where a check box or radio button is clicked."""
     return QPoint(12, made.height() // 2)
@@ -58,30 +53,30 @@ def test_from_the_empty_start_page_to_the_opened_project_by_clicks(
     window: MainWindow, answers, tmp_path: Path, notices, qtbot
 ) -> None:
     assert window.page.id == "start"
-    click(qtbot, card_button(window, "New project"))
+    click(card_button(window, "New project"), qtbot)
     page = window.page
     assert isinstance(page, NewProjectWizard)
     retype(qtbot, page.place.name, "Rig four")
     answers.path = tmp_path / "new"
     answers.path.mkdir()
-    click(qtbot, page.place.choose_button)
+    click(page.place.choose_button, qtbot)
     assert page.place.folder.text() == str(answers.path)
-    click(qtbot, page.next_button)
+    click(page.next_button, qtbot)
     assert page.step.name == "rig"
     retype(qtbot, page.rig.camera.c, "16.5")
     assert page.rig.preset.currentText() == "Custom"
-    click(qtbot, page.next_button)
+    click(page.next_button, qtbot)
     retype(qtbot, page.field.rows, "9")
     retype(qtbot, page.field.columns, "11")
     retype(qtbot, page.field.spacing, "20")
-    click(qtbot, page.next_button)
+    click(page.next_button, qtbot)
     qtbot.mouseClick(page.plate.wanted, LEFT, pos=on_sign(page.plate.wanted))
-    click(qtbot, page.next_button)
-    click(qtbot, page.next_button)
+    click(page.next_button, qtbot)
+    click(page.next_button, qtbot)
     assert page.step.name == "summary"
     assert "9 rows × 11 columns" in page.summary.rows["field"].text()
     assert list(answers.path.iterdir()) == []  # nothing is written before the last button
-    click(qtbot, page.next_button)
+    click(page.next_button, qtbot)
     assert window.bench.session.folder.path == answers.path.resolve()
     assert window.page.id == "capture"
     assert "Rig four" in window.windowTitle()
@@ -166,7 +161,7 @@ def test_a_folder_filled_meanwhile_is_left_alone(wizard: NewProjectWizard, tmp_p
     assert wizard.go_to("summary")
     (tmp_path / "rig").mkdir()
     (tmp_path / "rig" / "other.txt").write_text("kept")
-    click(qtbot, wizard.next_button)
+    click(wizard.next_button, qtbot)
     assert [n.kind for n in notices] == ["error"]
     assert not wizard.session.is_open
     assert [p.name for p in (tmp_path / "rig").iterdir()] == ["other.txt"]
@@ -212,7 +207,7 @@ def test_a_csv_file_is_read_with_its_errors_told(wizard: NewProjectWizard, answe
     assert "CSV" in wizard.next_button.accessibleDescription()
     answers.path = tmp_path / "board.csv"
     answers.path.write_text("row,col,x_mm,y_mm,z_mm,diameter_mm\n0,0,0,0,0,5\n0,1,ten,0,0,5\n")
-    click(qtbot, wizard.field.choose_button)
+    click(wizard.field.choose_button, qtbot)
     assert "line 3: x_mm is 'ten'" in wizard.next_button.accessibleDescription()
     write_testfield(answers.path, nominal_testfield(5, 6, 15.0, 6.0, "black-on-white"))
     wizard.go_to("rig")
@@ -244,7 +239,7 @@ def test_a_measured_distance_is_compared_with_the_nominal_one(wizard: NewProject
     retype(qtbot, step.ends[2], "12")
     retype(qtbot, step.ends[3], "18")
     wizard.go_to("summary")
-    click(qtbot, wizard.next_button)
+    click(wizard.next_button, qtbot)
     scale = read_project(tmp_path / "rig").scale
     assert scale is not None
     assert (scale.start, scale.stop, scale.length_mm, scale.sigma_mm) == ((0, 0), (12, 18), 259.71, 0.02)
@@ -278,7 +273,7 @@ def test_the_board_of_the_wizard_is_printed(
 ) -> None:
     wizard.go_to("testfield")
     answers.path = tmp_path / f"board{ending}"
-    click(qtbot, wizard.field.print_button)
+    click(wizard.field.print_button, qtbot)
     qtbot.waitUntil(lambda: not bench.jobs.busy and bool(notices))
     written = tmp_path / f"board{ending or '.pdf'}"
     assert written.read_bytes().startswith(b"<svg" if ending == ".svg" else b"%PDF")

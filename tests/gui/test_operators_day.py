@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from pypdf import PdfReader
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QLineEdit
 
-from core.geometry import Pose, project
-from core.model import Interior
 from core.pipeline import load_evaluation
 from core.project import read_project
 from stripe_gui.presenters.status import State
+from tests.gui.hands import click, idle, rightly_named, true_targets
 
-PATIENCE_MS = 120_000
 POSES = 8  # of the testfield, as many as the small virtual rig has
 ANGLES = (0, 15)  # of the plane-table
 
@@ -34,20 +30,11 @@ class Operator:
         return self.window.page
 
     def wait(self, done=lambda: True) -> None:
-        bench = self.window.bench
-
-        def idle() -> bool:
-            background = getattr(self.page, "background", None)
-            preparing = background is not None and background.preparing
-            return not (bench.views.busy or bench.jobs.busy or preparing) and done()
-
-        self.qtbot.waitUntil(idle, timeout=PATIENCE_MS)
+        idle(self.window, self.qtbot, done)
 
     def click(self, button: QAbstractButton) -> None:
-        assert button.isVisible(), button.text()
-        assert button.isEnabled(), button.text()
         self.steps += 1
-        self.qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+        click(button, self.qtbot)
         self.wait()
 
     def click_on(self, text: str) -> None:
@@ -121,26 +108,17 @@ def take(operator: Operator) -> None:
     assert page.taking.report is not None, page.taking.words.text()
 
 
-def named_as_they_are(page, truth: dict) -> bool:
-    """Whether the guess of the picks names its dots as the bench placed them: what an operator sees."""
-    at = truth["camera"]
-    interior = Interior(at["c_mm"], at["x0_mm"], at["y0_mm"], tuple(at[f"A{i}"] for i in range(1, 7)), at["r0_mm"])
-    pose = truth["captures"][page.model.capture.name]["camera_from_board"]
-    pose = Pose(np.array(pose["rotation"]), np.array(pose["translation_mm"]))
-    xyz = {(t["row"], t["col"]): t["xyz_mm"] for t in truth["testfields"]["testfield.csv"]}
-    guess = page.model.guess or ()
-    uv = project(page.session.folder.project.camera, interior, np.array([xyz[s.row, s.col] for s in guess]), pose)
-    return bool(guess) and bool((np.hypot(*(uv - [(s.u, s.v) for s in guess]).T) < 3).all())
+def pick(operator: Operator, simulated: Path) -> None:
+    """Go through the images: turn the guess until it is right, accept, next.
 
-
-def pick(operator: Operator, truth: dict) -> None:
-    """Go through the images: turn the guess until it is right, accept, next."""
+    `simulated` is a project in which the same captures were simulated: it knows what an operator sees.
+    """
     operator.click_on("Pick targets")
     page = operator.page
     operator.wait()
     while operator.page is page:
         for _ in range(4):
-            if named_as_they_are(page, truth):
+            if rightly_named(page.model.guess, true_targets(simulated, page.model.capture.name)):
                 break
             operator.press(Qt.Key.Key_R)
         operator.press(Qt.Key.Key_Return)  # accept the guess
@@ -173,7 +151,7 @@ def test_from_the_empty_start_page_to_the_signed_report(
     by_part["captures"] = operator.steps - sum(by_part.values())
 
     operator.click(window.strip.buttons["measure"])
-    pick(operator, json.loads((recorded / "truth.json").read_text()))
+    pick(operator, recorded)
     assert session.statuses["measure"].state is State.DONE
     by_part["picks"] = operator.steps - sum(by_part.values())
 

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PySide6.QtCore import QEvent, QObject, Qt
-from PySide6.QtWidgets import QPushButton, QWidget
+from PySide6.QtWidgets import QWidget
 
 from stripe_gui.pages import PAGES
 from stripe_gui.presenters.status import State
+from tests.gui.hands import click, idle
 
 
 @pytest.fixture
@@ -24,16 +25,6 @@ def open_window(window, qtbot):
         return window.page
 
     return opened
-
-
-def idle(window, qtbot) -> None:
-    bench = window.bench
-    qtbot.waitUntil(lambda: not bench.views.busy and not bench.jobs.busy, timeout=60_000)
-
-
-def click(button: QPushButton, qtbot) -> None:
-    assert button.isEnabled()
-    qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
 
 
 class Shown(QObject):

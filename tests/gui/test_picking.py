@@ -12,12 +12,12 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtTest import QTest
 
-from core.geometry import Pose, project
-from core.model import Interior, Seed
+from core.model import Seed
 from core.pipeline import measure_project
 from core.pipeline.picking import current_targets
 from core.project import kept_picks, read_project
 from stripe_gui.presenters.status import State
+from tests.gui.hands import Targets, idle, rightly_named, true_targets
 
 Key, Modifier = Qt.Key, Qt.KeyboardModifier
 
@@ -27,19 +27,13 @@ class Operator:
 
     def __init__(self, window, qtbot, folder: Path) -> None:
         self.window, self.qtbot, self.folder, self.keys = window, qtbot, folder, 0
-        self.truth = json.loads((folder / "truth.json").read_text())
         window.open_path(folder)
         window.show_page("pick")
         self.page = window.page
         self.wait()
 
     def wait(self) -> None:
-        bench, background = self.window.bench, self.page.background
-
-        def idle() -> bool:
-            return not (bench.views.busy or bench.jobs.busy or (background is not None and background.preparing))
-
-        self.qtbot.waitUntil(idle, timeout=60_000)
+        idle(self.window, self.qtbot)
 
     def press(self, key: Qt.Key, modifiers: Qt.KeyboardModifier = Modifier.NoModifier) -> None:
         self.keys += 1
@@ -47,19 +41,17 @@ class Operator:
 
     def sees(self, row: int, col: int) -> tuple[float, float]:
         """Where a target of the image at work really is, px."""
-        truth, spec = self.truth["camera"], read_project(self.folder).camera
-        pose = self.truth["captures"][self.page.model.capture.name]["camera_from_board"]
-        a = tuple(truth[f"A{i}"] for i in range(1, 7))
-        interior = Interior(truth["c_mm"], truth["x0_mm"], truth["y0_mm"], a, truth["r0_mm"])
-        board = self.truth["testfields"]["testfield.csv"]
-        xyz = np.array([t["xyz_mm"] for t in board if (t["row"], t["col"]) == (row, col)])
-        u, v = project(spec, interior, xyz, Pose(np.array(pose["rotation"]), np.array(pose["translation_mm"])))[0]
+        u, v = self.targets[row, col]
         return float(u), float(v)
+
+    @property
+    def targets(self) -> Targets:
+        """Where all targets of the image at work really are."""
+        return true_targets(self.folder, self.page.model.capture.name)
 
     def agrees(self) -> bool:
         """Whether the guess names its dots as they really are."""
-        guess = self.page.model.guess
-        return guess is not None and all(np.hypot(*np.subtract(self.sees(s.row, s.col), (s.u, s.v))) < 3 for s in guess)
+        return rightly_named(self.page.model.guess, self.targets)
 
     def go_by_keys(self, u: float, v: float) -> None:
         """Bring the cross hairs near a dot: dot by dot, then by pixels."""

@@ -14,6 +14,7 @@ from PySide6.QtCore import QPoint, QPointF, Qt
 from core.pipeline import load_evaluation, load_sign_off
 from core.project import read_project
 from stripe_gui.presenters.status import State
+from tests.gui.hands import click, idle
 
 LEFT = Qt.MouseButton.LeftButton
 CTRL_SHIFT = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
@@ -34,27 +35,14 @@ def wizard(window, qtbot):
     def opened(folder: Path):
         assert window.open_path(folder)
         window.show_page("evaluate")
-        qtbot.waitUntil(lambda: idle(window), timeout=60_000)
+        idle(window, qtbot)
         with qtbot.waitActive(window):
             qtbot.keyClick(window, Qt.Key.Key_L, CTRL_SHIFT)
-        qtbot.waitUntil(lambda: idle(window), timeout=60_000)
+        idle(window, qtbot)
         assert window.page.id == "plane-table"
         return window.page
 
     return opened
-
-
-def idle(window) -> bool:
-    return not window.bench.views.busy and not window.bench.jobs.busy
-
-
-def wait(window, qtbot) -> None:
-    qtbot.waitUntil(lambda: idle(window), timeout=60_000)
-
-
-def click(button, qtbot) -> None:
-    assert button.isEnabled()
-    qtbot.mouseClick(button, LEFT)
 
 
 def values(path: Path) -> tuple[list[str], np.ndarray]:
@@ -69,7 +57,7 @@ def test_from_the_calibrations_to_signed_pdf_and_csv(
     assert not page.next_button.isEnabled()
     assert "not evaluated" in page.planes.item(0).text()
     click(page.run_button, qtbot)
-    wait(window, qtbot)
+    idle(window, qtbot)
     for step in ("maps", "profile", "histogram", "table", "sign-off"):
         click(page.next_button, qtbot)
         assert page.step.name == step
@@ -81,14 +69,14 @@ def test_from_the_calibrations_to_signed_pdf_and_csv(
     page.signing.deviations.click()
     answers.path = tmp_path / "out"
     click(page.signing.export_button, qtbot)
-    wait(window, qtbot)
+    idle(window, qtbot)
     names = {p.name for p in answers.path.iterdir()}
     assert {"report.html", "report.pdf", "table-3.csv", "profile-plane+00.csv"} <= names
     assert "deviations-plane+15-polynomial.csv" in names
     text = " ".join("".join(p.extract_text() for p in PdfReader(answers.path / "report.pdf").pages).split())
     assert "Signed off by A. Operator" in text
     click(page.next_button, qtbot)
-    wait(window, qtbot)
+    idle(window, qtbot)
     assert window.page.id == "report"
     assert window.page.sentences[0].startswith("Signed off by A. Operator")
     assert {s.state for s in window.bench.session.statuses.values()} == {State.DONE}
@@ -98,13 +86,13 @@ def test_from_the_calibrations_to_signed_pdf_and_csv(
 def test_exported_deviations_are_those_of_the_evaluation(wizard, window, answers, calibrated, tmp_path, qtbot) -> None:
     page = wizard(calibrated)
     click(page.run_button, qtbot)
-    wait(window, qtbot)
+    idle(window, qtbot)
     assert page.go_to("sign-off")
     page.signing.report.click()
     page.signing.deviations.click()
     answers.path = tmp_path / "out"
     click(page.signing.export_button, qtbot)
-    wait(window, qtbot)
+    idle(window, qtbot)
     for e in load_evaluation(read_project(calibrated)):
         head, found = values(tmp_path / "out" / f"deviations-{e.capture}-{e.method}.csv")
         assert head[-2:] == ["deviation [µm]", "sigma [µm]"]
@@ -125,17 +113,17 @@ def test_only_what_is_ticked_is_evaluated_and_reported(wizard, window, calibrate
     qtbot.keyClick(page.calibrations, Qt.Key.Key_Space)
     with qtbot.waitActive(window):
         qtbot.keyClick(window, Qt.Key.Key_F5)
-    wait(window, qtbot)
+    idle(window, qtbot)
     planes = json.loads((calibrated / "results" / "evaluation.json").read_text())["planes"]
     assert [(p["capture"], p["method"]) for p in planes] == [("plane+00", "photogrammetric")]
     assert page.go_to("sign-off")
     click(page.next_button, qtbot)
-    wait(window, qtbot)
+    idle(window, qtbot)
     html = (calibrated / "results" / "report" / "report.html").read_text()
     assert "plane+00" in html
     assert "plane+15" not in html
     window.show_page("plane-table")
-    wait(window, qtbot)
+    idle(window, qtbot)
     assert window.page._missing() == ""  # what is ticked is still what is evaluated
 
 
@@ -154,7 +142,7 @@ def test_cancelling_the_evaluation_leaves_the_one_before(wizard, window, finishe
     click(page.run_button, qtbot)
     qtbot.waitUntil(lambda: window.bench.jobs.running is not None)
     qtbot.mouseClick(window.job_bar.cancel, LEFT)
-    wait(window, qtbot)
+    idle(window, qtbot)
     assert file.read_bytes() == before
 
 
@@ -183,6 +171,7 @@ def test_the_cursor_reads_the_same_place_in_every_method(wizard, window, finishe
 
 def test_the_scale_is_one_for_all_maps_and_follows_the_operator(wizard, finished, qtbot) -> None:
     page = wizard(finished)
+    assert page.go_to("maps")
     page.maps.limit.setValue(0.05)
     levels = {tuple(m.image_item.levels) for m in (*page.maps.maps, *page.profile.maps.maps)}
     assert levels == {(-0.05, 0.05)}
@@ -221,7 +210,7 @@ def test_a_sign_off_lapses_with_other_figures(wizard, window, finished_project, 
     assert page.go_to("sign-off")
     qtbot.keyClicks(page.signing.operator, "A. Operator")
     click(page.next_button, qtbot)
-    wait(window, qtbot)
+    idle(window, qtbot)
     project = read_project(finished_project)
     evaluations = load_evaluation(project)
     assert load_sign_off(project, evaluations).operator == "A. Operator"
