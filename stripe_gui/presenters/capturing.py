@@ -47,6 +47,16 @@ class Subject:
 
 
 @dataclass(frozen=True)
+class Recording:
+    """What every image is taken with: the project's folder, the two devices, and who hears of each image."""
+
+    folder: Path
+    rig: Rig
+    urls: tuple[str, str]
+    listen: Callable[[dict[str, Any]], None]
+
+
+@dataclass(frozen=True)
 class Unfinished:
     """A capture that was interrupted, and how far it got, in words."""
 
@@ -315,42 +325,28 @@ def connect(project: Project, rig: Rig, urls: tuple[str, str], progress: Progres
     return Connection(words, patterns, (columns, rows), rig.setting)
 
 
-def take(
-    path: Path,
-    subject: Subject,
-    rig: Rig,
-    urls: tuple[str, str],
-    listen: Callable[[dict[str, Any]], None],
-    progress: Progress = SILENT,
-) -> CaptureReport:
+def take(recording: Recording, subject: Subject, progress: Progress = SILENT) -> CaptureReport:
     """Run the sequence into the project; the devices that were looked through are let go first."""
-    rig.close()
+    recording.rig.close()
     return capture_into(
-        path,
+        recording.folder,
         subject.name,
         subject.role,
-        projector=urls[0],
-        camera=urls[1],
+        projector=recording.urls[0],
+        camera=recording.urls[1],
         testfield=subject.testfield,
         z_mm=subject.z_mm if subject.role == "depth" else None,
         angle_deg=subject.angle_deg if subject.role == "plane" else None,
         progress=progress,
-        listen=listen,
+        listen=recording.listen,
     )
 
 
-def retake(
-    path: Path,
-    name: str,
-    frame: int,
-    rig: Rig,
-    urls: tuple[str, str],
-    listen: Callable[[dict[str, Any]], None],
-    progress: Progress = SILENT,
-) -> CaptureReport:
+def retake(recording: Recording, name: str, frame: int, progress: Progress = SILENT) -> CaptureReport:
     """Take one frame of a complete capture again."""
-    rig.close()
-    return retake_frame(read_project(path), name, frame, *urls, progress=progress, listen=listen)
+    recording.rig.close()
+    project = read_project(recording.folder)
+    return retake_frame(project, name, frame, *recording.urls, progress=progress, listen=recording.listen)
 
 
 def check_rig(project: Project, rig: Rig, urls: tuple[str, str], progress: Progress = SILENT) -> tuple[Finding, ...]:

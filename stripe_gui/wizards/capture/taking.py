@@ -13,7 +13,7 @@ from core.capture import CaptureReport, capture_status
 from core.errors import StripeError
 from stripe_gui.jobs import Failure, Job
 from stripe_gui.presenters.capture import FrameView, load_frame
-from stripe_gui.presenters.capturing import Subject, retake, take
+from stripe_gui.presenters.capturing import Recording, Subject, retake, take
 from stripe_gui.presenters.failures import describe
 from stripe_gui.widgets.finding_list import FindingList
 from stripe_gui.widgets.image_view import ImageView
@@ -110,7 +110,7 @@ class TakingStep(QWidget):
         """Run the sequence."""
         if not self.start_button.isEnabled():
             return
-        self._run(self.subject.name, take, self._folder.parents[1], self.subject)
+        self._run(self.subject.name, take, self.subject)
 
     def retake(self) -> None:
         """Take the chosen frame again."""
@@ -118,7 +118,7 @@ class TakingStep(QWidget):
         if self.report is None or frame < 0 or self.running:
             return
         self.strip.set_state(frame, "again")
-        self._run(self.tr("Frame again"), retake, self._folder.parents[1], self.subject.name, frame)
+        self._run(self.tr("Frame again"), retake, self.subject.name, frame)
 
     def cancel(self) -> None:
         """Stop after the image that is being taken; what is there stays."""
@@ -133,10 +133,8 @@ class TakingStep(QWidget):
         self._job = self.bench.jobs.run(
             title,
             function,
+            Recording(self._folder.parents[1], self.devices.rig, self.devices.urls, self._events.append),
             *arguments,
-            self.devices.rig,
-            self.devices.urls,
-            self._events.append,
             stage="capture",
             on_done=self._done,
             on_failed=self._failed,
