@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from contextlib import closing
 
 from core.capture.plan import check_shown
 from core.capture.run import ROUNDS, CaptureReport, Loop, Said, check_sizes, judge, verify
 from core.capture.store import Listen, no_listener, reopen_store
-from core.devices import open_camera, open_projector
+from core.devices import open_devices
 from core.errors import DeviceError, InputError
 from core.model import Project
 from core.progress import SILENT, Progress
@@ -57,10 +56,7 @@ def retake_frame(
     def note(who: str, what: str) -> None:
         notes.append((time.monotonic(), who, what))
 
-    with (
-        closing(open_projector(projector_url, note, progress.check)) as projector,
-        closing(open_camera(camera_url, note)) as camera,
-    ):
+    with open_devices(projector_url, camera_url, note, progress.check) as (projector, camera):
         check_sizes(project, projector, camera)
         check_shown(plan, projector.refusal, projector.name)
         store.note("retake", True, planned=plan.own[frame])

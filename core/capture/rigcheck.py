@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import closing
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from core.capture.finding import Finding
 from core.capture.fitness import visibility
 from core.capture.preflight import measure_stripes, preflight
 from core.capture.run import check_sizes
-from core.devices import open_camera, open_projector
+from core.devices import open_devices
 from core.devices.opening import at_depth
 from core.model import Project
 from core.progress import SILENT, Progress
@@ -48,10 +47,7 @@ def check_rig(
     ------
     InputError, DeviceError
     """
-    with (
-        closing(open_projector(urls[0], check=progress.check)) as projector,
-        closing(open_camera(urls[1])) as camera,
-    ):
+    with open_devices(*urls, check=progress.check) as (projector, camera):
         check_sizes(project, projector, camera)
         findings = preflight(projector, camera, progress.part(0.0, 0.8 if depths_mm else 1.0))
     if not depths_mm:
@@ -69,8 +65,5 @@ def check_rig(
 def stripes_at(urls: Urls, z_mm: float, progress: Progress = SILENT) -> tuple[list[Array], float]:
     """Take the finest stripes on a plate at a position, as `measure_stripes`; the virtual bench puts its own there."""
     here = at_depth(urls[0], z_mm), at_depth(urls[1], z_mm)
-    with (
-        closing(open_projector(here[0], check=progress.check)) as projector,
-        closing(open_camera(here[1])) as camera,
-    ):
+    with open_devices(*here, check=progress.check) as (projector, camera):
         return measure_stripes(projector, camera, projector.settle_s, progress.quiet())

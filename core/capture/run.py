@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from core.capture.plan import Plan, check_shown, describe, make_plan
 from core.capture.quality import lamp, modulation, movement, sample_grid, saturation, summarise
 from core.capture.store import Listen, Store, capture_status, is_complete, no_listener, open_store, read_findings
 from core.capture.writer import Writer
-from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
+from core.devices import Camera, Image, Projector, open_devices, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.model import Project
 from core.patterns import Pattern
@@ -99,10 +98,7 @@ def run_capture(
     def note(who: str, what: str) -> None:
         notes.append((time.monotonic(), who, what))
 
-    with (
-        closing(open_projector(projector_url, note, progress.check)) as projector,
-        closing(open_camera(camera_url, note)) as camera,
-    ):
+    with open_devices(projector_url, camera_url, note, progress.check) as (projector, camera):
         check_sizes(project, projector, camera)
         chosen = patterns if patterns is not None else projector.sequence
         plan = make_plan(project, name, role, patterns=chosen, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from weakref import WeakValueDictionary
@@ -89,6 +91,18 @@ def open_camera(url: str, note: Note = no_note) -> Camera:
         case "genicam":
             return _genicam(address, note)
     raise _unknown(address, "camera", CAMERA_KINDS)
+
+
+@contextmanager
+def open_devices(
+    projector_url: str, camera_url: str, note: Note = no_note, check: Check = no_check
+) -> Iterator[tuple[Projector, Camera]]:
+    """Open a projector and a camera for a `with` block, as `open_projector` and `open_camera` do, and let both go."""
+    with (
+        closing(open_projector(projector_url, note, check)) as projector,
+        closing(open_camera(camera_url, note)) as camera,
+    ):
+        yield projector, camera
 
 
 def open_stage(address: Address) -> Stage:
