@@ -14,8 +14,9 @@ from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
 from core.fields import Fields
-from core.model import DeviceSpec, ScaleBar, Testfield
+from core.model import ScaleBar, Testfield
 from core.project import create_project, nominal_testfield, read_testfield, refuse_used_folder
+from core.project.captures import read_device
 from stripe_gui.presenters.rig_view import Cover, RigPlan, presets
 
 if TYPE_CHECKING:
@@ -255,8 +256,8 @@ def draft_from_text(text: str) -> Draft | None:
             all_.text("name"),
             all_.text("folder"),
             RigPlan(
-                _device(rig.nested("camera")),
-                _device(rig.nested("projector")),
+                read_device(rig.nested("camera")),
+                read_device(rig.nested("projector")),
                 rig.real("distance_mm", above=0.0),
                 rig.real("base_mm", above=0.0),
             ),
@@ -273,15 +274,6 @@ def draft_from_text(text: str) -> Draft | None:
         )
     except (ValueError, InputError):
         return None
-
-
-def _device(data: Fields) -> DeviceSpec:
-    return DeviceSpec(
-        data.integer("width", 1),
-        data.integer("height", 1),
-        data.pair("pitch_mm", above=0.0),
-        data.real("nominal_c_mm", above=0.0),
-    )
 
 
 def _board(data: Fields) -> BoardPlan:
