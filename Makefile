@@ -8,7 +8,7 @@ OUT    ?= demo
 # small matrices: the threads of the linear algebra would only spin beside our own
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test check bench pictures clean
+.PHONY: help setup demo test check bench bundle pictures clean
 
 help:
 	@echo "make setup   the environment in $(VENV) (a second call is quick)"
@@ -16,6 +16,7 @@ help:
 	@echo "make test    all tests"
 	@echo "make check   ruff, formatting and types"
 	@echo "make bench   benchmarks against peers, to a table and plots in bench-results"
+	@echo "make bundle  a folder that runs without Python, built and tried, in dist/stripe-workbench"
 	@echo "make pictures  the pictures of the help, from the finished project in $(OUT)"
 
 setup: $(STAMP)
@@ -41,6 +42,10 @@ check: setup
 bench: setup
 	@echo "Installing the peers into .bench-venv, then all side by side: about four minutes if nothing else runs."
 	@$(BIN)/python -m tests.benchmarks
+
+bundle: setup
+	@echo "Building the bundle in .bundle-venv, then trying it: about ten minutes."
+	@$(BIN)/python packaging/bundle.py
 
 pictures: setup
 	@$(BIN)/python packaging/pictures.py $(OUT)

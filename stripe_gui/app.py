@@ -28,7 +28,7 @@ def make_application(arguments: Sequence[str] = ("stripe-gui",)) -> QApplication
     app.setApplicationName("stripe-gui")
     app.setApplicationDisplayName("")
     app.setOrganizationName("stripe-workbench")
-    app.setDesktopFileName("stripe-workbench")
+    app.setDesktopFileName("org.stripe_workbench.StripeWorkbench")
     app.setStyle("Fusion")
     app.setWindowIcon(QIcon(str(asset("icons", "program.svg"))))
     families: list[str] = []

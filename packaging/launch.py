@@ -1,0 +1,14 @@
+"""What both programs of the bundle begin with: `stripe-gui` or `stripe-core`, by the name of the file that was called.
+
+One file under two names: numba's cache belongs to a program's content, so kernels compiled by one serve the other.
+"""
+
+import sys
+from pathlib import Path
+
+if Path(sys.executable).name == "stripe-gui":
+    from stripe_gui.__main__ import main
+else:
+    from core.cli import main
+
+sys.exit(main())
