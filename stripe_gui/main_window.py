@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication, QEvent, Qt
-from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QMainWindow, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
 from stripe_gui.actions import Action, ActionSet
@@ -22,6 +22,7 @@ from stripe_gui.wizards import wizard_actions
 from stripe_gui.workbench import Workbench
 
 translate = QCoreApplication.translate
+ROOM_FOR_HELP = 1340  # px: beside the help, the tabs of the calibrate page then still show their whole names in German
 
 
 class MainWindow(QMainWindow):
@@ -255,6 +256,14 @@ class MainWindow(QMainWindow):
             self.help.show_topic(self.page.stage or self.page.id)
         self.actions_.update()
 
+    def _place_help(self) -> None:
+        """Show the help if it is wanted and has room; in a narrow window it comes when it is asked for."""
+        wanted = self.bench.settings.flag("help", True) and asset("help").is_dir()
+        self.help.setVisible(wanted and self.width() >= ROOM_FOR_HELP)
+        if not self.help.isHidden():
+            self.help.show_topic(self.page.stage or self.page.id)
+        self.actions_.update()
+
     def _open_help(self, topic: str) -> None:
         self._show_help(True)
         self.help.show_topic(topic)
@@ -312,6 +321,12 @@ class MainWindow(QMainWindow):
             self.bench.refresh()
         super().changeEvent(event)
 
+    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802
+        """Let the help step aside when the window becomes too narrow for both, and come back with the room."""
+        super().resizeEvent(event)
+        if (event.oldSize().width() < ROOM_FOR_HELP) != (event.size().width() < ROOM_FOR_HELP):
+            self._place_help()
+
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802
         """Ask while work is running; remember the window."""
         job = self.bench.jobs.running
@@ -336,4 +351,4 @@ class MainWindow(QMainWindow):
             self.restoreGeometry(state)
         if not (state := self.bench.settings.state("split")).isEmpty():
             self.split.restoreState(state)
-        self.help.setVisible(self.bench.settings.flag("help", True) and asset("help").is_dir())
+        self._place_help()

@@ -24,6 +24,7 @@ from stripe_gui import theme
 from stripe_gui.pages import PAGES
 from stripe_gui.presenters.status import STAGES
 from stripe_gui.widgets.command_palette import CommandPalette
+from tests.gui.hands import idle
 
 
 def test_the_empty_window_shows_the_start_page_and_idle_stages(window) -> None:
@@ -68,6 +69,27 @@ def test_the_palette_finds_and_runs_an_action(window, qtbot) -> None:
     assert palette.found.item(0).text().startswith("Dark appearance")
     qtbot.keyClick(palette.search, Qt.Key.Key_Return)
     assert theme.current().name == "dark"
+
+
+def test_a_narrow_window_belongs_to_the_work_until_help_is_asked_for(program, finished: Path, qtbot) -> None:
+    for language in ("en", "de"):
+        program.choose_language(language)
+        window = program.window
+        with qtbot.waitExposed(window):
+            window.show()
+        window.resize(1360, 860)
+        qtbot.waitUntil(lambda window=window: not window.help.isHidden())
+        window.resize(window.minimumSize())
+        qtbot.waitUntil(lambda window=window: window.help.isHidden())
+        assert window.open_path(finished)
+        window.show_page("calibrate")
+        tabs = window.page.results.tabs.tabBar()
+        # all tabs in full: none has to be fetched by an arrow
+        qtbot.waitUntil(lambda tabs=tabs: tabs.width() >= tabs.sizeHint().width())
+    with qtbot.waitActive(window):
+        qtbot.keyClick(window, Qt.Key.Key_F1)
+    assert not window.help.isHidden()
+    idle(window, qtbot)
 
 
 def test_a_dropped_project_folder_opens(window, project: Path) -> None:
