@@ -47,21 +47,31 @@ def capture_into(
     from core.capture.store import no_listener
 
     project = read_project(folder)
-    if projector is None or camera is None:
-        virtual = virtual_rig(project)
-        projector, camera = projector or virtual, camera or virtual
     return run_capture(
         project,
         name,
         role,
-        projector,
-        camera,
+        *devices_of(project, projector, camera),
         testfield=testfield,
         z_mm=z_mm,
         angle_deg=angle_deg,
         progress=progress,
         listen=listen or no_listener,
     )
+
+
+def devices_of(project: Project, projector: str | None, camera: str | None) -> tuple[str, str]:
+    """Give the URLs of projector and camera; for one that is not named, of the virtual bench's rig.
+
+    Raises
+    ------
+    InputError
+        If one is not named and no virtual rig has the project's sizes.
+    """
+    if projector is not None and camera is not None:
+        return projector, camera
+    virtual = virtual_rig(project)
+    return projector or virtual, camera or virtual
 
 
 def virtual_rig(project: Project) -> str:

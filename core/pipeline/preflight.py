@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from core.pipeline.capture import virtual_rig
+from core.pipeline.capture import devices_of
 from core.progress import SILENT, Progress
 from core.project import read_project
 
@@ -68,10 +68,8 @@ def preflight_rig(
     from core.capture.rigcheck import check_rig, stay
 
     project = read_project(folder)
-    if projector is None or camera is None:
-        virtual = virtual_rig(project)
-        projector, camera = projector or virtual, camera or virtual
-    findings = check_rig(project, (projector, camera), depths_mm, place or stay, progress.part(0.0, 0.95))
+    urls = devices_of(project, projector, camera)
+    findings = check_rig(project, urls, depths_mm, place or stay, progress.part(0.0, 0.95))
     if out is not None:
         write_preflight(findings, project.name, out)
     progress(1.0, "checked")

@@ -11,18 +11,12 @@ from core.capture import capture_status, run_capture
 from core.devices import open_camera
 from core.devices.scene import FlatScene
 from core.errors import Cancelled, DeviceError, InputError
-from core.model import DeviceSpec, Project
+from core.model import Project
 from core.patterns import Phase, White, gray_and_phase, reference_sequence
 from core.progress import Progress
-from core.project import read_capture, read_image, read_project, write_project
+from core.project import read_capture, read_image, read_project
 
 FLAT = "virtual:flat"
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Project:
-    write_project(tmp_path, "t", DeviceSpec(96, 72, (0.01, 0.01), 12.0), DeviceSpec(64, 64, (0.09, 0.09), 100.0))
-    return read_project(tmp_path)
 
 
 def truly_shows(folder: Path) -> bool:

@@ -15,9 +15,9 @@ import pytest
 from core.capture import capture_status, run_capture
 from core.devices.scene import FlatScene
 from core.errors import StripeError
-from core.model import DeviceSpec, Project
+from core.model import Project
 from core.patterns import Phase, White
-from core.project import read_capture, read_image, read_project, write_project
+from core.project import read_capture, read_image, read_project
 
 FLAT = "virtual:flat"
 PATTERNS = [*(Phase("x", 80.0, 3, k, 2 * np.pi * k / 3) for k in range(3)), White()]
@@ -26,12 +26,6 @@ pytestmark = [
     pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork"),
     pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning"),
 ]
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Project:
-    write_project(tmp_path, "t", DeviceSpec(96, 72, (0.01, 0.01), 12.0), DeviceSpec(64, 64, (0.09, 0.09), 100.0))
-    return read_project(tmp_path)
 
 
 def capture(project: Project) -> None:

@@ -2,7 +2,6 @@
 
 import json
 import zlib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,19 +10,18 @@ from core.capture import capture_status, retake_frame, run_capture
 from core.devices import open_camera
 from core.devices.scene import FlatScene
 from core.errors import Cancelled, DeviceError, InputError
-from core.model import DeviceSpec, Project
+from core.model import Project
 from core.progress import Progress
-from core.project import read_capture, read_image, read_project, write_capture, write_project
+from core.project import read_capture, read_image, write_capture
 
 FLAT = "virtual:flat"
 
 
 @pytest.fixture
-def project(tmp_path: Path) -> Project:
-    write_project(tmp_path, "t", DeviceSpec(96, 72, (0.01, 0.01), 12.0), DeviceSpec(64, 64, (0.09, 0.09), 100.0))
-    read = read_project(tmp_path)
-    run_capture(read, "a", "object", FLAT, FLAT)
-    return read
+def project(project: Project) -> Project:
+    """The same with one capture."""
+    run_capture(project, "a", "object", FLAT, FLAT)
+    return project
 
 
 def content(project: Project) -> dict[str, int]:

@@ -11,19 +11,11 @@ from core.cli import main
 from core.devices import offer_screens
 from core.devices.opening import at_depth
 from core.errors import Cancelled, DeviceError, InputError
-from core.model import DeviceSpec, Project
+from core.model import Project
 from core.progress import Progress
-from core.project import read_project, write_project
 
 FLAT = "virtual:flat"
 CHECKS = ["exposure", "settle", "linearity", "focus", "order", "orientation"]
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Project:
-    folder = tmp_path / "project"
-    write_project(folder, "t", DeviceSpec(96, 72, (0.01, 0.01), 12.0), DeviceSpec(64, 64, (0.09, 0.09), 100.0))
-    return read_project(folder)
 
 
 def test_every_check_comes_with_a_picture_or_a_curve(project: Project) -> None:
