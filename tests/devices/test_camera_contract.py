@@ -17,6 +17,7 @@ from core.devices.uvc import UvcCamera
 from core.errors import Cancelled, DeviceError
 from core.patterns import Black, White
 from core.project import write_image
+from tests.devices.video import Video
 
 
 @dataclass
@@ -70,45 +71,6 @@ def folder(tmp_path: Path) -> Iterator[Bed]:
     finally:
         state["end"] = True
         thread.join()
-
-
-class Video:
-    """OpenCV's VideoCapture: an image every 10 ms, exposed 10 ms before it comes, four of them kept."""
-
-    def __init__(self) -> None:
-        self.level, self.run, self.queue, self.ready = 20, True, [], threading.Condition()
-        self.end, self.settings = threading.Event(), dict[int, float]()
-        self.thread = threading.Thread(target=self.expose)
-        self.thread.start()
-
-    def expose(self) -> None:
-        level = self.level
-        while not self.end.wait(0.01):
-            with self.ready:
-                if self.run:
-                    self.queue = [*self.queue, np.full((6, 8, 3), level, np.uint8)][-4:]
-                level = self.level
-                self.ready.notify_all()
-
-    def read(self) -> tuple[bool, np.ndarray | None]:
-        with self.ready:
-            if not self.ready.wait_for(lambda: bool(self.queue), 0.1):
-                return False, None
-            return True, self.queue.pop(0)
-
-    def isOpened(self) -> bool:  # noqa: N802
-        return True
-
-    def set(self, key: int, value: float) -> bool:
-        self.settings[key] = value
-        return True
-
-    def get(self, key: int) -> float:
-        return self.settings.get(key, 0.0)
-
-    def release(self) -> None:
-        self.end.set()
-        self.thread.join()
 
 
 def uvc(tmp_path: Path) -> Iterator[Bed]:

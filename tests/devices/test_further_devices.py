@@ -1,6 +1,5 @@
 """Second screen, OpenCV and GenICam cameras: what the contract suites do not ask."""
 
-import threading
 import time
 from types import SimpleNamespace
 
@@ -14,52 +13,11 @@ from core.devices.screen import ScreenProjector, screen_image
 from core.devices.uvc import UvcCamera
 from core.errors import DeviceError, InputError
 from core.patterns import Code, Phase, White
-
-
-class FakeVideo:
-    """OpenCV's VideoCapture: 100 images a second, four of them kept, settings that stick or do not."""
-
-    def __init__(self, number: int = 0, *, opens: bool = True, sticky: dict[int, float] | None = None) -> None:
-        self.opens, self.light, self.silent, self.released = opens, 10, False, False
-        self.settings = {cv2.CAP_PROP_FRAME_WIDTH: 8.0, cv2.CAP_PROP_FRAME_HEIGHT: 6.0}
-        self.sticky = sticky or {}
-        self.queue: list[np.ndarray] = []
-        self.ready = threading.Condition()
-        self.end = threading.Event()
-        self.thread = threading.Thread(target=self.expose, daemon=True)
-        self.thread.start()
-
-    def expose(self) -> None:
-        while not self.end.wait(0.01):
-            with self.ready:
-                if not self.silent:
-                    self.queue = [*self.queue, np.full((6, 8, 3), self.light, np.uint8)][-4:]
-                self.ready.notify_all()
-
-    def isOpened(self) -> bool:  # noqa: N802
-        return self.opens
-
-    def read(self) -> tuple[bool, np.ndarray | None]:
-        with self.ready:
-            if not self.ready.wait_for(lambda: bool(self.queue), 0.1):
-                return False, None
-            return True, self.queue.pop(0)
-
-    def set(self, key: int, value: float) -> bool:
-        self.settings[key] = self.sticky.get(key, value)
-        return True
-
-    def get(self, key: int) -> float:
-        return self.settings.get(key, 0.0)
-
-    def release(self) -> None:
-        self.released = True
-        self.end.set()
-        self.thread.join()
+from tests.devices.video import Video
 
 
 def test_a_video_device_that_cannot_be_opened_is_told_and_released() -> None:
-    video = FakeVideo(opens=False)
+    video = Video(opens=False)
     with pytest.raises(DeviceError, match="cannot be opened"):
         UvcCamera(0, capture=lambda n: video)
     assert video.released
@@ -75,14 +33,14 @@ def test_a_video_device_that_cannot_be_opened_is_told_and_released() -> None:
     ],
 )
 def test_a_setting_that_the_camera_does_not_take_is_named(key: int, option: dict, seen: str) -> None:
-    video = FakeVideo(sticky={key: 7.0})
+    video = Video(sticky={key: 7.0})
     with pytest.raises(DeviceError, match=seen):
         UvcCamera(0, capture=lambda n: video, **option)
     assert video.released
 
 
 def test_automatic_exposure_is_off_when_an_exposure_is_asked_for() -> None:
-    video = FakeVideo()
+    video = Video()
     camera = UvcCamera(0, capture=lambda n: video, exposure=150.0)
     assert video.settings[cv2.CAP_PROP_AUTO_EXPOSURE] in (1.0, 0.25)
     assert video.settings[cv2.CAP_PROP_EXPOSURE] == 150.0
@@ -90,9 +48,9 @@ def test_automatic_exposure_is_off_when_an_exposure_is_asked_for() -> None:
 
 
 def test_a_video_device_that_dies_is_an_error_within_the_time() -> None:
-    video = FakeVideo()
+    video = Video()
     camera = UvcCamera(0, capture=lambda n: video)
-    video.silent = True
+    video.run = False
     start = time.monotonic()
     with pytest.raises(DeviceError, match="within"):
         camera.grab(timeout_s=0.3)
