@@ -4,6 +4,9 @@ numba keeps a kernel until the file of its outermost function changes, and does 
 what that calls: after an update an old kernel would run, or fail to load. Here the cache's folder is named by the
 content of all rooms that have kernels, so what belongs to other sources is never found; it is deleted. That a kernel
 is being compiled is told through the progress of the work that needs it.
+
+`njit` compiles what Python calls. What only kernels call is marked `inner`: without wrappers through which Python could
+call it, and in one version for constants and variables alike, it costs a third less to compile.
 """
 
 from __future__ import annotations
@@ -12,25 +15,28 @@ import hashlib
 import os
 import shutil
 import sys
+from functools import partial
 from pathlib import Path
 
 import numba
-from numba import njit
 from numba.core import event
+from numba.extending import register_jitable as inner
 
 from core.progress import announce
 
-__all__ = ["njit"]
+__all__ = ["inner", "njit"]
+
+njit = partial(numba.njit, no_cfunc_wrapper=True)
 
 _CORE = Path(__file__).parent
 _ROOMS = ("bench", "calibrate", "decode", "measure", "reconstruct")
 
 
 def fingerprint() -> str:
-    """Sign the content of all rooms that have kernels."""
+    """Sign the content of all rooms that have kernels, and how they are compiled."""
     digest = hashlib.sha256(numba.__version__.encode())
-    for room in _ROOMS:
-        for path in sorted((_CORE / room).glob("*.py")):
+    for files in ("compiling.py", *(f"{room}/*.py" for room in _ROOMS)):
+        for path in sorted(_CORE.glob(files)):
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.compiling import njit
+from core.compiling import inner, njit
 
 Floats = NDArray[np.float32]
 PER_LINE = 16  # table entries per projector line, interpolated linearly
 PAD = 12  # lines tabulated beyond either end of the raster
 
 
-@njit(cache=True, nogil=True)
+@inner
 def look_up(table: Floats, width: int, line: float) -> np.float32:
     """Value of a table of `core.bench.optics` at a projector coordinate, linearly interpolated; 0 beyond its ends."""
     place = (line + PAD) * PER_LINE
@@ -64,7 +64,7 @@ def expose_rows(
         gather_row(light, weights, per_pixel, out[i])
 
 
-@njit(cache=True, nogil=True)
+@inner
 def gather_row(light: Floats, weights: Floats, per_pixel: int, out: Floats) -> None:
     """Weighted sums of a padded row of subsamples, one per pixel."""
     out[:] = 0

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.compiling import njit
+from core.compiling import inner, njit
 from core.model import DeviceSpec, Interior
 
 Array = NDArray[np.float64]
@@ -154,7 +154,7 @@ def paint_at(
     return albedo, lift
 
 
-@njit(cache=True, nogil=True)
+@inner
 def in_shadow(spheres: Array, blocks: Array, p: Array, lx: float, ly: float, lz: float) -> bool:
     """Whether anything stands between a point and the projector, at the end of the vector (lx, ly, lz)."""
     for k in range(spheres.shape[0]):
@@ -166,7 +166,7 @@ def in_shadow(spheres: Array, blocks: Array, p: Array, lx: float, ly: float, lz:
     return nearest < 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _meet(
     o: Array, dx: float, dy: float, dz: float, board: Array, form: Array, spheres: Array, blocks: Array, hit: Array
 ) -> tuple[int, int]:
@@ -196,7 +196,7 @@ def _meet(
         for k in range(3):
             hit[3 + k] = (hit[k] - spheres[which, k]) / spheres[which, 3]
     elif kind == BLOCK:
-        hit[3:] = 0.0
+        hit[3] = hit[4] = hit[5] = 0.0
         slope = dx if axis == 0 else (dy if axis == 1 else dz)
         hit[3 + axis] = -1.0 if slope > 0 else 1.0
     return kind, which
@@ -238,7 +238,7 @@ def cast_rows(
             else:
                 albedo = spheres[which, 4] if kind == SPHERE else blocks[which, 6]
             if points.shape[0] > 0:
-                points[i, j] = hit[:3]
+                points[i, j, 0], points[i, j, 1], points[i, j, 2] = hit[0], hit[1], hit[2]
             seen = 1 / (1 + a * a + b * b)  # cos² of the angle to the camera's axis
             reflect[i, j] = albedo * seen * seen
             lx, ly, lz = lamp[0] - hit[0], lamp[1] - hit[1], lamp[2] - hit[2]

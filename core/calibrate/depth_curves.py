@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.compiling import njit
+from core.calibrate.cholesky import solve_in_place
+from core.compiling import inner, njit
 from core.model import Array, Floats
 from core.parallel import run_in_bands
 
@@ -105,7 +106,7 @@ def _empty(coefficients: Floats) -> Curves:
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _steady(u, n):  # type: ignore[no-untyped-def]
     """Whether the first n values rise or fall steadily."""
     rising = u[n - 1] > u[0]
@@ -116,45 +117,20 @@ def _steady(u, n):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, nogil=True)
-def _gather(depths, used, least, u, z):  # type: ignore[no-untyped-def]
+@inner
+def _gather(depths, used, r, c, least, u, z):  # type: ignore[no-untyped-def]
     """A pixel's valid values, and their number; 0 where they are too few, -1 where they are not steady."""
     n = 0
     for i in range(len(depths)):
-        if np.isfinite(used[i]):
-            u[n], z[n] = used[i], depths[i]
+        if np.isfinite(used[i, r, c]):
+            u[n], z[n] = used[i, r, c], depths[i]
             n += 1
     if n < least:
         return 0
     return n if _steady(u, n) else -1
 
 
-@njit(cache=True, nogil=True)
-def _solve(N, b, n):  # type: ignore[no-untyped-def]
-    """Solve the positive definite N x = b of size n in place by Cholesky's method; False where it is singular."""
-    for i in range(n):
-        for j in range(i + 1):
-            s = N[i, j]
-            for k in range(j):
-                s -= N[i, k] * N[j, k]
-            if i == j:
-                if s <= 1e-12 * N[0, 0]:
-                    return False
-                N[i, i] = np.sqrt(s)
-            else:
-                N[i, j] = s / N[j, j]
-    for i in range(n):
-        for k in range(i):
-            b[i] -= N[i, k] * b[k]
-        b[i] /= N[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            b[i] -= N[k, i] * b[k]
-        b[i] /= N[i, i]
-    return True
-
-
-@njit(cache=True, nogil=True)
+@inner
 def _value(t, terms, b):  # type: ignore[no-untyped-def]
     z = 0.0
     for k in range(terms - 1, -1, -1):
@@ -162,7 +138,7 @@ def _value(t, terms, b):  # type: ignore[no-untyped-def]
     return z
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _fit_rows(depths, used, measured, least, coefficients, u_range, squares, count, broken, start, stop):  # type: ignore[no-untyped-def]
     """Fit the polynomials of rows start to stop - 1."""
     planes, terms = used.shape[0], coefficients.shape[0]
@@ -170,14 +146,16 @@ def _fit_rows(depths, used, measured, least, coefficients, u_range, squares, cou
     N, b, power = np.empty((terms, terms)), np.empty(terms), np.empty(2 * terms)
     for r in range(start, stop):
         for c in range(used.shape[2]):
-            n = _gather(depths, used[:, r, c], least, u, z)
+            n = _gather(depths, used, r, c, least, u, z)
             if n <= 0:
                 broken[r] += n < 0
                 continue
             low, high = min(u[0], u[n - 1]), max(u[0], u[n - 1])
             centre, half = 0.5 * (low + high), 0.5 * (high - low)
-            N[:] = 0.0
-            b[:] = 0.0
+            for k in range(terms):
+                b[k] = 0.0
+                for m in range(k + 1):
+                    N[k, m] = 0.0
             for i in range(n):
                 t = (u[i] - centre) / half
                 power[0] = 1.0
@@ -187,7 +165,7 @@ def _fit_rows(depths, used, measured, least, coefficients, u_range, squares, cou
                     b[k] += power[k] * z[i]
                     for m in range(k + 1):
                         N[k, m] += power[k + m]
-            if not _solve(N, b, terms):
+            if not solve_in_place(N, b):
                 continue
             for i in range(planes):
                 if np.isfinite(measured[i, r, c]):
@@ -199,14 +177,14 @@ def _fit_rows(depths, used, measured, least, coefficients, u_range, squares, cou
                 coefficients[k, r, c] = b[k]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _table_rows(depths, used, measured, least, table, u_range, squares, count, broken, start, stop):  # type: ignore[no-untyped-def]
     """Make the tables of rows start to stop - 1."""
     planes = used.shape[0]
     u, z = np.empty(planes), np.empty(planes)
     for r in range(start, stop):
         for c in range(used.shape[2]):
-            n = _gather(depths, used[:, r, c], least, u, z)
+            n = _gather(depths, used, r, c, least, u, z)
             if n <= 0:
                 broken[r] += n < 0
                 continue

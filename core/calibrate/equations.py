@@ -40,19 +40,20 @@ class Equations:
     cost: float
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def equations_band(  # pragma: no cover  compiled
-    start: int, stop: int, observed: Observed, unknowns: Unknowns, derive: bool, w: Array, J: Array
+    start: int, stop: int, observed: Observed, unknowns: Unknowns, w: Array, J: Array
 ) -> None:
-    """Misclosures of observations start to stop - 1 into w, shape (stop - start, 2); where asked, their rows into J.
+    """Misclosures of observations start to stop - 1 into w, shape (stop - start, 2), and their rows into J.
 
-    A point behind its device has infinite misclosures and no derivatives.
+    A point behind its device has infinite misclosures and no derivatives. An empty J asks for none.
     """
     device, pose, point, uv, root_weight, raster, r0 = observed
     interior, relative_rotation, relative_shift, pose_rotation, pose_shift, xyz = unknowns
     d2 = np.empty((2, 3))  # derivative of the image with respect to the point in the device frame
     e2 = np.empty((2, 3))  # the same with respect to the point in the frame of the pose
     turned, placed, moved = np.empty(3), np.empty(3), np.empty(3)
+    derive = len(J) > 0
     for o in range(start, stop):
         k, d, p, i = o - start, device[o], pose[o], point[o]
         R, S = pose_rotation[p], relative_rotation[d]
@@ -64,10 +65,12 @@ def equations_band(  # pragma: no cover  compiled
         X, Y, Z = moved[0] + relative_shift[d, 0], moved[1] + relative_shift[d, 1], moved[2] + relative_shift[d, 2]
         if Z >= 0.0:  # behind the device
             w[k, 0] = w[k, 1] = np.inf
-            if derive:
-                J[k] = 0.0
+            for j in range(COLUMNS if derive else 0):
+                J[k, 0, j] = J[k, 1, j] = 0.0
             continue
-        c, x0, y0, a1, a2, a3, a4, a5, a6 = interior[d]
+        c, x0, y0 = interior[d, 0], interior[d, 1], interior[d, 2]
+        a1, a2, a3 = interior[d, 3], interior[d, 4], interior[d, 5]
+        a4, a5, a6 = interior[d, 6], interior[d, 7], interior[d, 8]
         k1 = -1.0 / Z
         x, y = c * X * k1, c * Y * k1
         r2, q2 = x * x + y * y, r0[d] * r0[d]
@@ -119,11 +122,17 @@ def equations_band(  # pragma: no cover  compiled
                 row[21 + j] = e2[a, 0] * R[0, j] + e2[a, 1] * R[1, j] + e2[a, 2] * R[2, j]
 
 
+def room_for_block(problem: Problem) -> tuple[Array, Array]:
+    """Give uninitialised w and J for the observations of one eliminated pose or point, whichever has most."""
+    most = int(np.max(np.diff(problem.first)))
+    return np.empty((most, 2)), np.empty((most, 2, COLUMNS))
+
+
 def misclosures(problem: Problem, state: State) -> Array:
     """Observed minus computed of a problem at a state in units of sigma, shape (m, 2); infinite behind a device."""
     w, unused = np.empty((len(problem.point), 2)), np.empty((0, 2, COLUMNS))
     given = problem.observed, state.unknowns
-    run_in_bands(lambda a, b: equations_band(a, b, *given, False, w[a:b], unused), len(w), least=8192)
+    run_in_bands(lambda a, b: equations_band(a, b, *given, w[a:b], unused), len(w), least=8192)
     return w
 
 
@@ -132,7 +141,7 @@ def linearise(problem: Problem, state: State) -> Equations:
     w = np.empty((len(problem.point), 2))
     J = np.empty((len(w), 2, COLUMNS))
     given = problem.observed, state.unknowns
-    run_in_bands(lambda a, b: equations_band(a, b, *given, True, w[a:b], J[a:b]), len(w), least=4096)
+    run_in_bands(lambda a, b: equations_band(a, b, *given, w[a:b], J[a:b]), len(w), least=4096)
     return Equations(w, J, weighted_squares(problem, state, w))
 
 

@@ -13,9 +13,9 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.equations import COLUMNS, POINT, POSE, equations_band
+from core.calibrate.equations import POINT, POSE, equations_band, room_for_block
 from core.calibrate.problem import Observed, Problem, State, Unknowns
-from core.compiling import njit
+from core.compiling import inner, njit
 from core.parallel import run_in_bands
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ class Normals:
     half: Array
 
 
-@njit(cache=True, nogil=True)
+@inner(error_model="numpy")
 def _eliminate(L: Array, half: Array, root: Array, damping: float) -> bool:  # pragma: no cover  compiled
     """Turn one block's N, b and B into L, L⁻¹b and L⁻¹B in place; False where N is not positive definite."""
     width, U = root.shape
@@ -115,7 +115,7 @@ def _eliminate(L: Array, half: Array, root: Array, damping: float) -> bool:  # p
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _normals_band(  # pragma: no cover  compiled
     start: int,
     stop: int,
@@ -130,6 +130,8 @@ def _normals_band(  # pragma: no cover  compiled
     lower: Array,
     root: Array,
     half: Array,
+    w: Array,
+    J: Array,
     N_global: Array,
     N_cross: Array,
     N_kept: Array,
@@ -137,14 +139,15 @@ def _normals_band(  # pragma: no cover  compiled
 ) -> int:
     """Normals of eliminated blocks start to stop - 1; returns the block that could not be eliminated, or -1.
 
-    Observations of one device and one block follow each other: what they share is added up in a small matrix S.
+    `w` and `J` have room for the equations of one block. Observations of one device and one block follow each other:
+    what they share is added up in a small matrix S.
     """
-    G, width, (with_kept, kept_width) = len(N_global), lower.shape[1], N_kept.shape[:2]
-    local, place, device, most = np.empty(21, np.int64), np.empty(15, np.int64), observed.device, np.max(np.diff(first))
-    w, J = np.empty((most, 2)), np.empty((most, 2, COLUMNS))
+    G, width, device = len(N_global), lower.shape[1], observed.device
+    with_kept, kept_width = N_kept.shape[0], N_kept.shape[1]
+    local, place = np.empty(21, np.int64), np.empty(15, np.int64)
     A, S, t = np.empty((2, 21)), np.empty((21, 21)), np.empty(21)
     for e in range(start, stop):
-        equations_band(first[e], first[e + 1], observed, unknowns, True, w, J)
+        equations_band(first[e], first[e + 1], observed, unknowns, w, J)
         o = first[e]
         while o < first[e + 1]:
             d, g = device[o], 0
@@ -155,7 +158,10 @@ def _normals_band(  # pragma: no cover  compiled
             k = g + width
             for s in range(width):
                 local[g + s] = own_at + s
-            S[:k, :k], t[:k] = 0.0, 0.0
+            for s in range(k):
+                t[s] = 0.0
+                for r in range(k):
+                    S[s, r] = 0.0
             while o < first[e + 1] and device[o] == d:
                 row = o - first[e]
                 w0, w1 = w[row, 0], w[row, 1]
@@ -232,6 +238,7 @@ def assemble(problem: Problem, state: State, damping: float = 0.0) -> Normals:
             lower,
             root,
             half,
+            *room_for_block(problem),
             *parts,
         )
         rows = root[start:stop].reshape(-1, U)

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.equations import COLUMNS, POSE, equations_band
+from core.calibrate.cholesky import solve_in_place
+from core.calibrate.equations import POSE, equations_band, room_for_block
 from core.calibrate.problem import Observed, Problem, State, Unknowns
-from core.compiling import njit
+from core.compiling import inner, njit
 from core.parallel import run_in_bands
 
 Array = NDArray[np.float64]
@@ -20,19 +21,48 @@ SETTLED = 1e-3  # share of the weighted squares by which a step has to lower the
 HUBER = 3.0  # median residuals of its pose beyond which an observation counts less
 
 
-@njit(cache=True, nogil=True)
-def _soften(w: Array, factor: Array) -> None:  # pragma: no cover  compiled
-    """Square roots of the Huber weights of one pose's misclosures."""
-    size = np.sqrt(w[:, 0] ** 2 + w[:, 1] ** 2)
-    limit = max(HUBER * np.median(size), 1e-9)
-    for k in range(len(size)):
-        factor[k] = np.sqrt(limit / size[k]) if size[k] > limit else 1.0
+@inner(error_model="numpy")
+def _median(values: Array, n: int) -> float:  # pragma: no cover  compiled
+    """Median of the first n values, which change places; by Hoare's selection."""
+    low, high, middle = 0, n - 1, n // 2
+    while low < high:
+        pivot, i, j = values[middle], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        if j < middle:
+            low = i
+        if middle < i:
+            high = j
+    upper = values[middle]
+    if n % 2:
+        return upper
+    lower = values[0]
+    for i in range(1, middle):
+        lower = max(lower, values[i])
+    return 0.5 * (lower + upper)
 
 
-@njit(cache=True, nogil=True)
+@inner(error_model="numpy")
+def _soften(start: int, stop: int, w: Array, factor: Array, sizes: Array) -> None:  # pragma: no cover  compiled
+    """Square roots of the Huber weights of one pose's misclosures start to stop - 1."""
+    for k in range(start, stop):
+        factor[k] = sizes[k - start] = np.sqrt(w[k, 0] ** 2 + w[k, 1] ** 2)
+    limit = max(HUBER * _median(sizes, stop - start), 1e-9)
+    for k in range(start, stop):
+        factor[k] = np.sqrt(limit / factor[k]) if factor[k] > limit else 1.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _soften_band(start: int, stop: int, first: Ints, w: Array, factor: Array) -> None:  # pragma: no cover  compiled
+    sizes = np.empty(len(w))
     for p in range(start, stop):
-        _soften(w[first[p] : first[p + 1]], factor[first[p] : first[p + 1]])
+        _soften(first[p], first[p + 1], w, factor, sizes)
 
 
 def huber_factors(problem: Problem, w: Array) -> Array:
@@ -45,59 +75,93 @@ def huber_factors(problem: Problem, w: Array) -> Array:
     return factor[:, None]
 
 
-@njit(cache=True, nogil=True)
-def _turn(R: Array, v: NDArray[np.floating]) -> None:  # pragma: no cover  compiled
+@inner(error_model="numpy")
+def _turn(R: Array, v: Array) -> None:  # pragma: no cover  compiled
     """``R <- exp(v) R`` in place, by Rodrigues' formula."""
     angle = np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
-    a, b = (np.sin(angle) / angle, (1 - np.cos(angle)) / angle**2) if angle > 1e-8 else (1.0, 0.5)
+    a, b = 1.0, 0.5
+    if angle > 1e-8:
+        a, b = np.sin(angle) / angle, (1 - np.cos(angle)) / angle**2
     for k in range(3):
-        x, y, z = R[:, k]
+        x, y, z = R[0, k], R[1, k], R[2, k]
         cx, cy, cz = v[1] * z - v[2] * y, v[2] * x - v[0] * z, v[0] * y - v[1] * x
         R[0, k] += a * cx + b * (v[1] * cz - v[2] * cy)
         R[1, k] += a * cy + b * (v[2] * cx - v[0] * cz)
         R[2, k] += a * cz + b * (v[0] * cy - v[1] * cx)
 
 
-@njit(cache=True, nogil=True)
+@inner(error_model="numpy")
+def _pose_normals(n: int, w: Array, J: Array, factor: Array, N: Array, b: Array) -> None:  # pragma: no cover  compiled
+    """Weighted normal equations of one pose's n observations into N (its lower triangle) and b."""
+    for s in range(6):
+        b[s] = 0.0
+        for r in range(6):
+            N[s, r] = 0.0
+    for k in range(n):
+        weight = factor[k] ** 2
+        if not w[k, 0] < np.inf:  # behind the device
+            continue
+        for a in range(2):
+            for s in range(6):
+                value = weight * J[k, a, POSE + s]
+                b[s] += value * w[k, a]
+                for r in range(s + 1):
+                    N[s, r] += value * J[k, a, POSE + r]
+
+
+@inner
+def _squares(n: int, w: Array, factor: Array) -> float:  # pragma: no cover  compiled
+    total = 0.0
+    for k in range(n):
+        total += factor[k] ** 2 * (w[k, 0] ** 2 + w[k, 1] ** 2)
+    return total
+
+
+@inner
+def _copy(R: Array, t: Array, R_copy: Array, t_copy: Array) -> None:  # pragma: no cover  compiled
+    for i in range(3):
+        t_copy[i] = t[i]
+        for j in range(3):
+            R_copy[i, j] = R[i, j]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _refine_band(  # pragma: no cover  compiled
-    start: int, stop: int, first: Ints, observed: Observed, unknowns: Unknowns, sums: Array
+    start: int, stop: int, first: Ints, observed: Observed, unknowns: Unknowns, w: Array, J: Array, sums: Array
 ) -> None:
-    most = np.max(np.diff(first))
-    w, J, factors, no_J = np.empty((most, 2)), np.empty((most, 2, COLUMNS)), np.empty(most), np.empty((0, 2, COLUMNS))
+    """Poses start to stop - 1; w and J have room for the observations of one."""
+    factor, sizes, no_J = np.empty(len(w)), np.empty(len(w)), J[:0]
+    N, b, R_before, t_before = np.empty((6, 6)), np.empty(6), np.empty((3, 3)), np.empty(3)
     for p in range(start, stop):
         R, t, damping = unknowns.pose_rotation[p], unknowns.pose_shift[p], 1e-3
         o, end = first[p], first[p + 1]
         n = end - o
         for _ in range(ITERATIONS):
-            equations_band(o, end, observed, unknowns, True, w, J)
-            _soften(w[:n], factors)
-            N, b, cost, trial_cost = np.zeros((6, 6)), np.zeros(6), 0.0, 0.0
-            for k in range(n):
-                weight = factors[k] ** 2
-                for a in range(2):
-                    cost += weight * w[k, a] ** 2
-                    for s in range(6):
-                        value = weight * J[k, a, POSE + s]
-                        b[s] += value * w[k, a]
-                        for r in range(6):
-                            N[s, r] += value * J[k, a, POSE + r]
+            equations_band(o, end, observed, unknowns, w, J)
+            _soften(0, n, w, factor, sizes)
+            cost = _squares(n, w, factor)
+            _pose_normals(n, w, J, factor, N, b)
             for s in range(6):
                 N[s, s] += damping * N[s, s] + 1e-12
-            step, R_before, t_before = np.linalg.solve(N, b), R.copy(), t.copy()
-            _turn(R, step)
-            t += step[3:]
-            equations_band(o, end, observed, unknowns, False, w, no_J)
-            for k in range(n):
-                trial_cost += factors[k] ** 2 * (w[k, 0] ** 2 + w[k, 1] ** 2)
+            if not solve_in_place(N, b):
+                break
+            _copy(R, t, R_before, t_before)
+            _turn(R, b)
+            for s in range(3):
+                t[s] += b[3 + s]
+            equations_band(o, end, observed, unknowns, w, no_J)
+            trial_cost = _squares(n, w, factor)
             if trial_cost < cost:
                 damping /= 10
             else:
-                R[:], t[:] = R_before, t_before
+                _copy(R_before, t_before, R, t)
                 damping *= 10
             if abs(cost - trial_cost) < SETTLED * cost:
                 break
-        equations_band(o, end, observed, unknowns, False, w, no_J)
-        sums[p] = np.sum(np.abs(w[:n]))
+        equations_band(o, end, observed, unknowns, w, no_J)
+        sums[p] = 0.0
+        for k in range(n):
+            sums[p] += abs(w[k, 0]) + abs(w[k, 1])
 
 
 def refined(problem: Problem, state: State) -> tuple[State, Array]:
@@ -111,8 +175,8 @@ def refined(problem: Problem, state: State) -> tuple[State, Array]:
     """
     state = replace(state, pose_rotation=state.pose_rotation.copy(), pose_shift=state.pose_shift.copy())
     sums = np.empty(problem.poses)
-    arguments = problem.first, problem.observed, state.unknowns, sums
-    run_in_bands(lambda start, stop: _refine_band(start, stop, *arguments), problem.poses, least=8)
+    given = problem.first, problem.observed, state.unknowns
+    run_in_bands(lambda a, b: _refine_band(a, b, *given, *room_for_block(problem), sums), problem.poses, least=8)
     return state, sums
 
 

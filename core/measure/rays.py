@@ -48,7 +48,8 @@ class Rays:
     def sample(self, image: Floats, radius: Array) -> Floats:
         """Bilinear values (m, RAYS, k) of an image at radii (m, RAYS, k), (m, k) or (k,); NaN outside and by a NaN."""
         r = radius[:, None, :] if radius.ndim == 2 else radius
-        full = np.ascontiguousarray(np.broadcast_to(r, (len(self.centre), RAYS, r.shape[-1])), dtype=np.float64)
+        full = np.empty((len(self.centre), RAYS, r.shape[-1]))
+        full[:] = r
         out = np.empty(full.shape, np.float32)
         in_bands(sample_rays, image, np.ascontiguousarray(self.centre), self.unit, full, out)
         return out

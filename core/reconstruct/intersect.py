@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.compiling import njit
+from core.compiling import inner, njit
 from core.errors import InputError
 from core.model import PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
@@ -119,7 +119,7 @@ def _along(q, X, Y, W, device):  # type: ignore[no-untyped-def]
     return x1, y1, dx1, dy1
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@inner(error_model="numpy", fastmath={"contract", "reassoc"})
 def _begin_row(u, line, rays, device, X, Y, W, q):  # type: ignore[no-untyped-def]
     """Project the rays of a row and solve for q without distortion."""
     k0, kx, ky = line
@@ -134,7 +134,7 @@ def _begin_row(u, line, rays, device, X, Y, W, q):  # type: ignore[no-untyped-de
         q[c] = (kx * X[c] + ky * Y[c] - m * W[c]) / (m * mw - along)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@inner(error_model="numpy", fastmath={"contract", "reassoc"})
 def _step_one(u, sigma, line, device, X, Y, W, q, sigma_q, last):  # type: ignore[no-untyped-def]
     """Newton's step for one coordinate in a row; the number of pixels that have not settled."""
     k0, kx, ky = line
@@ -150,7 +150,7 @@ def _step_one(u, sigma, line, device, X, Y, W, q, sigma_q, last):  # type: ignor
     return moving
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@inner(error_model="numpy", fastmath={"contract", "reassoc"})
 def _step_two(u, sigma_u, line_u, v, sigma_v, line_v, device, X, Y, W, q, sigma_q, last):  # type: ignore[no-untyped-def]
     """Gauss and Newton's step for two coordinates in a row; the second one without weight where it is NaN."""
     for_u, for_v = line_u, line_v
@@ -192,7 +192,7 @@ def _polynomial(x, t, first, last):  # type: ignore[no-untyped-def]
     return max(value, 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@inner(error_model="numpy", fastmath={"contract", "reassoc"})
 def _end(rays, q, sigma_q, last, mw, W, left, right, per_column, per_q, xyz, sigma, sigma_depth):  # type: ignore[no-untyped-def]
     """Points and sigmas between two columns of nodes, from the inverse depths."""
     x0, y0, z0 = _five(left, 0), _five(left, 5), _five(left, 10)
