@@ -179,7 +179,7 @@ def make_demo(bench: Workbench) -> None:
         run_demo,
         folder,
         on_done=done,
-        on_failed=lambda failure: bench.report_error(failure.error, failure.trace),
+        on_failed=bench.report_failure,
     )
 
 

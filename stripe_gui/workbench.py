@@ -70,6 +70,10 @@ class Workbench(QObject):
         failure = describe(error, trace)
         self.notify("error", failure.happened, failure.remedy, failure.details)
 
+    def report_failure(self, failure: Failure) -> None:
+        """Show what a job failed with as a notice."""
+        self.report_error(failure.error, failure.trace)
+
     def show_page(self, page: str) -> None:
         """Bring a page to the front."""
         self.page_wanted.emit(page)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QScrollArea, QWidget
+from PySide6.QtWidgets import QWidget
 
 from core.errors import StripeError
 from stripe_gui.pages.page import Page
@@ -14,7 +13,7 @@ from stripe_gui.presenters.status import State, method_name
 from stripe_gui.presenters.work import CalibrateChoice, calibrate
 from stripe_gui.widgets.calibrate_form import CalibrateForm
 from stripe_gui.widgets.calibration_results import CalibrationResults
-from stripe_gui.widgets.layout import boxed, card, column, label, row
+from stripe_gui.widgets.layout import boxed, card, column, label, row, scrolled
 from stripe_gui.workbench import Workbench
 
 
@@ -45,11 +44,7 @@ class CalibratePage(Page):
         frame, layout = card(self.tr("Options"))
         frame.setFixedWidth(300)
         layout.addWidget(self.form, 1)
-        scroll = QScrollArea()
-        scroll.setWidgetResizable(True)
-        scroll.setFrameShape(QFrame.Shape.NoFrame)
-        scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        scroll.setWidget(frame)
+        scroll = scrolled(frame, across=False)
         scroll.setFixedWidth(312)
         return scroll
 

@@ -89,7 +89,7 @@ class EvaluatePage(Page):
                 load_evaluation,
                 self.session.folder,
                 on_done=self._show,
-                on_failed=lambda failure: self.bench.report_error(failure.error, failure.trace),
+                on_failed=self.bench.report_failure,
             )
 
     def _show(self, view: EvaluationView | None) -> None:

@@ -6,13 +6,13 @@ from pathlib import Path
 
 from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
-from PySide6.QtWidgets import QFrame, QScrollArea, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.report import ReportView, export_report, load_report
 from stripe_gui.presenters.status import State
 from stripe_gui.presenters.work import write_report
-from stripe_gui.widgets.layout import button, card, label, row
+from stripe_gui.widgets.layout import button, card, label, row, scrolled
 from stripe_gui.workbench import Workbench
 
 
@@ -44,11 +44,7 @@ class ReportPage(Page):
         outer.setContentsMargins(0, 0, 0, 0)
         outer.addWidget(frame)
         outer.addStretch(1)
-        scroll = QScrollArea()
-        scroll.setWidgetResizable(True)
-        scroll.setFrameShape(QFrame.Shape.NoFrame)
-        scroll.setWidget(inner)
-        self.body.addWidget(scroll, 1)
+        self.body.addWidget(scrolled(inner), 1)
         self.sentences: list[str] = []
 
     def run(self) -> None:
@@ -80,7 +76,7 @@ class ReportPage(Page):
                 load_report,
                 self.session.folder,
                 on_done=self._show,
-                on_failed=lambda failure: self.bench.report_error(failure.error, failure.trace),
+                on_failed=self.bench.report_failure,
             )
 
     def _show(self, view: ReportView) -> None:

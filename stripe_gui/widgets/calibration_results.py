@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from PySide6.QtWidgets import QFrame, QScrollArea, QTabWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QScrollArea, QTabWidget, QVBoxLayout, QWidget
 
 from stripe_gui.presenters.adjusted import correlations, coverage, point_sigmas
 from stripe_gui.presenters.calibrate import CalibrationView
 from stripe_gui.widgets.correlation_view import CorrelationView
 from stripe_gui.widgets.coverage_view import CoverageView
-from stripe_gui.widgets.layout import card, label
+from stripe_gui.widgets.layout import card, label, scrolled
 from stripe_gui.widgets.point_map import PointMap
 from stripe_gui.widgets.residual_view import ResidualView
 from stripe_gui.widgets.result_table import ResultTable
@@ -136,11 +136,7 @@ class CalibrationResults(QWidget):
 def _scrolled(content: QVBoxLayout) -> QScrollArea:
     inner = QWidget()
     inner.setLayout(content)
-    scroll = QScrollArea()
-    scroll.setWidgetResizable(True)
-    scroll.setFrameShape(QFrame.Shape.NoFrame)
-    scroll.setWidget(inner)
-    return scroll
+    return scrolled(inner)
 
 
 def _empty(layout: QVBoxLayout) -> None:

@@ -7,14 +7,14 @@ from functools import partial
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, QRectF, Qt, Signal
-from PySide6.QtWidgets import QDoubleSpinBox, QFrame, QGridLayout, QScrollArea, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDoubleSpinBox, QGridLayout, QVBoxLayout, QWidget
 
 from core.model import PlaneEvaluation
 from stripe_gui.presenters.evaluate import EvaluationView, plane_name, reading
 from stripe_gui.presenters.status import method_name
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.layout import boxed, button, column, label, row, scrolled
 
 ARROWS = {
     Qt.Key.Key_Left: (-1, 0),
@@ -44,13 +44,6 @@ class DeviationMaps(QWidget):
         self._at: tuple[int, float, float] | None = None  # map, u, v
         self._grid = QGridLayout()
         self._grid.setSpacing(8)
-        self._grid.setContentsMargins(0, 0, 0, 0)
-        inner = QWidget()
-        inner.setLayout(self._grid)
-        scroll = QScrollArea()
-        scroll.setWidgetResizable(True)
-        scroll.setFrameShape(QFrame.Shape.NoFrame)
-        scroll.setWidget(inner)
         self.bar = ColourBar()
         self.limit = QDoubleSpinBox()
         self.limit.setAccessibleName(self.tr("End of the colour scale"))
@@ -73,7 +66,7 @@ class DeviationMaps(QWidget):
         layout.setSpacing(8)
         self.foot = row(self.readout, None)
         layout.addWidget(self.controls)
-        layout.addLayout(row(scroll, self.bar), 1)
+        layout.addLayout(row(scrolled(boxed(self._grid)), self.bar), 1)
         layout.addLayout(self.foot)
 
     def show_view(self, view: EvaluationView, captures: list[str] | None = None) -> None:

@@ -7,9 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import Qt
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QFrame, QScrollArea, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from core.errors import StripeError
 from core.model import Method
@@ -20,7 +19,7 @@ from stripe_gui.presenters.status import method_name
 from stripe_gui.presenters.work import CalibrateChoice, calibrate
 from stripe_gui.widgets.calibrate_form import CalibrateForm
 from stripe_gui.widgets.calibration_results import CalibrationResults
-from stripe_gui.widgets.layout import button, card, label, row
+from stripe_gui.widgets.layout import button, card, label, row, scrolled
 from stripe_gui.wizards.calibration.captures import CaptureChoice
 from stripe_gui.wizards.calibration.run import RunStep
 from stripe_gui.wizards.calibration.runs import RunsStep
@@ -76,12 +75,7 @@ class CalibrationWizard(Wizard):
     def _scrolled(self, form: QWidget) -> QWidget:
         frame, layout = card()
         layout.addWidget(form, 1)
-        scroll = QScrollArea()
-        scroll.setWidgetResizable(True)
-        scroll.setFrameShape(QFrame.Shape.NoFrame)
-        scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        scroll.setWidget(frame)
-        return scroll
+        return scrolled(frame, across=False)
 
     def _results_body(self) -> QWidget:
         body = QWidget()

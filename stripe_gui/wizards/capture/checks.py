@@ -140,7 +140,7 @@ class ChecksStep(QWidget):
         return self.tr("{good} of {n} checks are good; choose one to see it.").format(good=good, n=len(found))
 
     def _failed(self, failure: Failure) -> None:
-        self.bench.report_error(failure.error, failure.trace)
+        self.bench.report_failure(failure)
         self.words.setText(self.tr("The checks could not be done."))
 
     def _ended(self) -> None:

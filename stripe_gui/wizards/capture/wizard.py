@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from PySide6.QtGui import QHideEvent
-from PySide6.QtWidgets import QScrollArea, QWidget
 
 from core.errors import StripeError
 from core.pipeline.capture import virtual_rig
 from stripe_gui.presenters.capturing import scene_for
 from stripe_gui.presenters.looking import Rig
+from stripe_gui.widgets.layout import scrolled
 from stripe_gui.wizards.capture.checks import ChecksStep
 from stripe_gui.wizards.capture.devices import DevicesStep
 from stripe_gui.wizards.capture.picture import PictureStep
@@ -43,14 +43,14 @@ class CaptureWizard(Wizard):
         self.add_step(
             "devices",
             self.tr("Devices"),
-            _scrolled(self.devices),
+            scrolled(self.devices),
             enter=self.devices.enter,
             missing=lambda: self.devices.missing,
         )
         self.add_step(
             "subject",
             self.tr("What"),
-            _scrolled(self.subject),
+            scrolled(self.subject),
             enter=self._enter_subject,
             missing=lambda: self.subject.missing,
         )
@@ -119,12 +119,3 @@ class CaptureWizard(Wizard):
         subject = self.subject.subject
         if scene := scene_for(subject.name, subject.role, names):
             self.devices.choose_scene(scene)
-
-
-def _scrolled(body: QWidget) -> QScrollArea:
-    """Let a step scroll where the window is small."""
-    area = QScrollArea()
-    area.setWidgetResizable(True)
-    area.setFrameShape(QScrollArea.Shape.NoFrame)
-    area.setWidget(body)
-    return area

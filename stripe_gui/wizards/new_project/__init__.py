@@ -82,5 +82,5 @@ def print_board(bench: Workbench, source: Path | Testfield, suggested: Path) -> 
         source,
         out,
         on_done=done,
-        on_failed=lambda failure: bench.report_error(failure.error, failure.trace),
+        on_failed=bench.report_failure,
     )

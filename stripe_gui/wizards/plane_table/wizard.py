@@ -79,7 +79,7 @@ class PlaneTableWizard(Wizard):
             load_evaluation,
             self.session.folder,
             on_done=self._take,
-            on_failed=lambda failure: self.bench.report_error(failure.error, failure.trace),
+            on_failed=self.bench.report_failure,
         )
 
     def run(self) -> None:
