@@ -11,6 +11,7 @@ call it, and in one version for constants and variables alike, it costs a third 
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
 import shutil
@@ -61,13 +62,25 @@ if not os.environ.get("NUMBA_CACHE_DIR"):
 
 
 class _Announcer(event.Listener):
-    """Tells that the work waits for the compiler."""
+    """Tells that the work waits for the compiler, and keeps Python from looking for garbage meanwhile.
+
+    The compiler makes a great many objects and drops few: looking through them takes a tenth of its time.
+    """
+
+    def __init__(self) -> None:
+        self._within, self._collects = 0, False
 
     def on_start(self, event: event.Event) -> None:
+        if self._within == 0:
+            self._collects = gc.isenabled()
+            gc.disable()
+        self._within += 1
         announce("compiling for this processor, once")
 
     def on_end(self, event: event.Event) -> None:
-        return None
+        self._within -= 1
+        if self._within == 0 and self._collects:
+            gc.enable()
 
 
 event.register("numba:compile", _Announcer())
