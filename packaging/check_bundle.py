@@ -48,8 +48,9 @@ class Bundle:
     work: Path
 
     def environment(self, **more: str) -> dict[str, str]:
-        """Give what a clean login without Python would have."""
-        return {"HOME": str(self.work / "home"), "PATH": "/nonexistent", "TMPDIR": str(self.work), **more}
+        """Give what a clean login would have, without Python and without a font of the system."""
+        places = {"HOME": self.work / "home", "TMPDIR": self.work, "FONTCONFIG_FILE": self.work / "fonts.conf"}
+        return {**{name: str(path) for name, path in places.items()}, "PATH": "/nonexistent", **more}
 
     def run(self, program: str, *arguments: object, code: int = 0, **more: str) -> subprocess.CompletedProcess[str]:
         """Run a program of the bundle to its end; it has to give this exit code."""
@@ -275,6 +276,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="bundle-") as temporary:
         bundle = Bundle(options.folder.resolve(), Path(temporary))
         (bundle.work / "home").mkdir()
+        (bundle.work / "fonts.conf").write_text("<fontconfig/>")
         for folder in (bundle.work, bundle.work / "home") if USER else ():
             shutil.chown(folder, USER, USER)
         untouched = bundle.state()
