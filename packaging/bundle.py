@@ -30,6 +30,7 @@ DIST = ROOT / "dist"
 ID = "org.stripe_workbench.StripeWorkbench"
 SOURCES = ("core", "stripe_gui", "resources", "pyproject.toml", "README.md", "LICENSE")
 ICON_PX = (48, 128, 256)  # for desktops that do not draw SVG; 48 is the size the icon theme specification asks for
+LICENCE = re.compile(r"LICEN[CS]E|COPYING|NOTICE", re.IGNORECASE)
 TOOLS = {"altgraph", "packaging", "pip", "pyinstaller", "pyinstaller-hooks-contrib", "setuptools"}  # not in the bundle
 
 
@@ -95,10 +96,19 @@ def complete(folder: Path) -> None:
         paint(drawing, side, share / f"icons/hicolor/{side}x{side}/apps/{ID}.png")
     place(PACKAGING / "desktop/install.sh", folder)
     place(ROOT / "LICENSE", folder)
+    collect_licences(folder / "licences")
+
+
+def collect_licences(folder: Path) -> None:
+    """Copy the licences of all packages; of one that brings no text, what it says of itself (METADATA)."""
     for package in distributions(path=[str(next(VENV.glob("lib/python*/site-packages")))]):
-        for file in package.files or () if package.name.lower() not in TOOLS else ():
-            if re.match(r"(LICEN[CS]E|COPYING|NOTICE)", file.name, re.IGNORECASE) and file.suffix != ".py":
-                place(Path(str(file.locate())), folder / "licences" / package.name)
+        if package.name.lower().replace("_", "-") in TOOLS:
+            continue
+        files = package.files or []
+        texts = [f for f in files if LICENCE.match(f.name) and f.suffix != ".py"]
+        for file in texts or [f for f in files if f.name == "METADATA"]:
+            below = [part for part in file.parts[1:-1] if part != ".."]  # a package may hold others, with their own
+            place(Path(str(file.locate())), folder.joinpath(package.name, *below))
 
 
 def place(source: Path, folder: Path, name: str = "") -> None:
