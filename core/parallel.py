@@ -27,7 +27,7 @@ def run_in_bands(function: Callable[[int, int], None], rows: int, least: int = 1
         Works on rows start to stop - 1 and touches no others; it should release the interpreter lock.
     rows : int
     least : int
-        No band has fewer rows; small work stays in the calling thread.
+        A band has so many rows in the mean at least; small work stays in the calling thread.
 
     Examples
     --------
@@ -40,9 +40,7 @@ def run_in_bands(function: Callable[[int, int], None], rows: int, least: int = 1
     if threads <= 1:
         function(0, rows)
         return
-    count = min(TURNS * threads, rows // least)
-    bands = pairwise([rows * i // count for i in range(count + 1)])
-    waiting = iter(list(bands))
+    waiting = iter(_bands(rows, min(TURNS * threads, rows // least)))
 
     def work() -> None:
         for start, stop in waiting:
@@ -57,6 +55,12 @@ def run_in_bands(function: Callable[[int, int], None], rows: int, least: int = 1
         wait(begun)
     for other in begun:
         other.result()
+
+
+def _bands(rows: int, count: int) -> list[tuple[int, int]]:
+    """Bands from wide to narrow, so that all threads end at nearly the same time."""
+    edges = sorted({round(rows * (1 - (1 - i / count) ** 2)) for i in range(count + 1)})
+    return list(pairwise(edges))
 
 
 @lru_cache(maxsize=4)

@@ -101,24 +101,26 @@ def decode(
     plain = np.array([n for n in range(len(arrays)) if n not in swept], np.int32)
     addresses = np.array([array.ctypes.data for array in arrays], np.uint64)
 
+    at_rim: list[int] = []
     block = max(16, BLOCK // (width * len(arrays)))
     for top in progress.over(range(0, height, block), "decoding from row {}"):
 
         def band(first: int, last: int, top: int = top) -> None:
             common = ((top + first) * width, (top + last) * width, addresses, arrays[0].itemsize, limits)
             out = (place, sigma, modulation, image, flags)
-            decode_pixels(*common, sequence.image_rows, plain, tables, scratch_for(tables), *out)
+            met = decode_pixels(*common, sequence.image_rows, plain, tables, scratch_for(tables), out)
+            at_rim.append(met)
             for axis, table in enumerate(tables):
                 if table.start == SWEEP:
-                    decode_sections(*common, table, section_scratch(table), axis, *out)
+                    decode_sections(*common, table, section_scratch(table), axis, out)
 
         run_in_bands(band, min(block, height - top))
     shape = (height, width)
     u, v, sigma_u, sigma_v = (a.reshape(shape) for a in (*place, *sigma))
     flags = flags.reshape(shape)
-    for table, coordinate, s, missing in ((tables[0], u, sigma_u, Flag.NO_U), (tables[1], v, sigma_v, Flag.NO_V)):
-        if len(table.period) > 0:
-            drop_rim(coordinate, s, flags, float(table.lines), float(table.period.min()), missing)
+    for axis, coordinate, s, missing in ((0, u, sigma_u, Flag.NO_U), (1, v, sigma_v, Flag.NO_V)):
+        if any(met >> axis & 1 for met in at_rim):
+            drop_rim(coordinate, s, flags, float(tables[axis].lines), float(tables[axis].rim), missing)
     return PhaseMap(u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags)
 
 

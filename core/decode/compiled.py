@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
 from core.compiling import njit
+from core.decode.tables import TOGETHER
 
 F = np.float32
 HALF, ONE, TINY = F(0.5), F(1), F(1e-20)
@@ -22,25 +24,22 @@ C0, C1, C2, C3 = F(0.159154832), F(-0.0530461147), F(0.0317458808), F(-0.0221359
 C4, C5, C6, C7 = F(0.0153452922), F(-0.00889775623), F(0.00347895455), F(-0.000645133085)
 
 
-def fast(function: Any) -> Any:
-    """Compile for vector instructions: no checks for division by zero, products and sums fused.
-
-    Without numba's runtime, which would count references to every array at every call, the threads in turns: compiled
-    functions allocate nothing, they are given their scratch memory.
-    """
-    fused = {"contract", "nsz", "arcp"}
-    return njit(cache=True, nogil=True, error_model="numpy", fastmath=fused, _nrt=False)(function)
+# For vector instructions: no checks for division by zero, products and sums fused. Without numba's runtime, which would
+# count references to every array at every call, the threads in turns: kernels allocate nothing, they are given memory.
+_HOW: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "nsz", "arcp"}, "_nrt": False}
+fast: Any = njit(cache=True, nogil=True, **_HOW)  # what Python calls
+part: Any = njit(no_cpython_wrapper=True, **_HOW)  # what only kernels call
 
 
-def _greys(kind: types.Type) -> Any:
-    """Make an intrinsic that gives the grey values from an address on as an array, so that a kernel takes any number of images."""
+def _greys(kind: types.Integer, size: int) -> Any:
+    """Make what gives the grey values from an address on as an array: one kernel takes any number of images."""
 
     def typed(typing_context: Any, address: Any, count: Any) -> Any:
         array = types.Array(kind, 1, "C")
 
         def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             made = make_array(array)(context, builder)
-            item = context.get_constant(types.intp, kind.bitwidth // 8)
+            item = context.get_constant(types.intp, size)
             data = builder.inttoptr(arguments[0], context.get_data_type(kind).as_pointer())
             populate_array(made, data=data, shape=[arguments[1]], strides=[item], itemsize=item, meminfo=None)
             return made._getvalue()
@@ -50,10 +49,27 @@ def _greys(kind: types.Type) -> Any:
     return intrinsic(typed)
 
 
-narrow, wide = _greys(types.uint8), _greys(types.uint16)
+narrow, wide = _greys(types.uint8, 1), _greys(types.uint16, 2)
 
 
-@fast
+def _prefetch(typing_context: Any, address: Any) -> Any:
+    """Ask for the memory at an address before it is needed."""
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        byte, number = ir.IntType(8).as_pointer(), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [byte, number, number, number])
+        name = "llvm.prefetch.p0"
+        function = builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
+        builder.call(function, [builder.inttoptr(arguments[0], byte), number(0), number(2), number(1)])
+        return context.get_dummy_value()
+
+    return types.void(types.uintp), build
+
+
+prefetch: Any = intrinsic(_prefetch)
+
+
+@part
 def angle(c, s):  # type: ignore[no-untyped-def]
     """Angle of the direction (c, s) in turns, from -1/2 to 1/2."""
     x, y = abs(c), abs(s)
@@ -65,67 +81,78 @@ def angle(c, s):  # type: ignore[no-untyped-def]
     return -t if s < F(0) else t
 
 
-@fast
+@part
 def turn_of(turns):  # type: ignore[no-untyped-def]
     """What is left of a number of turns without the whole ones, from -1/2 to 1/2."""
     return turns - np.rint(turns)
 
 
-@fast
+@part
 def fill(out, start, stop, value):  # type: ignore[no-untyped-def]
     """out[start:stop] = value, which as a slice would take long to compile."""
     for i in range(start, stop):
         out[i] = value
 
 
-@fast
-def grey_at(source, frame):  # type: ignore[no-untyped-def]
-    """Address of the tile's first grey value in a frame."""
+@part
+def grey_at(source, frame, count):  # type: ignore[no-untyped-def]
+    """Address of the tile's first grey value in a frame; those of the next tile are fetched ahead."""
     addresses, item_size, start = source
-    return addresses[frame] + np.uint64(item_size * start)
+    address = addresses[frame] + np.uint64(item_size * start)
+    for ahead in range(item_size * count, 2 * item_size * count, 64):
+        prefetch(address + np.uint64(ahead))
+    return address
 
 
-@fast
-def _add_one(a, f, count, out):  # type: ignore[no-untyped-def]
-    for i in range(count):
-        out[i] += f * F(a[i])
-
-
-@fast
-def _add_four(frames, factors, count, out):  # type: ignore[no-untyped-def]
-    a, b, c, d = frames
-    f, g, h, k = factors
-    for i in range(count):
-        out[i] += (f * F(a[i]) + g * F(b[i])) + (h * F(c[i]) + k * F(d[i]))
-
-
-@fast
+@part
 def weighted_sum(rows, r, source, count, out):  # type: ignore[no-untyped-def]
     """out = one row times the frames."""
-    column, value = rows.column, rows.value
-    entry, end = rows.first[r], rows.first[r + 1]
+    column, value, end = rows.column, rows.value, rows.first[r + 1]
     fill(out, 0, count, F(0))
-    while entry + 1 < end:  # four at a time, for every pass over the sum costs more than a frame
-        last = end - 1
-        a, b = grey_at(source, column[entry]), grey_at(source, column[entry + 1])
-        c, d = grey_at(source, column[min(entry + 2, last)]), grey_at(source, column[min(entry + 3, last)])
-        h = value[entry + 2] if entry + 2 < end else F(0)
-        k = value[entry + 3] if entry + 3 < end else F(0)
-        factors = (value[entry], value[entry + 1], h, k)
+    for entry in range(rows.first[r], end, 2):
+        other = min(entry + 1, end - 1)
+        f, g = value[entry], value[other] if other > entry else F(0)
+        a, b = grey_at(source, column[entry], count), grey_at(source, column[other], count)
         if source[1] == 1:
-            _add_four((narrow(a, count), narrow(b, count), narrow(c, count), narrow(d, count)), factors, count, out)
+            _add_two(narrow(a, count), narrow(b, count), f, g, count, out)
         else:
-            _add_four((wide(a, count), wide(b, count), wide(c, count), wide(d, count)), factors, count, out)
-        entry += 4
-    if entry < end:
-        a = grey_at(source, column[entry])
-        if source[1] == 1:
-            _add_one(narrow(a, count), value[entry], count, out)
-        else:
-            _add_one(wide(a, count), value[entry], count, out)
+            _add_two(wide(a, count), wide(b, count), f, g, count, out)
 
 
-@fast
+@part
+def _add_two(a, b, f, g, count, out):  # type: ignore[no-untyped-def]
+    for i in range(count):
+        out[i] += f * F(a[i]) + g * F(b[i])
+
+
+@part
+def three_sums(fits, j, source, count, out):  # type: ignore[no-untyped-def]
+    """Mean, cosine and sine part of period j, the three rows of `out`: every frame is read once."""
+    fill(out, 0, 3 * TILE, F(0))
+    for entry in range(fits.first[j], fits.first[j + 1], TOGETHER):
+        a, b = grey_at(source, fits.frame[entry], count), grey_at(source, fits.frame[entry + 1], count)
+        c, d = grey_at(source, fits.frame[entry + 2], count), grey_at(source, fits.frame[entry + 3], count)
+        factors = fits.value[:, entry : entry + TOGETHER]
+        if source[1] == 1:
+            _add_to_three((narrow(a, count), narrow(b, count), narrow(c, count), narrow(d, count)), factors, count, out)
+        else:
+            _add_to_three((wide(a, count), wide(b, count), wide(c, count), wide(d, count)), factors, count, out)
+
+
+@part
+def _add_to_three(frames, factors, count, out):  # type: ignore[no-untyped-def]
+    a, b, c, d = frames
+    f, g, h, k = factors[0, 0], factors[0, 1], factors[0, 2], factors[0, 3]
+    fc, gc, hc, kc = factors[1, 0], factors[1, 1], factors[1, 2], factors[1, 3]
+    fs, gs, hs, ks = factors[2, 0], factors[2, 1], factors[2, 2], factors[2, 3]
+    for i in range(count):
+        p, q, r, s = F(a[i]), F(b[i]), F(c[i]), F(d[i])
+        out[i] += (f * p + g * q) + (h * r + k * s)
+        out[TILE + i] += (fc * p + gc * q) + (hc * r + kc * s)
+        out[2 * TILE + i] += (fs * p + gs * q) + (hs * r + ks * s)
+
+
+@part
 def pixel_sum(rows, r, source, pixel):  # type: ignore[no-untyped-def]
     """One row times the grey values of one pixel of the tile."""
     addresses, item_size, start = source
@@ -136,34 +163,34 @@ def pixel_sum(rows, r, source, pixel):  # type: ignore[no-untyped-def]
     return total
 
 
-@fast
+@part
 def brightest(frames, source, count, out):  # type: ignore[no-untyped-def]
     """out = the largest grey value of some frames."""
     fill(out, 0, count, F(0))
     for n in range(len(frames)):
         if source[1] == 1:
-            _raise(narrow(grey_at(source, frames[n]), count), count, out)
+            _raise(narrow(grey_at(source, frames[n], count), count), count, out)
         else:
-            _raise(wide(grey_at(source, frames[n]), count), count, out)
+            _raise(wide(grey_at(source, frames[n], count), count), count, out)
 
 
-@fast
+@part
 def _raise(a, count, out):  # type: ignore[no-untyped-def]
     for i in range(count):
         out[i] = max(out[i], F(a[i]))
 
 
-@fast
+@part
 def load(frames, source, count, grey):  # type: ignore[no-untyped-def]
     """Copy grey values of some frames to the rows of `grey`."""
     for n in range(len(frames)):
         if source[1] == 1:
-            _copy(narrow(grey_at(source, frames[n]), count), count, grey[n])
+            _copy(narrow(grey_at(source, frames[n], count), count), count, grey[n])
         else:
-            _copy(wide(grey_at(source, frames[n]), count), count, grey[n])
+            _copy(wide(grey_at(source, frames[n], count), count), count, grey[n])
 
 
-@fast
+@part
 def _copy(a, count, out):  # type: ignore[no-untyped-def]
     for i in range(count):
         out[i] = a[i]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import HALF, INT, NONE, ONE, F, fast, pixel_sum, turn_of
+from core.decode.compiled import HALF, INT, NONE, ONE, F, part, pixel_sum, turn_of
 from core.decode.options import Flag
 from core.decode.words import cell_of, word_of
 
@@ -19,11 +19,10 @@ RAMP = F(1.0)  # lines over which a code's edge is assumed to be blurred, each s
 EVIDENCE = F(20)  # twice the logarithm of how much likelier than the second the best must be
 
 
-@fast
-def settle(  # type: ignore[no-untyped-def]
-    table, source, limits, turns, noise, threshold, contrast, word, unsure, doubtful, count, soft, place, flags
-):
+@part
+def settle(table, source, limits, turns, noise, seen, count, soft, place, flags):  # type: ignore[no-untyped-def]
     """Decide the doubtful pixels of a tile."""
+    threshold, contrast, word, unsure, doubtful = seen
     anything = NONE
     for i in range(count):
         doubtful[i] = doubtful[i] if flags[i] == NONE else NONE
@@ -33,14 +32,14 @@ def settle(  # type: ignore[no-untyped-def]
     gray, cell, lines, steps, fading = table.gray, table.cell, table.lines, table.steps, table.fading
     period = table.step_period[0] if len(steps) > 0 else F(0)
     dark, shot, floor = limits.dark, limits.shot, limits.floor
-    soft, first = soft[: len(fading)], 2 + 3 * len(table.period)
+    soft = soft[: len(fading)]
     for i in range(count):
         if doubtful[i] != NONE:
             turn, loose, per_contrast = F(0), 0, ONE / contrast[i]
             for j in range(steps.shape[1]):
                 turn += steps[0, j] * turns[j, i]
             for b in range(len(soft)):
-                x = pixel_sum(table.rows, first + b, source, i) + table.sign[b] * threshold[i]
+                x = pixel_sum(table.rows, 2 + b, source, i) + table.sign[b] * threshold[i]
                 x *= per_contrast / fading[b]
                 soft[b] = min(max(x, -ONE), ONE)
                 loose = (loose << 1) | (1 if abs(x) < LOOSE else 0)
@@ -51,7 +50,7 @@ def settle(  # type: ignore[no-untyped-def]
                 flags[i] |= UNSURE if unsure[i] != NONE else DISAGREEMENT
 
 
-@fast
+@part
 def most_likely(gray, cell, lines, period, sigma, blunt, soft, word, loose, turn):  # type: ignore[no-untyped-def]
     """The coordinate whose predicted bits fit best, and whether it is clearly the best.
 
@@ -97,7 +96,7 @@ def most_likely(gray, cell, lines, period, sigma, blunt, soft, word, loose, turn
     return place, best <= accepted and second - best >= EVIDENCE * blunt
 
 
-@fast
+@part
 def _start(gray, word, n):  # type: ignore[no-untyped-def]
     """Where to look, in cells: at the middle of the word's cell (n = -1), or where bit n, the last being 0, leads.
 
@@ -112,7 +111,7 @@ def _start(gray, word, n):  # type: ignore[no-untyped-def]
     return F((word | bit) & -bit)
 
 
-@fast
+@part
 def misfit(gray, cell, soft, word, loose, u, limit):  # type: ignore[no-untyped-def]
     """Sum of squares of a pixel's bits (off -1, on 1) against those a coordinate predicts, and how many change there.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import HALF, INT, NONE, ONE, TINY, F, angle, fast, fill, turn_of
+from core.decode.compiled import HALF, INT, NONE, ONE, TILE, TINY, F, angle, fill, part, three_sums, turn_of
 from core.decode.options import Flag
 from core.decode.tables import CODE
 
@@ -19,13 +19,14 @@ GATE = F(0.4)  # cycles: phases that differ by more contradict each other
 SAME = F(0.02)  # cycles²: less does not tell the two ends of the longest beat apart
 
 
-@fast
-def fit_phases(table, values, limits, count, turns, variance, modulation, flags):  # type: ignore[no-untyped-def]
+@part
+def fit_phases(table, source, limits, count, parts, turns, variance, modulation, flags):  # type: ignore[no-untyped-def]
     """Phase (turns), its variance (turns²) and modulation of every period; the finest period's modulation is kept."""
     covariance, dark, shot, floor = table.covariance, limits.dark, limits.shot, limits.floor
     dimmest, least = limits.modulation, limits.snr * limits.snr * TWO_PI * TWO_PI
     for j in range(len(covariance)):
-        mean, cosine, sine = values[2 + 3 * j], values[3 + 3 * j], values[4 + 3 * j]
+        three_sums(table.fits, j, source, count, parts)
+        mean, cosine, sine = parts[:TILE], parts[TILE : 2 * TILE], parts[2 * TILE :]
         turn, var = turns[j], variance[j]
         cc, cs, ss = covariance[j, 0], covariance[j, 1], covariance[j, 2]
         for i in range(count):
@@ -42,7 +43,7 @@ def fit_phases(table, values, limits, count, turns, variance, modulation, flags)
             flags[i] |= LOW if weak else NONE
 
 
-@fast
+@part
 def combine(factors, errors, turns, variance, count, psi, noise):  # type: ignore[no-untyped-def]
     """Give one combination of the phases (turns) and the variance of what it must round."""
     fill(psi, 0, count, F(0))
@@ -55,7 +56,7 @@ def combine(factors, errors, turns, variance, count, psi, noise):  # type: ignor
                 noise[i] += error * var[i]
 
 
-@fast
+@part
 def unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ignore[no-untyped-def]
     """Sharpen the coordinate by one combination of phases after the other."""
     steps, errors, periods = table.steps, table.step_error, table.step_period
@@ -73,7 +74,7 @@ def unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ig
             _choose_end(table, turns, noise, count, place, flags)
 
 
-@fast
+@part
 def _follow(steps, step_period, periods, turns, i, place):  # type: ignore[no-untyped-def]
     """Where all steps after the first lead one pixel, and the sum of squares of the disagreements (cycles²)."""
     misfit = F(0)
@@ -91,7 +92,7 @@ def _follow(steps, step_period, periods, turns, i, place):  # type: ignore[no-un
     return place, misfit
 
 
-@fast
+@part
 def _choose_end(table, turns, noise, count, place, flags):  # type: ignore[no-untyped-def]
     """At the ends of the longest beat, let the shorter ones tell if noise has carried a pixel to the other end."""
     steps, step_period, periods = table.steps, table.step_period, table.period
@@ -110,7 +111,7 @@ def _choose_end(table, turns, noise, count, place, flags):  # type: ignore[no-un
             place[i] = other if other_misfit < misfit else place[i]
 
 
-@fast
+@part
 def weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  # type: ignore[no-untyped-def]
     """Mean of the coordinates by all periods, weighted by their variances."""
     periods = table.period

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.compiled import HALF, INT, NONE, ONE, TILE, F, brightest, fast, fill, weighted_sum
+from core.decode.compiled import HALF, INT, NONE, ONE, TILE, F, brightest, fast, fill, part, weighted_sum
 from core.decode.doubt import settle
 from core.decode.fringes import fit_phases, unwrap, weigh
 from core.decode.options import Flag
@@ -22,62 +22,64 @@ SATURATED, OUTSIDE, NO_U = INT(Flag.SATURATED), INT(Flag.OUTSIDE), INT(Flag.NO_U
 
 
 class Scratch(NamedTuple):
-    """Memory for one tile: rows of `TILE` pixels, and `soft` for the bits of one."""
+    """Memory of one thread for a tile of pixels; arrays of several quantities a pixel hold them one after the other.
 
-    values: Singles
-    turns: Singles
-    variance: Singles
-    u: Singles
-    s: Singles
-    m: Singles
-    one: Singles
-    two: Singles
-    least: Singles
-    every: Shorts
-    flag: Shorts
-    doubtful: Shorts
-    masks: Shorts
+    `rows` (8, TILE) and `integers` (3, TILE) are for any use; `phases` (2, periods, TILE) are turns and variance,
+    `parts` the mean, cosine and sine part of one period; `widths`, `edges`, `octets` and `masks` serve `read_bits`, and
+    `soft` holds the bits of one pixel.
+    """
+
+    rows: Singles
+    integers: Shorts
+    phases: Singles
+    parts: Singles
     widths: Singles
     edges: NDArray[np.uint8]
     deep_edges: NDArray[np.uint16]
     octets: NDArray[np.uint8]
+    masks: Shorts
     soft: Singles
 
 
 def scratch_for(tables: tuple[AxisTable, AxisTable]) -> Scratch:
     """Make the scratch memory for decoding with these tables."""
-    periods = max(len(table.period) for table in tables)
-    bits = max(len(table.sign) for table in tables)
+    periods, bits = max(len(t.period) for t in tables), max(len(t.sign) for t in tables)
     return Scratch(
-        *(np.empty((rows, TILE), F) for rows in (2 + 3 * periods, periods, periods)),
-        *(np.empty(TILE, F) for _ in range(6)),
-        *(np.empty(TILE, INT) for _ in range(3)),
-        masks=np.empty(3 * TILE, INT),
+        rows=np.empty((8, TILE), F),
+        integers=np.empty((3, TILE), INT),
+        phases=np.empty((2, periods, TILE), F),
+        parts=np.empty(3 * TILE, F),
         widths=np.empty(2 * TILE, F),
         edges=np.empty(5 * TILE, np.uint8),
         deep_edges=np.empty(5 * TILE, np.uint16),
-        octets=np.empty((max(1, (bits + 7) // 8), 3 * TILE), np.uint8),
+        octets=np.empty((bits // 8 + 1, 3 * TILE), np.uint8),
+        masks=np.empty(3 * TILE, INT),
         soft=np.empty(bits, F),
     )
 
 
-@fast
+@part
 def _finish(table, axis, count, place, sigma, modulation, flags, u, s, least, every):  # type: ignore[no-untyped-def]
-    """Write one axis of a tile: coordinate and sigma, NaN where a flag is raised; the smaller modulation."""
-    missing, last = INT(NO_U << axis), table.lines - HALF
+    """Write one axis of a tile: coordinate and sigma, NaN where a flag is raised; the smaller modulation.
+
+    Tells if any pixel lies at the rim of the projected field.
+    """
+    missing, last, rim, any_rim = INT(NO_U << axis), table.lines - HALF, table.rim, NONE
     for i in range(count):
         flag = flags[i]
         outside = (flag == NONE) & ((place[i] < -HALF) | (place[i] > last))
         flag = OUTSIDE if outside else flag
         u[i] = place[i] if flag == NONE else F(np.nan)
         s[i] = sigma[i] if flag == NONE else F(np.nan)
+        any_rim |= INT(1) if (flag == NONE) & ((place[i] < rim - HALF) | (place[i] > last - rim)) else NONE
         least[i] = min(least[i], modulation[i])
         every[i] |= INT(flag | missing) if flag != NONE else NONE
+    return any_rim
 
 
 @fast
 def decode_pixels(  # type: ignore[no-untyped-def]
-    start, stop, addresses, item_size, limits, image_rows, plain, tables, scratch, place, sigma, modulation, image, flags
+    start, stop, addresses, item_size, limits, image_rows, plain, tables, scratch, out
 ):
     """Decode pixels start to stop - 1.
 
@@ -94,18 +96,24 @@ def decode_pixels(  # type: ignore[no-untyped-def]
         Of axis x and y.
     scratch : Scratch
         Memory of this thread alone.
-    place, sigma : float32 (2, pixels)
-        Coordinates and their standard deviations in lines, written.
-    modulation, image : float32 (pixels,)
-        Grey values, written.
-    flags : uint8 (pixels,)
-        Written.
+    out : (place, sigma, modulation, image, flags)
+        Written: coordinates and their standard deviations in lines, float32 (2, pixels); grey values, float32
+        (pixels,); flags, uint8 (pixels,).
+
+    Returns
+    -------
+    at_rim : int
+        1 if any pixel lies at the rim of the projected field along x, plus 2 if along y.
     """
+    place, sigma, modulation, image, flags = out
     saturation = limits.saturation
-    values, turns, variance, masks = scratch.values, scratch.turns, scratch.variance, scratch.masks
-    u, s, m, one, two, least = scratch.u, scratch.s, scratch.m, scratch.one, scratch.two, scratch.least
-    every, flag, doubtful = scratch.every, scratch.flag, scratch.doubtful
+    rows, integers, masks = scratch.rows, scratch.integers, scratch.masks
+    threshold, contrast, u, s = rows[0], rows[1], rows[2], rows[3]
+    m, least, one, two = rows[4], rows[5], rows[6], rows[7]
+    every, flag, doubtful = integers[0], integers[1], integers[2]
+    turns, variance = scratch.phases[0], scratch.phases[1]
     word, unsure, near = masks[:TILE], masks[TILE : 2 * TILE], masks[2 * TILE :]
+    at_rim = 0
     for first in range(start, stop, TILE):
         count = min(TILE, stop - first)
         # views of what is written: an index that may be negative would not compile to vector instructions
@@ -121,36 +129,36 @@ def decode_pixels(  # type: ignore[no-untyped-def]
                     every[i] |= NO_U << axis
             if table.start == NOTHING or table.start == SWEEP:
                 continue
-            rows = table.rows
-            for r in range(2 + 3 * len(table.period)):
-                weighted_sum(rows, r, source, count, values[r])
             brightest(table.phase_frames, source, count, one)
             for i in range(count):
                 flag[i] = SATURATED if one[i] >= saturation else NONE
             fill(m, 0, count, F(0))
-            fit_phases(table, values, limits, count, turns, variance, m, flag)
+            fit_phases(table, source, limits, count, scratch.parts, turns, variance, m, flag)
             fill(u, 0, count, HALF * (table.lines - ONE))
             if table.start == CODE:
-                threshold, contrast = values[0], values[1]
+                weighted_sum(table.rows, 0, source, count, threshold)
+                weighted_sum(table.rows, 1, source, count, contrast)
                 contrast_of(table, source, limits, count, threshold, contrast, m, one, two, s, flag)
                 read_bits(table, source, limits, count, threshold, contrast, one, scratch, masks)
                 locate(table, turns, variance, word, unsure, near, count, u, one, doubtful)
-                settle(table, source, limits, turns, one, threshold, contrast, word, unsure, doubtful, count, scratch.soft, u, flag)
-            amplitude = m if len(table.period) > 0 else values[1]
+                seen = (threshold, contrast, word, unsure, doubtful)
+                settle(table, source, limits, turns, one, seen, count, scratch.soft, u, flag)
+            amplitude = m if len(table.period) > 0 else contrast
             if len(table.period) > 0:
                 unwrap(table, turns, variance, count, u, one, two, flag)
                 weigh(table, turns, variance, count, u, one, two, s, flag)
             else:
                 fill(s, 0, count, table.cell / np.sqrt(F(12)))
-            _finish(table, axis, count, u, s, amplitude, flag, u_out, s_out, least, every)
+            at_rim |= _finish(table, axis, count, u, s, amplitude, flag, u_out, s_out, least, every) << axis
         _even_image(image_rows, plain, source, count, image[here])
         m_out, f_out = modulation[here], flags[here]
         for i in range(count):
             m_out[i] = least[i]
             f_out[i] = every[i]
+    return at_rim
 
 
-@fast
+@part
 def _even_image(image_rows, plain, source, count, out):  # type: ignore[no-untyped-def]
     """The evenly lit image of a tile, or the brightest of the plain frames where none follows."""
     if len(image_rows.value) > 0:

@@ -12,11 +12,10 @@ import numpy as np
 from core.decode.options import Flag
 from core.decode.tables import Singles
 
-SHARE = 0.25  # of the finest period: as far as a blur that leaves its fringes visible reaches
 FARTHEST = 48  # px
 
 
-def drop_rim(u: Singles, sigma: Singles, flags: np.ndarray, lines: float, period: float, missing: Flag) -> None:
+def drop_rim(u: Singles, sigma: Singles, flags: np.ndarray, lines: float, width: float, missing: Flag) -> None:
     """Invalidate, in place, the coordinates of the last lines of a field whose edge is in the image.
 
     Parameters
@@ -26,12 +25,11 @@ def drop_rim(u: Singles, sigma: Singles, flags: np.ndarray, lines: float, period
     flags : uint8 (H, W)
     lines : float
         Number of projector lines along the axis.
-    period : float
-        Finest period in lines.
+    width : float
+        Of the rim in lines.
     missing : Flag
         `Flag.NO_U` or `Flag.NO_V`.
     """
-    width = max(1.0, SHARE * period)
     rim = np.flatnonzero((u < width - 0.5) | (u > lines - 0.5 - width))
     if len(rim) == 0:
         return

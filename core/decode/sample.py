@@ -14,8 +14,9 @@ from core.errors import InputError
 from core.parallel import run_in_bands
 
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
-RESIDUALS, FEWEST = 8192, 512  # residuals that are enough, but from no fewer pixels
+RESIDUALS, FEWEST = 4096, 512  # residuals that are enough, but from no fewer pixels
 USUAL = 0.6  # part of the usual contrast that a code alone must have
+LEAST_CONTRAST = np.float32(1e-6)  # that divides
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
 
 
@@ -79,7 +80,7 @@ def measure_noise(
         used = np.abs(found).max(axis=0) > 0
         every = max(1, min(len(found) * sample.shape[1] // RESIDUALS, sample.shape[1] // FEWEST))
         g = sample[used, ::every]
-        g = g[:, g.max(axis=0) < saturation]
+        g = np.compress(g.max(axis=0) < saturation, g, axis=1)  # an index would leave it in a slower order
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
         residual = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g)
         level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
@@ -143,21 +144,21 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
     bits = len(table.sign)
     if bits == 0:
         return table
-    sample = sample[:, ::4]
-    values = np.zeros((len(table.rows.first) - 1, sample.shape[1]), np.float32)
-    for row, (first, last) in enumerate(zip(table.rows.first[:-1], table.rows.first[1:], strict=True)):
-        for entry in range(first, last):
-            values[row] += table.rows.value[entry] * sample[table.rows.column[entry]]
+    factors = np.zeros((len(table.rows.first) - 1, len(sample)), np.float32)
+    factors[np.repeat(np.arange(len(factors)), np.diff(table.rows.first)), table.rows.column] = table.rows.value
+    values = np.einsum("rf,fn->rn", factors, np.ascontiguousarray(sample[:, ::4]))
     raw = values[-bits:]
-    shown = -np.where(table.sign == 0, -1, table.sign)[:, None] * raw
-    threshold = values[0] if table.has_threshold else (shown.max(axis=0) + shown.min(axis=0)) / 2
+    threshold = values[0]
+    if not table.has_threshold:
+        shown = -np.where(table.sign == 0, -1, table.sign)[:, None] * raw
+        threshold = (shown.max(axis=0) + shown.min(axis=0)) / 2
     raw = np.abs(raw + table.sign[:, None] * threshold)
     contrast = values[1] if table.has_contrast else raw.max(axis=0)
     lit = contrast > 5 * np.sqrt(noise.variance(threshold))
     if lit.sum() < 100:
         return table
     # a triangle wave's mean is half its peak: only bits below that have faded
-    share = np.mean(raw[:, lit] / contrast[lit], axis=1)
+    share = np.einsum("rn,n->r", raw, lit / np.maximum(contrast, LEAST_CONTRAST)) / lit.sum()
     alone = not table.has_contrast and len(table.period) == 0
     usual = np.median(contrast[lit] / np.maximum(threshold[lit], 1)) if alone else 0
     return table._replace(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import fast, load
+from core.decode.compiled import fast, load, part
 from core.decode.options import Flag
 from core.decode.tables import TAIL as TAIL_PART
 from core.decode.tables import AxisTable, Singles
@@ -26,7 +26,9 @@ def section_scratch(table: AxisTable) -> tuple[Singles, Singles]:
 
 
 @fast
-def decode_sections(start, stop, addresses, item_size, limits, table, scratch, axis, place, sigma, modulation, image, flags):  # type: ignore[no-untyped-def]
+def decode_sections(  # type: ignore[no-untyped-def]
+    start, stop, addresses, item_size, limits, table, scratch, axis, out
+):
     """Decode the axis of a sweep for pixels start to stop - 1.
 
     Parameters
@@ -41,12 +43,9 @@ def decode_sections(start, stop, addresses, item_size, limits, table, scratch, a
         Memory of this thread alone.
     axis : int
         0 for u, 1 for v.
-    place, sigma : float32 (2, pixels)
-        Coordinates and their standard deviations in lines; the row of this axis is written.
-    modulation, image : float32 (pixels,)
-        Grey values; lowered to this axis' modulation, raised to the brightest of its frames.
-    flags : uint8 (pixels,)
-        This axis' reasons are added.
+    out : (place, sigma, modulation, image, flags)
+        As in `decode_pixels`: coordinates and standard deviations of this axis are written, the modulation is lowered
+        to this axis', the image raised to the brightest of its frames, and its flags are added.
 
     Notes
     -----
@@ -54,6 +53,7 @@ def decode_sections(start, stop, addresses, item_size, limits, table, scratch, a
     section's height above the background, but above its noise; ``var(u) = sum((x - u)² var(g)) / sum(w)²`` over the
     lines that count, besides what their discreteness causes.
     """
+    place, sigma, modulation, image, flags = out
     frames, centres, ripple = table.line_frames, table.line_centre, table.line_ripple
     grey, sums = scratch
     tile = grey.shape[1]
@@ -92,7 +92,7 @@ def decode_sections(start, stop, addresses, item_size, limits, table, scratch, a
             flags[first + i] |= flag | (NO_U << axis) if flag != 0 else 0
 
 
-@fast
+@part
 def _find_peak(centres, grey, count, peak, where):  # type: ignore[no-untyped-def]
     """Grey value and line of the brightest frame."""
     peak[:count] = F(-1)
@@ -105,7 +105,7 @@ def _find_peak(centres, grey, count, peak, where):  # type: ignore[no-untyped-de
             where[i] = centre if brighter else where[i]
 
 
-@fast
+@part
 def _background(centres, reach, grey, count, where, dark, rival, others):  # type: ignore[no-untyped-def]
     """Mean and maximum of the frames far from the brightest; of all but zero frames where none is far."""
     dark[:count] = F(0)
@@ -122,7 +122,7 @@ def _background(centres, reach, grey, count, where, dark, rival, others):  # typ
         dark[i] = dark[i] / others[i] if others[i] > F(0) else F(0)
 
 
-@fast
+@part
 def _moments(centres, reach, limits, grey, count, where, floor, total, moment, noise0, noise1, noise2):  # type: ignore[no-untyped-def]
     """Sums of weights and of weights times distance, and of the noise times distance to the power of 0, 1, 2."""
     for sums in (total, moment, noise0, noise1, noise2):

@@ -27,7 +27,9 @@ Shorts = NDArray[np.int32]
 
 NOTHING, PHASES, CODE, SWEEP = 0, 1, 2, 3  # where an axis' coordinate starts
 NEGLIGIBLE = 1e-9
+TOGETHER = 4  # frames that the kernel adds in one pass, for every pass over the sum costs more than a frame
 TAIL = 0.05  # part of a light section's height below which light is not counted
+RIM = 0.25  # of the finest period: as far as a blur that leaves its fringes visible reaches
 BLUR = 0.5  # lines: as sharp as projection and camera can be expected to be
 
 
@@ -36,6 +38,17 @@ class Rows(NamedTuple):
 
     first: Shorts
     column: Shorts
+    value: Singles
+
+
+class Fits(NamedTuple):
+    """Least squares of the periods: entries first[j] to first[j + 1] - 1, a multiple of `TOGETHER`, are period j's.
+
+    `frame` (n,) are the frames, `value` (3, n) their coefficients in the mean, the cosine and the sine part.
+    """
+
+    first: Shorts
+    frame: Shorts
     value: Singles
 
 
@@ -54,9 +67,10 @@ class Limits(NamedTuple):
 class AxisTable(NamedTuple):
     """What the kernel needs to know about one axis.
 
-    `rows` yields, in this order: threshold of the code, half its contrast, then mean, cosine and sine part of each
-    period, then every bit. `covariance` (J, 3) holds the cofactors (cc, cs, ss) of the quadratures, `period` (J,) is in
-    lines. `steps` (S, J) are the integer combinations of phases, `step_period` (S,) theirs, `step_error` (S, J) the
+    `rows` yields the threshold of the code, half its contrast, then every bit; `fits` the mean, cosine and sine part of
+    each period. `covariance` (J, 3) holds the cofactors (cc, cs, ss) of the quadratures, `period` (J,) is in lines; so
+    is `rim`, the width of the field's edge where fringes are cut. `steps` (S, J) are the integer combinations of
+    phases, `step_period` (S,) theirs, `step_error` (S, J) the
     squares that propagate the phases' variances (cycles²) to what a step must round. Of each bit: `sign` times the
     threshold is added, `spread` is its variance per frame's variance, `fading` its contrast relative to the coarse
     bits; `least_contrast` is the least contrast as a part of the threshold. Of a sweep: frames, centres, how far
@@ -66,10 +80,12 @@ class AxisTable(NamedTuple):
     start: int
     lines: np.float32
     rows: Rows
+    fits: Fits
     has_threshold: bool
     has_contrast: bool
     covariance: Singles
     period: Singles
+    rim: np.float32
     steps: Singles
     step_period: Singles
     step_error: Singles
@@ -162,6 +178,17 @@ def make_rows(rows: Iterable[dict[int, float]]) -> Rows:
     return Rows(np.array(first, np.int32), np.array(column, np.int32), np.array(value, np.float32))
 
 
+def _pack_fits(fits: Sequence[PhaseFit]) -> Fits:
+    """Pack the solutions, filled up with frames that count nothing."""
+    first, frame, value = [0], [], [np.zeros((3, 0))]
+    for fit in fits:
+        more = -len(fit.frames) % TOGETHER
+        frame += [*fit.frames, *fit.frames[-1:] * more]
+        value.append(np.pad(fit.solution, ((0, 0), (0, more))))
+        first.append(len(frame))
+    return Fits(np.array(first, np.int32), np.array(frame, np.int32), np.hstack(value).astype(np.float32))
+
+
 def mean_of(frames: Numbers, weight: float = 1.0) -> dict[int, float]:
     """The row that averages frames."""
     return dict.fromkeys(frames, weight / len(frames)) if frames else {}
@@ -203,8 +230,6 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
     fits = [fit_phase(phase, frames.white, frames.black) for phase in axis.phases] if not plan.sweep else []
     threshold, contrast = _threshold(plan.code, fits, frames)
     rows = [threshold, contrast]
-    for fit in fits:
-        rows += [dict(zip(fit.frames, part, strict=True)) for part in fit.solution]
     sign, spread = [], []
     if plan.code is not None:
         for direct, inverse in zip(plan.code.direct, plan.code.inverse, strict=True):
@@ -220,10 +245,12 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         start=start,
         lines=np.float32(plan.lines),
         rows=make_rows(rows),
+        fits=_pack_fits(fits),
         has_threshold=bool(threshold),
         has_contrast=bool(contrast),
         covariance=np.array([fit.cofactors for fit in fits], np.float32).reshape(-1, 3),
         period=np.array([phase.period for phase in axis.phases][: len(fits)], np.float32),
+        rim=np.float32(max(1.0, RIM * min(phase.period for phase in axis.phases)) if fits else 0),
         steps=steps,
         step_period=step_period,
         step_error=step_error,

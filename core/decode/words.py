@@ -11,10 +11,10 @@ from core.decode.compiled import (
     ONE,
     TILE,
     F,
-    fast,
     fill,
     grey_at,
     narrow,
+    part,
     turn_of,
     weighted_sum,
     wide,
@@ -32,7 +32,7 @@ TWO_PLACES = INT(1 << 30)  # no bit, but a reason for doubt
 NEAR = F(0.6)  # part of half the contrast: a bit nearer to its threshold is at an edge
 
 
-@fast
+@part
 def contrast_of(  # type: ignore[no-untyped-def]
     table, source, limits, count, threshold, contrast, modulation, low, high, bit, flags
 ):
@@ -41,12 +41,12 @@ def contrast_of(  # type: ignore[no-untyped-def]
     At an edge of binary code all bits may be halfway: then the phase's modulation tells the contrast; without phases
     the contrast must be a usual part of the brightness.
     """
-    signs, rows, first = table.sign, table.rows, 2 + 3 * len(table.period)
+    signs, rows = table.sign, table.rows
     if not table.has_threshold:
         fill(low, 0, count, F(np.inf))
         fill(high, 0, count, F(-np.inf))
         for b in range(len(signs)):
-            weighted_sum(rows, first + b, source, count, bit)
+            weighted_sum(rows, 2 + b, source, count, bit)
             sign = -signs[b]
             for i in range(count):
                 low[i], high[i] = min(low[i], sign * bit[i]), max(high[i], sign * bit[i])
@@ -56,7 +56,7 @@ def contrast_of(  # type: ignore[no-untyped-def]
         for i in range(count):
             contrast[i] = modulation[i]
         for b in range(len(signs)):
-            weighted_sum(rows, first + b, source, count, bit)
+            weighted_sum(rows, 2 + b, source, count, bit)
             sign = signs[b]
             for i in range(count):
                 contrast[i] = max(contrast[i], abs(bit[i] + sign * threshold[i]))
@@ -68,7 +68,7 @@ def contrast_of(  # type: ignore[no-untyped-def]
         flags[i] |= LOW if weak else NONE
 
 
-@fast
+@part
 def read_bits(  # type: ignore[no-untyped-def]
     table, source, limits, count, threshold, contrast, bit, scratch, masks
 ):
@@ -83,28 +83,28 @@ def read_bits(  # type: ignore[no-untyped-def]
     for plane in range(planes):
         fill(octets[plane], 0, 3 * TILE, OCTET(0))
     for b in range(last + 1):
-        r, place = 2 + 3 * len(table.period) + b, last - b
+        r, place = 2 + b, last - b
         if b == 0 or table.fading[b] != table.fading[b - 1] or table.spread[b] != table.spread[b - 1]:
             _widths(limits, table.fading[b], np.sqrt(table.spread[b]), threshold, contrast, count, widths)
             if source[1] == 1:
                 _edges(threshold, widths, F(255), OCTET, count, edges)
             else:
                 _edges(threshold, widths, F(65535), WHOLE, count, deep_edges)
-        entry = rows.first[r]
-        mask = OCTET(1 << (place & 7))
+        entry, shown, mask = rows.first[r], octets[place >> 3], OCTET(1 << (place & 7))
+        grey = grey_at(source, rows.column[entry], count)
         if rows.first[r + 1] > entry + 1 or rows.value[entry] != ONE:
             weighted_sum(rows, r, source, count, bit)
-            _read_sum(bit, table.sign[b], threshold, widths, mask, count, octets[place >> 3])
+            _read_sum(bit, table.sign[b], threshold, widths, mask, count, shown)
         elif source[1] == 1:
-            _read_grey(narrow(grey_at(source, rows.column[entry]), count), edges, mask, count, octets[place >> 3])
+            _read_grey(narrow(grey, count), edges, mask, count, shown)
         else:
-            _read_grey(wide(grey_at(source, rows.column[entry]), count), deep_edges, mask, count, octets[place >> 3])
+            _read_grey(wide(grey, count), deep_edges, mask, count, shown)
     fill(masks, 0, 3 * TILE, NONE)
     for plane in range(planes):
         _join(octets[plane], INT(1 << 8 * plane), count, masks)
 
 
-@fast
+@part
 def _widths(limits, fading, spread, threshold, contrast, count, widths):  # type: ignore[no-untyped-def]
     """How near to its threshold, in grey values, a bit is unsure (first row), and at an edge (second row)."""
     dark, shot, floor, margin, blunt = limits.dark, limits.shot, limits.floor, limits.bit_margin * fading, NEAR * fading
@@ -115,7 +115,7 @@ def _widths(limits, fading, spread, threshold, contrast, count, widths):  # type
         widths[TILE + i] = max(blunt * contrast[i], noise)
 
 
-@fast
+@part
 def _edges(threshold, widths, top, whole, count, edges):  # type: ignore[no-untyped-def]
     """The same as whole grey values: the last that is off; the first and last that are unsure, and at an edge."""
     for i in range(count):
@@ -127,7 +127,7 @@ def _edges(threshold, widths, top, whole, count, edges):  # type: ignore[no-unty
         edges[4 * TILE + i] = whole(INT(min(middle + near, top)))
 
 
-@fast
+@part
 def _read_grey(grey, edges, mask, count, octets):  # type: ignore[no-untyped-def]
     """Read a bit that one frame shows."""
     for i in range(count):
@@ -137,7 +137,7 @@ def _read_grey(grey, edges, mask, count, octets):  # type: ignore[no-untyped-def
         octets[2 * TILE + i] |= mask if (g >= edges[3 * TILE + i]) & (g <= edges[4 * TILE + i]) else OCTET(0)
 
 
-@fast
+@part
 def _read_sum(bit, sign, threshold, widths, mask, count, octets):  # type: ignore[no-untyped-def]
     """Read a bit that several frames show."""
     for i in range(count):
@@ -147,7 +147,7 @@ def _read_sum(bit, sign, threshold, widths, mask, count, octets):  # type: ignor
         octets[2 * TILE + i] |= mask if abs(x) <= widths[TILE + i] else OCTET(0)
 
 
-@fast
+@part
 def _join(octets, unit, count, masks):  # type: ignore[no-untyped-def]
     """Add octets to words of 32 bits."""
     for i in range(count):
@@ -156,7 +156,7 @@ def _join(octets, unit, count, masks):  # type: ignore[no-untyped-def]
         masks[2 * TILE + i] += unit * INT(octets[2 * TILE + i])
 
 
-@fast
+@part
 def cell_of(gray, word):  # type: ignore[no-untyped-def]
     """Number of the cell that carries a word."""
     if gray:
@@ -168,19 +168,19 @@ def cell_of(gray, word):  # type: ignore[no-untyped-def]
     return word
 
 
-@fast
+@part
 def word_of(gray, cell):  # type: ignore[no-untyped-def]
     """Word that a cell carries."""
     return INT(cell ^ (cell >> 1)) if gray else cell
 
 
-@fast
+@part
 def _shared(unsure, near):  # type: ignore[no-untyped-def]
     """The lowest bits of binary code, which share an edge, where just they are near their threshold and all unsure."""
     return near if near == unsure and INT(near & (near + 1)) == NONE else NONE
 
 
-@fast
+@part
 def _side_of(word, unsure, near):  # type: ignore[no-untyped-def]
     """The lowest bits of binary code that are near their threshold, if they read as on one side of the edge they share.
 
@@ -192,7 +192,7 @@ def _side_of(word, unsure, near):  # type: ignore[no-untyped-def]
     return NONE if mixed or INT(unsure & ~run) != NONE else run
 
 
-@fast
+@part
 def locate(table, turns, variance, word, unsure, near, count, place, noise, doubtful):  # type: ignore[no-untyped-def]
     """Coordinate from the cell and the first combination of phases; not zero in `doubtful` where that is not certain.
 
@@ -214,7 +214,7 @@ def locate(table, turns, variance, word, unsure, near, count, place, noise, doub
         _locate_binary(table, word, unsure, near, count, place, noise, doubtful)
 
 
-@fast
+@part
 def _locate_gray(table, word, unsure, near, count, place, noise, doubtful):  # type: ignore[no-untyped-def]
     """Combine Gray code with the phase in `place` (turns)."""
     cell, period, top = table.cell, table.step_period[0], F((1 << len(table.sign)) - 1)
@@ -240,7 +240,7 @@ def _locate_gray(table, word, unsure, near, count, place, noise, doubtful):  # t
         doubtful[i] = doubt | (NONE if flips != NONE and near[i] == flips else elsewhere)
 
 
-@fast
+@part
 def _locate_binary(table, word, unsure, near, count, place, noise, doubtful):  # type: ignore[no-untyped-def]
     """Combine binary code with the phase in `place` (turns)."""
     cell, period, top = table.cell, table.step_period[0], F((1 << len(table.sign)) - 1)
@@ -269,7 +269,7 @@ def _locate_binary(table, word, unsure, near, count, place, noise, doubtful):  #
         doubtful[i] = doubt | (NONE if flips != NONE and near[i] == flips else elsewhere)
 
 
-@fast
+@part
 def _words_beside(gray, edge, top):  # type: ignore[no-untyped-def]
     """Words of the cells below and above an edge."""
     low = word_of(gray, INT(min(max(edge - ONE, F(0)), top)))
