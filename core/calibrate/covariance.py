@@ -47,13 +47,13 @@ def _cofactor_band(  # pragma: no cover  compiled
             k += 1
         for a in range(2):
             row, total = J[o, a], 0.0
-            for s in range(k):
-                part = 0.0
-                for t in range(k):
+            for s in range(k):  # Q is symmetric: twice what stands before the diagonal
+                part = 0.5 * Q[place[s], place[s]] * row[local[s]]
+                for t in range(s):
                     part += Q[place[s], place[t]] * row[local[t]]
                 for t in range(width):
-                    part -= 2.0 * CQ[e, t, place[s]] * row[own_at + t]
-                total += row[local[s]] * part
+                    part -= CQ[e, t, place[s]] * row[own_at + t]
+                total += 2.0 * row[local[s]] * part
             for s in range(width):
                 for t in range(width):
                     total += row[own_at + s] * Q_eliminated[e, s, t] * row[own_at + t]

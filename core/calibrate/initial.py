@@ -18,6 +18,8 @@ from core.model import Network
 
 Array = NDArray[np.float64]
 
+ENOUGH_SAMPLES = 300  # among which the rotation in the middle is sought
+
 
 def initial_state(network: Network, problem: Problem) -> State:
     """Approximate values of all unknowns of a network.
@@ -78,8 +80,11 @@ def _relative_orientations(problem: Problem, found: dict[int, Pose]) -> dict[int
 
 def _median_pose(samples: list[Pose]) -> Pose:
     """Pose in the middle of several, little moved by a few wrong ones."""
-    turns = [[np.linalg.norm(rotation_vector_from_matrix(a.rotation @ b.rotation.T)) for b in samples] for a in samples]
-    middle = samples[int(np.argmin(np.median(turns, axis=1)))].rotation
-    vectors = np.array([rotation_vector_from_matrix(s.rotation @ middle.T) for s in samples])
+    rotations = np.array([s.rotation for s in samples])
+    some = rotations[:: -(-len(samples) // ENOUGH_SAMPLES)]
+    # the trace of a relative rotation is 1 + 2 cos of its angle
+    turns = np.arccos(np.clip((np.einsum("aij,bij->ab", some, some) - 1) / 2, -1, 1))
+    middle = some[int(np.argmin(np.median(turns, axis=1)))]
+    vectors = np.array([rotation_vector_from_matrix(R) for R in rotations @ middle.T])
     R = matrix_from_rotation_vector(np.median(vectors, axis=0)) @ middle
     return Pose(R, np.median([s.translation_mm for s in samples], axis=0))

@@ -28,6 +28,8 @@ ENOUGH_POINTS = 60  # of a station serve for approximate values
 ROUNDS = 4
 PRIOR = 0.03  # how far nominal values may be off, as a share of the focal length and of the image's half diagonal
 INDEPENDENT = 8
+SETTLED = 1e-4  # gain of a step, as a share of the weighted squares, after which approximate values are good enough
+STALLED = 1e-3  # the same of a step that does not lower them: damping would take long to win so little
 
 
 def resectable(network: Network) -> list[int]:
@@ -165,8 +167,10 @@ def _improved_together(problem: Problem, state: State, nominal: Array, iteration
         )
         if after < before:
             state, damping = trial, damping / 10
-            if step.gain < 1e-4 * before:
+            if step.gain < SETTLED * before:
                 break
+        elif step.gain < STALLED * before:
+            break
         else:
             damping *= 10
     return state

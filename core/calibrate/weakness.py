@@ -214,9 +214,15 @@ def _no_convergence(R: Array, estimated: list[str]) -> str:
     mean = directions.mean(axis=0)
     mean /= max(float(np.linalg.norm(mean)), 1e-12)
     tilt = np.degrees(np.arccos(np.clip(directions @ mean, -1, 1)))
-    widest = float(np.degrees(np.arccos(np.clip(directions @ directions.T, -1, 1))).max())
     count = int(np.count_nonzero(tilt > CONVERGENT_DEG))
-    if "c" not in estimated or (widest >= LEAST_CONVERGENCE_DEG and count >= LEAST_CONVERGENT):
+    if "c" not in estimated:
+        return ""
+    # two directions differ at least by as much as one of them from the mean
+    widest = float(tilt.max())
+    if widest < LEAST_CONVERGENCE_DEG or count < LEAST_CONVERGENT:
+        closest = min(float((directions @ direction).min()) for direction in directions)
+        widest = float(np.degrees(np.arccos(np.clip(closest, -1, 1))))
+    if widest >= LEAST_CONVERGENCE_DEG and count >= LEAST_CONVERGENT:
         return ""
     normals = R @ mean  # of the field, in the device's frame: towards the device or away from it
     normals *= np.sign(normals[:, 2:])
