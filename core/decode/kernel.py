@@ -19,6 +19,7 @@ from core.decode.tables import CODE, NOTHING, SWEEP, AxisTable, Shorts, Singles
 from core.decode.words import contrast_of, locate, read_bits
 
 SATURATED, OUTSIDE, NO_U = INT(Flag.SATURATED), INT(Flag.OUTSIDE), INT(Flag.NO_U)
+AXIS = INT(1)  # the bit of axis x
 
 
 class Scratch(NamedTuple):
@@ -71,7 +72,8 @@ def _finish(table, axis, count, place, sigma, modulation, flags, u, s, least, ev
         flag = OUTSIDE if outside else flag
         u[i] = place[i] if flag == NONE else F(np.nan)
         s[i] = sigma[i] if flag == NONE else F(np.nan)
-        any_rim |= INT(1) if (flag == NONE) & ((place[i] < rim - HALF) | (place[i] > last - rim)) else NONE
+        cut = (flag == NONE) & ((place[i] < rim - HALF) | (place[i] > last - rim))
+        any_rim = INT(any_rim | (AXIS if cut else NONE))
         least[i] = min(least[i], modulation[i])
         every[i] |= INT(flag | missing) if flag != NONE else NONE
     return any_rim
