@@ -8,11 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.compiling import njit
-from core.decode import decode
+from core.decode import DecodeOptions, decode
+from core.decode.absolute import _prepare as prepare
 from core.decode.compiled import angle
 from core.decode.frames import sort_frames
+from core.decode.kernel import scratch_for
+from core.decode.noise import Noise
 from core.decode.plan import plan_axis, safest_steps
+from core.decode.sample import limits_of
 from core.decode.tables import fit_phase
+from core.decode.words import read_bits
 from core.patterns import Black, Phase, White, brightness, gray_and_phase
 
 
@@ -56,6 +61,47 @@ def test_a_view_of_a_larger_image_decodes_like_its_copy(bench) -> None:
     a = decode(patterns, views, lines=(640, 640))
     b = decode(patterns, [view.copy() for view in views], lines=(640, 640))
     assert np.array_equal(a.u, b.u, equal_nan=True)
+
+
+@njit
+def compiled_bits(table, source, limits, count, threshold, contrast, scratch):
+    read_bits(table, source, limits, count, threshold, contrast, scratch.rows[0], scratch, scratch.masks)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("shown", ["direct", "inverse", "both"])
+@pytest.mark.parametrize("kind", ["gray", "binary"])
+def test_bits_are_read_as_by_comparing_real_numbers(kind, shown, dtype) -> None:
+    """Random grey values, thresholds and contrasts; eleven bits, so that words are put together from two octets."""
+    count, bits, top = 501, 11, np.iinfo(dtype).max
+    rng = np.random.default_rng(3)
+    patterns = gray_and_phase("x", 2**bits, cell=1, periods=[], kind=kind, inverse=True)
+    patterns = [p for p in patterns if shown == "both" or p.inverse == (shown == "inverse")]
+    images = [rng.integers(0, top, count, dtype, endpoint=True) for _ in patterns]
+    tables = prepare((*patterns, White(), Black()), (2**bits, 1)).tables
+    fading = np.linspace(1, 0.5, bits, dtype=np.float32).round(1)
+    table, scratch = tables[0]._replace(fading=fading), scratch_for(tables)
+    limits = limits_of(Noise(2.0, 0.01, 0.1), float(top), DecodeOptions())
+    threshold = (rng.uniform(0.2, 0.8, count) * top).astype(np.float32)
+    contrast = (rng.uniform(0.1, 0.6, count) * top).astype(np.float32)
+    addresses = np.array([image.ctypes.data for image in images], np.uint64)
+    compiled_bits(table, (addresses, np.dtype(dtype).itemsize, 0), limits, count, threshold, contrast, scratch)
+
+    g = {(p.bit, p.inverse): image.astype(float) for p, image in zip(patterns, images, strict=True)}
+    word, unsure, near = (np.zeros(count, int) for _ in range(3))
+    for bit in range(bits):
+        if shown == "both":
+            away, spread = (g[bit, False] - g[bit, True]) / 2, 0.5
+        else:  # the threshold is the mean of two frames
+            away, spread = (g[bit, False] - threshold if shown == "direct" else threshold - g[bit, True]), 1.5
+        noise = 3.5 * np.sqrt(spread * np.maximum(2.0 + 0.01 * threshold, 0.1))
+        place = 1 << (bits - 1 - bit)
+        word += place * (away > 0)
+        unsure += place * (np.abs(away) <= np.maximum(0.35 * fading[bit] * contrast, noise))
+        near += place * (np.abs(away) <= np.maximum(0.6 * fading[bit] * contrast, noise))
+    for expected, found in zip((word, unsure, near), scratch.masks.reshape(3, -1), strict=True):
+        assert np.count_nonzero(expected) > count / 2
+        assert np.count_nonzero(found[:count] != expected) <= 1  # where single precision meets a whole grey value
 
 
 @njit
