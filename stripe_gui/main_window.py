@@ -34,6 +34,7 @@ class MainWindow(QMainWindow):
         self.setAcceptDrops(True)
         self.setMinimumSize(1080, 680)
         self.resize(1360, 860)
+        self._has_room = True  # beside the help
         self.strip = StageStrip()
         self.strip.chosen.connect(self.show_page)
         self.notices = NoticeArea()
@@ -259,7 +260,8 @@ class MainWindow(QMainWindow):
     def _place_help(self) -> None:
         """Show the help if it is wanted and has room; in a narrow window it comes when it is asked for."""
         wanted = self.bench.settings.flag("help", True) and asset("help").is_dir()
-        self.help.setVisible(wanted and self.width() >= ROOM_FOR_HELP)
+        self._has_room = self.width() >= ROOM_FOR_HELP
+        self.help.setVisible(wanted and self._has_room)
         if not self.help.isHidden():
             self.help.show_topic(self.page.stage or self.page.id)
         self.actions_.update()
@@ -324,7 +326,7 @@ class MainWindow(QMainWindow):
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802
         """Let the help step aside when the window becomes too narrow for both, and come back with the room."""
         super().resizeEvent(event)
-        if (event.oldSize().width() < ROOM_FOR_HELP) != (event.size().width() < ROOM_FOR_HELP):
+        if self._has_room != (self.width() >= ROOM_FOR_HELP):
             self._place_help()
 
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802

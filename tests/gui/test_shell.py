@@ -92,6 +92,14 @@ def test_a_narrow_window_belongs_to_the_work_until_help_is_asked_for(program, fi
     idle(window, qtbot)
 
 
+def test_a_window_that_begins_narrow_begins_without_help(program, qtbot) -> None:
+    window = program.window
+    window.resize(1280, 800)
+    with qtbot.waitExposed(window):
+        window.show()
+    assert window.help.isHidden()
+
+
 def test_a_dropped_project_folder_opens(window, project: Path) -> None:
     _drop(window, project)
     assert window.bench.session.is_open
