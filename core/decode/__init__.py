@@ -7,7 +7,13 @@ plan.py       how the absolute coordinate of an axis follows from its frames, or
 tables.py     the least-squares and other linear combinations of frames, as tables
 noise.py      the noise of the grey values, from combinations of frames that show nothing else
 sample.py     noise, full scale and contrast of the bits, from a sample of the pixels
-kernel.py     the one compiled pass over the pixels
+kernel.py     the one compiled pass over the pixels; its steps:
+  fringes.py    phases of every period, and the way to the finest
+  words.py      the bits of a code, and the place they tell together with a phase
+  doubt.py      pixels whose bits and phase do not fit at once
+  compiled.py   the bricks: grey values by address, sums over frames, the angle
+sections.py   light sections: the centroid over a sweep of lines
+rim.py        the rim of the projected field, where fringes are cut
 """
 
 from core.decode.absolute import decode
