@@ -29,11 +29,16 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
     InputError
         If the place cannot be written.
     """
+    if _is_stream(path):
+        with path.open("wb") as stream:
+            yield stream
+        return
     try:
+        path = Path(os.path.realpath(path))  # a link stays one
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
     except OSError as error:
-        raise InputError(path, f"cannot be written ({error.strerror})", "choose a folder you may write to") from error
+        raise _unwritable(path, error) from error
     part = Path(name)
     try:
         with os.fdopen(handle, "wb") as file:
@@ -52,11 +57,40 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
         part.unlink(missing_ok=True)
 
 
+def check_place(path: Path) -> None:
+    """See that a file could be written, before work that takes time or writes other files first.
+
+    Raises
+    ------
+    InputError
+        If a folder is there, or nothing can be written into the one meant.
+    """
+    if os.path.isdir(path):
+        raise InputError(path, "is a folder", "give the name of a file")
+    if _is_stream(path):
+        return
+    try:
+        nearest = next(parent for parent in path.absolute().parents if parent.exists())
+        with tempfile.NamedTemporaryFile(prefix=f".{path.name}.", suffix=".part", dir=nearest):
+            pass
+    except OSError as error:
+        raise _unwritable(path, error) from error
+
+
 def write_json(path: Path, value: Any) -> None:
     """Write a value as indented JSON, atomically."""
     text = json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False)
     with atomic_write(path) as file:
         file.write(text.encode() + b"\n")
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError(path, f"cannot be written ({error.strerror})", "choose a folder you may write to")
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether a device or a pipe is there, such as /dev/null, which must not be replaced by a file."""
+    return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
 
 
 def _umask() -> int:

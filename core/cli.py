@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -21,6 +22,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console = _Console(started)
     try:
         options = _parser().parse_args(arguments)
+        if options.json not in (None, "-"):
+            _check_json(options.json)
         figures = options.run(options, Progress(console.report))
         console.clear()
         if options.json is not None:
@@ -265,12 +268,12 @@ def _measure(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def _calibrate(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from core.figures import calibration_figures
-    from core.pipeline import CalibrateOptions, calibrate_project, current_runs, result_tables
+    from core.pipeline import CalibrateOptions, calibrate_project, check_reference, current_runs, result_tables
     from core.project import read_project
 
     if options.degree < 1:
         raise InputError("--degree", f"is {options.degree}", "give 1 or more")
-    if not options.low_pass >= 0:
+    if not 0 <= options.low_pass < math.inf:
         raise InputError("--low-pass", f"is {options.low_pass}", "give 0 or more pixels")
     chosen = CalibrateOptions(
         rigid=not options.free_stations,
@@ -281,6 +284,7 @@ def _calibrate(options: argparse.Namespace, progress: Progress) -> dict[str, Any
         reject_beyond=options.reject or None,
     )
     project = read_project(options.project)
+    check_reference(project)
     calibrations = calibrate_project(project, options.method, chosen, progress)
     print(result_tables(project))
     print(f"\nkept as run {max(current_runs(project).values())}")
@@ -317,10 +321,11 @@ def _reconstruct(options: argparse.Namespace, progress: Progress) -> dict[str, A
 
 def _evaluate(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from core.figures import evaluation_figures
-    from core.pipeline import evaluate_project, result_tables
+    from core.pipeline import check_reference, evaluate_project, result_tables
     from core.project import read_project
 
     project = read_project(options.project)
+    check_reference(project)
     evaluations = evaluate_project(project, progress)
     print(result_tables(project, evaluations))
     return evaluation_figures(evaluations)
@@ -357,6 +362,13 @@ def _batch(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 def _ending(path: Path, *endings: str) -> None:
     if path.suffix.lower() not in endings:
         raise InputError(path, f"ends in {path.suffix!r}", f"give a file name ending in {' or '.join(endings)}")
+
+
+def _check_json(target: str) -> None:
+    """Refuse a file for the figures that cannot be written before anything else is."""
+    from core.atomic import check_place
+
+    check_place(Path(target))
 
 
 def _write_figures(target: str, figures: dict[str, Any]) -> None:

@@ -9,7 +9,14 @@ from pathlib import Path
 from core.errors import InputError
 from core.figures import calibration_figures, evaluation_figures
 from core.model import Figures
-from core.pipeline import calibrate_project, load_evaluation, report_project, result_tables, simulate_project
+from core.pipeline import (
+    calibrate_project,
+    check_scenario,
+    load_evaluation,
+    report_project,
+    result_tables,
+    simulate_project,
+)
 from core.progress import SILENT, Progress
 from core.report import ReportPaths
 
@@ -33,6 +40,7 @@ def run_demo(out: Path, scenario: str = "paper", seed: int = 0, progress: Progre
     InputError
         If the folder holds anything else.
     """
+    check_scenario(scenario, seed)  # refuses what it does not know before the earlier demo goes
     if out.exists():
         if not (out / MARK).is_file() and (not out.is_dir() or any(out.iterdir())):
             raise InputError(out, "there is something already, not of a demo", "give a new or empty folder")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +9,9 @@ from typing import Any
 from core.errors import InputError
 
 _ABSENT: Any = object()
+
+LARGEST = 1e12  # no length, angle or pixel of a rig comes near these; the squares of what lies between can be summed
+SMALLEST = 1e-12
 
 
 @dataclass(frozen=True)
@@ -75,9 +77,8 @@ class Fields:
         value = self._get(key, default)
         if value is default:
             return value
-        whole = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
         if (
-            not whole
+            not _is_number(value)
             or value != int(value)
             or (least is not None and value < least)
             or (most is not None and value > most)
@@ -87,12 +88,15 @@ class Fields:
         return int(value)
 
     def real(self, key: str, above: float | None = None, least: float | None = None, default: Any = _ABSENT) -> Any:
-        """Read a finite number, greater than `above` and not below `least`."""
+        """Read a finite number, greater than `above` by `SMALLEST` at least, and not below `least`."""
         value = self._get(key, default)
         if value is default:
             return value
-        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        if not number or (above is not None and value <= above) or (least is not None and value < least):
+        if (
+            not _is_number(value)
+            or (above is not None and value < above + SMALLEST)
+            or (least is not None and value < least)
+        ):
             bound = f" above {above:g}" if above is not None else f" from {least:g} on" if least is not None else ""
             raise self.refuse(key, value, f"give a finite number{bound}")
         return float(value)
@@ -111,6 +115,10 @@ class Fields:
         if not isinstance(value, bool):
             raise self.refuse(key, value, "use true or false")
         return value
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and -LARGEST <= value <= LARGEST
 
 
 def _short(value: object) -> str:

@@ -185,5 +185,13 @@ def experiment(name: str = "paper", seed: int = 0) -> Experiment:
     >>> e = experiment("paper")
     >>> len(e.shots), e.shots[0].name, len(e.shots[0].patterns)
     (37, 'testfield-01', 28)
+
+    Raises
+    ------
+    InputError
+        For a name or a seed that there is not.
     """
-    return build(plan(name), seed)
+    found = plan(name)
+    if seed < 0:
+        raise InputError("seed", f"is {seed}", "give a whole number from 0 on")
+    return build(found, seed)

@@ -9,7 +9,7 @@ succeeded.
 """
 
 from core.pipeline.calibrate import adjust_network, calibrate_project, load_calibrations
-from core.pipeline.capture import capture_into, simulate_project
+from core.pipeline.capture import capture_into, check_scenario, simulate_project
 from core.pipeline.compare import Difference, compare_runs
 from core.pipeline.decode import decode_capture, phase_maps, read_phase, write_phase
 from core.pipeline.evaluate import evaluate_project, load_evaluation
@@ -18,7 +18,14 @@ from core.pipeline.measure import measure_project
 from core.pipeline.options import METHODS, CalibrateOptions
 from core.pipeline.preflight import preflight_rig
 from core.pipeline.reconstruct import reconstruct_capture, write_cloud
-from core.pipeline.report import load_sign_off, report_data, report_project, result_tables, save_sign_off
+from core.pipeline.report import (
+    check_reference,
+    load_sign_off,
+    report_data,
+    report_project,
+    result_tables,
+    save_sign_off,
+)
 from core.pipeline.runs import Run, current_runs, delete_run, list_runs, make_current, rename_run
 from core.pipeline.testfield import print_testfield
 
@@ -31,6 +38,8 @@ __all__ = [
     "calibrate_project",
     "capture_into",
     "captures_of",
+    "check_reference",
+    "check_scenario",
     "compare_runs",
     "current_runs",
     "decode_capture",

@@ -14,6 +14,7 @@ from core.model import (
     Calibration,
     Capture,
     DepthCalibration,
+    DeviceSpec,
     Method,
     PhotogrammetricCalibration,
     Project,
@@ -208,13 +209,36 @@ def load_calibrations(project: Project) -> dict[Method, Calibration]:
     Raises
     ------
     InputError
-        If there is none.
+        If there is none, or one is of another camera or projector than the project's.
     """
     kinds: dict[Method, type] = {"photogrammetric": PhotogrammetricCalibration, "polynomial": DepthCalibration}
     found: dict[Method, Calibration] = {}
     for method, kind in kinds.items():
         if (path := result_path(project, f"{method}.npz")).exists():
             found[method] = load_archive(path, kind)
+            _check_rig(project, path, found[method])
     if not found:
         raise InputError(project.path, "the project has no calibration", "run `stripe-core calibrate` on it first")
     return found
+
+
+def _check_rig(project: Project, path: Path, calibration: Calibration) -> None:
+    """See that a calibration is of the rig that project.json describes."""
+    pairs = [(project.camera, "camera", _camera_spec(calibration))]
+    if isinstance(calibration, PhotogrammetricCalibration):
+        pairs.append((project.projector, "projector", calibration.projector.spec))
+    for there, name, then in pairs:
+        if (then.width, then.height, then.pitch_mm) != (there.width, there.height, there.pitch_mm):
+            raise InputError(
+                path,
+                f"is of a {name} of {_size(then)}, the one in project.json has {_size(there)}",
+                "calibrate again, or correct project.json",
+            )
+
+
+def _camera_spec(calibration: Calibration) -> DeviceSpec:
+    return calibration.camera_spec if isinstance(calibration, DepthCalibration) else calibration.camera.spec
+
+
+def _size(spec: DeviceSpec) -> str:
+    return f"{spec.width} x {spec.height} px of {spec.pitch_mm[0]:g} x {spec.pitch_mm[1]:g} mm"

@@ -25,6 +25,18 @@ def simulate_project(out: Path, scenario: str = "paper", seed: int = 0, progress
     return read_project(simulate(out, scenario, seed, progress))
 
 
+def check_scenario(scenario: str, seed: int) -> None:
+    """See that the virtual bench knows a scenario and can begin with a seed.
+
+    Raises
+    ------
+    InputError
+    """
+    from core.bench import experiment
+
+    experiment(scenario, seed)
+
+
 def capture_into(
     folder: Path,
     name: str,

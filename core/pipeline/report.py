@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import date
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from core.atomic import check_place
 from core.errors import InputError
 from core.fields import Fields
 from core.figures import evaluation_figures
@@ -45,6 +46,19 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
     )
 
 
+def check_reference(project: Project) -> None:
+    """See that the published results a project names are known.
+
+    Raises
+    ------
+    InputError
+    """
+    from core.report.published import read_published
+
+    if project.reference:
+        read_published(project.reference)
+
+
 def report_project(
     project: Project,
     out: Path | None = None,
@@ -58,11 +72,16 @@ def report_project(
     """
     from core.report import write_report
 
+    out = out or result_path(project, "report")
+    for name in ("report.html", "report.pdf"):
+        check_place(out / name)
+    check_reference(project)
+    data = report_data(project, evaluations or ())  # a damaged result is told before the evaluation is written anew
     if evaluations is None:
         planes = captures_of(project, "plane")
         evaluations = evaluate_project(project, progress.part(0.0, 0.5)) if planes else ()
-    data = report_data(project, evaluations)
-    return write_report(data, out or result_path(project, "report"), progress=progress.part(0.5, 1.0))
+        data = replace(data, evaluations=evaluations, sign_off=load_sign_off(project, evaluations))
+    return write_report(data, out, progress=progress.part(0.5, 1.0))
 
 
 def save_sign_off(project: Project, sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) -> Path:

@@ -21,6 +21,8 @@ from core.geometry import Pose
 
 T = TypeVar("T")
 VERSION = 1
+# what numpy, zipfile and json say of files that are cut off, changed or foreign; unknown compression is a RuntimeError
+DAMAGE = (OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, RuntimeError, zipfile.BadZipFile)
 _CLASSES: dict[str, type] = {
     "Pose": Pose,
     **{name: c for name, c in vars(model).items() if isinstance(c, type) and dataclasses.is_dataclass(c)},
@@ -51,7 +53,7 @@ def load_archive(path: Path, kind: type[T]) -> T:
         value = _unpack(head["value"], arrays) if head.get("version") == VERSION else None
     except FileNotFoundError as error:
         raise InputError(path, "not there", "run the step that writes it") from error
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except DAMAGE as error:
         raise InputError(path, f"damaged ({error})", "delete it and run the step again") from error
     if not isinstance(value, kind):
         raise InputError(

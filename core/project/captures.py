@@ -21,6 +21,7 @@ from core.project.images import Image, write_image
 from core.project.unfinished import unfinished_status
 
 VERSION = 1
+MOST_PIXELS = 1_000_000  # along one side of a device
 ROLES = ("testfield", "depth", "plane", "object")
 _COLUMNS = ("row", "col", "x_mm", "y_mm", "z_mm", "diameter_mm")
 
@@ -42,7 +43,7 @@ def read_document(path: Path, kind: str) -> Fields:
         raise InputError(path, f"cannot be read ({error.strerror})", f"give a folder that holds {path.name}") from error
     except UnicodeDecodeError as error:
         raise InputError(path, f"byte {error.start} is not UTF-8 text", "store the file as UTF-8") from error
-    except (json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a ValueError too
         raise InputError(path, f"not JSON ({error})", "mend or restore the file") from error
     fields = Fields.of(data, str(path))
     fields.text("format", among=(kind,))
@@ -57,8 +58,8 @@ def read_document(path: Path, kind: str) -> Fields:
 def read_device(fields: Fields) -> DeviceSpec:
     """Read a camera or projector of project.json or network.json."""
     return DeviceSpec(
-        fields.integer("width", 1),
-        fields.integer("height", 1),
+        fields.integer("width", 1, MOST_PIXELS),
+        fields.integer("height", 1, MOST_PIXELS),
         fields.pair("pitch_mm", above=0.0),
         fields.real("nominal_c_mm", above=0.0),
         fields.real("r0_mm", least=0.0, default=None),
@@ -86,12 +87,14 @@ def read_project(folder: Path) -> Project:
     for name in names:
         if not isinstance(name, str) or not name:
             raise fields.refuse("captures", name, "list the folders of captures as texts")
-        if not (folder / name).is_dir():
+        if not os.path.isdir(folder / name):  # false for any text that cannot be a path, too
             raise InputError(
                 folder / "project.json",
                 f"captures lists {name!r}, which is not there",
                 "restore that folder or remove its name",
             )
+        if folder / name in captures:
+            raise fields.refuse("captures", name, "list every capture once")
         captures.append(folder / name)
     return Project(
         folder,
@@ -223,8 +226,9 @@ def read_table(path: Path, columns: Sequence[str], texts: Sequence[str] = ()) ->
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+    except (OSError, ValueError) as error:
+        undecoded = isinstance(error, UnicodeDecodeError)
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text" if undecoded else "no file name"
         raise InputError(
             path, f"cannot be read ({reason})", "restore the file, or correct the name that points to it"
         ) from error
@@ -232,17 +236,20 @@ def read_table(path: Path, columns: Sequence[str], texts: Sequence[str] = ()) ->
     numbered = [(i, line) for i, line in numbered if line.strip()]
     if not numbered:
         raise InputError(path, "the table is empty", f"give a header {','.join(columns)} and a line for each")
-    header = [name.strip() for name in next(csv.reader([numbered[0][1]]))]
+    header = _cells(path, *numbered[0])
     if missing := [c for c in columns if c not in header]:
         raise InputError(
             path, f"the header is {','.join(header)!r}, without {missing[0]!r}", f"start with {','.join(columns)}"
+        )
+    if twice := [c for c in columns if header.count(c) > 1]:
+        raise InputError(
+            path, f"the header has {twice[0]!r} {header.count(twice[0])} times", "keep one of these columns"
         )
     if len(numbered) == 1:
         raise InputError(path, "the table has a header and no rows", "add the rows")
     table = []
     for i, line in numbered[1:]:
-        cells = [cell.strip() for cell in next(csv.reader([line]))]
-        record = dict(zip(header, cells, strict=False))
+        record = dict(zip(header, _cells(path, i, line), strict=False))
         where = f"{path}: line {i}"
         values: dict[str, Any] = {}
         for name in columns:
@@ -252,9 +259,16 @@ def read_table(path: Path, columns: Sequence[str], texts: Sequence[str] = ()) ->
     return table
 
 
+def _cells(path: Path, number: int, line: str) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([line]))]
+    except csv.Error as error:
+        raise InputError(f"{path}: line {number}", f"{len(line)} characters ({error})", "mend that line") from error
+
+
 def _number(cell: str, name: str, where: str) -> float:
     try:
-        value = float(cell)
+        value = math.nan if "_" in cell else float(cell)  # Python's 1_000 is no number anywhere else
     except ValueError:
         value = math.nan
     if not math.isfinite(value):

@@ -175,3 +175,42 @@ def test_a_folder_with_something_in_it_is_not_overwritten(quick: Path, refused: 
 def test_wrong_arguments(refused: Callable[..., str]) -> None:
     assert "frobnicate" in refused("frobnicate")
     assert "--out" in refused("decode", "somewhere")
+
+
+def test_figures_that_cannot_be_written_are_told_before_the_work(calibrated: Path, refused: Callable[..., str]) -> None:
+    nowhere = calibrated / "project.json" / "figures.json"
+    for command in ("measure", "calibrate", "evaluate", "report"):
+        assert "figures.json: cannot be written" in refused(command, calibrated, "--json", nowhere)
+    assert "is a folder" in refused("evaluate", calibrated, "--json", calibrated)
+
+
+def test_a_report_that_cannot_be_written_leaves_the_evaluation(calibrated: Path, refused: Callable[..., str]) -> None:
+    assert "cannot be written" in refused("report", calibrated, "--out", calibrated / "project.json")
+    (calibrated / "results" / "adjustment.npz").write_bytes(b"no archive")
+    assert "adjustment.npz: damaged" in refused("report", calibrated)
+
+
+def test_an_unknown_reference_changes_nothing(calibrated: Path, refused: Callable[..., str], edit_json: Edit) -> None:
+    edit_json(calibrated / "project.json", reference="elsewhere")
+    for command in ("calibrate", "evaluate", "report"):
+        assert "reference is 'elsewhere'" in refused(command, calibrated)
+
+
+def test_a_calibration_of_another_projector(calibrated: Path, refused: Callable[..., str], edit_json: Edit) -> None:
+    other = {"width": 200, "height": 160, "pitch_mm": [0.3, 0.36], "nominal_c_mm": 182}
+    edit_json(calibrated / "project.json", projector=other)
+    for command in (["evaluate"], ["reconstruct", "plane+00", "--out", "x.npz"]):
+        told = refused(command[0], calibrated, *command[1:])
+        assert "photogrammetric.npz: is of a projector of 160 x 160 px" in told
+        assert "200 x 160 px" in told
+
+
+def test_a_refused_demo_keeps_the_one_before(tmp_path: Path, refused: Callable[..., str]) -> None:
+    (tmp_path / ".stripe-demo").touch()
+    (tmp_path / "project.json").write_text("of the demo before")
+    assert "'zz'" in refused("demo", tmp_path, "--scenario", "zz")
+    assert "seed: is -1" in refused("demo", tmp_path, "--scenario", "quick", "--seed", "-1")
+
+
+def test_a_filter_without_end(quick: Path, refused: Callable[..., str]) -> None:
+    assert "--low-pass" in refused("calibrate", quick, "--low-pass", "inf")

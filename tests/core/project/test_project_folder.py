@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,9 @@ import cv2
 import numpy as np
 import pytest
 
+from core.atomic import check_place, write_json
 from core.errors import InputError
-from core.model import DeviceSpec, Network, NetworkDevice, NetworkScale, ScaleBar, Seed, TargetSet, Testfield
+from core.model import DeviceSpec, Network, NetworkDevice, NetworkScale, PhaseMap, ScaleBar, Seed, TargetSet, Testfield
 from core.patterns import reference_sequence
 from core.project import (
     add_capture,
@@ -103,6 +105,13 @@ def test_a_capture_is_listed_once_and_unknown_keys_stay(folder: Path) -> None:
         ({"scale": {"from": [0, 0], "to": [0, 1], "length_mm": -9, "sigma_mm": 1}}, "length_mm is -9"),
         ({"captures": ["captures/none"]}, "captures/none"),
         ({"captures": "all"}, "'all'"),
+        ({"captures": ["captures/tf-01", "captures/tf-01/"]}, "list every capture once"),
+        ({"captures": ["x" * 5000]}, "which is not there"),
+        ({"captures": ["nul\0"]}, "which is not there"),
+        ({"version": 10**400}, "version is 1000"),
+        ({"camera": {"width": 1e30, "height": 30, "pitch_mm": [1, 1], "nominal_c_mm": 12}}, "width is 1e"),
+        ({"camera": {"width": 40, "height": 30, "pitch_mm": [1, 1], "nominal_c_mm": 10**400}}, "nominal_c_mm is 1000"),
+        ({"camera": {"width": 40, "height": 30, "pitch_mm": [1, 1e-300], "nominal_c_mm": 12}}, "1 is 1e-300"),
     ],
 )
 def test_a_wrong_project_is_told(folder: Path, changes: dict[str, Any], told: str) -> None:
@@ -113,7 +122,7 @@ def test_a_wrong_project_is_told(folder: Path, changes: dict[str, Any], told: st
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("content", ["", "{", "[1, 2]", '{"format": NaN}', "\xff"])
+@pytest.mark.parametrize("content", ["", "{", "[1, 2]", '{"format": NaN}', "\xff", "9" * 5000])
 def test_a_file_that_is_no_project_is_told(folder: Path, content: str) -> None:
     (folder / "project.json").write_text(content, encoding="latin-1")
     with pytest.raises(InputError, match=r"project\.json"):
@@ -137,6 +146,7 @@ def test_an_empty_folder_is_told(tmp_path: Path) -> None:
         ({"frames": [{"file": "000.png", "pattern": {"kind": "plaid"}}]}, "kind is 'plaid'"),
         ({"frames": [{"pattern": {"kind": "white"}}]}, "'file' is missing"),
         ({"testfield": "lost.csv"}, r"lost\.csv"),
+        ({"testfield": "lost\0"}, "no file name"),
         ({"role": "depth"}, "'z_mm' is missing"),
         ({"role": "depth", "z_mm": float("nan")}, "z_mm is nan"),
     ],
@@ -272,6 +282,52 @@ def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
         pass
 
 
+def test_a_place_is_tried_beforehand_and_left_as_it_was(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("old")
+    check_place(tmp_path / "file")
+    check_place(tmp_path / "new" / "folder" / "x.json")
+    for wrong in (tmp_path, tmp_path / "file" / "x", tmp_path / ("x" * 300)):
+        with pytest.raises(InputError):
+            check_place(wrong)
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+    assert (tmp_path / "file").read_text() == "old"
+
+
+def test_links_and_pipes_stay_what_they_are(tmp_path: Path) -> None:
+    link, pipe = tmp_path / "link.json", tmp_path / "pipe"
+    link.symlink_to("target.json")
+    write_json(link, [1])
+    assert link.is_symlink()
+    assert json.loads((tmp_path / "target.json").read_text()) == [1]
+    os.mkfifo(pipe)
+    check_place(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_json(pipe, [2])
+        assert json.loads(os.read(reader, 100)) == [2]
+    finally:
+        os.close(reader)
+    assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("tree", ["[]", '"text"', "[" * 100_000, '{"version": 1, "value": {"class": [], "fields": 3}}'])
+def test_a_foreign_archive_is_told(tmp_path: Path, tree: str) -> None:
+    path = tmp_path / "result.npz"
+    np.savez(path, tree=np.array(tree))
+    with pytest.raises(InputError, match=r"result\.npz: damaged"):
+        load_archive(path, PhaseMap)
+
+
+def test_an_archive_with_an_unknown_compression_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "result.npz"
+    np.savez(path, tree=np.array("{}"))
+    data = bytearray(path.read_bytes())
+    data[data.rindex(b"PK\x01\x02") + 10] = 99  # the method, in the directory of the zip file
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"result\.npz: damaged"):
+        load_archive(path, PhaseMap)
+
+
 def test_results_come_back(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     ones = np.ones((2, 2))
@@ -329,6 +385,10 @@ def test_a_network_comes_back(network_folder: Path) -> None:
         ("observations.csv", "2,c,", "2,z,", "point is 'z'"),
         ("observations.csv", "1,b,", "1,a,", "there already"),
         ("observations.csv", "1,a,1.5", "1,a,nan", "u is 'nan'"),
+        ("observations.csv", "1,a,1.5", "1,a,1_5", "u is '1_5'"),
+        ("observations.csv", "1,a,1.5", "1,a,1e300", "u is 1e"),
+        ("observations.csv", "1,a,1.5", "1,a," + 200_000 * "5", "field larger than"),
+        ("observations.csv", "u,v", "u,u,v", "'u' 2 times"),
         ("observations.csv", ",0.05", ",0", "sigma_px is 0"),
         ("points.csv", "b,", "a,", "there already"),
         ("network.json", '"device": "cam"', '"device": "eye"', "device is 'eye'"),
