@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 FLOOR = 0.025  # px² per px of diameter: what square pixels leave on noise-free renderings, 0.002 px at 12 px diameter
 MOST_THRESHOLD = 0.5
+LEAST_FOR_CURVATURE = 12  # dots around that tell the light's curvature beside its gradient
 
 
 def centroids(
@@ -69,12 +70,13 @@ def centroids(
     return m, cov + ((FLOOR / diameter) ** 2)[:, None, None] * np.eye(2)
 
 
-def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbours: int = 14) -> Array:
+def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbours: int = 36) -> Array:
     """Relative change of the light per px at every dot, shape (m, 2).
 
     Dark dots lie in a bright surrounding, which shows the light itself: pass the `background` plane (m, 3). For bright
-    dots it follows from the contrasts of the dots around (a plane through their logarithms): the gradient inside a
-    single dot is too noisy, and neighbours' prints differ at random.
+    dots it follows from the contrasts of the dots around (a quadratic through their logarithms; a plane would be wrong
+    at the testfield's corners, where all neighbours are on one side and the light falls off fastest; of few a plane
+    nevertheless): the gradient inside a single dot is too noisy, and neighbours' prints differ at random.
     """
     if background is not None:
         with np.errstate(all="ignore"):
@@ -87,11 +89,13 @@ def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbo
     scale = distance[:, -1:]
     d = (uv[near] - uv[:, None, :]) / scale[..., None]
     A = np.concatenate([np.ones((*near.shape, 1)), d], axis=2)
+    if k >= LEAST_FOR_CURVATURE:
+        A = np.concatenate([A, d**2, d[..., :1] * d[..., 1:]], axis=2)
     brightness = np.log(np.maximum(contrast, 1e-6))
     y = brightness[near] - np.median(brightness[near], axis=1, keepdims=True)
     weight = (np.abs(y) < 0.5).astype(np.float64)
     N, b = normal_equations(A, weight, y[..., None])
-    slope = np.linalg.solve(N + 0.01 * np.eye(3), b)[:, 1:, 0]
+    slope = np.linalg.solve(N + 0.01 * np.eye(A.shape[2]), b)[:, 1:3, 0]
     return np.asarray(np.clip(slope / scale, -0.05, 0.05))
 
 
