@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
+from core.decode.harmonics import Spectrum, measure_bend, spectra
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.noise import contrasts
 from core.decode.options import DecodeOptions, Flag
@@ -91,7 +92,9 @@ def decode(
     saturation = full_scale(arrays, tuple(measured), sample, options)
     noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, arrays)
     limits = limits_of(noise, saturation, options)
-    tables = (measure_fading(tables[0], sample, noise), measure_fading(tables[1], sample, noise))
+    x, y = (measure_fading(table, sample, noise) for table in tables)
+    sharp_x, sharp_y = sequence.spectra
+    tables = (measure_bend(x, sharp_x, sample, noise), measure_bend(y, sharp_y, sample, noise))
 
     height, width = arrays[0].shape
     planes = np.empty((6, height * width), np.float32)  # one block, large enough for large pages
@@ -130,6 +133,7 @@ class _Prepared:
 
     frames: SortedFrames
     tables: tuple[AxisTable, AxisTable]
+    spectra: tuple[tuple[Spectrum, ...], tuple[Spectrum, ...]]
     image_rows: Rows
     contrasts: NDArray[np.float64]
 
@@ -146,4 +150,11 @@ def _prepare(patterns: tuple[Pattern, ...], lines: tuple[int, int] | None) -> _P
         mine = frames.axes.get(axis)
         plan = plan_axis(mine, lines[number] if lines else None, "") if mine else None
         tables.append(axis_table(plan, mine, frames) if plan and mine else no_axis())
-    return _Prepared(frames, (tables[0], tables[1]), make_rows([image_row(frames)]), contrasts(frames, len(patterns)))
+    x, y = tables
+    return _Prepared(
+        frames,
+        (x, y),
+        (spectra(patterns, x), spectra(patterns, y)),
+        make_rows([image_row(frames)]),
+        contrasts(frames, len(patterns)),
+    )

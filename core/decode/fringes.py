@@ -41,6 +41,18 @@ def fit_phases(table, source, limits, count, parts, turns, variance, modulation,
                 modulation[i] = amplitude
             weak = (not v * least <= ONE) or amplitude < dimmest
             flags[i] |= LOW if weak else NONE
+        if len(table.bend) > 0:
+            _straighten(table.bend, j, count, turn, var)
+
+
+@part
+def _straighten(bend, j, count, turn, var):  # type: ignore[no-untyped-def]
+    """Correct the phase (turns) for what the wave shows besides its first harmonic, and its variance."""
+    grid = bend.shape[2]
+    for i in range(count):
+        at = min(max(INT((turn[i] + HALF) * F(grid)), 0), grid - 1)
+        turn[i] += bend[j, 0, at]
+        var[i] = var[i] * bend[j, 1, at] + bend[j, 2, at]
 
 
 @part

@@ -85,6 +85,7 @@ class AxisTable(NamedTuple):
     has_contrast: bool
     covariance: Singles
     period: Singles
+    bend: Singles
     rim: np.float32
     steps: Singles
     step_period: Singles
@@ -250,6 +251,7 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         has_contrast=bool(contrast),
         covariance=np.array([fit.cofactors for fit in fits], np.float32).reshape(-1, 3),
         period=np.array([phase.period for phase in axis.phases][: len(fits)], np.float32),
+        bend=np.zeros((0, 3, 1), np.float32),
         rim=np.float32(max(1.0, RIM * min(phase.period for phase in axis.phases)) if fits else 0),
         steps=steps,
         step_period=step_period,
