@@ -9,6 +9,7 @@ m-th harmonic has lost m² times, as a logarithm (the blur is taken as Gaussian,
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -18,14 +19,18 @@ from core.decode.noise import Noise
 from core.decode.tables import AxisTable, Singles
 from core.patterns import Pattern, Phase, White, brightness
 
-Spectrum = NDArray[np.complex128]
+Array = NDArray[np.float64]
+Spectrum = tuple[complex, ...]
 
 HIGHEST = 33  # harmonic that is counted
 GRID = 512  # places in a period
 SLIGHT = 2e-4  # turns: less is not worth straightening
 FEWEST = 100  # lit pixels that tell the blur
 UNKNOWN = 0.15, 0.015  # part of the logarithm of the first harmonic's loss, and loss, by which the blur may be mistaken
-ROUNDS, TINY = 4, 1e-3  # to the loss, and the least modulation it is told by
+ROUNDS, STEPS = (
+    4,
+    500,
+)  # rounds to the loss; steps of the modulation, so that captures of a rig need not compute it anew
 STEEPEST = 4.0  # lines of place by lines of phase, from which a flat stretch of the phase tells nothing more
 
 
@@ -40,7 +45,7 @@ def spectra(patterns: Sequence[Pattern], table: AxisTable) -> tuple[Spectrum, ..
 
     Returns
     -------
-    spectra : tuple of complex (2 HIGHEST + 1,)
+    spectra : tuple of tuple of complex
         The term of harmonic m, at index m + HIGHEST, is the factor of ``exp(2 pi i m u / P)`` at line u.
     """
     m = np.arange(-HIGHEST, HIGHEST + 1)
@@ -50,14 +55,14 @@ def spectra(patterns: Sequence[Pattern], table: AxisTable) -> tuple[Spectrum, ..
         shown = [patterns[n] for n in table.fits.frame[entries]]
         square = any(isinstance(p, Phase) and p.profile == "square" for p in shown)
         if not square or abs(period - round(float(period))) > 1e-6:
-            found.append(np.zeros(0, complex))
+            found.append(())
             continue
         lines = np.arange(round(float(period)))
         waves = np.exp(-2j * np.pi * np.outer(m, lines) / period) / period
         light = np.array([brightness(p, lines) if isinstance(p, Phase) else isinstance(p, White) + 0 * lines
                           for p in shown])  # fmt: skip
         both = table.fits.value[1, entries] + 1j * table.fits.value[2, entries]
-        found.append(waves @ (both @ light) * np.sinc(m / period))
+        found.append(tuple((waves @ (both @ light) * np.sinc(m / period)).tolist()))
     return tuple(found)
 
 
@@ -67,7 +72,7 @@ def measure_bend(table: AxisTable, sharp: tuple[Spectrum, ...], sample: Singles,
     Parameters
     ----------
     table : AxisTable
-    sharp : tuple of complex (2 HIGHEST + 1,)
+    sharp : tuple of tuple of complex
         Of `spectra`.
     sample : float32 (frames, n)
         Grey values.
@@ -77,7 +82,8 @@ def measure_bend(table: AxisTable, sharp: tuple[Spectrum, ...], sample: Singles,
         return table
     sample = np.ascontiguousarray(sample[:, ::4])
     rows, edges = table.rows, table.rows.first
-    threshold, contrast = (rows.value[a:b] @ sample[rows.column[a:b]] for a, b in pairwise(edges[:3]))
+    # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
+    threshold, contrast = (np.einsum("f,fn", rows.value[a:b], sample[rows.column[a:b]]) for a, b in pairwise(edges[:3]))
     lit = contrast > 5 * np.sqrt(noise.variance(threshold.astype(float)))
     if lit.sum() < FEWEST:
         return table
@@ -87,44 +93,51 @@ def measure_bend(table: AxisTable, sharp: tuple[Spectrum, ...], sample: Singles,
         if len(spectrum) == 0:
             continue
         entries = slice(table.fits.first[j], table.fits.first[j + 1])
-        c, s = table.fits.value[1:, entries] @ sample[table.fits.frame[entries]]
+        c, s = np.einsum("rf,fn->rn", table.fits.value[1:, entries], sample[table.fits.frame[entries]])
         left = float(np.median(np.hypot(c, s)[lit] / (2 * contrast[lit])))
-        bends[j] = _bend(spectrum, _loss(spectrum, left), float(table.period[j]))
-    return table._replace(bend=bends) if np.abs(bends[:, 0]).max() > SLIGHT else table
+        bends[j] = _bend(spectrum, max(round(left * STEPS), 1) / STEPS, float(table.period[j]))
+    return table._replace(bend=bends) if bends[:, 0].any() else table
 
 
-def _loss(spectrum: Spectrum, left: float) -> float:
-    """Logarithm of the first harmonic's loss where the modulation's median is `left` of the light."""
-    loss = 0.0
-    for _ in range(ROUNDS):
-        usual = float(np.median(np.abs(_wave(spectrum, loss))))
-        loss = max(loss + float(np.log(usual / max(left, TINY))), 0.0)
-    return loss
+@lru_cache(maxsize=64)
+def _bend(spectrum: Spectrum, left: float, period: float) -> Array:
+    """Correction of the phase (turns), square of the slope, variance of the correction (turns²), for `GRID` phases.
 
-
-def _wave(spectrum: Spectrum, loss: float) -> Spectrum:
-    """Cosine plus i sine part over `GRID` places of a period."""
-    m = np.arange(-HIGHEST, HIGHEST + 1)
-    terms = np.zeros(GRID, complex)
-    np.add.at(terms, m % GRID, spectrum * np.exp(-loss * m**2))
-    return np.asarray(GRID * np.fft.ifft(terms))
-
-
-def _bend(spectrum: Spectrum, loss: float, period: float) -> NDArray[np.float64]:
-    """Correction of the phase (turns), square of the slope, variance of the correction (turns²), for `GRID` phases."""
-    part, least = UNKNOWN
+    Of a wave the median of whose modulation is `left` of the light.
+    """
+    terms, (part, least) = np.array(spectrum), UNKNOWN
+    loss = _loss(terms, left)
     doubt = part * loss + least
     straight, sharper, softer = (
-        _correction(spectrum, max(each, 0.0), period) for each in (loss, loss - doubt, loss + doubt)
+        _correction(terms, max(each, 0.0), period) for each in (loss, loss - doubt, loss + doubt)
     )
+    if np.abs(straight).max() < SLIGHT:
+        return np.repeat([[0.0], [1.0], [0.0]], GRID, axis=1)
     slope = 1 + np.gradient(np.r_[straight[-1], straight, straight[0]], 1 / GRID)[1:-1]
     return np.stack([straight, np.clip(slope, 1 / STEEPEST, STEEPEST) ** 2, ((sharper - softer) / 2) ** 2])
 
 
-def _correction(spectrum: Spectrum, loss: float, period: float) -> NDArray[np.float64]:
+def _loss(terms: NDArray[np.complex128], left: float) -> float:
+    """Logarithm of the first harmonic's loss where the modulation's median is `left` of the light."""
+    loss = 0.0
+    for _ in range(ROUNDS):
+        usual = float(np.median(np.abs(_wave(terms, loss))))
+        loss = max(loss + float(np.log(usual / left)), 0.0)
+    return loss
+
+
+def _wave(terms: NDArray[np.complex128], loss: float) -> NDArray[np.complex128]:
+    """Cosine plus i sine part over `GRID` places of a period."""
+    m = np.arange(-HIGHEST, HIGHEST + 1)
+    placed = np.zeros(GRID, complex)
+    placed[m] = terms * np.exp(-loss * m**2)
+    return np.asarray(GRID * np.fft.ifft(placed))
+
+
+def _correction(terms: NDArray[np.complex128], loss: float, period: float) -> NDArray[np.float64]:
     """True minus measured phase (turns) at the middles of `GRID` equal parts of a turn from -1/2 to 1/2."""
     true = np.arange(GRID) / GRID + 0.5 / period
-    seen = np.unwrap(np.angle(_wave(spectrum, loss))) / (2 * np.pi)
+    seen = np.unwrap(np.angle(_wave(terms, loss))) / (2 * np.pi)
     seen += np.round(true[0] - seen[0])
     seen, true = (np.concatenate([a - 1, a, a + 1]) for a in (np.maximum.accumulate(seen), true))
     at = (np.arange(GRID) + 0.5) / GRID - 0.5
