@@ -147,7 +147,7 @@ def _weak_stations(network: Network) -> NDArray[np.int64]:
     """Stations whose whole pose has fewer observed coordinates than four points give."""
     seen = np.isfinite(network.observation_uv).sum(axis=1)
     _, pose = np.unique(np.array(network.station_pose), return_inverse=True)
-    coordinates = np.bincount(pose[network.observation_station], seen)
+    coordinates = np.bincount(pose[network.observation_station], seen, minlength=pose.max() + 1)
     return np.flatnonzero(coordinates[pose] < 2 * LEAST_POINTS)
 
 

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 LEAST_STRENGTH = 1e-13  # share of a parameter's information that is its own, below which it is rounding
 HOPELESS = 0.1  # sigma of a parameter, as displacement at the image's edge over the image's radius: not estimated
 POOR = 0.01  # the same, to be warned of
+MEDIAN_OF_NORMAL = 0.6745  # of the size of a normal deviate
 ROLL_CONCENTRATION = 0.9  # mean length of the doubled roll angles; 1 where all images have the same roll
 LEAST_CONVERGENCE_DEG = 20.0  # between the viewing directions of the images that differ most
 CONVERGENT_DEG = 10.0  # inclination to the mean direction at which an image counts as convergent
@@ -72,10 +73,18 @@ def check_estimable(
     AdjustmentError
         Naming the parameters or points, what their sigmas would be, and the remedy.
     """
-    variance = max(equations.cost / problem.redundancy, 1e-30)
+    variance = _usual_variance(problem, equations)
     return _poor_parameters(problem, equations, inverse, variance) + _poor_points(
         network, problem, state, inverse, variance
     )
+
+
+def _usual_variance(problem: Problem, equations: Equations) -> float:
+    """Variance factor of the bulk of the observations: a gross error is no fault of the geometry."""
+    seen = problem.root_weight > 0
+    middle = float(np.median(np.abs(equations.w[seen]))) / MEDIAN_OF_NORMAL
+    robust = middle**2 * np.count_nonzero(seen) / problem.redundancy
+    return max(min(equations.cost / problem.redundancy, robust), 1e-30)
 
 
 def _poor_parameters(problem: Problem, equations: Equations, inverse: Inverse, variance: float) -> list[str]:

@@ -99,6 +99,8 @@ def _captures_for(
             "neither testfield captures with picks nor depth captures",
             "capture a moved testfield and pick 4 targets in each image, or a plate at known depths",
         )
+    if fields and len(plates) == 1:
+        del found["polynomial"]  # a single position tells no depth
     return {m: captures for m, captures in found.items() if captures}
 
 
@@ -174,13 +176,23 @@ def _calibrate_depth(
         if targets:
             measured.append(replace(targets, made_from=made_from(project, capture, side)))
     fields = [c.testfield for c in captures if c.seeds]
-    return calibrate_depth(
+    degree, warnings = _degree_for(len(planes), options.degree)
+    calibration = calibrate_depth(
         project.camera,
         fields[0] if fields else None,
         planes,
-        options=DepthOptions(degree=options.degree, low_pass_px=options.low_pass_px),
+        options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
         progress=progress.part(0.7, 1.0),
     )
+    return replace(calibration, warnings=(*warnings, *calibration.warnings))
+
+
+def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]:
+    """Lower the usual degree to what few plates determine, and say so; another one was asked for and stays."""
+    usual = CalibrateOptions().degree
+    if wanted is None or wanted != usual or not 2 <= planes <= wanted:
+        return wanted, []
+    return planes - 1, [f"polynomial of degree {planes - 1}, not {wanted}: only {planes} plate positions, add captures"]
 
 
 def adjust_network(folder: Path, progress: Progress = SILENT) -> Adjustment:

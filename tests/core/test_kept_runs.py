@@ -117,6 +117,17 @@ def test_captures_may_be_left_out_by_name(calibrated: Path, capsys) -> None:
     assert "no capture 'testfield-99' to leave out" in capsys.readouterr().err
 
 
+def test_few_plates_lower_the_usual_degree_and_a_single_one_does_not_stop_the_rest(calibrated: Path, capsys) -> None:
+    project = read_project(calibrated)
+    plates = [path.name for path in project.captures if read_capture(path, project).role == "depth"]
+    done = calibrate_project(project, "polynomial", CalibrateOptions(without=tuple(plates[3:])))
+    assert done["polynomial"].degree == 2
+    assert "degree 2, not 3: only 3 plate positions" in done["polynomial"].warnings[0]
+    assert set(calibrate_project(project, "all", CalibrateOptions(without=tuple(plates[1:])))) == {"photogrammetric"}
+    with pytest.raises(InputError, match="needs 5"):
+        calibrate_project(project, "polynomial", CalibrateOptions(degree=4, without=tuple(plates[3:])))
+
+
 def test_held_parameters_stay_where_they_are_and_have_no_sigma(calibrated: Path, capsys) -> None:
     hold = ["--hold", "projector.c", "--hold", "camera.A5"]
     assert main(["calibrate", str(calibrated), "--method", "photogrammetric", *hold]) == 0

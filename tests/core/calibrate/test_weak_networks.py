@@ -108,6 +108,26 @@ def test_a_gross_error_is_reported_and_kept_unless_rejection_is_asked_for(simula
     assert rejecting.sigma0 < 1.1 < reported.sigma0
 
 
+def test_swapped_points_are_no_fault_of_the_geometry(simulate):
+    """Plain least squares solves such a network; only its sigmas are large."""
+    network = simulate(poses=10, rows=5, cols=8, use=("camera",)).network
+    point = network.observation_point.copy()
+    first, second = np.flatnonzero(network.observation_station == 3)[[0, 2]]
+    point[[first, second]] = point[[second, first]]
+    adjustment = adjust(replace(network, observation_point=point))
+    assert adjustment.sigma0 > 50
+    named = next(w for w in adjustment.warnings if "gross errors" in w)
+    station = network.station_names[3]
+    for swapped in (first, second):
+        assert f"station {station} point {network.point_names[network.observation_point[swapped]]}" in named
+
+
+def test_a_network_of_one_observation_is_refused_in_words(simulate):
+    network = simulate(poses=10, rows=5, cols=8).network
+    with pytest.raises(AdjustmentError, match="no point is seen by two rays"):
+        adjust(with_rows(network, [0]))
+
+
 def test_good_observations_raise_no_warning(simulate):
     assert adjust(simulate(seed=3, poses=12).network).warnings == ()
 
