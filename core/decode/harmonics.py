@@ -31,6 +31,7 @@ ROUNDS, STEPS = (
     4,
     500,
 )  # rounds to the loss; steps of the modulation, so that captures of a rig need not compute it anew
+SEEN, SIGMAS = 0.25, 2.0  # part of the expected crowding that must show, and standard deviations beyond it
 STEEPEST = 4.0  # lines of place by lines of phase, from which a flat stretch of the phase tells nothing more
 
 
@@ -80,7 +81,6 @@ def measure_bend(table: AxisTable, sharp: tuple[Spectrum, ...], sample: Singles,
     """
     if not table.has_contrast or not any(len(spectrum) for spectrum in sharp):
         return table
-    sample = np.ascontiguousarray(sample[:, ::4])
     rows, edges = table.rows, table.rows.first
     # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
     threshold, contrast = (np.einsum("f,fn", rows.value[a:b], sample[rows.column[a:b]]) for a, b in pairwise(edges[:3]))
@@ -95,7 +95,9 @@ def measure_bend(table: AxisTable, sharp: tuple[Spectrum, ...], sample: Singles,
         entries = slice(table.fits.first[j], table.fits.first[j + 1])
         c, s = np.einsum("rf,fn->rn", table.fits.value[1:, entries], sample[table.fits.frame[entries]])
         left = float(np.median(np.hypot(c, s)[lit] / (2 * contrast[lit])))
-        bends[j] = _bend(spectrum, max(round(left * STEPS), 1) / STEPS, float(table.period[j]))
+        bend = _bend(spectrum, max(round(left * STEPS), 1) / STEPS, float(table.period[j]))
+        if _is_seen(bend, np.arctan2(s[lit], c[lit]) / (2 * np.pi)):
+            bends[j] = bend
     return table._replace(bend=bends) if bends[:, 0].any() else table
 
 
@@ -115,6 +117,20 @@ def _bend(spectrum: Spectrum, left: float, period: float) -> Array:
         return np.repeat([[0.0], [1.0], [0.0]], GRID, axis=1)
     slope = 1 + np.gradient(np.r_[straight[-1], straight, straight[0]], 1 / GRID)[1:-1]
     return np.stack([straight, np.clip(slope, 1 / STEEPEST, STEEPEST) ** 2, ((sharper - softer) / 2) ** 2])
+
+
+def _is_seen(bend: Array, turns: Singles) -> bool:
+    """Whether phases crowd where such a bend would crowd them: not every lens dims harmonics as a Gaussian blur does.
+
+    Phases of a scene are evenly spread; bent ones with a density of ``1 + d(correction)/d(phase)``.
+    """
+    density = np.gradient(np.r_[bend[0, -1], bend[0], bend[0, 0]], 1 / GRID)[1:-1]
+    strength = float(np.mean(density**2))
+    if strength == 0:
+        return False
+    at = np.minimum(((turns + 0.5) * GRID).astype(int), GRID - 1)
+    share = float(np.mean(density[at])) / strength
+    return share > SEEN + SIGMAS / np.sqrt(len(at) * strength)
 
 
 def _loss(terms: NDArray[np.complex128], left: float) -> float:

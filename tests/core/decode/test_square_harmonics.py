@@ -42,6 +42,16 @@ def test_a_wave_of_four_lines_out_of_focus_stays_as_it_is(bench) -> None:
 
 
 @pytest.mark.parametrize("period", [4, 8, 16])
+def test_waves_that_show_nothing_but_their_first_harmonic_stay_as_they_are(bench, period) -> None:
+    """Seen through a lens that dims the first harmonic little and passes no other, phases crowd nowhere."""
+    smooth = gray_and_phase("x", 640, cell=period // 2, periods=[period], steps=4, first_shift_rad=np.pi / 2)
+    sequence = prepare(tuple(square(period, 4)), (640, 640))
+    table = sequence.tables[0]
+    sample = take_sample(bench(blur=0.3).take([*smooth, White(), Black()]))
+    assert measure_bend(table, sequence.spectra[0], sample, Noise(4.0, 0.0, 0.1)) is table
+
+
+@pytest.mark.parametrize("period", [4, 8, 16])
 def test_the_first_harmonic_of_a_square_wave_is_known(period) -> None:
     """That of lines lit by halves: cosine part 2/pi of the light, seen at the middle of the wave's first line."""
     (spectrum,) = prepare(tuple(square(period, 4)), (640, 640)).spectra[0]
