@@ -41,7 +41,7 @@ def test_a_wave_of_four_lines_out_of_focus_stays_as_it_is(bench) -> None:
     assert measure_bend(table, sequence.spectra[0], sample, Noise(4.0, 0.0, 0.1)) is table
 
 
-@pytest.mark.parametrize("period", [4, 8, 16])
+@pytest.mark.parametrize("period", [8, 16])  # of four lines a sine is as square as a square wave
 def test_waves_that_show_nothing_but_their_first_harmonic_stay_as_they_are(bench, period) -> None:
     """Seen through a lens that dims the first harmonic little and passes no other, phases crowd nowhere."""
     smooth = gray_and_phase("x", 640, cell=period // 2, periods=[period], steps=4, first_shift_rad=np.pi / 2)
