@@ -40,7 +40,7 @@ check: setup
 	$(BIN)/mypy
 
 bench: setup
-	@echo "Installing the peers into .bench-venv, then all side by side: about four minutes if nothing else runs."
+	@echo "Installing the peers into .bench-venv, then all side by side: six to seven minutes if nothing else runs."
 	@$(BIN)/python -m tests.benchmarks
 
 bundle: setup

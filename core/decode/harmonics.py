@@ -4,6 +4,7 @@ Few steps cannot tell the first harmonic from those that are one more or one les
 phase of a sharp square wave is bent, by a third of a line where the period is 16 lines and there are four steps. How
 strong the harmonics are follows from the blur, and that from the modulation: what it has lost of a sharp wave's, the
 m-th harmonic has lost m² times, as a logarithm (the blur is taken as Gaussian, and as the same in the whole image).
+Not every lens is so: phases are straightened only where they crowd as these harmonics would make them.
 """
 
 from __future__ import annotations

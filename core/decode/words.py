@@ -233,11 +233,8 @@ def _locate_gray(table, word, unsure, near, count, place, noise, doubtful):  # t
         low, high = _words_beside(True, edge, top)
         flips = INT(low ^ high)
         wrong = INT(seen ^ (high if y > edge else low))
-        doubt = INT(wrong & ~(flips if away <= EDGE else NONE))
-        doubt |= open_bits if open_bits & ~flips != NONE else NONE
-        gap = max(room - abs(d), F(0))
-        elsewhere = TWO_PLACES if gap * gap < SIGMAS * SIGMAS * noise[i] else NONE
-        doubtful[i] = doubt | (NONE if flips != NONE and near[i] == flips else elsewhere)
+        odd = INT(open_bits & ~flips)
+        doubtful[i] = _doubt(wrong, odd, open_bits, near[i], flips, away, room - abs(d), noise[i])
 
 
 @part
@@ -262,11 +259,21 @@ def _locate_binary(table, word, unsure, near, count, place, noise, doubtful):  #
         changing = shared if shared != NONE and away <= close else side
         odd = INT((open_bits & ~changing) | (changing ^ flips))
         wrong = INT(seen ^ (high if y > edge else low))
-        doubt = INT(wrong & ~(flips if away <= EDGE else NONE))
-        doubt |= open_bits if odd != NONE else NONE
-        gap = max(room - abs(d), F(0))
-        elsewhere = TWO_PLACES if gap * gap < SIGMAS * SIGMAS * noise[i] else NONE
-        doubtful[i] = doubt | (NONE if flips != NONE and near[i] == flips else elsewhere)
+        doubtful[i] = _doubt(wrong, odd, open_bits, near[i], flips, away, room - abs(d), noise[i])
+
+
+@part
+def _doubt(wrong, odd, unsure, near, flips, away, room, noise):  # type: ignore[no-untyped-def]
+    """The bits that speak against a coordinate, `away` cells from an edge where the bits `flips` change.
+
+    Those not as its cell says; all unsure ones if any is `odd`; and one more where the next place is too near: within
+    `room` of turns.
+    """
+    doubt = INT(wrong & ~(flips if away <= EDGE else NONE))
+    doubt = INT(doubt | (unsure if odd != NONE else NONE))
+    gap = max(room, F(0))
+    elsewhere = TWO_PLACES if gap * gap < SIGMAS * SIGMAS * noise else NONE
+    return INT(doubt | (NONE if flips != NONE and near == flips else elsewhere))
 
 
 @part
