@@ -60,8 +60,8 @@ def iterate(
     """Iterate from approximate values to the least-squares solution.
 
     Every step keeps the inner constraints. The last one is undamped, and what remains after it is shorter than
-    `tolerance` sigmas, judged by the ratio of the last two. The progress's course is told "sigma0" before every step
-    and the step's length in sigmas, all unknowns together, as "correction".
+    `tolerance` sigmas, judged by the ratio of the last two, or is lost in the rounding of vᵀPv. The progress's course
+    is told "sigma0" before every step and the step's length in sigmas, all unknowns together, as "correction".
 
     Raises
     ------

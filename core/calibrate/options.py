@@ -14,7 +14,8 @@ class AdjustOptions:
     max_iterations : int
         Iterations of one solution before it counts as not converging.
     tolerance : float
-        The last step is shorter than this, all unknowns together, in units of their sigma.
+        What the last step leaves is shorter than this, all unknowns together, in units of their sigma, or lost in the
+        rounding of vᵀPv.
     variance_components : bool
         Estimate one variance factor per device. Off, sigma0 is that of the given weights.
     reject_beyond : float or None

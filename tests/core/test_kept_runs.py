@@ -225,7 +225,7 @@ def test_a_course_is_told_at_every_iteration(calibrated: Path) -> None:
     assert [step for step, _ in sigma0][:4] == [0, 1, 2, 3]
     assert sigma0[0][1] > 10 * sigma0[-1][1]
     corrections = [value for name, _, value in told if name == "correction"]
-    assert corrections[-1] < 1e-5  # sigmas, the tolerance of the adjustment
+    assert corrections[-1] < 1e-3  # sigmas: a last step leaves a hundredth of itself or less, and that is the tolerance
 
 
 def run_with(number: int, c_mm: float, sigma: float, turn: np.ndarray, shift: np.ndarray) -> Run:
