@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from core.errors import InputError
+from core.errors import InputError, StripeError
+
+# what no other name or folder on that disk would mend
+_DISK = {getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO") if hasattr(errno, name)}
 
 
 @contextmanager
@@ -28,9 +33,11 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
     ------
     InputError
         If the place cannot be written.
+    StripeError
+        If the disk is full or fails.
     """
     if _is_stream(path):
-        with path.open("wb") as stream:
+        with _told(path), path.open("wb") as stream:
             yield stream
         return
     try:
@@ -41,7 +48,7 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
         raise _unwritable(path, error) from error
     part = Path(name)
     try:
-        with os.fdopen(handle, "wb") as file:
+        with _told(path), os.fdopen(handle, "wb") as file:
             yield file
             file.flush()
             if durable:
@@ -84,8 +91,39 @@ def write_json(path: Path, value: Any) -> None:
         file.write(text.encode() + b"\n")
 
 
-def _unwritable(path: Path, error: OSError) -> InputError:
-    return InputError(path, f"cannot be written ({error.strerror})", "choose a folder you may write to")
+@contextmanager
+def undone_on_failure(folder: Path) -> Iterator[None]:
+    """Remove again what the work within has added to a folder, and the folder if it is new, should the work fail."""
+    new = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+    before = set(os.listdir(folder)) if folder.exists() else set()
+    try:
+        yield
+    except BaseException:
+        for path in folder.iterdir() if folder.is_dir() else ():
+            if path.name not in before:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+        for parent in new:
+            if parent.is_dir():
+                parent.rmdir()
+        raise
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Name the file when writing fails: the system names none for a file that is open."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        raise _unwritable(path, error) from error
+
+
+def _unwritable(path: Path, error: OSError) -> StripeError:
+    seen = f"cannot be written ({error.strerror or error})"
+    if error.errno in _DISK:
+        return StripeError(path, seen, "make room on the disk, or take another, and run it again")
+    return InputError(path, seen, "choose a folder you may write to")
 
 
 def _is_stream(path: Path) -> bool:

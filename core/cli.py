@@ -33,11 +33,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         console.clear()
         print(f"stripe-core: {error}", file=sys.stderr)
         return error.exit_code
-    except (OSError, MemoryError) as error:
+    except OSError as error:
         console.clear()
-        print(
-            f"stripe-core: {error or 'out of memory'}; see to the disk or the memory and run it again", file=sys.stderr
-        )
+        where, seen = error.filename or "the work", error.strerror or str(error)
+        print(f"stripe-core: {StripeError(where, seen, 'see to the disk and run it again')}", file=sys.stderr)
+        return 1
+    except MemoryError:
+        console.clear()
+        print(f"stripe-core: {StripeError('the work', 'out of memory', 'free some and run it again')}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         console.clear()
@@ -247,7 +250,7 @@ def _decode(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from core.figures import phase_figures
     from core.pipeline import decode_capture, write_phase
 
-    _ending(options.out, ".npz")
+    _check_out(options.out, ".npz")
     phase = decode_capture(options.capture, progress)
     write_phase(options.out, phase)
     figures = phase_figures(phase)
@@ -268,13 +271,15 @@ def _measure(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def _calibrate(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from core.figures import calibration_figures
-    from core.pipeline import CalibrateOptions, calibrate_project, check_reference, current_runs, result_tables
+    from core.pipeline import CalibrateOptions, calibrate_project, current_runs, result_tables
     from core.project import read_project
 
     if options.degree < 1:
         raise InputError("--degree", f"is {options.degree}", "give 1 or more")
-    if not 0 <= options.low_pass < math.inf:
-        raise InputError("--low-pass", f"is {options.low_pass}", "give 0 or more pixels")
+    if not 0 <= options.low_pass <= 1000:
+        raise InputError("--low-pass", f"is {options.low_pass}", "give 0 to 1000 pixels")
+    if not 0 <= options.reject < math.inf:
+        raise InputError("--reject", f"is {options.reject}", "give 0 or more sigmas")
     chosen = CalibrateOptions(
         rigid=not options.free_stations,
         degree=None if options.table else options.degree,
@@ -284,7 +289,6 @@ def _calibrate(options: argparse.Namespace, progress: Progress) -> dict[str, Any
         reject_beyond=options.reject or None,
     )
     project = read_project(options.project)
-    check_reference(project)
     calibrations = calibrate_project(project, options.method, chosen, progress)
     print(result_tables(project))
     print(f"\nkept as run {max(current_runs(project).values())}")
@@ -311,7 +315,7 @@ def _reconstruct(options: argparse.Namespace, progress: Progress) -> dict[str, A
     from core.pipeline import reconstruct_capture, write_cloud
     from core.project import read_project
 
-    _ending(options.out, ".npz", ".ply")
+    _check_out(options.out, ".npz", ".ply")
     project = read_project(options.project)
     phase, cloud = reconstruct_capture(project, options.capture, options.method, options.extrapolate, progress)
     points = write_cloud(options.out, phase, cloud)
@@ -321,11 +325,10 @@ def _reconstruct(options: argparse.Namespace, progress: Progress) -> dict[str, A
 
 def _evaluate(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from core.figures import evaluation_figures
-    from core.pipeline import check_reference, evaluate_project, result_tables
+    from core.pipeline import evaluate_project, result_tables
     from core.project import read_project
 
     project = read_project(options.project)
-    check_reference(project)
     evaluations = evaluate_project(project, progress)
     print(result_tables(project, evaluations))
     return evaluation_figures(evaluations)
@@ -359,9 +362,13 @@ def _batch(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return report.figures()
 
 
-def _ending(path: Path, *endings: str) -> None:
+def _check_out(path: Path, *endings: str) -> None:
+    """Refuse a result's file that cannot be written before the work begins."""
+    from core.atomic import check_place
+
     if path.suffix.lower() not in endings:
         raise InputError(path, f"ends in {path.suffix!r}", f"give a file name ending in {' or '.join(endings)}")
+    check_place(path)
 
 
 def _check_json(target: str) -> None:

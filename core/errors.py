@@ -26,7 +26,9 @@ class StripeError(Exception):
         super().__init__(self.where, seen, remedy)
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.seen}; {self.remedy}".replace("\n", " ")
+        text = f"{self.where}: {self.seen}; {self.remedy}".replace("\n", " ")
+        # a name or value from a file may hold anything: nothing of it may move the cursor or colour the screen
+        return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 class InputError(StripeError):

@@ -1,9 +1,13 @@
-"""The checked reading of an object of a JSON file or a row of a table: each field is tested where it enters, once."""
+"""The checked reading of files, of objects of a JSON file and rows of a table: all is tested where it enters, once."""
 
 from __future__ import annotations
 
+import errno
+import os
+import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from core.errors import InputError
@@ -115,6 +119,20 @@ class Fields:
         if not isinstance(value, bool):
             raise self.refuse(key, value, "use true or false")
         return value
+
+
+def regular(path: Path) -> Path:
+    """Give the path of what can be read to its end.
+
+    Raises
+    ------
+    OSError
+        If nothing is there, or a pipe or a device, which may keep a reader for ever.
+    """
+    mode = os.stat(path).st_mode
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        raise OSError(errno.EINVAL, "a pipe or a device, not a file", str(path))
+    return path
 
 
 def _is_number(value: object) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from core.atomic import undone_on_failure
 from core.bench.experiment import Experiment, Shot
 from core.bench.faults import fault
 from core.bench.scenarios import experiment
@@ -54,7 +55,7 @@ def simulate(
     InputError
         For an unknown scenario, capture or fault, or a folder that holds a project already.
     Cancelled
-        Without project.json, which is written last.
+        Nothing is left of it then, nor where anything else fails.
     """
     e = experiment(scenario, seed)
     wrong = faults or {}
@@ -65,16 +66,17 @@ def simulate(
     out = Path(out)
     if (out / "project.json").exists():
         raise InputError(out, "holds a project already", "choose a new folder or remove that one")
-    for name, testfield in e.testfields.items():
-        write_testfield(out / name, testfield, f"nominal targets, {e.plan.title}")
-    with ThreadPoolExecutor(THREADS) as pool:
-        for k, shot in enumerate(e.shots):
-            progress(k / len(e.shots), f"simulating {shot.name}")
-            _write_shot(out / "captures" / shot.name, e, shot, wrong.get(shot.name, ()), pool, progress)
-    write_json(out / "truth.json", truth_of(e))
-    extra = {} if e.plan.reference is None else {"reference": e.plan.reference}
-    names = [f"captures/{shot.name}" for shot in e.shots]
-    write_project(out, e.plan.title, e.rig.camera, e.rig.projector, e.scale, names, **extra)
+    with undone_on_failure(out):
+        for name, testfield in e.testfields.items():
+            write_testfield(out / name, testfield, f"nominal targets, {e.plan.title}")
+        with ThreadPoolExecutor(THREADS) as pool:
+            for k, shot in enumerate(e.shots):
+                progress(k / len(e.shots), f"simulating {shot.name}")
+                _write_shot(out / "captures" / shot.name, e, shot, wrong.get(shot.name, ()), pool, progress)
+        write_json(out / "truth.json", truth_of(e))
+        extra = {} if e.plan.reference is None else {"reference": e.plan.reference}
+        names = [f"captures/{shot.name}" for shot in e.shots]
+        write_project(out, e.plan.title, e.rig.camera, e.rig.projector, e.scale, names, **extra)
     progress(1.0, "simulated")
     return out
 

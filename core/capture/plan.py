@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, get_args
@@ -11,6 +12,8 @@ import numpy as np
 from core.errors import InputError, PatternRefusedError
 from core.model import Project, Role
 from core.patterns import Black, Code, Pattern, Phase, White, brightness, pattern_to_dict, reference_sequence
+
+LONGEST_NAME = 100  # bytes; file systems take 255, and files are named after captures
 
 
 @dataclass(frozen=True)
@@ -63,8 +66,12 @@ def make_plan(
         For a name that is no folder name, an unknown role, a depth capture without its z, an empty sequence.
     """
     where = f"capture {name!r}"
-    if not name or name != name.strip() or name.startswith(".") or any(c in name for c in '/\\:*?"<>|'):
-        raise InputError("capture", f"name {name!r}", "use a plain folder name of letters, digits, - and _")
+    shaped = name == name.strip() and name.isprintable() and not any(c in name for c in '/\\:*?"<>|')
+    size = len(os.fsencode(name))
+    if not name or not shaped or name.startswith(".") or size > LONGEST_NAME:
+        seen = f"name {name!r}" if size <= LONGEST_NAME else f"a name of {size} bytes"
+        remedy = f"use a plain folder name of letters, digits, - and _, {LONGEST_NAME} bytes at most"
+        raise InputError("capture", seen, remedy)
     if role not in get_args(Role):
         raise InputError(where, f"role {role!r}", f"use {', '.join(get_args(Role))}")
     if role == "depth" and z_mm is None:

@@ -19,7 +19,6 @@ from core.pipeline.options import METHODS, CalibrateOptions
 from core.pipeline.preflight import preflight_rig
 from core.pipeline.reconstruct import reconstruct_capture, write_cloud
 from core.pipeline.report import (
-    check_reference,
     load_sign_off,
     report_data,
     report_project,
@@ -38,7 +37,6 @@ __all__ = [
     "calibrate_project",
     "capture_into",
     "captures_of",
-    "check_reference",
     "check_scenario",
     "compare_runs",
     "current_runs",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from core.errors import InputError
 from core.model import Project, Role
 from core.progress import SILENT, Progress
-from core.project import read_project
+from core.project import read_project, refuse_used_folder
 
 if TYPE_CHECKING:
     from core.bench import Rig
@@ -20,8 +20,7 @@ def simulate_project(out: Path, scenario: str = "paper", seed: int = 0, progress
     """Let the virtual bench record a project in a new folder, as a rig would."""
     from core.bench import simulate
 
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(out, "there is something already", "give a new or empty folder")
+    refuse_used_folder(out)
     return read_project(simulate(out, scenario, seed, progress))
 
 

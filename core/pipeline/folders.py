@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from core.errors import InputError
 from core.model import Capture, Project, Role
 from core.project import read_capture
+from core.project.captures import read_document
 
 
 def result_path(project: Project, name: str) -> Path:
@@ -19,10 +23,18 @@ def captures_of(project: Project, role: Role) -> list[Capture]:
     return [c for c in (read_capture(folder, project) for folder in project.captures) if c.role == role]
 
 
+def known_truth(project: Project) -> Mapping[str, Any] | None:
+    """Read the truth that the virtual bench leaves beside a project; None where there is none, or a foreign file."""
+    try:
+        return read_document(project.path / "truth.json", "stripe-truth").data
+    except InputError:
+        return None
+
+
 def find_capture(project: Project, name: str) -> Capture:
     """Read the capture that a user named: the folder's name, its path from the project, or its path."""
     for folder in (*(f for f in project.captures if f.name == name), project.path / name, Path(name)):
-        if (folder / "capture.json").is_file():
+        if os.path.isfile(folder / "capture.json"):  # false for any text that cannot be a path, too
             return read_capture(folder, project)
     names = ", ".join(folder.name for folder in project.captures) or "no captures"
     raise InputError(project.path, f"no capture {name!r}", f"choose among {names}")

@@ -16,7 +16,7 @@ from core.figures import evaluation_figures
 from core.model import Adjustment, PlaneEvaluation, Project
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.evaluate import evaluate_project
-from core.pipeline.folders import captures_of, result_path
+from core.pipeline.folders import captures_of, known_truth, result_path
 from core.progress import SILENT, Progress
 from core.project import load_archive, write_json
 
@@ -32,31 +32,17 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
     adjustment = None
     if "photogrammetric" in calibrations:
         adjustment = load_archive(result_path(project, "adjustment.npz"), Adjustment)
-    truth = project.path / "truth.json"
     return ReportData(
         project=project,
         adjustment=adjustment,
         photogrammetric=calibrations.get("photogrammetric"),  # type: ignore[arg-type]
         depth=calibrations.get("polynomial"),  # type: ignore[arg-type]
         evaluations=evaluations,
-        truth=json.loads(truth.read_text()) if truth.exists() else None,
+        truth=known_truth(project),
         made_on=f"{date.today():%Y-%m-%d}",
         made_by=f"stripe-core {version('stripe-workbench')}",
         sign_off=load_sign_off(project, evaluations),
     )
-
-
-def check_reference(project: Project) -> None:
-    """See that the published results a project names are known.
-
-    Raises
-    ------
-    InputError
-    """
-    from core.report.published import read_published
-
-    if project.reference:
-        read_published(project.reference)
 
 
 def report_project(
@@ -75,7 +61,6 @@ def report_project(
     out = out or result_path(project, "report")
     for name in ("report.html", "report.pdf"):
         check_place(out / name)
-    check_reference(project)
     data = report_data(project, evaluations or ())  # a damaged result is told before the evaluation is written anew
     if evaluations is None:
         planes = captures_of(project, "plane")

@@ -17,6 +17,7 @@ import numpy as np
 from core import model
 from core.atomic import atomic_write
 from core.errors import InputError
+from core.fields import regular
 from core.geometry import Pose
 
 T = TypeVar("T")
@@ -47,7 +48,7 @@ def load_archive(path: Path, kind: type[T]) -> T:
         If the file is not there, is damaged, or holds something else.
     """
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+        with regular(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             head = json.loads(str(stored["tree"]))
             arrays = {name: stored[name] for name in stored.files if name != "tree"}
         value = _unpack(head["value"], arrays) if head.get("version") == VERSION else None

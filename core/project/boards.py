@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from core.atomic import undone_on_failure
 from core.errors import InputError
 from core.model import DeviceSpec, ScaleBar, Testfield
 from core.project.captures import write_project, write_testfield
@@ -77,15 +78,7 @@ def create_project(
     """
     folder = Path(folder)
     refuse_used_folder(folder)
-    made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
-    try:
+    with undone_on_failure(folder):
         for file, testfield in boards.items():
             write_testfield(folder / file, testfield, f"nominal targets, {name}")
         write_project(folder, name, camera, projector, scale)
-    except BaseException:
-        for file in boards:
-            (folder / file).unlink(missing_ok=True)
-        for parent in made:
-            if parent.is_dir():
-                parent.rmdir()
-        raise

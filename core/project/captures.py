@@ -14,7 +14,7 @@ import numpy as np
 
 from core.atomic import atomic_write, write_json
 from core.errors import InputError
-from core.fields import Fields
+from core.fields import Fields, regular
 from core.model import Capture, DeviceSpec, Frame, Project, ScaleBar, Seed, Testfield
 from core.patterns import Pattern, pattern_from_dict, pattern_to_dict
 from core.project.images import Image, write_image
@@ -38,7 +38,7 @@ def read_document(path: Path, kind: str) -> Fields:
         If it is missing, not JSON, or of another format or version.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8-sig"))
+        data = json.loads(regular(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror})", f"give a folder that holds {path.name}") from error
     except UnicodeDecodeError as error:
@@ -96,6 +96,7 @@ def read_project(folder: Path) -> Project:
         if folder / name in captures:
             raise fields.refuse("captures", name, "list every capture once")
         captures.append(folder / name)
+    reference = fields.data.get("reference")  # other programs may mean something else by it
     return Project(
         folder,
         fields.text("name", default=folder.resolve().name),
@@ -103,7 +104,7 @@ def read_project(folder: Path) -> Project:
         read_device(fields.nested("projector")),
         scale,
         tuple(captures),
-        fields.text("reference", default=None),
+        reference if isinstance(reference, str) else None,
     )
 
 
@@ -225,7 +226,7 @@ def read_table(path: Path, columns: Sequence[str], texts: Sequence[str] = ()) ->
         If a column is missing, a row is too short, or the table is empty.
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = regular(path).read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
         undecoded = isinstance(error, UnicodeDecodeError)
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text" if undecoded else "no file name"

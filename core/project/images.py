@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from core.atomic import atomic_write
 from core.errors import InputError
+from core.fields import regular
 from core.model import Capture, DeviceSpec
 
 Image = NDArray[Any]  # (H, W), uint8 or uint16
@@ -39,7 +40,7 @@ def read_image(path: Path) -> Image:
         If the file is missing, truncated, or not an image of 8 or 16 bit.
     """
     try:
-        data = path.read_bytes()
+        data = regular(path).read_bytes()
     except OSError as error:
         raise InputError(
             path, f"the frame cannot be read ({error.strerror})", "put it back or record it again"

@@ -37,13 +37,7 @@ class Document:
 
 
 def compose(data: ReportData, *, progress: Progress = SILENT) -> Document:
-    """Put tables, figures and words in order.
-
-    Raises
-    ------
-    InputError
-        If the project names published results that are not known.
-    """
+    """Put tables, figures and words in order."""
     published = published_of(data)
     figures = drawings(data, progress=progress)
     calibrated = [*interior_tables(data, published)]
@@ -78,6 +72,8 @@ def _facts(data: ReportData) -> tuple[str, ...]:
             f"{s.stop[0]},{s.stop[1]}"
         )
     facts.append(f"Captures: {len(project.captures)}")
+    if project.reference and published_of(data) is None:
+        facts.append(f"Reference: no results are known under {project.reference!r}, so none stand beside the own ones")
     made = " ".join(part for part in (data.made_on, f"by {data.made_by}" if data.made_by else "") if part)
     return (*facts, f"Report made {made}") if made else tuple(facts)
 

@@ -10,7 +10,7 @@ import numpy as np
 from core.model import INTERIOR_NAMES, AdjustedDevice, DepthCalibration, PlaneEvaluation
 from core.report.data import CalibratedDevice, ReportData, calibrated_devices, side_by_side
 from core.report.interior import KEYS, at_radius, interior_from_mapping
-from core.report.published import Published, read_published
+from core.report.published import Published, published_names, read_published
 from core.report.table import Cell, Number, Table
 
 UNITS = ("mm", "mm", "mm", "mm⁻²", "mm⁻⁴", "", "", "mm⁻¹", "mm⁻¹")
@@ -37,8 +37,9 @@ def tables(data: ReportData) -> list[Table]:
 
 
 def published_of(data: ReportData) -> Published | None:
-    """Give the published results beside which the report sets its own, if the project names any."""
-    return read_published(data.project.reference) if data.project.reference else None
+    """Give the published results beside which the report sets its own, if the project names any that are known."""
+    name = data.project.reference
+    return read_published(name) if name in published_names() else None
 
 
 def interior_tables(data: ReportData, published: Published | None) -> list[Table]:

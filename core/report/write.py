@@ -26,7 +26,7 @@ def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) ->
     Raises
     ------
     InputError
-        If the project names published results that are not known, or `out` cannot be written to.
+        If `out` cannot be written to.
     Cancelled
         If the user stopped; nothing has been written then.
     """

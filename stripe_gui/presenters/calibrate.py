@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,12 +16,14 @@ from core.model import (
     PlaneEvaluation,
 )
 from core.pipeline import METHODS
+from core.pipeline.folders import known_truth
 from core.pipeline.runs import current_run
 from core.project import keep_picks
 from core.report import ReportData, Table, tables
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.runs import made_at, options_words, run_title
 from stripe_gui.presenters.status import method_name
+from stripe_gui.presenters.words import sentence
 from stripe_gui.presenters.work import CalibrateChoice
 
 translate = QCoreApplication.translate
@@ -80,7 +81,6 @@ def gather(folder: ProjectFolder, with_planes: bool = True) -> ReportData:
     InputError
         If a result is damaged.
     """
-    truth = folder.path / "truth.json"
     planes: tuple[PlaneEvaluation, ...] = (folder.result("evaluation.npz", tuple) or ()) if with_planes else ()
     return ReportData(
         project=folder.project,
@@ -88,7 +88,7 @@ def gather(folder: ProjectFolder, with_planes: bool = True) -> ReportData:
         photogrammetric=folder.result("photogrammetric.npz", PhotogrammetricCalibration),
         depth=folder.result("polynomial.npz", DepthCalibration),
         evaluations=planes,
-        truth=json.loads(truth.read_text(encoding="utf-8")) if truth.exists() else None,
+        truth=known_truth(folder.project),
     )
 
 
@@ -131,7 +131,7 @@ def _made(folder: ProjectFolder) -> str:
         methods = [method for method, other in runs.items() if other.number == run.number]
         names = " + ".join(map(method_name, methods))
         lines.append(f"{run_title(run)}, {made_at(run)}: {names}; {options_words(run.options, methods)}")
-    return "\n".join(text[0].upper() + text[1:] for text in lines)
+    return "\n".join(map(sentence, lines))
 
 
 def exclude_targets(capture: Capture, *targets: tuple[int, int]) -> None:

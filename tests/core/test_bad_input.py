@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import os
+import resource
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -190,10 +193,11 @@ def test_a_report_that_cannot_be_written_leaves_the_evaluation(calibrated: Path,
     assert "adjustment.npz: damaged" in refused("report", calibrated)
 
 
-def test_an_unknown_reference_changes_nothing(calibrated: Path, refused: Callable[..., str], edit_json: Edit) -> None:
-    edit_json(calibrated / "project.json", reference="elsewhere")
-    for command in ("calibrate", "evaluate", "report"):
-        assert "reference is 'elsewhere'" in refused(command, calibrated)
+@pytest.mark.parametrize("value", ["elsewhere", 7, {"by": "another program"}])
+def test_keys_of_other_programs_are_no_error(calibrated: Path, edit_json: Edit, value: object) -> None:
+    edit_json(calibrated / "project.json", reference=value, truth=value)
+    (calibrated / "truth.json").write_text(json.dumps({"format": "of another program", "camera": value}))
+    assert main(["report", str(calibrated)]) == 0
 
 
 def test_a_calibration_of_another_projector(calibrated: Path, refused: Callable[..., str], edit_json: Edit) -> None:
@@ -212,5 +216,84 @@ def test_a_refused_demo_keeps_the_one_before(tmp_path: Path, refused: Callable[.
     assert "seed: is -1" in refused("demo", tmp_path, "--scenario", "quick", "--seed", "-1")
 
 
-def test_a_filter_without_end(quick: Path, refused: Callable[..., str]) -> None:
-    assert "--low-pass" in refused("calibrate", quick, "--low-pass", "inf")
+@pytest.mark.parametrize("value", ["inf", "nan", "-1", "1e20"])
+def test_options_beyond_all_measure(quick: Path, refused: Callable[..., str], value: str) -> None:
+    assert "--low-pass" in refused("calibrate", quick, f"--low-pass={value}")
+    if value != "1e20":
+        assert "--reject" in refused("calibrate", quick, f"--reject={value}")
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "ä" * 60, "a\x1b[31mb", "a\udcffb", "../p", ""])
+def test_names_that_no_folder_can_have(quick: Path, refused: Callable[..., str], name: str) -> None:
+    assert "capture: " in refused("capture", quick, "--role", "object", "--", name)
+    if len(name) > 255:
+        refused("simulate", quick / name, "--scenario", "quick")
+        refused("demo", quick / name, "--scenario", "quick")
+        refused("reconstruct", quick, name, "--out", quick / "f.npz")
+        assert "cannot be written" in refused("decode", quick / "captures/plane+00", "--out", quick / f"{name}.npz")
+
+
+def test_names_cannot_move_the_cursor(quick: Path, refused: Callable[..., str], edit_json: Edit) -> None:
+    edit_json(quick / "captures/testfield-01/capture.json", testfield="\x1b[2J\u202e.csv")
+    told = refused("measure", quick)
+    assert "\\x1b[2J\\u202e.csv" in told
+    assert told[:-1].isprintable()
+
+
+@pytest.mark.parametrize(
+    ("file", "command"),
+    [
+        ("project.json", "measure"),
+        ("testfield.csv", "measure"),
+        ("captures/testfield-01/capture.json", "measure"),
+        ("captures/testfield-01/picks.json", "measure"),
+        ("captures/testfield-01/003.png", "measure"),
+        ("results/photogrammetric.npz", "evaluate"),
+    ],
+)
+@pytest.mark.timeout(60)
+def test_a_pipe_or_a_device_in_place_of_a_file(
+    calibrated: Path, refused: Callable[..., str], file: str, command: str
+) -> None:
+    """A reader of a pipe would wait for ever, one of /dev/zero never come to an end."""
+    path = calibrated / file
+    for put in (os.mkfifo, lambda p: p.symlink_to("/dev/zero")):
+        path.unlink()
+        put(path)
+        assert Path(file).name in refused(command, calibrated)
+
+
+@contextmanager
+def files_up_to(size: int) -> Iterator[None]:
+    """Let no file grow beyond a size, as on a disk that becomes full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_leaves_nothing_half_written(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    commands = [
+        ["simulate", calibrated / "new", "--scenario", "quick"],
+        ["demo", calibrated / "new", "--scenario", "quick"],
+        ["decode", calibrated / "captures/plane+00", "--out", calibrated / "f.npz"],
+        ["reconstruct", calibrated, "plane+00", "--out", calibrated / "f.npz"],
+        ["reconstruct", calibrated, "plane+00", "--out", calibrated / "f.ply"],
+        ["measure", calibrated],
+        ["evaluate", calibrated],
+        ["report", calibrated],
+        ["calibrate", calibrated],
+    ]
+    before = files_of(calibrated)
+    for command in commands:
+        with files_up_to(1000):
+            code = main([str(a) for a in command])
+        told = capsys.readouterr().err
+        assert code == 1  # what was asked for is right
+        assert len(told.splitlines()) == 1, told
+        assert "cannot be written" in told
+        assert "make room" in told
+        assert files_of(calibrated) == before
+        assert not (calibrated / "new").exists()

@@ -234,13 +234,6 @@ def test_progress_runs_from_start_to_end(project, adjustment, tmp_path):
     assert [p.name for p in sorted(tmp_path.iterdir())] == ["report.html", "report.pdf"]
 
 
-def test_unknown_reference_writes_nothing(data, tmp_path):
-    wrong = dataclasses.replace(data, project=dataclasses.replace(data.project, reference="nobody1900"))
-    with pytest.raises(InputError, match="nobody1900"):
-        write_report(wrong, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_file_in_place_of_the_folder_is_refused(project, tmp_path):
     (tmp_path / "out").write_text("here")
     with pytest.raises(InputError, match="cannot be written"):

@@ -7,10 +7,10 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from core.errors import InputError
 from core.geometry import distort
 from core.model import INTERIOR_NAMES, Interior
 from core.report import Number, ReportData, Table, cell_text, tables, text_table
+from core.report.document import compose
 from core.report.interior import at_radius, interior_from_mapping
 from core.report.published import published_names, read_published
 
@@ -161,10 +161,13 @@ def test_angles_that_were_not_published_have_a_dash(data, evaluations):
     assert cell_text(table.rows[1][1]) == "–"
 
 
-def test_unknown_reference_is_refused_with_the_known_ones(data):
-    wrong = dataclasses.replace(data, project=dataclasses.replace(data.project, reference="../brenner1999"))
-    with pytest.raises(InputError, match="brenner1999"):
-        tables(wrong)
+def test_an_unknown_reference_leaves_the_own_results_alone(data):
+    own = dataclasses.replace(data, project=dataclasses.replace(data.project, reference=None))
+    for name in ("../brenner1999", "nobody1900", ""):
+        other = dataclasses.replace(data, project=dataclasses.replace(data.project, reference=name))
+        assert tables(other) == tables(own)
+        told = [fact for fact in compose(other).facts if fact not in compose(own).facts]
+        assert [repr(name) in fact for fact in told] == ([True] if name else [])
 
 
 def test_reference_files_are_complete():
