@@ -113,15 +113,15 @@ class Job(QObject):
             self.told.emit(*self._course.popleft())
         return over
 
-    def _end(self) -> None:
+    def _end(self, *, wanted: bool = True) -> None:
         failure = self.failure
         self._function, self._arguments, self._keywords = _nothing, (), {}  # let go of large arguments
-        if failure is None:
-            self.state = JobState.DONE
-            self.succeeded.emit(self.result)
-        elif isinstance(failure.error, Cancelled):
+        if not wanted or (failure is not None and isinstance(failure.error, Cancelled)):
             self.state = JobState.CANCELLED
             self.cancelled.emit()
+        elif failure is None:
+            self.state = JobState.DONE
+            self.succeeded.emit(self.result)
         else:
             self.state = JobState.FAILED
             self.failed.emit(failure)
@@ -134,7 +134,8 @@ class JobQueue(QObject):
     Parameters
     ----------
     latest_only : bool
-        For previews: a new job stops the running one and takes the place of those that wait.
+        For previews: a new job stops the running one and takes the place of those that wait. What was stopped is not
+        shown even if it came through: the operator looks at something else by now.
     """
 
     changed = Signal()  # a job started, moved on or ended
@@ -217,7 +218,7 @@ class JobQueue(QObject):
             before = (job.fraction, job.message)
             if job._look():
                 self._running = None
-                job._end()
+                job._end(wanted=not (self._latest_only and job.stopping))
                 self.job_ended.emit(job)
                 self.changed.emit()
             elif before != (job.fraction, job.message):

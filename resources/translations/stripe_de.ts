@@ -1382,6 +1382,10 @@
         <translation>Zahlen</translation>
     </message>
     <message>
+        <source>This project has no captures yet.</source>
+        <translation>Dieses Projekt hat noch keine Aufnahmen.</translation>
+    </message>
+    <message>
         <source>{n} captures decoded.</source>
         <translation>{n} Aufnahmen dekodiert.</translation>
     </message>
@@ -1905,8 +1909,8 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>{n} Zielmarken in {m} Aufnahmen.</translation>
     </message>
     <message>
-        <source>no board</source>
-        <translation>keine Tafel</translation>
+        <source>No board yet: capture the testfield, or a plate, first.</source>
+        <translation>Noch keine Tafel: zuerst das Testfeld oder eine Platte aufnehmen.</translation>
     </message>
     <message>
         <source>Measured ({n})</source>
@@ -2765,10 +2769,6 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>{n} Punkte nach {path} geschrieben.</translation>
     </message>
     <message>
-        <source>{name} is reconstructed.</source>
-        <translation>{name} ist rekonstruiert.</translation>
-    </message>
-    <message>
         <source>Calibrate first.</source>
         <translation>Zuerst kalibrieren.</translation>
     </message>
@@ -2787,6 +2787,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>No view in space: {problem}. The shaded height shows the surface instead.</source>
         <translation>Keine Ansicht im Raum: {problem}. Die schattierte Höhe zeigt die Fläche stattdessen.</translation>
+    </message>
+    <message>
+        <source>Reconstructed: {name}.</source>
+        <translation>Rekonstruiert: {name}.</translation>
     </message>
     <message>
         <source>{n} points, {p:.1%} of the image.</source>

@@ -108,6 +108,7 @@ class CapturePage(Page):
             self.view.set_image(self._frame.image, (0.0, top))
 
     def _clear(self, text: str) -> None:
+        self.bench.views.cancel_all()  # the frame of another capture may be on its way
         self._frame = None
         self.view.set_image(None)
         self.figures.setText(text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 
 from core.model import PhaseMap
 from stripe_gui.pages.map_page import MapPage
@@ -27,7 +28,7 @@ class DecodePage(MapPage):
             self.tr("Map of the decoded capture"),
         )
         self.cache = PhaseCache()
-        self._shown: CaptureEntry | None = None
+        self._shown: tuple[Path, int] | None = None  # a capture's folder, and when it was recorded
         self._phase: PhaseMap | None = None
         self.figures = ResultTable(self.tr("Figures of the decoded capture"), titled=False)
         self.captures.setMaximumWidth(340)
@@ -53,11 +54,15 @@ class DecodePage(MapPage):
 
     def look(self) -> None:
         """Show the session's capture, decoded now if it was not before."""
+        self.bench.views.cancel_all()  # another capture may be on its way
         entry = self.session.capture
-        if entry is None or entry.capture is None:
-            self._clear(str(entry.error) if entry is not None and entry.error else "")
+        if entry is None:
+            self._clear(self.tr("This project has no captures yet."))
             return
-        if entry == self._shown and self._phase is not None:
+        if entry.capture is None:
+            self._clear(str(entry.error))
+            return
+        if (entry.folder, entry.recorded_ns) == self._shown:
             return
         phase = self.cache.get(entry)
         if phase is not None:
@@ -87,7 +92,7 @@ class DecodePage(MapPage):
             self._show(entry, phase)
 
     def _show(self, entry: CaptureEntry, phase: PhaseMap) -> None:
-        self._shown, self._phase = entry, phase
+        self._shown, self._phase = (entry.folder, entry.recorded_ns), phase
         self.offer(kinds_of(phase), kind_name)
         self.say("")
         self.figures.show_table(figures_table(phase))

@@ -102,10 +102,10 @@ class MeasurePage(Page):
             self._look()
 
     def _look(self) -> None:
+        self.bench.views.cancel_all()  # another capture may be on its way
         entry = self.session.capture
         if entry is None or entry.capture is None or entry.name not in self.captures.names():
-            self.view.set_image(None)
-            self._show(None)
+            self._clear(self.tr("No board yet: capture the testfield, or a plate, first."))
             return
         try:
             targets = targets_of(self.session.folder, entry.name)
@@ -113,11 +113,22 @@ class MeasurePage(Page):
             self.bench.report_error(error)
             targets = None
         view = measure_view(entry.capture, targets, self.session.folder.project.camera)
-        self.bench.views.run(entry.name, lit_frame, entry.capture, on_done=partial(self._picture, view))
+        self.bench.views.run(
+            entry.name,
+            lit_frame,
+            entry.capture,
+            on_done=partial(self._picture, view),
+            on_failed=lambda failure: self._clear(str(failure.error)),
+        )
 
     def _picture(self, view: MeasureView, frame: FrameView) -> None:
         self.view.set_image(frame.image, (0.0, frame.bright))
         self._show(view)
+
+    def _clear(self, text: str) -> None:
+        self.view.set_image(None)
+        self._show(None)
+        self.state.setText(text)
 
     def _show(self, view: MeasureView | None) -> None:
         self._shown = view
@@ -130,7 +141,7 @@ class MeasurePage(Page):
         ):
             item.setData(x=points[:, 0], y=points[:, 1])
         self.chosen.setData([], [])
-        self.state.setText(view.summary if view else self.tr("no board"))
+        self.state.setText(view.summary if view else " ")
         self.table.show_table(view.table if view else EMPTY)
         self.missing_table.show_table(view.missing_table if view else EMPTY)
         counts = (len(view.measured), len(view.missing)) if view else (0, 0)

@@ -159,7 +159,7 @@ class ReconstructPage(MapPage):
         self._offer_kinds()
 
     def _told(self, name: str) -> None:
-        self.bench.notify("success", self.tr("{name} is reconstructed.").format(name=name))
+        self.bench.notify("success", self.tr("Reconstructed: {name}.").format(name=name))
 
     def _show(self, path: str, stale: str, points: Points) -> None:
         if path != self._waiting:

@@ -109,14 +109,14 @@ class PhaseCache:
 
     def get(self, entry: CaptureEntry) -> PhaseMap | None:
         """Give a capture's maps if they are here and the capture has not changed."""
-        key = (entry.folder, entry.changed_ns)
+        key = (entry.folder, entry.recorded_ns)
         if key in self._kept:
             self._kept.move_to_end(key)
         return self._kept.get(key)
 
     def put(self, entry: CaptureEntry, phase: PhaseMap) -> None:
         """Keep a capture's maps; the ones not looked at for longest go."""
-        self._kept[entry.folder, entry.changed_ns] = phase
+        self._kept[entry.folder, entry.recorded_ns] = phase
         while len(self._kept) > 1 and sum(map(_size, self._kept.values())) > self._limit:
             self._kept.popitem(last=False)
 

@@ -20,14 +20,17 @@ class CaptureEntry:
 
     Attributes
     ----------
+    recorded_ns : int
+        When the newest of its frames, or capture.json, was written: what decoding reads. 0 where it could not be read.
     changed_ns : int
-        When the newest of its files was written; 0 where it could not be read.
+        The same with its picks and its board: what measuring reads.
     """
 
     folder: Path
     capture: Capture | None
     error: StripeError | None
-    changed_ns: int
+    recorded_ns: int = 0
+    changed_ns: int = 0
 
     @property
     def name(self) -> str:
@@ -106,18 +109,19 @@ class ProjectFolder:
     def _entry(self, folder: Path, boards: tuple[Any, ...]) -> CaptureEntry:
         now = (version(folder / "capture.json"), version(folder / "picks.json"), boards)
         kept = self._read.get(folder)
-        if kept is None or kept[0] != now:
+        capture: Capture | None = kept[1] if kept is not None and kept[0] == now else None
+        frames = [version(frame.path) for frame in capture.frames] if capture else []
+        if capture is None or None in frames:  # not read yet, or a frame has gone since
             try:
-                kept = (now, read_capture(folder, self.project))
+                capture = read_capture(folder, self.project)
             except StripeError as error:
-                kept = (now, error)
-            self._read[folder] = kept
-        if isinstance(kept[1], StripeError):
-            return CaptureEntry(folder, None, kept[1], 0)
-        capture: Capture = kept[1]
-        known = [*now[:2], *(boards if capture.testfield else ())]
-        times = [v[0] for v in (*known, *(version(frame.path) for frame in capture.frames)) if v]
-        return CaptureEntry(folder, capture, None, max(times))
+                return CaptureEntry(folder, None, error)
+            self._read[folder] = (now, capture)
+            frames = [version(frame.path) for frame in capture.frames]
+        document, picks, _ = now
+        recorded = [v[0] for v in (document, *frames) if v]
+        measured = [v[0] for v in (picks, *(boards if capture.testfield else ())) if v]
+        return CaptureEntry(folder, capture, None, max(recorded), max(recorded + measured))
 
 
 def version(path: Path) -> tuple[int, int] | None:

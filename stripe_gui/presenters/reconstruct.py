@@ -59,7 +59,7 @@ def points_state(folder: ProjectFolder, capture: str, method: str) -> str:
     entry = folder.entry(capture)
     if written is None or entry is None:
         return "none"
-    newest = max(entry.changed_ns, written_ns(folder.result_file(f"{method}.npz")) or 0)
+    newest = max(entry.recorded_ns, written_ns(folder.result_file(f"{method}.npz")) or 0)
     return "current" if written >= newest else "stale"
 
 

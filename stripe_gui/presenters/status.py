@@ -72,11 +72,11 @@ def stage_statuses(folder: ProjectFolder) -> dict[str, StageStatus]:
     facts = _Facts(folder)
     states = {
         "capture": _capture(facts),
+        "decode": _decode(facts),
         "calibrate": _calibrate(facts),
     }
     states["evaluate"] = _evaluate(facts, states["calibrate"])
     states["measure"] = _measure(facts, states["calibrate"])
-    states["decode"] = _decode(facts, states)
     states["reconstruct"] = _reconstruct(facts, states)
     states["report"] = _report(facts, states)
     failures = read_failures(folder.path)
@@ -101,6 +101,7 @@ class _Facts:
         self.report = written_ns(folder.result_file("report/report.html"))
         self.signed = written_ns(folder.result_file("sign-off.json"))
         self.newest = newest(self.readable)
+        self.measured = _measured_captures(folder)
 
     def read_ns(self, method: Method) -> int | None:
         """When the calibration in use began to read its captures; where that is not known, when it was written."""
@@ -129,26 +130,33 @@ def _capture(facts: _Facts) -> StageStatus:
     return StageStatus("capture", State.DONE, translate("Stages", "{n} captures").format(n=len(facts.entries)))
 
 
-def _decode(facts: _Facts, states: dict[str, StageStatus]) -> StageStatus:
+def _decode(facts: _Facts) -> StageStatus:
     if not facts.readable:
         return StageStatus("decode", State.TODO, translate("Stages", "needs captures"))
-    kept = decoded_captures(facts.folder.path)
-    covered = {name for name, entry in kept.items() if not entry.get("error")}
-    current = {e.name for e in facts.readable if e.name in covered and kept[e.name]["changed_ns"] == e.changed_ns}
-    if states["measure"].state is State.DONE:  # measuring and evaluating decode what they need
-        current |= {e.name for e in facts.boards}
-    if states["calibrate"].state is State.DONE:
-        current |= {e.name for e in (*facts.picked, *facts.plates)}
-    if states["evaluate"].state is State.DONE:
-        current |= {e.name for e in facts.planes}
-    needed = {e.name for e in facts.readable if e.role != "object"} or {e.name for e in facts.readable}
-    count = len(current & needed)
-    if needed <= current:
+    decoded = _decoded_ns(facts)
+    needed = [e for e in facts.readable if e.role != "object"] or facts.readable
+    covered = [e for e in needed if e.name in decoded]
+    count = sum(e.recorded_ns <= decoded[e.name] for e in covered)
+    if count == len(needed):
         return StageStatus("decode", State.DONE, translate("Stages", "{n} captures decoded").format(n=count))
-    if any(name in needed for name in covered - current):
+    if count < len(covered):
         return StageStatus("decode", State.STALE, translate("Stages", "captures changed after decoding"))
     text = translate("Stages", "{n} of {m} captures decoded").format(n=count, m=len(needed))
     return StageStatus("decode", State.TODO, text)
+
+
+def _decoded_ns(facts: _Facts) -> dict[str, int]:
+    """When captures were decoded last, by name: measuring, calibrating and evaluating decode what they need."""
+    kept = decoded_captures(facts.folder.path)
+    found = {name: int(entry.get("recorded_ns", 0)) for name, entry in kept.items() if not entry.get("error")}
+    for at, names in (
+        (facts.written["targets"], facts.measured),
+        (facts.read_ns("photogrammetric"), [e.name for e in facts.used("photogrammetric", facts.picked)]),
+        (facts.read_ns("polynomial"), [e.name for e in facts.used("polynomial", facts.plates)]),
+        (facts.written["evaluation"], _evaluated(facts.folder.path)),
+    ):
+        found |= {name: max(at or 0, found.get(name, 0)) for name in names if at is not None}
+    return found
 
 
 def _measure(facts: _Facts, calibrate: StageStatus) -> StageStatus:
@@ -159,7 +167,7 @@ def _measure(facts: _Facts, calibrate: StageStatus) -> StageStatus:
         text = translate("Stages", "targets to pick in {n} of {m} captures")
         return StageStatus("measure", State.TODO, text.format(n=unpicked, m=len(facts.fields)))
     written = facts.written["targets"]
-    left = {e.name for e in facts.picked} - _measured_captures(facts.folder)
+    left = {e.name for e in facts.picked} - facts.measured
     if written is not None and written >= newest(facts.boards) and not left:
         return StageStatus(
             "measure", State.DONE, translate("Stages", "targets of {n} captures").format(n=len(facts.fields))

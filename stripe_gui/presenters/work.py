@@ -27,7 +27,7 @@ def decode_all(project: Project, progress: Progress = SILENT) -> int:
     kept = decoded_captures(project.path)
     entries = [e for e in folder.captures() if e.capture]
     kept = {e.name: kept[e.name] for e in entries if e.name in kept}
-    due = [e for e in entries if kept.get(e.name, {}).get("changed_ns") != e.changed_ns or kept[e.name].get("error")]
+    due = [e for e in entries if kept.get(e.name, {}).get("recorded_ns") != e.recorded_ns or kept[e.name].get("error")]
     problem: StripeError | None = None
     for entry in progress.over(due, "{0.name}"):
         try:
@@ -35,7 +35,7 @@ def decode_all(project: Project, progress: Progress = SILENT) -> int:
         except StripeError as error:
             problem = problem or error
             figures = {"error": str(error)}
-        kept[entry.name] = {"changed_ns": entry.changed_ns, **figures}
+        kept[entry.name] = {"recorded_ns": entry.recorded_ns, **figures}
         write_json(project.path / "results" / "decode.json", {"captures": kept})
     if problem is not None:
         raise problem

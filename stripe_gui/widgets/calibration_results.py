@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QScrollArea, QTabWidget, QVBoxLayout, QWidget
 
 from stripe_gui.presenters.adjusted import correlations, coverage, point_sigmas
 from stripe_gui.presenters.calibrate import CalibrationView
+from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.correlation_view import CorrelationView
 from stripe_gui.widgets.coverage_view import CoverageView
 from stripe_gui.widgets.layout import card, label, scrolled
@@ -111,7 +112,7 @@ class CalibrationResults(QWidget):
         _empty(self._warnings)
         for text in warnings:
             frame, inside = card()
-            inside.addWidget(label(f"⚠ {text[0].upper()}{text[1:]}.", wrap=True))
+            inside.addWidget(label(f"⚠ {sentence(text)}.", wrap=True))
             self._warnings.addWidget(frame)
         if not warnings:
             self._warnings.addWidget(label(self.tr("Nothing speaks against this calibration."), "muted"))

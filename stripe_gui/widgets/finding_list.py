@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QAbstractItemView, QListWidget, QListWidgetItem
 from core.capture import Finding
 from stripe_gui.assets import icon
 from stripe_gui.presenters.findings import check_name, level_name, worst_first
+from stripe_gui.presenters.words import sentence
 
 SIGNS = {"good": "success", "warning": "warning", "bad": "error"}
 
@@ -38,7 +39,7 @@ class FindingList(QListWidget):
         self.setVerticalScrollBarPolicy(policy.ScrollBarAlwaysOn if self.findings else policy.ScrollBarAlwaysOff)
         for finding in self.findings:
             head = f"{check_name(finding.check)} – {level_name(finding.level)}"
-            text = f"{finding.text[:1].upper()}{finding.text[1:]}."
+            text = f"{sentence(finding.text)}."
             item = QListWidgetItem(icon(SIGNS[finding.level]), f"{head}\n{text}")
             item.setData(Qt.ItemDataRole.AccessibleTextRole, f"{head}. {text}")
             self.addItem(item)

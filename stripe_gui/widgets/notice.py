@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from PySide6.QtCore import QCoreApplication, QRectF, QSize, Qt, QTimer
 from PySide6.QtGui import QFontDatabase, QGuiApplication, QPainter
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QPlainTextEdit, QToolButton, QVBoxLayout, QWidget
 
 from stripe_gui import theme
 from stripe_gui.assets import draw_icon, icon
+from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.layout import button, label
 from stripe_gui.workbench import Notice
 
@@ -45,7 +48,7 @@ class NoticeBox(QFrame):
         self.notice = notice
         self.setProperty("notice", notice.kind)
         self.setAccessibleName(f"{_word(notice.kind)}: {notice.happened} {notice.remedy}".strip())
-        text = label(f"{notice.happened[:1].upper()}{notice.happened[1:]}", wrap=True)
+        text = label(sentence(notice.happened), wrap=True)
         font = text.font()
         font.setBold(bool(notice.remedy))
         text.setFont(font)
@@ -53,7 +56,7 @@ class NoticeBox(QFrame):
         words.setSpacing(2)
         words.addWidget(text)
         if notice.remedy:
-            words.addWidget(label(f"{notice.remedy[:1].upper()}{notice.remedy[1:]}.".replace("..", "."), wrap=True))
+            words.addWidget(label(f"{sentence(notice.remedy).removesuffix('.')}.", wrap=True))
         top = QHBoxLayout()
         top.setSpacing(12)
         top.addWidget(Sign(notice.kind, COLOURS[notice.kind]), 0, Qt.AlignmentFlag.AlignTop)
@@ -125,9 +128,9 @@ class NoticeArea(QWidget):
         return [box for box in found if isinstance(box, NoticeBox) and not box.isHidden()]
 
     def show_notice(self, notice: Notice) -> None:
-        """Add a notice; the same one is not shown twice, good news goes by itself."""
+        """Add a notice; what is said already is not said twice, good news goes by itself."""
         for box in self.boxes():
-            if box.notice == notice:
+            if replace(box.notice, details=notice.details) == notice:
                 box.dismiss()
         box = NoticeBox(notice)
         self._layout.insertWidget(0, box)

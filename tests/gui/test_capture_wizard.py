@@ -65,6 +65,16 @@ def test_from_the_capture_page_to_a_stored_capture(wizard, window, project: Path
     assert not [n for n in notices if n.kind == "error"]
 
 
+def test_whoever_leaves_for_other_pictures_lets_the_devices_go(wizard, window, qtbot) -> None:
+    go_to(wizard, "picture", qtbot)
+    qtbot.waitUntil(lambda: wizard.picture.view.image is not None, timeout=60_000)
+    click(wizard.close_button, qtbot)
+    assert window.page.id == "capture"  # it reads a frame at once
+    with_devices = wizard.rig.setting is not None
+    qtbot.waitUntil(lambda: wizard.rig.setting is None, timeout=10_000)
+    assert with_devices
+
+
 def test_one_frame_is_taken_again_by_the_keyboard(wizard, window, project: Path, qtbot) -> None:
     take(wizard, qtbot)
     folder = project / "captures" / "testfield-09"

@@ -95,6 +95,37 @@ def test_of_previews_only_the_latest_is_finished(qapp, qtbot) -> None:
     assert done == [3]
 
 
+def test_a_preview_that_was_stopped_is_not_shown_even_if_it_came_through(qapp, qtbot) -> None:
+    queue = JobQueue(latest_only=True)
+    gate, done = threading.Event(), []
+
+    def deaf(progress: Progress) -> int:
+        gate.wait(5)
+        return 1
+
+    job = queue.run("a", deaf, on_done=done.append)
+    qtbot.waitUntil(lambda: job.state is JobState.RUNNING)
+    queue.cancel_all()
+    gate.set()
+    qtbot.waitUntil(lambda: not queue.busy, timeout=3000)
+    assert (job.state, done) == (JobState.CANCELLED, [])
+
+
+def test_work_that_came_through_counts_as_done_although_it_was_to_stop(queue, qtbot) -> None:
+    gate, done = threading.Event(), []
+
+    def deaf(progress: Progress) -> int:
+        gate.wait(5)
+        return 1
+
+    job = queue.run("a", deaf, on_done=done.append)
+    qtbot.waitUntil(lambda: job.state is JobState.RUNNING)
+    queue.cancel_all()
+    gate.set()
+    qtbot.waitUntil(lambda: not queue.busy, timeout=3000)
+    assert (job.state, done) == (JobState.DONE, [1])
+
+
 def test_the_remaining_time_follows_from_the_pace(queue, qtbot) -> None:
     job = queue.run("count", count, 100_000)
     qtbot.waitUntil(lambda: job.state is JobState.RUNNING)

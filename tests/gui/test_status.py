@@ -53,6 +53,18 @@ def test_a_new_plane_capture_makes_the_evaluation_stale_but_not_the_calibration(
     assert found["report"] is State.STALE
 
 
+def test_captures_stay_decoded_when_picks_or_the_calibration_change(finished_project: Path) -> None:
+    touch(finished_project / "captures" / "testfield-01" / "picks.json")
+    touch(finished_project / "results" / "photogrammetric.npz")
+    assert states(finished_project)["evaluate"] is State.STALE
+    assert states(finished_project)["decode"] is State.DONE
+
+
+def test_a_capture_recorded_again_was_decoded_before(finished_project: Path) -> None:
+    touch(finished_project / "captures" / "testfield-01" / "000.png")
+    assert states(finished_project)["decode"] is State.STALE
+
+
 def test_a_rewritten_project_file_alone_changes_nothing(finished_project: Path) -> None:
     touch(finished_project / "project.json")
     assert set(states(finished_project).values()) == {State.DONE}
@@ -81,6 +93,17 @@ def test_a_damaged_capture_fails_with_its_reason_and_leaves_the_others_readable(
     assert status.state is State.FAILED
     assert "plane+00" in status.reason
     assert len([e for e in folder.captures() if e.capture]) == len(folder.captures()) - 1
+
+
+def test_a_frame_that_goes_while_the_project_is_open_is_told_until_it_is_back(project: Path) -> None:
+    folder = ProjectFolder(project)
+    frame = folder.entry("plane+00").capture.frames[3].path
+    frame.rename(frame.with_suffix(".away"))
+    status = stage_statuses(folder)["capture"]
+    assert status.state is State.FAILED
+    assert frame.name in status.reason
+    frame.with_suffix(".away").rename(frame)
+    assert stage_statuses(folder)["capture"].state is State.DONE
 
 
 def test_a_failure_is_kept_until_the_stage_succeeds(project: Path) -> None:

@@ -19,6 +19,7 @@ from stripe_gui.presenters.capturing import (
 )
 from stripe_gui.presenters.failures import describe
 from stripe_gui.presenters.looking import Rig
+from stripe_gui.presenters.words import sentence
 from stripe_gui.screens import screen_names
 from stripe_gui.widgets.layout import boxed, button, card, column, label, row
 from stripe_gui.widgets.notice import Sign
@@ -215,7 +216,7 @@ class DevicesStep(QWidget):
         colour = {"success": "ok", "error": "danger"}.get(sign or "", "muted")
         for i, line in enumerate(filter(None, lines)):
             sign = "info" if sign == "error" and i else sign  # below what happened stands what to do
-            text = label(f"{line[:1].upper()}{line[1:]}", "" if sign else "muted", wrap=True)
+            text = label(sentence(line), "" if sign else "muted", wrap=True)
             made = row(Sign(sign, colour if sign != "info" else "muted", 18), text, spacing=8) if sign else row(text)
             made.setStretch(made.count() - 1, 1)
             self.result.addWidget(boxed(made))

@@ -15,6 +15,7 @@ from core.devices import with_option
 from stripe_gui import theme
 from stripe_gui.presenters.failures import describe
 from stripe_gui.presenters.looking import Look
+from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, button, card, column, label, row
 from stripe_gui.wizards.capture.devices import DevicesStep
@@ -143,7 +144,7 @@ class PictureStep(QWidget):
     def _failed(self, error: BaseException) -> None:
         told = describe(error)
         self.live.setChecked(False)
-        self.advice.setText(f"{told.happened[:1].upper()}{told.happened[1:]}: {told.remedy}.")
+        self.advice.setText(f"{sentence(told.happened)}: {told.remedy}.")
         self.clipped.setText("–")
 
     def _show_setting(self) -> None:

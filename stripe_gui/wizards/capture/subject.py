@@ -18,6 +18,7 @@ from stripe_gui.presenters.capturing import (
     taken_names,
     unfinished,
 )
+from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.layout import boxed, card, column, label, row
 from stripe_gui.widgets.pattern_strip import PatternStrip
 from stripe_gui.workbench import Workbench
@@ -112,7 +113,7 @@ class SubjectStep(QWidget):
                 angle_deg=subject.angle_deg,
             )
         except StripeError as error:
-            return f"{error.seen[:1].upper()}{error.seen[1:]}: {error.remedy}."
+            return f"{sentence(error.seen)}: {error.remedy}."
         return ""
 
     def offer(self, project: Project) -> None:

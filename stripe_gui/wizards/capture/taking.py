@@ -15,6 +15,7 @@ from stripe_gui.jobs import Failure, Job
 from stripe_gui.presenters.capture import FrameView, load_frame
 from stripe_gui.presenters.capturing import Recording, Subject, retake, take
 from stripe_gui.presenters.failures import describe
+from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.finding_list import FindingList
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, button, column, label, row
@@ -200,7 +201,7 @@ class TakingStep(QWidget):
         self._end()
         told = describe(failure.error, failure.trace)
         self.bench.notify("error", told.happened, told.remedy, told.details)
-        self.words.setText(f"{told.happened[:1].upper()}{told.happened[1:]}: {told.remedy}.")
+        self.words.setText(f"{sentence(told.happened)}: {told.remedy}.")
         if self.report is not None:
             self.strip.set_all("taken")
         self._update()

@@ -6,6 +6,7 @@ from PySide6.QtGui import QHideEvent
 
 from core.errors import StripeError
 from core.pipeline.capture import virtual_rig
+from stripe_gui.jobs import JobQueue
 from stripe_gui.presenters.capturing import scene_for
 from stripe_gui.presenters.looking import Rig
 from stripe_gui.widgets.layout import scrolled
@@ -34,6 +35,7 @@ class CaptureWizard(Wizard):
             last=self.tr("Done"),
         )
         self.rig = Rig()
+        self._closing = JobQueue(self)  # of its own: what the next page looks at would take its place
         self._path = ""
         self.devices = DevicesStep(bench, self.rig)
         self.subject = SubjectStep(bench)
@@ -103,10 +105,10 @@ class CaptureWizard(Wizard):
         super().leave()
 
     def hideEvent(self, event: QHideEvent) -> None:  # noqa: N802
-        """Let the devices go."""
+        """Let the devices go; work under way has opened them for itself."""
         super().hideEvent(event)
-        if not (self.taking.running or self.checks.running):
-            self.bench.views.run(self.tr("Devices"), self.rig.close)
+        self.bench.views.cancel_all()
+        self._closing.run(self.tr("Devices"), self.rig.close)
 
     def _enter_subject(self) -> None:
         if self.devices.connection is not None:

@@ -14,6 +14,7 @@ from core.measure import measured_view, predicted_view
 from core.measure.view import View
 from core.model import Array, DeviceSpec, TargetSet
 from core.report import Number, Table
+from stripe_gui.presenters.words import sentence
 from stripe_gui.wizards.picking.model import Measurement, Picking, Target
 
 translate = QCoreApplication.translate
@@ -222,7 +223,7 @@ def question(model: Picking, view: PickingView, step: NextStep) -> tuple[str, st
         return text.format(k=number, n=len(model.wanted), target=target), does
     if model.target in view.targets:
         fate = str(view.table.rows[view.targets.index(model.target)][2])
-        return translate("Picking", "{target}: {fate}").format(target=target[0].upper() + target[1:], fate=fate), does
+        return translate("Picking", "{target}: {fate}").format(target=sentence(target), fate=fate), does
     return translate("Picking", "At work: {target}").format(target=target), does
 
 

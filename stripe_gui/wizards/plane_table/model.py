@@ -51,11 +51,11 @@ def plane_choices(folder: ProjectFolder) -> list[Choice]:
     for entry in folder.of_role("plane"):
         if entry.name not in evaluated:
             state = translate("PlaneTable", "not evaluated")
-        elif entry.changed_ns > at:
+        elif entry.recorded_ns > at:
             state = translate("PlaneTable", "changed since it was evaluated")
         else:
             state = translate("PlaneTable", "evaluated")
-        when = translate("PlaneTable", "captured {when}").format(when=_when(entry.changed_ns))
+        when = translate("PlaneTable", "captured {when}").format(when=_when(entry.recorded_ns))
         found.append(
             Choice(entry.name, f"{entry.name}   {angle_text(entry.capture.angle_deg)}".rstrip(), f"{when}, {state}")
         )
@@ -93,7 +93,7 @@ def is_evaluated(
     if view is None:
         return False
     at = written_ns(folder.result_file("evaluation.npz")) or 0
-    inputs = [entry.changed_ns for entry in folder.of_role("plane") if entry.name in captures]
+    inputs = [entry.recorded_ns for entry in folder.of_role("plane") if entry.name in captures]
     inputs += [written_ns(folder.result_file(f"{method}.npz")) or 0 for method in methods]
     made = {(e.capture, e.method) for e in view.evaluations if e.camera is not None}
     return made == {(c, m) for c in captures for m in methods} and max(inputs, default=0) <= at
