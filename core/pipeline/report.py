@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from core.atomic import check_place
 from core.errors import InputError
-from core.fields import Fields
+from core.fields import Fields, regular
 from core.figures import evaluation_figures
 from core.model import Adjustment, PlaneEvaluation, Project
 from core.pipeline.calibrate import load_calibrations
@@ -91,7 +91,7 @@ def load_sign_off(project: Project, evaluations: tuple[PlaneEvaluation, ...]) ->
     if not path.exists():
         return None
     try:
-        fields = Fields.of(json.loads(path.read_text(encoding="utf-8")), str(path))
+        fields = Fields.of(json.loads(regular(path).read_text(encoding="utf-8")), str(path))
     except (OSError, ValueError) as error:
         raise InputError(path, f"damaged ({error})", "delete it and sign again") from error
     if _figures(fields.items("signed"), path) != _figures(evaluation_figures(evaluations)["planes"], path):

@@ -49,7 +49,10 @@ def read_image(path: Path) -> Image:
         raise InputError(path, "the file is empty", _AGAIN)
     if data.startswith(_PNG):
         _check_png(path, data)
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:  # a header that claims more pixels than OpenCV takes
+        image = None
     if image is None:
         raise InputError(path, f"{len(data)} bytes that are not a whole PNG or TIFF image", _AGAIN)
     if image.dtype not in (np.uint8, np.uint16):

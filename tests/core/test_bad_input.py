@@ -68,6 +68,12 @@ def test_a_truncated_png(quick: Path, refused: Callable[..., str]) -> None:
     assert "testfield-07/011.png" in refused("calibrate", quick)
 
 
+def test_a_header_that_claims_more_pixels_than_there_are(quick: Path, refused: Callable[..., str]) -> None:
+    path = quick / "captures/plane+00/003.png"
+    path.write_bytes(b"P5 100000 100000 255\n" + bytes(1000))
+    assert "003.png: 1021 bytes" in refused("decode", quick / "captures/plane+00", "--out", quick / "f.npz")
+
+
 def test_an_unknown_pattern_kind(quick: Path, refused: Callable[..., str], edit_json: Edit) -> None:
     capture = quick / "captures/plane+00"
     edit_json(capture / "capture.json", frames=[{"file": "000.png", "pattern": {"kind": "moire"}}])
