@@ -18,7 +18,7 @@ from core.decode.plan import plan_axis
 from core.decode.rim import drop_rim
 from core.decode.sample import check_duplicates, full_scale, limits_of, measure_fading, measure_noise, take_sample
 from core.decode.sections import decode_sections, section_scratch
-from core.decode.tables import SWEEP, AxisTable, Rows, axis_table, image_row, make_rows, no_axis
+from core.decode.tables import SWEEP, AxisTable, Limits, Rows, axis_table, image_row, make_rows, no_axis
 from core.errors import InputError
 from core.model import PhaseMap
 from core.parallel import run_in_bands
@@ -85,17 +85,7 @@ def decode(
         sequence = _prepare(tuple(patterns), lines)
     except InputError as error:
         raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
-    tables = sequence.tables
-    sample = take_sample(arrays)
-    check_duplicates(sequence.frames, sample, where)
-    measured = [n for table in tables for n in (*table.phase_frames, *table.line_frames)]
-    saturation = full_scale(arrays, tuple(measured), sample, options)
-    noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, arrays)
-    limits = limits_of(noise, saturation, options)
-    x, y = (measure_fading(table, sample, noise) for table in tables)
-    sharp_x, sharp_y = sequence.spectra
-    tables = (measure_bend(x, sharp_x, sample, noise), measure_bend(y, sharp_y, sample, noise))
-
+    limits, tables = _measure(sequence, arrays, options, where)
     height, width = arrays[0].shape
     planes = np.empty((6, height * width), np.float32)  # one block, large enough for large pages
     place, sigma, modulation, image = planes[:2], planes[2:4], planes[4], planes[5]
@@ -125,6 +115,22 @@ def decode(
         if any(met >> axis & 1 for met in at_rim):
             drop_rim(coordinate, s, flags, float(tables[axis].lines), float(tables[axis].rim), missing)
     return PhaseMap(u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags)
+
+
+def _measure(
+    sequence: _Prepared, images: Sequence[Image], options: DecodeOptions, where: str
+) -> tuple[Limits, tuple[AxisTable, AxisTable]]:
+    """What a sample of the grey values tells: the thresholds, and how the stripes of both axes are blurred."""
+    sample = take_sample(images)
+    check_duplicates(sequence.frames, sample, where)
+    measured = [n for table in sequence.tables for n in (*table.phase_frames, *table.line_frames)]
+    saturation = full_scale(images, tuple(measured), sample, options)
+    noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images)
+    x, y = (
+        measure_bend(measure_fading(table, sample, noise), sharp, sample, noise)
+        for table, sharp in zip(sequence.tables, sequence.spectra, strict=True)
+    )
+    return limits_of(noise, saturation, options), (x, y)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ where the camera adds an offset to its grey values, for the offset is without sh
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +18,8 @@ from core.decode.tables import Singles, fundamental
 
 Array = NDArray[np.float64]
 
-BINS = 12  # of grey values
-LEAST = 50  # residuals in a bin that tell a variance
+BINS = 12  # of grey values, with the same number of residuals each
+LEAST = 50  # residuals that tell a variance
 LOWEST = 0.5  # the noise is never taken below this part of the least seen
 TINY = 1e-12
 MEDIAN_OF_SQUARE = 0.45494  # of a normal deviate
@@ -34,7 +33,7 @@ class Noise(NamedTuple):
     shot: float
     floor: float
 
-    def variance(self, level: Array) -> Array:
+    def variance(self, level: NDArray[np.floating]) -> NDArray[np.floating]:
         """Give the variance at grey values, same shape."""
         return np.maximum(self.dark + self.shot * level, self.floor)
 
@@ -127,39 +126,30 @@ def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
     floor = quantum * quantum / 12
     if len(residual) < BINS:
         return Noise(floor, 0.0, floor)
-    square, low, high = np.square(residual), float(level.min()), float(level.max())
-    number = ((level - low) * ((BINS - 0.001) / max(high - low, TINY))).astype(np.int8)
-    order = np.argsort(number, kind="stable")
-    square, level = square[order], level[order]
-    ends = np.cumsum(np.bincount(number, minlength=BINS)).tolist()
-    bins: list[tuple[float, float, float]] = []
-    for start, stop in pairwise([0, *ends]):
-        if stop - start >= LEAST:
-            mean = float(level[start:stop].mean())
-            bins.append((_robust_variance(square[start:stop], floor), mean, float(stop - start)))
-    if not bins:
-        return Noise(_robust_variance(square, floor), 0.0, floor)
-    variance, where, count = np.array(bins).T
-    return _fit(variance, where, count, floor)
+    bins = min(len(residual) // LEAST, BINS) or 1
+    by_level = np.argsort(level)[len(level) % bins :].reshape(bins, -1)
+    return _fit(_robust_variances(residual[by_level], floor), level[by_level].mean(axis=1, dtype=float), floor)
 
 
-def _robust_variance(square: Array, floor: float) -> float:
-    """Mean square without the outliers beyond four standard deviations."""
-    ordered = np.sort(square)
-    middle, sums = len(ordered) // 2, np.cumsum(ordered, dtype=float)
-    variance = max(float(ordered[middle] + ordered[-1 - middle]) / 2 / MEDIAN_OF_SQUARE, floor)
+def _robust_variances(residual: Array, floor: float) -> Array:
+    """Mean squares of the rows without the outliers beyond four standard deviations."""
+    square = np.sort(np.square(residual), axis=1)
+    middle = square.shape[1] // 2
+    half = (square[:, middle] + square[:, -1 - middle]) / 2
+    variance = np.maximum(half.astype(float) / MEDIAN_OF_SQUARE, floor)
+    sums = np.cumsum(square, axis=1, dtype=float)
     for _ in range(3):
-        inner = int(np.searchsorted(ordered, 16 * variance, "right"))
-        variance = max(float(sums[inner - 1]) / inner, floor)
+        inner = np.count_nonzero(square <= 16 * variance[:, None], axis=1)
+        variance = np.maximum(np.take_along_axis(sums, inner[:, None] - 1, axis=1)[:, 0] / inner, floor)
     return variance
 
 
-def _fit(variance: Array, level: Array, count: Array, floor: float) -> Noise:
+def _fit(variance: Array, level: Array, floor: float) -> Noise:
     """Weighted straight line through variances, not falling.
 
     The weights follow from the line itself: those from the variances found would favour what is small by chance.
     """
-    weight, noise = count, Noise(floor, 0.0, floor)
+    weight, noise = np.ones(len(level)), Noise(floor, 0.0, floor)
     least = max(floor, LOWEST * float(variance.min()))
     for _ in range(3):
         total = float(weight.sum())
@@ -168,7 +158,7 @@ def _fit(variance: Array, level: Array, count: Array, floor: float) -> Noise:
         slope = float(away @ (variance - mean_variance)) / max(float(away @ (level - mean_level)), TINY * total)
         slope = max(slope, 0.0)
         noise = Noise(mean_variance - slope * mean_level, slope, least)
-        weight = count / np.square(noise.variance(level))
+        weight = 1 / np.square(noise.variance(level))
     return noise
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from core.decode.frames import Image, LineFrames, Numbers, SortedFrames
 from core.decode.noise import LEAST, MEDIAN_OF_SQUARE, Noise, estimate_noise, spatial_residual
 from core.decode.options import DecodeOptions
-from core.decode.tables import Array, AxisTable, Limits, Singles, image_row
+from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, sums_of
 from core.errors import InputError
 from core.parallel import run_in_bands
 
@@ -26,7 +26,8 @@ def take_sample(images: Sequence[Image]) -> Singles:
     step = max(1, int(np.sqrt(height * width / SAMPLE)))
     across = min(step, 4)  # neighbours share cache lines: rather fewer rows
     down = max(1, min(height // 16, step * step // across))
-    return np.stack([image[down // 2 :: down, ::across].ravel() for image in images]).astype(np.float32)
+    sample = np.stack([image[down // 2 :: down, ::across] for image in images])
+    return sample.reshape(len(images), -1).astype(np.float32)
 
 
 def check_duplicates(frames: SortedFrames, sample: Singles, where: str) -> None:
@@ -144,16 +145,14 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
     bits = len(table.sign)
     if bits == 0:
         return table
-    factors = np.zeros((len(table.rows.first) - 1, len(sample)), np.float32)
-    factors[np.repeat(np.arange(len(factors)), np.diff(table.rows.first)), table.rows.column] = table.rows.value
-    values = np.einsum("rf,fn->rn", factors, np.ascontiguousarray(sample[:, ::4]))
-    raw = values[-bits:]
-    threshold = values[0]
+    threshold, contrast, *bit_sums = sums_of(table.rows, sample[:, ::4])
+    raw = np.stack(bit_sums)
     if not table.has_threshold:
         shown = -np.where(table.sign == 0, -1, table.sign)[:, None] * raw
         threshold = (shown.max(axis=0) + shown.min(axis=0)) / 2
     raw = np.abs(raw + table.sign[:, None] * threshold)
-    contrast = values[1] if table.has_contrast else raw.max(axis=0)
+    if not table.has_contrast:
+        contrast = raw.max(axis=0)
     lit = contrast > 5 * np.sqrt(noise.variance(threshold))
     if lit.sum() < 100:
         return table
@@ -161,6 +160,5 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
     share = np.einsum("rn,n->r", raw, lit / np.maximum(contrast, LEAST_CONTRAST)) / lit.sum()
     alone = not table.has_contrast and len(table.period) == 0
     usual = np.median(contrast[lit] / np.maximum(threshold[lit], 1)) if alone else 0
-    return table._replace(
-        fading=np.clip(1.5 * share, 0.2, 1.0).astype(np.float32), least_contrast=np.float32(USUAL * usual)
-    )
+    fading = np.minimum(np.maximum(1.5 * share, 0.2), 1.0).astype(np.float32)
+    return table._replace(fading=fading, least_contrast=np.float32(USUAL * usual))
