@@ -1641,6 +1641,10 @@
 <context>
     <name>Histogram</name>
     <message>
+        <source>deviation [{unit}]; the outermost steps hold all beyond</source>
+        <translation>Abweichung [{unit}]; die äußersten Stufen enthalten alles darüber hinaus</translation>
+    </message>
+    <message>
         <source>deviation [{unit}]</source>
         <translation>Abweichung [{unit}]</translation>
     </message>

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
 from core.errors import StripeError
@@ -34,6 +35,7 @@ class CalibratePage(Page):
         self.run_button.setToolTip(self.tr("Decode, measure and calibrate in the background (F5)."))
         self.form = CalibrateForm(detail=False)
         self.nothing = label("", "muted", wrap=True)
+        self.nothing.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.results = CalibrationResults(bench)
         right = column(self.nothing, self.results)
         right.setStretch(1, 1)

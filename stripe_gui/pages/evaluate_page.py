@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QTabWidget
 
 from stripe_gui.pages.page import Page
@@ -31,6 +32,7 @@ class EvaluatePage(Page):
         self.run_button = self.add_button(self.tr("Evaluate"), self.run, "run", primary=True)
         self.run_button.setToolTip(self.tr("Judge every plane capture by every calibration (F5)."))
         self.nothing = label("", "muted", wrap=True)
+        self.nothing.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.tabs = QTabWidget()
         self.tabs.setAccessibleName(self.tr("Results of the evaluation"))
         self.tabs.setDocumentMode(True)

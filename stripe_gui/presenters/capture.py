@@ -13,6 +13,7 @@ from core.patterns import Black, Code, Line, Pattern, Phase, White
 from core.progress import SILENT, Progress
 from core.project import read_image
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
+from stripe_gui.presenters.words import signed
 
 translate = QCoreApplication.translate
 
@@ -59,9 +60,9 @@ def _row(entry: CaptureEntry) -> CaptureRow:
         return CaptureRow(entry.name, "", translate("Capture", "cannot be read"), str(entry.error))
     parts = [role_name(capture.role)]
     if capture.z_mm is not None:
-        parts.append(f"{capture.z_mm:+g} mm")
+        parts.append(signed(capture.z_mm, " mm"))
     if capture.angle_deg is not None:
-        parts.append(f"{capture.angle_deg:+g}°")
+        parts.append(signed(capture.angle_deg, "°"))
     if capture.testfield is not None and capture.role == "testfield":
         picks = translate("Capture", "{n} picks") if capture.seeds else translate("Capture", "no picks yet")
         parts.append(picks.format(n=len(capture.seeds)))

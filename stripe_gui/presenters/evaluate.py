@@ -13,6 +13,7 @@ from core.progress import SILENT, Progress
 from core.report import ReportData, Table, tables
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.status import method_name
+from stripe_gui.presenters.words import signed
 
 translate = QCoreApplication.translate
 Pair = tuple[float, float]
@@ -78,9 +79,7 @@ def angle_text(angle_deg: float | None) -> str:
     >>> angle_text(-15.0), angle_text(0.0)
     ('-15°', '0°')
     """
-    if angle_deg is None:
-        return ""
-    return f"{angle_deg:+g}°" if angle_deg else "0°"
+    return "" if angle_deg is None else signed(angle_deg, "°")
 
 
 def reading(view: EvaluationView, capture: str, u: float, v: float) -> str:

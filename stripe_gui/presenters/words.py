@@ -1,4 +1,4 @@
-"""How texts of the core become sentences in the window."""
+"""How texts and numbers of the core are written in the window."""
 
 from __future__ import annotations
 
@@ -15,3 +15,14 @@ def sentence(text: str) -> str:
     """
     first = text.split(" ", 1)[0].rstrip(",;")
     return f"{text[:1].upper()}{text[1:]}" if first.isalpha() else text
+
+
+def signed(value: float, unit: str) -> str:
+    """Give a number with its sign, zero without.
+
+    Examples
+    --------
+    >>> signed(-15.0, "°"), signed(0.0, " mm")
+    ('-15°', '0 mm')
+    """
+    return f"{value:+g}{unit}" if value else f"0{unit}"

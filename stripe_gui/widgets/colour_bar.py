@@ -16,6 +16,7 @@ class ColourBar(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._scale, self._levels, self._unit = "grey", (0.0, 1.0), ""
+        self._least = 0.0  # between two numbers
         self._marked: float | None = None
         self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Expanding)
         self.setMinimumHeight(90)
@@ -26,9 +27,9 @@ class ColourBar(QWidget):
         widest = max([metrics.horizontalAdvance(t) for t in (*self._labels().values(), self._unit)], default=0)
         return QSize(max(24 + widest + 8, 64), 200)
 
-    def show_scale(self, scale: str, levels: tuple[float, float], unit: str) -> None:
-        """Show a scale between two values."""
-        self._scale, self._levels, self._unit = scale, levels, unit
+    def show_scale(self, scale: str, levels: tuple[float, float], unit: str, *, least: float = 0.0) -> None:
+        """Show a scale between two values, numbered no finer than by `least`."""
+        self._scale, self._levels, self._unit, self._least = scale, levels, unit, least
         self._marked = None
         self.setAccessibleName(
             self.tr("Colour scale from {a:g} to {b:g} {unit}").format(a=levels[0], b=levels[1], unit=unit)
@@ -43,7 +44,7 @@ class ColourBar(QWidget):
             self.update()
 
     def _labels(self) -> dict[float, str]:
-        ticks = nice_ticks(*self._levels)
+        ticks = nice_ticks(*self._levels, least=self._least)
         signed = self._scale == "deviation"
         texts = [f"{t:+g}" if signed and t else f"{t:g}" for t in ticks]
         return dict(zip(ticks, texts, strict=True))

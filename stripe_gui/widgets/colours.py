@@ -36,18 +36,20 @@ def lookup(name: str) -> NDArray[np.uint8]:
     )
 
 
-def nice_ticks(low: float, high: float, most: int = 6) -> list[float]:
-    """Give round numbers between two limits, `most` at most.
+def nice_ticks(low: float, high: float, most: int = 6, *, least: float = 0.0) -> list[float]:
+    """Give round numbers between two limits, `most` at most and `least` apart at the least.
 
     Examples
     --------
     >>> nice_ticks(0, 255, 6)
     [0.0, 50.0, 100.0, 150.0, 200.0, 250.0]
+    >>> nice_ticks(0, 2, least=1)
+    [0.0, 1.0, 2.0]
     """
     span = high - low
     if not np.isfinite(span) or span <= 0:
         return [low]
-    raw = span / most
+    raw = max(span / most, least)
     size = 10.0 ** np.floor(np.log10(raw))
     step = next(size * m for m in (1, 2, 2.5, 5, 10) if size * m >= raw)
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)

@@ -62,8 +62,5 @@ class CoverageView(QWidget):
         points = pg.ScatterPlotItem(
             x=device.uv[:, 0], y=device.uv[:, 1], pxMode=True, size=2, pen=None, brush=pg.mkBrush("#ffffffa0")
         )
-        width, height = device.size
-        u, v = np.array([[0, 1, 1, 0, 0], [0, 0, 1, 1, 0]]) * [[width], [height]] - 0.5
-        frame = pg.PlotCurveItem(u, v, pen=pg.mkPen(theme.current().faint, width=1))
-        for item in (frame, points, around, edge):
+        for item in (points, around, edge):
             view.add_item(item)

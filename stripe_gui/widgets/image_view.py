@@ -9,7 +9,7 @@ import pyqtgraph as pg
 from numpy.typing import ArrayLike, NDArray
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QKeyEvent, QMouseEvent
-from PySide6.QtWidgets import QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGraphicsRectItem, QSizePolicy, QVBoxLayout, QWidget
 
 from stripe_gui import theme
 from stripe_gui.widgets.colour_bar import ColourBar
@@ -112,8 +112,10 @@ class ImageView(QWidget):
         self._with_bar = bar
         self.readout = label("", "muted")
         self.readout.setAccessibleName(self.tr("Value under the cursor"))
+        self.outline = QGraphicsRectItem()  # dark images and maps with gaps do not show where they end
+        self.add_item(self.outline)
         self._image: NDArray | None = None
-        self._unit, self._digits = "", 1
+        self._unit, self._digits, self._signed = "", 1, False
         self._extra: Callable[[int, int], str] | None = None
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -159,8 +161,10 @@ class ImageView(QWidget):
         before = None if self._image is None else self._image.shape
         self._image = None if image is None else np.asarray(image)
         self._unit, self._digits, self._extra = unit, digits, extra
+        self._signed = levels[0] < 0
         if self._image is None:
             self.image_item.clear()
+            self.outline.setRect(QRectF())
             self.bar.hide()
             self._say(None)
             return
@@ -172,8 +176,9 @@ class ImageView(QWidget):
             self.image_item.setImage(self._image, autoLevels=False, levels=levels)
         height, width = self._image.shape
         self.image_item.setRect(QRectF(-0.5, -0.5, width, height))
+        self.outline.setRect(QRectF(-0.5, -0.5, width, height))
         self.bar.setVisible(self._with_bar)
-        self.bar.show_scale(scale, levels, unit)
+        self.bar.show_scale(scale, levels, unit, least=10.0**-digits)
         if before != self._image.shape:
             self.fit()
 
@@ -226,7 +231,7 @@ class ImageView(QWidget):
             return
         u, v = at
         value = self.value_at(u, v)
-        sign = "+" if self._unit == "mm" else ""
+        sign = "+" if self._signed else ""
         number = self.tr("no value") if value is None else f"{value:{sign}.{self._digits}f} {self._unit}".rstrip()
         height, width = self._image.shape
         inside = -0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5
@@ -236,6 +241,7 @@ class ImageView(QWidget):
 
     def _colour(self) -> None:
         self.canvas.setBackground(QColor(theme.current().canvas))
+        self.outline.setPen(pg.mkPen(theme.current().faint, width=1))
 
     def changeEvent(self, event: QEvent) -> None:  # noqa: N802
         """Follow the theme."""

@@ -46,7 +46,7 @@ class PointMap(QWidget):
         self.summary = label("", "muted", wrap=True)
         self.readout = label(" ", "muted")
         self.table = ResultTable(self.tr("Object points"), titled=False)
-        self.table.setFixedWidth(430)
+        self.table.hide()  # until there is room: what is never shown would make the window wide
         self.table.row_chosen.connect(self._point)
         self._shown: PointSigmas | None = None
         picture = column(
@@ -80,6 +80,7 @@ class PointMap(QWidget):
         ]
         columns = (self.tr("point"), "σX [µm]", "σY [µm]", "σZ [µm]", self.tr("images"))
         self.table.show_table(Table("", columns, tuple(rows)))
+        self.table.fit_width()
         low, high = shown.xyz_mm[:, :2].min(axis=0), shown.xyz_mm[:, :2].max(axis=0)
         self.canvas.box.setRange(QRectF(*low, *(high - low)), padding=0.06)
         rms = np.sqrt(np.mean(shown.sigma_um**2, axis=0))

@@ -103,6 +103,7 @@ class ResultTable(QWidget):
         self.view.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         self.view.horizontalHeader().setHighlightSections(False)
         self.view.horizontalHeader().setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
+        self.view.horizontalHeader().sortIndicatorChanged.connect(self._make_room)
         self.view.selectionModel().currentRowChanged.connect(self._choose)
         copy = QShortcut(QKeySequence.StandardKey.Copy, self.view, context=Qt.ShortcutContext.WidgetShortcut)
         copy.activated.connect(self.copy)
@@ -123,13 +124,21 @@ class ResultTable(QWidget):
         self.notes.setText("\n".join(table.notes))
         self.notes.setVisible(bool(table.notes))
         self.view.setAccessibleDescription(table.title)
+        header = self.view.horizontalHeader()
+        header.setSortIndicatorShown(False)  # else every column keeps room for the arrow that one of them may show
         self.view.resizeColumnsToContents()
+        header.setSortIndicatorShown(True)
 
     def fit_height(self, most: int = 14) -> None:
         """Make the view as high as its rows, `most` rows at most."""
         rows = min(self.model.rowCount(), most)
         height = self.view.horizontalHeader().sizeHint().height() + 28 * rows + 6
         self.view.setFixedHeight(height + self.view.horizontalScrollBar().sizeHint().height())
+
+    def fit_width(self) -> None:
+        """Make the table as wide as its columns."""
+        room = self.view.verticalScrollBar().sizeHint().width() + 2 * self.view.frameWidth()
+        self.setFixedWidth(self.view.horizontalHeader().length() + room)
 
     def choose_row(self, row: int) -> None:
         """Select a row of the table."""
@@ -149,6 +158,11 @@ class ResultTable(QWidget):
             cells = [self._sorted.index(i, j).data() for j in range(self._sorted.columnCount())]
             lines.append("\t".join(cells))
         QGuiApplication.clipboard().setText("\n".join(lines))
+
+    def _make_room(self, column: int) -> None:
+        """Show a column's name beside the arrow of its order."""
+        if column >= 0:
+            self.view.resizeColumnToContents(column)
 
     def _choose(self, current: QModelIndex, _previous: QModelIndex) -> None:
         if current.isValid():

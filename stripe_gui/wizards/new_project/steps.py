@@ -212,7 +212,7 @@ class RigStep(QWidget):
         grid.setColumnStretch(1, 1)
         grid.setColumnStretch(2, 1)
         left = boxed(column(self.preset, grid, None, spacing=10))
-        left.setFixedWidth(FORM_WIDTH + 20)
+        left.setFixedWidth(FORM_WIDTH + 40)
         frame, layout = card()
         layout.addWidget(self.sketch, 1)
         layout.addWidget(self.figures)

@@ -342,7 +342,9 @@ def choose_body(planes: CheckList, calibrations: CheckList, state: QWidget, work
         boxed(column(label(calibrations.accessibleName(), "heading"), calibrations, spacing=8)),
         spacing=20,
     )
-    layout = column(lists, row(state, None, work))
+    below = row(state, work)
+    below.setStretchFactor(state, 1)
+    layout = column(lists, below)
     layout.setContentsMargins(0, 8, 0, 0)
     body = QWidget()
     body.setLayout(layout)

@@ -44,7 +44,6 @@ class PlaneTableWizard(Wizard):
         for found in (self.planes, self.calibrations):
             found.ticked.connect(self._choice_changed)
         self.state = label("", "muted", wrap=True)
-        self.state.setMinimumWidth(260)
         self.maps = DeviationMaps()
         maps = boxed(column(self.maps))
         maps.layout().setContentsMargins(0, 8, 0, 0)
