@@ -1,8 +1,8 @@
 # stripe workbench: `make demo` runs the whole experiment, `make test` the tests; both set up what they need first.
 PYTHON ?= python3
 VENV   := .venv
+BUNDLE := .bundle-venv
 BIN    := $(VENV)/bin
-STAMP  := $(VENV)/.ready
 OUT    ?= demo
 
 # small matrices: the threads of the linear algebra would only spin beside our own
@@ -11,18 +11,23 @@ export OPENBLAS_NUM_THREADS ?= 1
 .PHONY: help setup demo test check bench bundle pictures clean
 
 help:
-	@echo "make setup   the environment in $(VENV) (a second call is quick)"
-	@echo "make demo    the whole experiment on the virtual bench, to a report in $(OUT)/results/report"
-	@echo "make test    all tests"
-	@echo "make check   ruff, formatting and types"
-	@echo "make bench   benchmarks against peers, to a table and plots in bench-results"
-	@echo "make bundle  a folder that runs without Python, built and tried, in dist/stripe-workbench"
+	@echo "make setup     the environment in $(VENV) (a second call is quick)"
+	@echo "make demo      the whole experiment on the virtual bench, to a report in $(OUT)/results/report"
+	@echo "make test      all tests"
+	@echo "make check     ruff, formatting and types"
+	@echo "make bench     benchmarks against peers, to a table and plots in bench-results"
+	@echo "make bundle    a folder that runs without Python, built and tried, in dist/stripe-workbench"
 	@echo "make pictures  the pictures of the help, from the finished project in $(OUT)"
+	@echo "make clean     remove the environments and all that was built; $(OUT) and bench-results stay"
 
-setup: $(STAMP)
+setup: $(VENV)/.ready
+	@:
 
-$(STAMP): pyproject.toml packaging/setup.sh
-	@sh packaging/setup.sh $(PYTHON) $(VENV)
+# an environment, and what it is for: an extra of pyproject.toml
+$(VENV)/.ready: EXTRA = dev
+$(BUNDLE)/.ready: EXTRA = bundle
+$(VENV)/.ready $(BUNDLE)/.ready: pyproject.toml packaging/setup.sh
+	@sh packaging/setup.sh $(PYTHON) $(@D) $(EXTRA)
 	@touch $@
 
 demo: setup
@@ -43,12 +48,12 @@ bench: setup
 	@echo "Installing the peers into .bench-venv, then all side by side: six to seven minutes if nothing else runs."
 	@$(BIN)/python -m tests.benchmarks
 
-bundle: setup
-	@echo "Building the bundle in .bundle-venv, then trying it: about ten minutes."
-	@$(BIN)/python packaging/bundle.py
+bundle: $(BUNDLE)/.ready
+	@echo "Putting the bundle together, then trying it: about five minutes."
+	@$(BUNDLE)/bin/python packaging/bundle.py
 
 pictures: setup
 	@$(BIN)/python packaging/pictures.py $(OUT)
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(BUNDLE) .bench-venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache

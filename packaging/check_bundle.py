@@ -18,10 +18,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.metadata import distributions
 from pathlib import Path
 
 import cv2
 import numpy as np
+from PyInstaller.archive.readers import CArchiveReader
 
 GERMAN = {"LANG": "de_DE.UTF-8"}
 PARAMETERS = ("c_mm", "x0_mm", "y0_mm", "A1", "A2", "A3", "A4", "A5", "A6")
@@ -212,6 +214,36 @@ def check_window_on_a_screen(bundle: Bundle) -> str:
     return f"window on a screen: {count} pictures of its own experiment, started in {seconds:.1f} s"
 
 
+def check_batch(bundle: Bundle) -> str:
+    """Many captures on worker processes, which are the bundle's own program again."""
+    summary = bundle.figures("batch", bundle.work / "project", "--out", bundle.work / "batch", "--workers", 2)
+    captures = len(summary["captures"])
+    expect(0 < captures == summary["done"], f"{summary['done']} of {captures} captures are done")
+    return f"batch: {captures} captures on two worker processes"
+
+
+def check_licences(bundle: Bundle) -> str:
+    """All that lies in the bundle is in the index of licences, with a text: told by its files, not as it was built."""
+    folder = bundle.folder / "licences"
+    rows = (folder / "INDEX.txt").read_text().partition("\n\n")[2].partition("\n\n")[2].splitlines()
+    listed = {row.split()[0] for row in rows}
+    empty = sorted(name for name in listed if not any(path.is_file() for path in (folder / name).rglob("*")))
+    expect(not empty, f"without a text of their licence: {empty}")
+    internal = bundle.folder / "_internal"
+    owners = {str(f).split("/")[0].split(".py")[0]: p.name for p in distributions() for f in p.files or []}
+    modules = CArchiveReader(str(bundle.folder / "stripe-core")).open_embedded_archive("PYZ.pyz").toc
+    parts = {name.split(".")[0] for name in modules} | {path.name.split(".py")[0] for path in internal.iterdir()}
+    missing = sorted(part for part in parts if part in owners and owners[part] not in listed)
+    # the libraries beside them are Debian's, but for Python's
+    libraries = {path.name for path in internal.glob("*.so*") if not path.is_symlink()}
+    for library in sorted(name for name in libraries if not name.startswith("libpython")):
+        told = subprocess.run(["dpkg-query", "-S", f"*/{library}"], capture_output=True, text=True, check=False).stdout
+        packages = {line.split(":")[0] for line in told.splitlines()}
+        missing += [] if packages & listed else [library]
+    expect(not missing, f"not in the index of licences: {missing}")
+    return f"licences: {len(listed)} parts with their texts, for {len(parts)} modules and {len(libraries)} libraries"
+
+
 @contextmanager
 def screen(bundle: Bundle) -> Iterator[tuple[str, Path]]:
     """Give a virtual screen's name, and the file that holds what it shows."""
@@ -271,7 +303,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="leave the reference experiment out, some minutes")
     options = parser.parse_args()
     checks = [check_commands, check_wrong_input, check_experiment, check_kernels]
-    checks += [check_german_window, check_window_on_a_screen, check_installing]
+    checks += [check_batch, check_licences, check_german_window, check_window_on_a_screen, check_installing]
     checks += [] if options.quick else [check_reference]
     with tempfile.TemporaryDirectory(prefix="bundle-") as temporary:
         bundle = Bundle(options.folder.resolve(), Path(temporary))

@@ -4,8 +4,10 @@ One file under two names: numba's cache belongs to a program's content, so kerne
 """
 
 import sys
+from multiprocessing import freeze_support
 from pathlib import Path
 
+freeze_support()  # a process of `stripe-core batch` goes its own way here
 if Path(sys.executable).name == "stripe-gui":
     from stripe_gui.__main__ import main
 else:

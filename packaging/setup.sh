@@ -1,8 +1,10 @@
 #!/bin/sh
-# Make the environment: packaging/setup.sh PYTHON FOLDER. Needs a Python from 3.11 on; says what is missing and how to get it.
+# Make an environment: packaging/setup.sh PYTHON FOLDER EXTRA. Needs a Python from 3.11 on; says what is missing and how
+# to get it. EXTRA names what the environment is for, in pyproject.toml.
 set -eu
 python=$1
 venv=$2
+extra=$3
 
 # Debian packages: the libraries the window loads, on a screen and without one, and the virtual screen of one test
 libraries="libgl1 libegl1 libxkbcommon0 libfontconfig1 libglib2.0-0 libdbus-1-3
@@ -37,5 +39,5 @@ if [ -n "$missing" ]; then
 fi
 
 echo "setup: making the environment in $venv (a minute or two the first time)"
-[ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+"$venv/bin/python" -m pip --version >/dev/null 2>&1 || "$python" -m venv "$venv"
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check -e ".[$extra]"

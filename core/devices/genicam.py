@@ -200,5 +200,7 @@ def _new_harvester(name: str) -> Any:
     try:
         from harvesters.core import Harvester
     except ImportError as error:
-        raise DeviceError(name, "the package harvesters is missing", "install it: pip install harvesters") from error
+        raise DeviceError(
+            name, "the package harvesters is missing", "pip install harvesters; a bundle cannot have it"
+        ) from error
     return Harvester()
