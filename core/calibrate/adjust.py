@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,17 @@ from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
 from core.calibrate.problem import Problem, State, problem_of, reweighted, station_orientations
+from core.calibrate.robust import misfits, robust_state
 from core.calibrate.selection import adjustable, check_network, selected
-from core.calibrate.snooping import gross_errors, normalised_residuals, outlier_warning
+from core.calibrate.snooping import (
+    far_off,
+    far_off_error,
+    gross_errors,
+    masked,
+    normalised_residuals,
+    outlier_warning,
+    sizes,
+)
 from core.calibrate.weakness import check_estimable, geometry_warnings, singular_error, unsolved_error
 from core.errors import AdjustmentError
 from core.geometry import Pose
@@ -43,6 +53,7 @@ class Solved:
     redundancy_numbers: Array
     convergence: tuple[float, ...]
     factors: dict[str, float]
+    weaknesses: tuple[str, ...] = ()
 
     @property
     def variance(self) -> float:
@@ -89,31 +100,27 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
         )
     progress(0.0, "initial values")
     state = initial_state(network, problem)
-    solved = _solve(network, problem, state, options, progress.part(0.1, 0.8))
     rejected = 0
-    while options.reject_beyond is not None:
+    while True:
+        solved, lost, more = _solve_despite(network, problem, state, options, progress.part(0.1, 0.9))
+        rejected += lost
+        warnings += more
+        if options.reject_beyond is None:
+            break
         bad = gross_errors(solved.problem, solved.equations, solved.redundancy_numbers, options.reject_beyond)
         if not len(bad):
             break
         rejected += len(bad)
-        keep = np.ones(len(problem.point), bool)
-        keep[solved.problem.order[bad]] = False
-        network, more = adjustable(selected(solved.network, keep))
+        network, problem, state, more = _without(solved.network, solved.problem, solved.state, bad)
         warnings += more
-        problem = problem_of(network)
-        solved = _solve(network, problem, _carried(solved, network, problem), options, progress.part(0.8, 0.9))
     if rejected:
         warnings.append(
             f"{rejected} of {rejected + len(solved.problem.point)} observations rejected as gross errors "
             f"(normalised residual above {options.reject_beyond:g})"
         )
-    warnings += check_estimable(network, solved.problem, solved.state, solved.equations, solved.inverse)
+    warnings += solved.weaknesses
     warnings += geometry_warnings(solved.problem, solved.state)
-    warnings += outlier_warning(
-        solved.network,
-        solved.problem,
-        normalised_residuals(solved.problem, solved.equations, solved.redundancy_numbers),
-    )
+    warnings += outlier_warning(solved.network, solved.problem, _sizes_of_errors(solved))
     progress(1.0, "adjusted")
     return solved, warnings
 
@@ -125,28 +132,75 @@ def weighted_problem(network: Network, factors: Mapping[str, float]) -> Problem:
     return reweighted(problem, roots[problem.device][:, None])
 
 
-def _carried(solved: Solved, network: Network, problem: Problem) -> State:
-    """Give the state of a solution to a smaller network."""
-    old = solved.network
-    points = [old.point_names.index(name) for name in network.point_names]
-    poses = [old.station_pose.index(p) for p in network.station_pose]
-    pose_index = np.empty(problem.poses, np.int64)
-    pose_index[problem.station_pose] = solved.problem.station_pose[poses]
-    shift = problem.origin_mm - solved.problem.origin_mm
-    s = solved.state
-    R = s.pose_rotation[pose_index]
-    return State(
-        s.interior,
-        s.relative_rotation,
-        s.relative_shift,
-        R,
-        s.pose_shift[pose_index] + R @ shift,
-        s.xyz[points] - shift,
+def _solve_despite(
+    network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress
+) -> tuple[Solved, int, list[str]]:
+    """Solve, where gross errors lead least squares astray from a robust solution or, if rejecting, without them.
+
+    Returns
+    -------
+    solved : Solved
+    lost : int
+        Number of observations left out.
+    warnings : list of str
+        Points and stations left out with them.
+
+    Raises
+    ------
+    AdjustmentError
+        Naming the gross errors if they alone keep it from being solved.
+    """
+    try:
+        return _solve(network, problem, state, options, progress), 0, []
+    except AdjustmentError as failure:
+        try:
+            robust = robust_state(problem, state)
+            bad, misfit = far_off(problem, robust)
+            if not len(bad):
+                raise failure
+            if options.reject_beyond is None:
+                with suppress(AdjustmentError):
+                    return _solve(network, problem, robust, options, progress), 0, []
+            smaller, rest, start, warnings = _without(network, problem, robust, bad)
+            solved = _solve(smaller, rest, start, options, progress)
+        except (SingularNormalsError, AdjustmentError):
+            raise failure from None
+        if options.reject_beyond is None:
+            raise far_off_error(network, problem, bad, misfit) from None
+        return solved, len(bad), warnings
+
+
+def _without(
+    network: Network, problem: Problem, state: State, bad: NDArray[np.int64]
+) -> tuple[Network, Problem, State, list[str]]:
+    """Leave out observations, numbered as in the problem, and what cannot be adjusted without them."""
+    keep = np.ones(len(problem.point), bool)
+    keep[problem.order[bad]] = False
+    smaller, warnings = adjustable(selected(network, keep))
+    rest = problem_of(smaller)
+    number = {name: k for k, name in enumerate(network.point_names)}
+    points = [number[name] for name in smaller.point_names]
+    poses = [network.station_pose.index(p) for p in smaller.station_pose]
+    pose_index = np.empty(rest.poses, np.int64)
+    pose_index[rest.station_pose] = problem.station_pose[poses]
+    shift, R = rest.origin_mm - problem.origin_mm, state.pose_rotation[pose_index]
+    carried = replace(
+        state, pose_rotation=R, pose_shift=state.pose_shift[pose_index] + R @ shift, xyz=state.xyz[points] - shift
     )
+    return smaller, rest, carried, warnings
+
+
+def _sizes_of_errors(solved: Solved) -> Array:
+    """Normalised residuals of the observations, shape (m,); of a robust solution where large ones raise others."""
+    size = sizes(normalised_residuals(solved.problem, solved.equations, solved.redundancy_numbers))
+    if masked(solved.problem, size):
+        with suppress(SingularNormalsError):
+            return misfits(solved.problem, robust_state(solved.problem, solved.state))
+    return size
 
 
 def _solve(network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress) -> Solved:
-    """Least-squares solution, inverse and redundancy numbers; variance components iterated where asked."""
+    """Least-squares solution with all that is known of it; variance components iterated where asked."""
     factors = dict.fromkeys(problem.device_names, 1.0)
     convergence: tuple[float, ...] = ()
     weighted = problem
@@ -185,7 +239,8 @@ def _solve(network: Network, problem: Problem, state: State, options: AdjustOpti
             break
         weighted = weighted_problem(network, factors)
         progress(min(round_ / 5, 1.0), "variance components")
-    return solved
+    weaknesses = check_estimable(network, solved.problem, solved.state, solved.equations, solved.inverse)
+    return replace(solved, weaknesses=tuple(weaknesses))
 
 
 def result_of(solved: Solved, warnings: list[str]) -> Adjustment:

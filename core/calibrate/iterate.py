@@ -18,6 +18,7 @@ ROUNDING_GAIN = 1e-18  # a decrease of vᵀPv below this is rounding, even for o
 SHORTEST = 1 / 100  # part of a step that is still tried
 SHORTEST_WELCOME = 1 / 5  # a step that must be shortened more calls for damping
 LEAST_DAMPING = 1e-8
+MOST_DAMPING = 1e9
 ROUNDING_SHARE = 1e-13  # so is a decrease by this share of it, once it has been added up over all observations
 ROUNDING_STALL = 1e-9  # and this, where no part of the step lowers it
 
@@ -75,14 +76,14 @@ def iterate(
     damping, before = 0.0, 0.0
     for iteration in range(max_iterations):
         progress(iteration / max_iterations, f"iteration {iteration + 1}")
-        reduced, damping = _regular(problem, state, damping)
+        reduced, damping = regular(problem, state, damping)
         step = solve(problem, reduced)
         _tell(progress, iteration, problem, cost, step)
         ratio = min(step.gain / before, 1.0) if before > 0 else 1.0
         remaining = max(ratio, LEAST_CONTRACTION**2) * step.gain
         limit = max(tolerance**2 / max(problem.redundancy, 1), ROUNDING_SHARE) * cost
         last = damping == 0 and remaining <= max(limit, ROUNDING_GAIN)
-        share, trial, trial_cost = _shortened(problem, state, cost, step)
+        share, trial, trial_cost = shortened(problem, state, cost, step)
         # where vᵀPv no longer falls, all that is left to gain is the rounding of its own sum
         stalled = share == 0 and step.gain < ROUNDING_STALL * cost
         last = last or (damping == 0 and stalled)
@@ -92,13 +93,9 @@ def iterate(
         if last:
             return Solution(state, tuple(convergence), reduced)
         before = step.gain if share == 1 and damping == 0 else 0.0
-        if share == 1:
-            damping = damping / 10 if damping > LEAST_DAMPING else 0.0
-        elif stalled:
-            damping = 0.0  # it had been called for by rounding: a step without any decides
-        elif share < SHORTEST_WELCOME:
-            damping = max(30 * damping, LEAST_DAMPING)
-        if damping > 1e9:
+        # where rounding called for damping, a step without any decides
+        damping = 0.0 if stalled else next_damping(damping, share)
+        if damping > MOST_DAMPING:
             break
     raise NotConvergedError(state, tuple(convergence))
 
@@ -110,7 +107,7 @@ def _tell(progress: Progress, iteration: int, problem: Problem, cost: float, ste
         progress.course("correction", iteration, (max(step.gain, 0.0) / variance) ** 0.5)
 
 
-def _shortened(problem: Problem, state: State, cost: float, step: Step) -> tuple[float, State, float]:
+def shortened(problem: Problem, state: State, cost: float, step: Step) -> tuple[float, State, float]:
     """Take a step, or the half, quarter ... of it that lowers vᵀPv; the share taken is 0 if none does."""
     share = 1.0
     while share > SHORTEST:
@@ -124,10 +121,17 @@ def _shortened(problem: Problem, state: State, cost: float, step: Step) -> tuple
     return 0.0, state, cost
 
 
-def _regular(problem: Problem, state: State, damping: float) -> tuple[Reduced, float]:
+def regular(problem: Problem, state: State, damping: float) -> tuple[Reduced, float]:
     """Reduced normals, with damping raised until they can be factorised far from the solution."""
     try:
         return reduce(problem, state, damping), damping
     except SingularNormalsError:
         raised = max(100 * damping, 1e-4)
         return reduce(problem, state, raised), raised
+
+
+def next_damping(damping: float, share: float) -> float:
+    """Give the damping of the next step by the share that was taken of the last."""
+    if share == 1:
+        return damping / 10 if damping > LEAST_DAMPING else 0.0
+    return max(30 * damping, LEAST_DAMPING) if share < SHORTEST_WELCOME else damping

@@ -11,6 +11,10 @@ from core.geometry import Pose
 Array = NDArray[np.float64]
 
 FLAT = 0.05  # a field whose depth is a smaller share of its width is seen like a plane, with its second solution
+OUTLYING = 8.0  # median residuals of a view that none of its points exceeds unless one is wrong
+MISFIT = 0.15  # median residual, as a share of the view's own size, above which a pose explains nothing
+DRAWS = 40  # of five points: with three in ten wrong, 999 times in 1000 one draw at least has none of them
+DRAWN = 5
 _CV_FROM_DEVICE = np.diag([1.0, -1.0, -1.0])  # OpenCV's camera looks along +Z with Y down
 
 
@@ -44,6 +48,37 @@ def resect(points: Array, tangents: Array) -> list[Pose]:
         poses += _pnp(local, image, cv2.SOLVEPNP_SQPNP)
     shifted = [Pose(p.rotation, p.translation_mm - p.rotation @ centre) for p in poses]
     return [p for p in shifted if (p.apply(points)[:, 2] < 0).all()]
+
+
+def resect_despite_errors(points: Array, tangents: Array) -> list[Pose]:
+    """As `resect`, from the points that agree where some are wrong.
+
+    Notes
+    -----
+    Of the poses of random draws, that of the least median residual tells which points agree (Rousseeuw, *Least median
+    of squares regression*, JASA 79, 1984).
+    """
+    poses = resect(points, tangents)
+    size = float(np.mean(np.linalg.norm(tangents - np.median(tangents, axis=0), axis=1)))
+    left = [_residuals(p, points, tangents) for p in poses]
+    if any(r.max() < OUTLYING * np.median(r) and np.median(r) < MISFIT * size for r in left) or len(points) <= DRAWN:
+        return poses
+    rng, best = np.random.default_rng(0), np.full(len(points), MISFIT * size)
+    for _ in range(DRAWS):
+        draw = rng.choice(len(points), DRAWN, replace=False)
+        for pose in resect(points[draw], tangents[draw]):
+            residuals = _residuals(pose, points, tangents)
+            if np.median(residuals) < np.median(best):
+                best = residuals
+    agree = best < OUTLYING * np.median(best)
+    return poses if agree.all() else resect(points[agree], tangents[agree]) or poses
+
+
+def _residuals(pose: Pose, points: Array, tangents: Array) -> Array:
+    """Distances in the image over the principal distance, shape (n,); infinite behind the device."""
+    X, Y, Z = pose.apply(points).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(Z < 0, np.hypot(-X / Z - tangents[:, 0], -Y / Z - tangents[:, 1]), np.inf)
 
 
 def _pnp(points: Array, image: Array, method: int) -> list[Pose]:

@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from core.calibrate.equations import Equations
-from core.calibrate.problem import Problem
+from core.calibrate.problem import Problem, State
+from core.calibrate.robust import MEDIAN_OF_NORMAL, misfits
+from core.errors import AdjustmentError
 from core.model import Network
 
 Array = NDArray[np.float64]
@@ -15,6 +17,8 @@ Ints = NDArray[np.int64]
 
 LEAST_REDUNDANCY = 0.05  # an observation checked less than this cannot be judged by its residual
 SURE = 0.3  # of the worst normalised residual: errors that are smaller may be its shadow
+FAR = 2.0  # times the critical value: beyond chance, and so much that good observations look bad beside it
+WHOLE = 0.5  # share of a station's observations above which the station is named, not every point
 ERROR_LEVEL = 0.01  # chance that one report appears among observations that are all good
 
 
@@ -29,7 +33,7 @@ def normalised_residuals(problem: Problem, equations: Equations, numbers: Array)
         residuals = np.where(checked, equations.w / np.sqrt(np.where(checked, numbers, 1.0)), np.nan)
     if not checked.any():
         return residuals
-    robust = float(np.nanmedian(np.abs(residuals))) / 0.6745
+    robust = float(np.nanmedian(np.abs(residuals))) / MEDIAN_OF_NORMAL
     sigma0 = float(np.sqrt(equations.cost / problem.redundancy))
     unit = min(robust, sigma0) if np.count_nonzero(checked) > 50 else sigma0
     return residuals / unit if unit > 1e-6 else np.where(checked, 0.0, np.nan)
@@ -40,12 +44,16 @@ def critical_value(observations: int) -> float:
     return float(-ndtri(ERROR_LEVEL / (2 * max(observations, 1))))
 
 
+def _limit(problem: Problem) -> float:
+    return critical_value(int(np.count_nonzero(problem.root_weight)))
+
+
 def gross_errors(problem: Problem, equations: Equations, numbers: Array, limit: float) -> Ints:
     """Observations beyond a limit that are sure to be wrong: gross errors make good observations look bad.
 
     Those are the worst of each pose and of each point, not much smaller than the worst of all. Ask again without them.
     """
-    size = np.max(np.abs(_both(normalised_residuals(problem, equations, numbers))), axis=1)
+    size = sizes(normalised_residuals(problem, equations, numbers))
     bad = np.flatnonzero(size > max(limit, SURE * float(size.max(initial=0.0))))
     taken: list[int] = []
     poses, points = set(), set()
@@ -57,21 +65,56 @@ def gross_errors(problem: Problem, equations: Equations, numbers: Array, limit: 
     return np.array(taken, dtype=np.int64)
 
 
-def _both(values: Array) -> Array:
-    return np.where(np.isnan(values), 0.0, values)
+def sizes(normalised: Array) -> Array:
+    """Larger of both coordinates' residuals, shape (m,), from shape (m, 2); 0 where neither can be judged."""
+    return np.asarray(np.max(np.abs(np.nan_to_num(normalised)), axis=1))
 
 
-def outlier_warning(network: Network, problem: Problem, normalised: Array, most: int = 5) -> list[str]:
-    """Name the observations whose normalised residuals exceed the critical value, the worst first."""
-    size = np.max(np.abs(_both(normalised)), axis=1)
-    limit = critical_value(int(np.count_nonzero(problem.root_weight)))
+def far_off(problem: Problem, state: State) -> tuple[Ints, Array]:
+    """Observations that a robust solution leaves far beyond the critical value, and the misfits of all, shape (m,)."""
+    misfit = misfits(problem, state)
+    return np.flatnonzero(misfit > FAR * _limit(problem)), misfit
+
+
+def far_off_error(network: Network, problem: Problem, bad: Ints, misfit: Array) -> AdjustmentError:
+    """Name the observations without which a network can be solved, and with which it cannot."""
+    count = f"{len(bad)} observations lie" if len(bad) > 1 else "one observation lies"
+    return AdjustmentError(
+        named(network, problem, bad, misfit),
+        f"{count} so many sigmas off a solution of the others, and least squares does not find one with all",
+        "check the identities and coordinates of these points, or leave them out of these stations",
+    )
+
+
+def masked(problem: Problem, size: Array) -> bool:
+    """Whether normalised residuals, shape (m,), are so large that good observations may look bad in their shadow."""
+    return bool(size.max(initial=0.0) > FAR * _limit(problem))
+
+
+def outlier_warning(network: Network, problem: Problem, size: Array) -> list[str]:
+    """Name the observations whose normalised residuals, shape (m,), exceed the critical value, the worst first."""
+    limit = _limit(problem)
     bad = np.flatnonzero(size > limit)
     if not len(bad):
         return []
-    worst = bad[np.argsort(-size[bad])][:most]
-    station, point = network.observation_station[problem.order], network.observation_point[problem.order]
-    listed = "; ".join(
-        f"station {network.station_names[station[o]]} point {network.point_names[point[o]]} ({size[o]:.1f})"
-        for o in worst
-    )
+    listed = named(network, problem, bad, size)
     return [f"{len(bad)} observations look like gross errors (normalised residual above {limit:.1f}): {listed}"]
+
+
+def named(network: Network, problem: Problem, bad: Ints, size: Array, most: int = 5) -> str:
+    """Name observations by station and point with their sizes, shape (m,), the worst first, whole stations as one."""
+    station, point = network.observation_station[problem.order], network.observation_point[problem.order]
+    count, all_of = np.bincount(station[bad], minlength=station.max() + 1), np.bincount(station)
+    names: list[str] = []
+    told: set[int] = set()
+    for o in bad[np.argsort(-size[bad])]:
+        s = int(station[o])
+        if s in told:
+            continue
+        name = f"station {network.station_names[s]}"
+        if count[s] > WHOLE * all_of[s]:
+            told.add(s)
+            names.append(f"{name}, {count[s]} of its {all_of[s]} points (up to {size[o]:.1f})")
+        else:
+            names.append(f"{name} point {network.point_names[point[o]]} ({size[o]:.1f})")
+    return "; ".join(names[:most])

@@ -16,7 +16,7 @@ from core.calibrate.equations import cost_of, misclosures
 from core.calibrate.normals import SingularNormalsError, assemble
 from core.calibrate.problem import Problem, State, moved, problem_of, reweighted
 from core.calibrate.refinement import absolute_sums, huber_factors, refined
-from core.calibrate.resection import resect
+from core.calibrate.resection import resect_despite_errors
 from core.errors import AdjustmentError
 from core.model import Network
 
@@ -118,7 +118,8 @@ def _candidates(network: Network, problem: Problem, stations: list[int]) -> list
     for k in range(problem.poses):
         rows = np.arange(problem.first[k], problem.first[k + 1])
         rows = rows[seen[rows]]
-        poses = resect(problem.approximate[problem.point[rows]], tangents[rows]) if len(rows) >= LEAST_POINTS else []
+        enough = len(rows) >= LEAST_POINTS
+        poses = resect_despite_errors(problem.approximate[problem.point[rows]], tangents[rows]) if enough else []
         if not poses:
             raise AdjustmentError(
                 f"station {network.station_names[stations[k]]}",

@@ -11,6 +11,7 @@ from core.calibrate.equations import Equations, largest_displacements, linearise
 from core.calibrate.iterate import NotConvergedError
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.problem import Problem, State
+from core.calibrate.robust import MEDIAN_OF_NORMAL
 from core.calibrate.selection import listed
 from core.errors import AdjustmentError
 from core.model import INTERIOR_NAMES, Network
@@ -20,7 +21,6 @@ Array = NDArray[np.float64]
 LEAST_STRENGTH = 1e-13  # share of a parameter's information that is its own, below which it is rounding
 HOPELESS = 0.1  # sigma of a parameter, as displacement at the image's edge over the image's radius: not estimated
 POOR = 0.01  # the same, to be warned of
-MEDIAN_OF_NORMAL = 0.6745  # of the size of a normal deviate
 ROLL_CONCENTRATION = 0.9  # mean length of the doubled roll angles; 1 where all images have the same roll
 LEAST_CONVERGENCE_DEG = 20.0  # between the viewing directions of the images that differ most
 CONVERGENT_DEG = 10.0  # inclination to the mean direction at which an image counts as convergent

@@ -1,0 +1,66 @@
+"""A robust solution: observations lose their weight with their misfit, so that those far off rule nothing.
+
+Plain least squares may be lost without it: a few observations that are hundreds of pixels off bend lens and object
+until nothing fits. It serves to name them, and as approximate values.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.calibrate.datum import aligned
+from core.calibrate.elimination import solve
+from core.calibrate.equations import cost_of, misclosures
+from core.calibrate.iterate import MOST_DAMPING, next_damping, regular, shortened
+from core.calibrate.problem import Problem, State, reweighted
+
+Array = NDArray[np.float64]
+
+HALF_WEIGHT = 3.0  # usual misfits of its device at which an observation counts half
+MEDIAN_OF_NORMAL = 0.6745  # of the size of a normal deviate
+ITERATIONS = 60
+SETTLED = 1e-6  # gain of a step, as a share of the weighted squares, that ends the iterations
+LEAST_UNIT = 1e-6  # sigmas: what observations without noise leave is rounding
+
+
+def robust_state(problem: Problem, state: State) -> State:
+    """Unknowns on which the bulk of the observations agrees, from approximate values.
+
+    Raises
+    ------
+    SingularNormalsError
+        If the observations do not determine the unknowns.
+
+    Notes
+    -----
+    Cauchy's weights ``1 / (1 + (v / k s)²)``, with the scale s, a median, taken anew before every step: it is large
+    while the approximate points are wrong and falls with their misfit (Holland, Welsch, *Robust regression using
+    iteratively reweighted least-squares*, Communications in Statistics 6, 1977).
+    """
+    state, damping = aligned(problem, state), 0.0
+    for _ in range(ITERATIONS):
+        misfit = misfits(problem, state)
+        soft = reweighted(problem, (1.0 + (misfit / HALF_WEIGHT) ** 2)[:, None] ** -0.5)
+        cost = cost_of(soft, state)
+        reduced, damping = regular(soft, state, damping)
+        step = solve(soft, reduced)
+        share, trial, _ = shortened(soft, state, cost, step)
+        if share > 0:
+            state = aligned(problem, trial)
+        if (damping == 0 and step.gain < SETTLED * cost) or damping > MOST_DAMPING:
+            break
+        damping = next_damping(damping, share)
+    return state
+
+
+def misfits(problem: Problem, state: State) -> Array:
+    """Larger misclosure of every observation, shape (m,), over the usual one of its device, a robust sigma."""
+    w, seen = np.abs(misclosures(problem, state)), problem.root_weight > 0
+    units = np.ones(len(problem.base))
+    freedom = np.count_nonzero(seen) / max(problem.redundancy, 1)  # residuals are smaller than errors by its root
+    for d in range(len(units)):
+        own = w[problem.device == d][seen[problem.device == d]]
+        if len(own):
+            units[d] = max(np.sqrt(freedom) * float(np.median(own)) / MEDIAN_OF_NORMAL, LEAST_UNIT)
+    return np.max(np.where(seen, w, 0.0), axis=1) / units[problem.device]
