@@ -1,0 +1,79 @@
+"""The command line: parse, call the pipeline, print. Nothing heavy is imported before a command needs it.
+
+`commands` holds the commands in groups, a file each; a new group is one file and its name in `GROUPS`.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from core.cli.arguments import Commands, Parser
+from core.cli.commands import experiment, many, recording, road
+from core.cli.console import Console
+from core.errors import Cancelled, StripeError
+from core.progress import Progress
+
+GROUPS = (experiment, recording, road, many)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; give the exit code: 0 done, 2 bad input, 1 the work failed."""
+    started = time.monotonic()
+    console = Console(started)
+    try:
+        options = parser().parse_args(arguments)
+        if options.json not in (None, "-"):
+            _check_json(options.json)
+        figures = options.run(options, Progress(console.report))
+        console.clear()
+        if options.json is not None:
+            _write_figures(options.json, figures or {})
+        return 0
+    except StripeError as error:
+        console.clear()
+        print(f"stripe-core: {error}", file=sys.stderr)
+        return error.exit_code
+    except OSError as error:
+        console.clear()
+        where, seen = error.filename or "the work", error.strerror or str(error)
+        print(f"stripe-core: {StripeError(where, seen, 'see to the disk and run it again')}", file=sys.stderr)
+        return 1
+    except MemoryError:
+        console.clear()
+        print(f"stripe-core: {StripeError('the work', 'out of memory', 'free some and run it again')}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        console.clear()
+        print(f"stripe-core: {Cancelled('the command')}", file=sys.stderr)
+        return 130
+
+
+def parser() -> Parser:
+    """Make the parser of all commands."""
+    whole = Parser(prog="stripe-core", description="Decode, calibrate, reconstruct and evaluate stripe projectors.")
+    commands = Commands(whole)
+    for group in GROUPS:
+        group.add(commands)
+    return whole
+
+
+def _check_json(target: str) -> None:
+    """Refuse a file for the figures that cannot be written before anything else is."""
+    from core.atomic import check_place
+
+    check_place(Path(target))
+
+
+def _write_figures(target: str, figures: dict[str, Any]) -> None:
+    import json
+
+    from core.atomic import write_json
+
+    if target == "-":
+        print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
+    else:
+        write_json(Path(target), figures)

@@ -1,0 +1,51 @@
+"""What the commands of every group share: how they are declared, common arguments, checks of places to write."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+from core.errors import InputError
+from core.progress import Progress
+
+Options = argparse.Namespace
+Run = Callable[[Options, Progress], dict[str, Any] | None]  # gives the figures that `--json` writes
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose refusals look like all others."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the arguments."""
+        raise InputError("arguments", message, f"see `{self.prog} --help`")
+
+
+class Commands:
+    """The commands of the program, to which every group adds its own."""
+
+    def __init__(self, parser: Parser) -> None:
+        self._parsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=Parser)
+
+    def add(self, name: str, run: Run, text: str) -> Parser:
+        """Declare a command: its name, what it runs and one line of help; give the parser for its arguments."""
+        parser: Parser = self._parsers.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        parser.set_defaults(run=run)
+        parser.add_argument("--json", metavar="FILE", help="write the figures (- for standard output)")
+        return parser
+
+    def add_on_project(self, name: str, run: Run, text: str) -> Parser:
+        """Declare a command whose first argument is a project folder."""
+        parser = self.add(name, run, text)
+        parser.add_argument("project", type=Path, metavar="PROJECT")
+        return parser
+
+
+def check_out(path: Path, *endings: str) -> None:
+    """Refuse a result's file that cannot be written before the work begins."""
+    from core.atomic import check_place
+
+    if path.suffix.lower() not in endings:
+        raise InputError(path, f"ends in {path.suffix!r}", f"give a file name ending in {' or '.join(endings)}")
+    check_place(path)

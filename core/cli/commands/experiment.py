@@ -1,0 +1,63 @@
+"""The whole experiment on the virtual bench, and the board to print."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from core.cli.arguments import Commands, Options, Parser
+from core.progress import Progress
+
+
+def add(commands: Commands) -> None:
+    """Declare the commands of this group."""
+    sub = commands.add(
+        "demo", _demo, "simulate the whole experiment, calibrate both ways, judge the plane-table, report"
+    )
+    sub.add_argument("out", nargs="?", type=Path, default=Path("demo"), metavar="OUT")
+    _scenario(sub)
+
+    sub = commands.add("simulate", _simulate, "write a project with its captures, as a rig would")
+    sub.add_argument("out", type=Path, metavar="OUT")
+    _scenario(sub)
+
+    sub = commands.add("testfield", _testfield, "a testfield to print at true size")
+    sub.add_argument("testfield", type=Path, metavar="PROJECT|TESTFIELD.csv")
+    sub.add_argument("--out", type=Path, required=True, metavar="FILE.pdf|FILE.svg")
+
+
+def _scenario(sub: Parser) -> None:
+    sub.add_argument("--scenario", default="paper", metavar="NAME", help="paper (default), modern or quick")
+    sub.add_argument("--seed", type=int, default=0)
+
+
+def _demo(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.demo import run_demo
+
+    demo = run_demo(options.out, options.scenario, options.seed, progress)
+    print(demo.text)
+    print(f"\nproject  {options.out}\nreport   {demo.report.html}\n         {demo.report.pdf}")
+    return demo.figures
+
+
+def _simulate(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import simulate_project
+
+    project = simulate_project(options.out, options.scenario, options.seed, progress)
+    print(f"{project.path}: {len(project.captures)} captures")
+    return {"project": str(project.path), "captures": len(project.captures), "seed": options.seed}
+
+
+def _testfield(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import print_testfield
+
+    sheet = print_testfield(options.testfield, options.out, progress)
+    across, down = sheet.bars_mm
+    print(f"{options.out}: page of {sheet.width_mm:.1f} x {sheet.height_mm:.1f} mm")
+    print(f"print at 100 %; its bars must then measure {across:g} mm across and {down:g} mm down")
+    return {
+        "out": str(options.out),
+        "targets": len(sheet.targets_mm),
+        "page_mm": [sheet.width_mm, sheet.height_mm],
+        "bars_mm": [across, down],
+    }

@@ -1,0 +1,71 @@
+"""Sequences on devices, and the checks of a rig."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from core.cli.arguments import Commands, Options
+from core.progress import Progress
+
+
+def add(commands: Commands) -> None:
+    """Declare the commands of this group."""
+    sub = commands.add_on_project("capture", _capture, "run one sequence on real or virtual devices")
+    sub.add_argument("name", metavar="NAME")
+    sub.add_argument("--role", required=True, choices=("testfield", "depth", "plane", "object"))
+    sub.add_argument("--projector", metavar="URL", help="virtual, serial, screen, ...")
+    sub.add_argument("--camera", metavar="URL", help="virtual, folder, replay, uvc, ...")
+    sub.add_argument("--testfield", metavar="CSV", help="the board, for roles testfield and depth")
+    sub.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
+    sub.add_argument("--angle-deg", type=float, help="angle of the plane-table, for role plane")
+
+    sub = commands.add_on_project("preflight", _preflight, "check a rig before its first calibration")
+    sub.add_argument("--projector", metavar="URL")
+    sub.add_argument("--camera", metavar="URL")
+    sub.add_argument("--depth", type=float, action="append", default=[], metavar="Z_MM", help="put a plate here too")
+    sub.add_argument("--out", type=Path, metavar="DIR", help="write preflight.html, with a picture of every check")
+
+
+def _capture(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import capture_into
+
+    report = capture_into(
+        options.project,
+        options.name,
+        options.role,
+        projector=options.projector,
+        camera=options.camera,
+        testfield=options.testfield,
+        z_mm=options.z_mm,
+        angle_deg=options.angle_deg,
+        progress=progress,
+    )
+    print(report.folder)
+    for words in report.words:
+        print(f"  {words}")
+    return {"capture": str(report.folder), "frames": report.frames, "retakes": report.retakes, "findings": report.words}
+
+
+def _preflight(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import preflight_rig
+
+    def place(z_mm: float) -> None:
+        print(f"put the plate at {z_mm:g} mm and press Enter", file=sys.stderr, flush=True)
+        sys.stdin.readline()
+
+    findings = preflight_rig(
+        options.project,
+        projector=options.projector,
+        camera=options.camera,
+        depths_mm=options.depth,
+        place=place,
+        out=options.out,
+        progress=progress,
+    )
+    for finding in findings:
+        print(f"{finding.level:8s} {finding.check}: {finding.text}")
+    if options.out is not None:
+        print(options.out / "preflight.html")
+    return {"findings": [finding.as_dict() for finding in findings]}

@@ -1,0 +1,143 @@
+"""The stages from decoding to the report."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from core.cli.arguments import Commands, Options, check_out
+from core.errors import InputError
+from core.progress import Progress
+
+
+def add(commands: Commands) -> None:
+    """Declare the commands of this group."""
+    sub = commands.add("decode", _decode, "projector coordinates of every camera pixel")
+    sub.add_argument("capture", type=Path, metavar="CAPTURE")
+    sub.add_argument("--out", type=Path, required=True, metavar="F.npz")
+
+    commands.add_on_project("measure", _measure, "targets of all captures that have picks")
+
+    sub = commands.add_on_project("calibrate", _calibrate, "calibrate camera and projector; the project keeps it")
+    sub.add_argument("--method", choices=("photogrammetric", "polynomial", "all"), default="all")
+    sub.add_argument("--free-stations", action="store_true", help="no rigid rig: orient every station on its own")
+    sub.add_argument("--degree", type=int, default=3, help="degree of the depth polynomial (default 3)")
+    sub.add_argument("--table", action="store_true", help="piecewise-linear depth table instead of the polynomial")
+    sub.add_argument("--low-pass", type=float, default=2.0, metavar="PX", help="smooth the plate (default 2; 0: off)")
+    sub.add_argument("--without", action="append", default=[], metavar="NAME", help="leave this capture out")
+    sub.add_argument("--hold", action="append", default=[], metavar="P", help="do not estimate, such as projector.A3")
+    sub.add_argument(
+        "--reject", type=float, default=6.0, metavar="SIGMAS", help="gross errors (default 6; 0: keep all)"
+    )
+
+    sub = commands.add("adjust", _adjust, "the bundle adjustment of a network alone")
+    sub.add_argument("network", type=Path, metavar="NETWORK")
+
+    sub = commands.add_on_project("reconstruct", _reconstruct, "points in the camera's frame")
+    sub.add_argument("capture", metavar="CAPTURE")
+    sub.add_argument("--method", choices=("photogrammetric", "polynomial"))
+    sub.add_argument("--extrapolate", action="store_true", help="polynomial: beyond the calibrated depths too")
+    sub.add_argument("--out", type=Path, required=True, metavar="F.npz|F.ply")
+
+    commands.add_on_project("evaluate", _evaluate, "deviations of every plane capture, by every calibration")
+
+    sub = commands.add_on_project("report", _report, "the HTML and PDF report")
+    sub.add_argument("--out", type=Path, metavar="DIR")
+
+
+def _decode(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.figures import phase_figures
+    from core.pipeline import decode_capture, write_phase
+
+    check_out(options.out, ".npz")
+    phase = decode_capture(options.capture, progress)
+    write_phase(options.out, phase)
+    figures = phase_figures(phase)
+    print(options.out)
+    return figures
+
+
+def _measure(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.figures import targets_figures
+    from core.pipeline import measure_project
+    from core.project import read_project
+
+    targets = measure_project(read_project(options.project), progress)
+    for t in targets:
+        print(f"{t.capture:20s} {len(t.row):5d} targets measured, {len(t.missing):4d} missing")
+    return targets_figures(targets)
+
+
+def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.figures import calibration_figures
+    from core.pipeline import CalibrateOptions, calibrate_project, current_runs, result_tables
+    from core.project import read_project
+
+    if options.degree < 1:
+        raise InputError("--degree", f"is {options.degree}", "give 1 or more")
+    if not 0 <= options.low_pass <= 1000:
+        raise InputError("--low-pass", f"is {options.low_pass}", "give 0 to 1000 pixels")
+    if not 0 <= options.reject < math.inf:
+        raise InputError("--reject", f"is {options.reject}", "give 0 or more sigmas")
+    chosen = CalibrateOptions(
+        rigid=not options.free_stations,
+        degree=None if options.table else options.degree,
+        low_pass_px=options.low_pass,
+        without=tuple(options.without),
+        hold=tuple(options.hold),
+        reject_beyond=options.reject or None,
+    )
+    project = read_project(options.project)
+    calibrations = calibrate_project(project, options.method, chosen, progress)
+    print(result_tables(project))
+    print(f"\nkept as run {max(current_runs(project).values())}")
+    return calibration_figures(calibrations)
+
+
+def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.figures import adjustment_figures
+    from core.pipeline import adjust_network
+
+    figures = adjustment_figures(adjust_network(options.network, progress))
+    print(f"sigma0 {figures['sigma0']:.6g}, redundancy {figures['redundancy']}, {figures['iterations']} iterations")
+    for name, device in figures["devices"].items():
+        print(f"\n{name}  (r0 = {device['r0_mm']:.6g} mm)")
+        for key, value in device.items():
+            if isinstance(value, dict):
+                print(f"  {key:6s} {value['value']: .9e}  ± {value['sigma']:.2e}")
+    for warning in figures["warnings"]:
+        print(f"warning: {warning}")
+    return figures
+
+
+def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import reconstruct_capture, write_cloud
+    from core.project import read_project
+
+    check_out(options.out, ".npz", ".ply")
+    project = read_project(options.project)
+    phase, cloud = reconstruct_capture(project, options.capture, options.method, options.extrapolate, progress)
+    points = write_cloud(options.out, phase, cloud)
+    print(f"{options.out}: {points} points")
+    return {"points": points, "out": str(options.out)}
+
+
+def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.figures import evaluation_figures
+    from core.pipeline import evaluate_project, result_tables
+    from core.project import read_project
+
+    project = read_project(options.project)
+    evaluations = evaluate_project(project, progress)
+    print(result_tables(project, evaluations))
+    return evaluation_figures(evaluations)
+
+
+def _report(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import report_project
+    from core.project import read_project
+
+    paths = report_project(read_project(options.project), options.out, progress)
+    print(f"{paths.html}\n{paths.pdf}")
+    return {"html": str(paths.html), "pdf": str(paths.pdf)}
