@@ -1,0 +1,57 @@
+"""What travels along the road: one frozen dataclass for every arrow between two stages.
+
+    capture -> Capture -> decode -> PhaseMap -> measure -> TargetSet -> calibrate -> Photogrammetric / DepthCalibration
+    -> reconstruct -> PointCloud -> evaluate -> PlaneEvaluation -> report
+
+Units are in the names; lengths are mm, device pixel coordinates px (camera) or lines (projector). The frames are those
+of `core.geometry`. Nothing here computes more than a property.
+"""
+
+from core.model.arrays import Array, Figures, Floats, Ints
+from core.model.calibration import (
+    AdjustedDevice,
+    Adjustment,
+    Calibration,
+    DepthCalibration,
+    Method,
+    PhotogrammetricCalibration,
+)
+from core.model.capture import Capture, Frame, Role, Seed
+from core.model.network import Network, NetworkDevice, NetworkScale
+from core.model.phase import PhaseMap
+from core.model.points import PlaneEvaluation, PointCloud
+from core.model.rig import INTERIOR_NAMES, DeviceSpec, Interior, Project, ScaleBar
+from core.model.targets import MissingTarget, TargetSet, Testfield
+from core.model.verdict import Verdict
+
+__all__ = [
+    "INTERIOR_NAMES",
+    "AdjustedDevice",
+    "Adjustment",
+    "Array",
+    "Calibration",
+    "Capture",
+    "DepthCalibration",
+    "DeviceSpec",
+    "Figures",
+    "Floats",
+    "Frame",
+    "Interior",
+    "Ints",
+    "Method",
+    "MissingTarget",
+    "Network",
+    "NetworkDevice",
+    "NetworkScale",
+    "PhaseMap",
+    "PhotogrammetricCalibration",
+    "PlaneEvaluation",
+    "PointCloud",
+    "Project",
+    "Role",
+    "ScaleBar",
+    "Seed",
+    "TargetSet",
+    "Testfield",
+    "Verdict",
+]

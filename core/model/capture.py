@@ -1,0 +1,51 @@
+"""What a capture holds: the frames of one sequence, and what the projector was meant to show in each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from core.model.targets import Testfield
+
+if TYPE_CHECKING:
+    from core.patterns import Pattern
+
+Role = Literal["testfield", "depth", "plane", "object"]
+
+
+@dataclass(frozen=True)
+class Seed:
+    """A target the operator picked: its identity and where it was clicked (px)."""
+
+    row: int
+    col: int
+    u: float
+    v: float
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One image of a capture and what the projector was meant to show in it."""
+
+    path: Path
+    pattern: Pattern
+
+
+@dataclass(frozen=True)
+class Capture:
+    """One sequence of frames: a folder with `capture.json`."""
+
+    path: Path
+    role: Role
+    frames: tuple[Frame, ...]
+    testfield: Testfield | None = None
+    z_mm: float | None = None
+    angle_deg: float | None = None
+    seeds: tuple[Seed, ...] = ()
+    excluded: tuple[tuple[int, int], ...] = ()  # (row, col) of targets that the operator does not want used
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.path.name

@@ -1,0 +1,49 @@
+"""Image observations to be adjusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from core.model.arrays import Array, Ints
+from core.model.rig import INTERIOR_NAMES, DeviceSpec
+
+
+@dataclass(frozen=True)
+class NetworkDevice:
+    """A device of a network and which of its nine parameters are estimated (names of `INTERIOR_NAMES`)."""
+
+    spec: DeviceSpec
+    estimate: tuple[str, ...] = INTERIOR_NAMES
+
+
+@dataclass(frozen=True)
+class NetworkScale:
+    """A measured distance between two points of a network (indices into its points)."""
+
+    start: int
+    stop: int
+    length_mm: float
+    sigma_mm: float
+
+
+@dataclass(frozen=True)
+class Network:
+    """Image observations to be adjusted: stations (one device at one place each), points, and who saw what where.
+
+    Stations that share a `station_pose` number belong to one pose of a rigid rig: within a pose the first device's
+    orientation is free and every other device has one constant orientation relative to it. Where every station has a
+    pose number of its own, all stations are free.
+    """
+
+    devices: Mapping[str, NetworkDevice]
+    station_names: tuple[str, ...]
+    station_device: tuple[str, ...]
+    station_pose: tuple[int, ...]
+    point_names: tuple[str, ...]
+    point_xyz_mm: Array  # (n, 3) approximate
+    observation_station: Ints  # (m,)
+    observation_point: Ints  # (m,)
+    observation_uv: Array  # (m, 2) px or lines; NaN in one coordinate: that one was not observed
+    observation_sigma: Array  # (m, 2) px or lines
+    scale: NetworkScale | None = None

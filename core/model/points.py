@@ -1,0 +1,40 @@
+"""What reconstructing and judging return."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from core.model.arrays import Array, Floats
+from core.model.calibration import Method
+from core.model.rig import Interior
+
+
+@dataclass(frozen=True)
+class PointCloud:
+    """Points in the camera's frame in mm, NaN where invalid; shape (H, W, 3)."""
+
+    xyz_mm: Floats
+    sigma_mm: Floats | None = None  # (H, W, 3), phase noise and calibration; photogrammetric only
+    sigma_depth_mm: Floats | None = None  # (H, W) of the camera's Z, phase noise alone; both methods
+
+
+@dataclass(frozen=True)
+class PlaneEvaluation:
+    """The deviations of one plane capture from its fitted plane, by one method."""
+
+    capture: str
+    angle_deg: float | None
+    method: Method
+    n: int
+    rms_mm: float
+    max_mm: float  # largest absolute deviation
+    min_mm: float  # most negative deviation
+    predicted_rms_mm: float | None
+    excluded: int  # pixels the decoder called valid that are not among the n
+    excluded_rule: str  # why; empty where none
+    plane: Array  # (4,): unit normal towards the camera and offset, n . X = d
+    deviation_mm: Floats = field(repr=False, compare=False, default_factory=lambda: np.zeros((0, 0), np.float32))
+    sigma_mm: Floats = field(repr=False, compare=False, default_factory=lambda: np.zeros((0, 0), np.float32))
+    camera: Interior | None = None  # by which the points were reconstructed

@@ -1,0 +1,56 @@
+"""The targets of a board: where they should be, and where they were measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from core.model.arrays import Array, Ints
+
+
+@dataclass(frozen=True)
+class Testfield:
+    """The nominal targets of a board, one row of every array per target."""
+
+    __test__ = False  # the field's word, not a test class
+
+    row: Ints
+    col: Ints
+    xyz_mm: Array  # (n, 3) in the board's frame
+    diameter_mm: Array  # (n,)
+    polarity: Literal["white-on-black", "black-on-white"] = "white-on-black"
+
+    def index(self) -> dict[tuple[int, int], int]:
+        """Position in the arrays of every (row, col)."""
+        return {(int(r), int(c)): i for i, (r, c) in enumerate(zip(self.row, self.col, strict=True))}
+
+
+@dataclass(frozen=True)
+class MissingTarget:
+    """A target that was not measured, and why, in words."""
+
+    row: int
+    col: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class TargetSet:
+    """The measured targets of one capture, one row of every array per target.
+
+    `camera_uv` (n, 2) px is the image of the circle's centre: the weighted centroid less `eccentricity_px` (n, 2).
+    `camera_cov` (n, 2, 2) px². `projector_uv` (n, 2) lines and `projector_sigma` (n, 2) are NaN where that axis was not
+    decoded at the target. `made_from` signs what they were measured from, empty where nobody asked.
+    """
+
+    capture: str
+    row: Ints
+    col: Ints
+    camera_uv: Array
+    camera_cov: Array
+    projector_uv: Array
+    projector_sigma: Array
+    eccentricity_px: Array
+    diameter_px: Array
+    missing: tuple[MissingTarget, ...] = ()
+    made_from: str = ""
