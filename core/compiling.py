@@ -1,9 +1,10 @@
 """Compiled kernels and their cache.
 
 numba keeps a kernel until the file of its outermost function changes, and does not notice changes in the files of
-what that calls: after an update an old kernel would run, or fail to load. Here the cache's folder is named by the
-content of all rooms that have kernels, so what belongs to other sources is never found; it is deleted. That a kernel
-is being compiled is told through the progress of the work that needs it.
+what that calls: after an update an old kernel would run, or fail to load. Here a kernel's entry is named by the content
+of all it is made from: its own code, that of every function it calls, their constants, how they are compiled, numba's
+version, the kinds of its arguments and the processor. An edit elsewhere, a comment or another checkout compiles
+nothing anew. Only kernels of this package are kept so: nothing of numba's own settings is touched.
 
 `njit` compiles what Python calls. What only kernels call is marked `inner`: without wrappers through which Python could
 call it, and in one version for constants and variables alike, it costs a third less to compile.
@@ -11,76 +12,207 @@ call it, and in one version for constants and variables alike, it costs a third 
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import os
+import pickle
 import shutil
 import sys
-from functools import partial
+import time
+from collections.abc import Iterator, Mapping
+from functools import cache, cached_property, partial
 from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
 
 import numba
-from numba.core import event
-from numba.extending import register_jitable as inner
+import numpy as np
+from numba.core import types
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.dispatcher import Dispatcher
+from numba.core.serialize import dumps
+from numba.extending import register_jitable
 
+from core.atomic import atomic_write
+from core.errors import StripeError
 from core.progress import announce
 
 __all__ = ["inner", "njit"]
 
-njit = partial(numba.njit, no_cfunc_wrapper=True)
-
-_CORE = Path(__file__).parent
-_ROOMS = ("bench", "calibrate", "decode", "measure", "reconstruct")
+_KEPT_DAYS, _KEPT_BYTES = 60, 256_000_000
+_FOREIGN = {"numba", "numpy", "llvmlite", "math", "builtins"}  # signed by numba's version
 
 
-def fingerprint() -> str:
-    """Sign the content of all rooms that have kernels, and how they are compiled."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    for files in ("compiling.py", *(f"{room}/*.py" for room in _ROOMS)):
-        for path in sorted(_CORE.glob(files)):
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+def njit(function: Any = None, *, cache: bool = False, **how: Any) -> Any:
+    """`numba.njit`, whose cache holds what belongs to the present sources and nothing else."""
+    if function is None:
+        return partial(njit, cache=cache, **how)
+    compiled: Any = numba.njit  # its types know no wrappers to be left out
+    kernel = compiled(function, no_cfunc_wrapper=True, **how)
+    if cache and isinstance(kernel, Dispatcher):  # not where numba is told to compile nothing
+        vars(kernel)["_cache"] = _KernelCache(kernel)
+    return kernel
 
 
-def _cache_folder() -> Path:
-    """A folder of this version's own beside the sources.
-
-    In the user's cache where the sources cannot be written or are those of an installed bundle, which stays as it is.
-    """
-    base = _CORE / "__pycache__"
-    if getattr(sys, "frozen", False) or not os.access(base if base.exists() else _CORE, os.W_OK):
-        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "stripe-workbench"
-    folder = base / f"kernels-{fingerprint()}"
-    for old in base.glob("kernels-*"):
-        if old != folder:
-            shutil.rmtree(old, ignore_errors=True)
-    return folder
+def inner(function: Any = None, **how: Any) -> Any:
+    """`numba.extending.register_jitable`; how it is compiled is part of what it is."""
+    if function is None:
+        return partial(inner, **how)
+    function.__compiled__ = how
+    return register_jitable(**how)(function) if how else register_jitable(function)
 
 
-if not os.environ.get("NUMBA_CACHE_DIR"):
-    numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
+class _KernelCache(NullCache):
+    """The compiled versions of one kernel, a file each."""
 
+    def __init__(self, kernel: Dispatcher) -> None:
+        self._kernel = kernel
 
-class _Announcer(event.Listener):
-    """Tells that the work waits for the compiler, and keeps Python from looking for garbage meanwhile.
+    @cached_property
+    def _made_from(self) -> str:
+        """The content of the kernel; asked for when it is called, when all that it calls is there."""
+        return content(self._kernel)
 
-    The compiler makes a great many objects and drops few: looking through them takes a tenth of its time.
-    """
+    @property
+    def cache_path(self) -> str | None:
+        return str(kernel_folder() or "") or None
 
-    def __init__(self) -> None:
-        self._within, self._collects = 0, False
+    def _entry(self, signature: Any, codegen: Any) -> Path | None:
+        folder = kernel_folder()
+        if folder is None:
+            return None
+        made_for = repr((list(_described(signature)), codegen.magic_tuple()))
+        name = hashlib.sha256(f"{self._made_from} {made_for}".encode()).hexdigest()[:24]
+        return folder / f"{self._kernel.py_func.__module__}.{self._kernel.py_func.__name__}-{name}.kernel"
 
-    def on_start(self, event: event.Event) -> None:
-        if self._within == 0:
-            self._collects = gc.isenabled()
-            gc.disable()
-        self._within += 1
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        target_context.refresh()
+        entry = self._entry(sig, target_context.codegen())
+        try:
+            if entry is not None:
+                found = CompileResult._rebuild(target_context, *pickle.loads(entry.read_bytes()))
+                if time.time() - entry.stat().st_mtime > 86400:
+                    os.utime(entry)  # what is in use stays
+                return found
+        except Exception:  # absent, cut off, or written by something else: compiled anew
+            pass
         announce("compiling for this processor, once")
+        return None
 
-    def on_end(self, event: event.Event) -> None:
-        self._within -= 1
-        if self._within == 0 and self._collects:
-            gc.enable()
+    def save_overload(self, sig: Any, data: Any) -> None:
+        entry = self._entry(sig, data.codegen)
+        if entry is None or data.library.has_dynamic_globals or any(not part.can_cache for part in data.lifted):
+            return
+        try:
+            _sweep(entry.parent)
+            with atomic_write(entry, durable=False) as file:
+                file.write(dumps(data._reduce()))
+        except (OSError, StripeError):  # a full disk takes nothing from the result
+            pass
 
 
-event.register("numba:compile", _Announcer())
+def content(kernel: Any) -> str:
+    """Sign all that a kernel is made from."""
+    seen: dict[int, Any] = {}
+    parts = [numba.__version__, np.__version__, sys.version.split()[0], *_parts(kernel, seen)]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _parts(value: Any, seen: dict[int, Any]) -> Iterator[str]:
+    """Say what a function or a constant is, and all that a function refers to; never by address or place."""
+    if id(value) in seen:
+        return
+    if isinstance(value, Dispatcher):
+        yield _ordered(value.targetoptions)
+        value = value.py_func
+    value = getattr(value, "_defn", value)  # an intrinsic
+    if isinstance(value, FunctionType):
+        if value.__module__.split(".")[0] in _FOREIGN:
+            yield f"{value.__module__}.{value.__qualname__}"
+            return
+        seen[id(value)] = value
+        yield f"{value.__qualname__} {_ordered(getattr(value, '__compiled__', {}))} {value.__defaults__!r}"
+        names = list(_code(value.__code__, seen))
+        yield from names
+        closed = zip(value.__code__.co_freevars, value.__closure__ or (), strict=True)
+        known = {**value.__globals__, **{name: cell.cell_contents for name, cell in closed}}
+        for name in sorted(_names(value.__code__) & known.keys()):
+            yield name
+            found = known[name]
+            if isinstance(found, ModuleType) and found.__name__.split(".")[0] not in _FOREIGN:
+                for other in sorted(_names(value.__code__) & vars(found).keys()):
+                    yield from _parts(vars(found)[other], seen)
+            else:
+                yield from _parts(found, seen)
+    elif isinstance(value, np.ndarray):
+        yield f"{value.dtype} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
+    elif isinstance(value, tuple | list):
+        for item in value:
+            yield from _parts(item, seen)
+    elif isinstance(value, int | float | complex | str | bytes | np.generic | types.Type | None):
+        yield f"{type(value).__name__} {value!r}"
+    else:
+        yield getattr(value, "__qualname__", type(value).__qualname__)
+
+
+def _ordered(how: Mapping[str, Any]) -> str:
+    """Say how something is compiled, in one order for every process."""
+    return repr(sorted((name, sorted(v) if isinstance(v, set | frozenset) else v) for name, v in how.items()))
+
+
+def _code(code: CodeType, seen: dict[int, Any]) -> Iterator[str]:
+    """Say what a function does, but not where it stands nor how it is explained."""
+    yield f"{code.co_code!r} {code.co_names} {code.co_varnames} {code.co_freevars} {code.co_flags}"
+    documented = code.co_consts[:1] if code.co_consts and isinstance(code.co_consts[0], str) else ()
+    for constant in code.co_consts[len(documented) :]:
+        if isinstance(constant, CodeType):
+            yield from _code(constant, seen)
+        else:
+            yield from _parts(constant, seen)
+
+
+def _names(code: CodeType) -> set[str]:
+    """Give all names a function and those within it look up outside of themselves."""
+    within = (constant for constant in code.co_consts if isinstance(constant, CodeType))
+    return {*code.co_names, *code.co_freevars}.union(*map(_names, within))
+
+
+def _described(kind: Any) -> Iterator[str]:
+    """Say the kinds of the arguments with the names of their fields, which numba's own words leave out."""
+    parts = kind if isinstance(kind, tuple) else getattr(kind, "types", ())
+    yield f"{kind} {getattr(kind, 'fields', '')}"
+    for part in parts:
+        yield from _described(part)
+
+
+@cache
+def kernel_folder() -> Path | None:
+    """The folder of compiled kernels: the user's cache, else beside the sources, else none.
+
+    The bundle and an installed package stay as they are, and all checkouts of one user share what is the same.
+    """
+    of_the_user = Path(
+        getattr(numba.config, "CACHE_DIR", "") or os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
+    )
+    for base in (of_the_user / "stripe-workbench", Path(__file__).parent / "__pycache__"):
+        folder = base / "kernels"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    return None
+
+
+@cache
+def _sweep(folder: Path) -> None:
+    """Delete what nobody has used for long, and the oldest beyond a size; once a process, when something is added."""
+    for old in (*folder.parent.glob("kernels-*"), *(Path(__file__).parent / "__pycache__").glob("kernels-*")):
+        shutil.rmtree(old, ignore_errors=True)  # of earlier versions, a folder for every state of the sources
+    entries = sorted(((e.stat().st_mtime, e.stat().st_size, e) for e in folder.glob("*.kernel*")), reverse=True)
+    size = 0
+    for used, room, entry in entries:
+        size += room
+        if size > _KEPT_BYTES or time.time() - used > _KEPT_DAYS * 86400:
+            entry.unlink(missing_ok=True)

@@ -76,7 +76,7 @@ class Bundle:
     def kernels(self) -> dict[str, int]:
         """Give the compiled kernels in the user's cache and when they were written."""
         cache = self.work / "home/.cache/stripe-workbench"
-        return {str(path.relative_to(cache)): path.stat().st_mtime_ns for path in cache.rglob("*.nb?")}
+        return {str(path.relative_to(cache)): path.stat().st_mtime_ns for path in cache.rglob("*.kernel")}
 
 
 USER = NOBODY if os.geteuid() == 0 else None

@@ -1,0 +1,163 @@
+"""Compiled kernels are kept by what they are made from: never an old one, and none compiled for nothing."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core import compiling
+
+ROOT = Path(__file__).parents[2]
+HELPERS = '''
+"""What kernels share."""
+from core.compiling import inner, njit
+
+LEVEL = 10.0
+
+@inner({how})
+def raised(value):
+    """Explained."""
+    return value + LEVEL
+
+@njit
+def doubled(value):
+    return 2 * raised(value)
+'''
+KERNEL = """
+from core.compiling import njit
+import helpers_of_a_kernel as helpers
+from helpers_of_a_kernel import doubled
+{before}
+@njit(cache=True)
+def kernel(values):
+    return doubled(values[0]) + helpers.LEVEL{after}
+"""
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., tuple[float, bool]]:
+    """Run a kernel from sources just written; give its result and whether it was compiled for it."""
+    monkeypatch.setattr(compiling, "kernel_folder", lambda: tmp_path)
+
+    def load(name: str, source: str) -> Any:
+        file = tmp_path / f"{name}-{time.monotonic_ns()}.py"
+        file.write_text(source)
+        spec = importlib.util.spec_from_file_location(name, file)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, name, module)
+        spec.loader.exec_module(module)
+        return module
+
+    def run(
+        helpers: Callable[[str], str] = str, before: str = "", after: str = "", how: str = "", values: Any = None
+    ) -> tuple[float, bool]:
+        load("helpers_of_a_kernel", helpers(HELPERS.format(how=how)))
+        kernel = load("a_kernel", KERNEL.format(before=before, after=after)).kernel
+        result = kernel(np.ones(3) if values is None else values)
+        return float(result), sum(kernel.stats.cache_misses.values()) > 0
+
+    return run
+
+
+def test_a_kernel_is_compiled_once_and_not_for_what_changes_nothing(run: Callable[..., tuple[float, bool]]) -> None:
+    assert run() == (32, True)
+    assert run() == (32, False)
+    assert run(before='"""Another line, and something else."""\nOTHER = 3\n\n\ndef unused():\n    return OTHER\n') == (
+        32,
+        False,
+    )
+    assert run(helpers=lambda text: text.replace("Explained", "Explained better")) == (32, False)
+
+
+def test_a_kernel_is_compiled_anew_when_what_it_calls_changes(run: Callable[..., tuple[float, bool]]) -> None:
+    assert run() == (32, True)
+    assert run(helpers=lambda text: text.replace("LEVEL = 10.0", "LEVEL = 20.0")) == (62, True)
+    assert run(helpers=lambda text: text.replace("2 * raised", "3 * raised")) == (43, True)
+    assert run(helpers=lambda text: text.replace("value + LEVEL", "value - LEVEL")) == (-8, True)
+    assert run(after=" + 1") == (33, True)
+    assert run(how='error_model="numpy"') == (32, True)
+    assert run(values=np.ones(3, np.float32)) == (32, True)
+    assert run() == (32, False)
+
+
+def test_every_process_gives_a_kernel_the_same_name() -> None:
+    code = "from core import compiling; from core.decode import kernel; print(compiling.content(kernel.decode_pixels))"
+    names = set()
+    for seed in ("1", "2"):
+        environment = {**os.environ, "PYTHONHASHSEED": seed}
+        done = subprocess.run(
+            [sys.executable, "-c", code], check=True, env=environment, cwd=ROOT, capture_output=True, text=True
+        )
+        names.add(done.stdout)
+    assert len(names) == 1
+
+
+def test_a_broken_entry_is_compiled_anew(run: Callable[..., tuple[float, bool]], tmp_path: Path) -> None:
+    assert run() == (32, True)
+    (entry,) = tmp_path.glob("*.kernel")
+    whole = entry.read_bytes()
+    for broken in (b"", whole[: len(whole) // 2], b"not a kernel"):
+        entry.write_bytes(broken)
+        assert run() == (32, True)
+        assert run() == (32, False)
+
+
+def test_what_nobody_used_for_long_goes_and_so_do_the_oldest_beyond_a_size(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    folder, foreign = tmp_path / "stripe-workbench/kernels", tmp_path / "stripe-workbench/notes"
+    folder.mkdir(parents=True)
+    foreign.mkdir()
+    (tmp_path / "stripe-workbench/kernels-0123456789abcdef").mkdir()
+    monkeypatch.setattr(compiling, "_KEPT_BYTES", 250)
+    for name, days in (("used", 0), ("known", 1), ("older", 2), ("forgotten", 100)):
+        (folder / f"{name}.kernel").write_bytes(bytes(100))
+        os.utime(folder / f"{name}.kernel", (time.time() - days * 86400,) * 2)
+    compiling._sweep(folder)
+    assert sorted(path.name for path in folder.iterdir()) == ["known.kernel", "used.kernel"]
+    assert sorted(path.name for path in folder.parent.iterdir()) == ["kernels", "notes"]
+
+
+def test_kernels_lie_in_the_users_cache_and_nowhere_in_the_package(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert compiling.kernel_folder.__wrapped__() == tmp_path / "stripe-workbench/kernels"
+
+
+def test_a_cache_that_cannot_be_written_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "kernel_folder", lambda: None)
+
+    @compiling.njit(cache=True)
+    def twice(values):
+        return 2 * values
+
+    assert np.all(twice(np.ones(3)) == 2)
+
+
+def test_numbas_own_settings_and_the_callers_kernels_stay_as_they_are(tmp_path: Path) -> None:
+    program = tmp_path / "callers.py"
+    program.write_text(
+        "import gc, numba, numpy\n"
+        "before = numba.config.CACHE_DIR, gc.isenabled(), gc.get_threshold()\n"
+        "import core.compiling\n"
+        "@numba.njit(cache=True)\n"
+        "def theirs(values): return values.sum()\n"
+        "theirs(numpy.ones(3))\n"
+        "assert before == (numba.config.CACHE_DIR, gc.isenabled(), gc.get_threshold())\n"
+    )
+    places = {"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    subprocess.run([sys.executable, program], check=True, env={**os.environ, **places})
+    assert list((tmp_path / "__pycache__").glob("callers.theirs-*.nbi"))
+    assert not (tmp_path / "cache").exists()
