@@ -17,7 +17,7 @@ from core.bench.scene import Scene
 from core.bench.sensor import digitise
 from core.bench.tables import expose_rows, gather_columns
 from core.parallel import THREADS, run_in_bands
-from core.patterns import Pattern, brightness
+from core.patterns import Pattern, axis_of, brightness
 from core.progress import SILENT, Progress
 
 Floats = NDArray[np.float32]
@@ -89,10 +89,10 @@ class Prepared:
 def lines_of(pattern: Pattern, rig: Rig) -> tuple[Array, Array]:
     """Give brightness of the column lines, shape (width,), and row lines, shape (height,), that show a pattern."""
     columns, rows = np.zeros(rig.projector.width), np.zeros(rig.projector.height)
-    if getattr(pattern, "axis", "x") == "x":
-        columns = brightness(pattern, np.arange(columns.size))
-    else:
+    if axis_of(pattern) == "y":
         rows = brightness(pattern, np.arange(rows.size))
+    else:
+        columns = brightness(pattern, np.arange(columns.size))
     return columns, rows
 
 

@@ -15,7 +15,7 @@ finding.py   what a check found, in words and figures
 """
 
 from core.capture.finding import Finding
-from core.capture.plan import Plan, describe, make_plan
+from core.capture.plan import Plan, make_plan
 from core.capture.preflight import preflight
 from core.capture.retake import retake_frame
 from core.capture.run import CaptureReport, Loop, run_capture, verify
@@ -29,7 +29,6 @@ __all__ = [
     "Status",
     "Store",
     "capture_status",
-    "describe",
     "make_plan",
     "open_store",
     "preflight",

@@ -12,7 +12,7 @@ from core.capture.finding import Finding
 from core.capture.identity import coordinates, identity
 from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
-from core.patterns import Black, Phase, White
+from core.patterns import axis_of, finest_steps, level_of
 
 Array = NDArray[np.float64]
 CURVED = 0.02  # of full light; a phase of four steps is then off by less than a hundredth of its period
@@ -93,14 +93,14 @@ def focus(plan: Plan, images: Sequence[Array]) -> Finding:
 
     The picture is that ratio in tiles of `TILE` px.
     """
-    white, black = (images[plan.shots.index(p)] for p in (White(), Black()))
-    steps = [(i, p) for i, p in enumerate(plan.shots) if isinstance(p, Phase)]
+    levels = [level_of(p) for p in plan.shots]
+    white, black = (images[levels.index(level)] for level in (1, 0))
+    finest, steps = finest_steps(plan.shots)
     if not steps:
         return Finding("focus", "good", "the sequence has no stripes to judge the focus by")
-    finest = min(p.period for _, p in steps)
     ratio = np.full(white.shape, np.inf)
     for axis in ("x", "y"):
-        fine = [images[i] for i, p in steps if p.period == finest and p.axis == axis]
+        fine = [images[i] for i in steps if axis_of(plan.shots[i]) == axis]
         if fine:
             swing = np.ptp(np.stack(fine), axis=0)
             ratio = np.minimum(ratio, swing / np.maximum(white - black, 1e-9))

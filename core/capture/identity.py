@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from core.capture.finding import Finding
 from core.capture.lookup import CONTRADICTION, LEAST, Fit, as_blurred, dictionary, leave_one_out, nearest, some
-from core.capture.plan import Plan, describe
+from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
-from core.patterns import Axis, Black, Code, Pattern, White
+from core.patterns import Axis, Pattern, axis_of, describe, level_of, use_of
 
 Array = NDArray[np.float32]
 
@@ -53,7 +53,7 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
     tolerance = (sampled.noise / contrast).astype(np.float32)
 
     def of_axis(axis: Axis) -> Finding | None:
-        shots = tuple(i for i, p in enumerate(plan.shots) if getattr(p, "axis", None) == axis)
+        shots = tuple(i for i, p in enumerate(plan.shots) if axis_of(p) == axis)
         if not shots:
             return None
         patterns, count = [plan.shots[i] for i in shots], lines[0 if axis == "x" else 1]
@@ -83,7 +83,7 @@ def coordinates(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> tuple[A
     values = ((sampled.grey[:, lit] - sampled.black[lit]) / contrast).astype(np.float32)
     found, cost, shown = [], np.zeros(len(lit), np.float32), 0
     for axis, count in (("x", lines[0]), ("y", lines[1])):
-        shots = [i for i, p in enumerate(plan.shots) if getattr(p, "axis", None) == axis]
+        shots = [i for i, p in enumerate(plan.shots) if axis_of(p) == axis]
         if not shots:
             found.append(np.full(len(lit), np.nan, np.float32))
             continue
@@ -97,8 +97,9 @@ def coordinates(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> tuple[A
 def _plain(plan: Plan, values: Array) -> Finding:
     wrong = []
     for i, pattern in enumerate(plan.shots):
-        if isinstance(pattern, White | Black):
-            off = np.abs(values[i] - (1.0 if isinstance(pattern, White) else 0.0)) > 0.4
+        level = level_of(pattern)
+        if level in (0, 1):  # between them a response may bend what is seen
+            off = np.abs(values[i] - level) > 0.4
             if off.mean() > SHARE:
                 wrong.append(i)
     if wrong:
@@ -108,7 +109,7 @@ def _plain(plan: Plan, values: Array) -> Finding:
 
 
 def _axis(plan: Plan, fit: Fit, tolerance: Array, at: NDArray[np.intp], shape: tuple[int, int], count: int) -> Finding:
-    k, along = len(fit.shots), "columns" if getattr(plan.shots[fit.shots[0]], "axis", "x") == "x" else "rows"
+    k, along = len(fit.shots), "rows" if axis_of(plan.shots[fit.shots[0]]) == "y" else "columns"
     limit = max(CONTRADICTION, 0.01 * float(fit.weight.sum())) + 2 * k * tolerance**2
     root = np.sqrt(fit.weight)[:, None]
     cost, best = nearest(root * fit.values, root * fit.possible)
@@ -147,7 +148,7 @@ def _misplaced_edges(patterns: list[Pattern], values: Array, bad: NDArray[np.boo
     The parity of all bits does not tell these. At an edge of a Gray code one frame alone is half bright; where several
     are, the pixel sees two surfaces.
     """
-    codes = [j for j, p in enumerate(patterns) if isinstance(p, Code)]
+    codes = [j for j, p in enumerate(patterns) if use_of(p) == "code"]
     half = np.abs(values - 0.5) < 0.25
     distinct = [j for i, j in enumerate(codes) if patterns[j] not in [patterns[c] for c in codes[:i]]]
     alone = half[distinct].sum(axis=0) == 1

@@ -11,7 +11,7 @@ import numpy as np
 
 from core.errors import InputError, PatternRefusedError
 from core.model import Project, Role
-from core.patterns import Black, Code, Pattern, Phase, White, brightness, pattern_to_dict, reference_sequence
+from core.patterns import Black, Pattern, White, axis_of, brightness, describe, level_of, reference_sequence
 
 LONGEST_NAME = 100  # bytes; file systems take 255, and files are named after captures
 
@@ -102,23 +102,6 @@ def check_shown(plan: Plan, refusal: Any, projector: str) -> None:
             raise PatternRefusedError(projector, f"cannot show {describe(pattern)}", reason)
 
 
-def describe(pattern: Pattern) -> str:
-    """Name a pattern in words.
-
-    Examples
-    --------
-    >>> describe(Code("gray", "x", 3, 9, 2))
-    'gray bit 3 of 9 across columns'
-    """
-    along = "columns" if getattr(pattern, "axis", "x") == "x" else "rows"
-    if isinstance(pattern, Code):
-        return f"{'inverse ' * pattern.inverse}{pattern.kind} bit {pattern.bit} of {pattern.bits} across {along}"
-    if isinstance(pattern, Phase):
-        return f"{pattern.profile} step {pattern.step} of {pattern.steps}, period {pattern.period:g} across {along}"
-    data = pattern_to_dict(pattern)
-    return f"line {data['index']} of the {along}" if "index" in data else str(data["kind"])
-
-
 def guards_for(patterns: Sequence[Pattern], lines: tuple[int, int]) -> tuple[Pattern, ...]:
     """Choose the guards of a sequence: white shows movement across and the lamp, the finest stripes movement in depth.
 
@@ -126,13 +109,13 @@ def guards_for(patterns: Sequence[Pattern], lines: tuple[int, int]) -> tuple[Pat
     """
 
     def changes(pattern: Pattern) -> int:
-        line = brightness(pattern, np.arange(lines[0 if getattr(pattern, "axis", "x") == "x" else 1]))
+        line = brightness(pattern, np.arange(lines[axis_of(pattern) == "y"]))
         return int(np.count_nonzero(np.diff(line > 0.5)))
 
     finest = max(patterns, key=changes)
     guards: list[Pattern] = [White()]
     if changes(finest):
         guards.append(finest)
-    if Black() not in patterns:
+    if not any(level_of(p) == 0 for p in patterns):
         guards.append(Black())
     return tuple(guards)

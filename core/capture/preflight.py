@@ -7,7 +7,7 @@ taken; fitness.py judges them.
 from __future__ import annotations
 
 import time
-from math import acos, ceil
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from core.capture.plan import Plan, guards_for
 from core.capture.quality import LIT, sample_grid, summarise
 from core.devices import Camera, Check, Projector, no_check, wait_until
 from core.errors import DeviceError
-from core.patterns import Black, Pattern, Phase, White, reference_sequence
+from core.patterns import Black, Level, Pattern, Phase, White, axis_of, finest_steps, reference_sequence
 from core.progress import SILENT, Progress
 
 Array = NDArray[np.float64]
@@ -130,27 +130,15 @@ def measure_settle(projector: Projector, camera: Camera, rest_s: float = 0.2, ch
     return Finding("settle", "good", words, figures, curve=tuple(curve))
 
 
-def grey_light(level: float) -> Phase:
-    """Give even light of a level, 0 to 1: a cosine so long that all lines stand at the same place of it.
-
-    Examples
-    --------
-    >>> from core.patterns import brightness
-    >>> brightness(grey_light(0.25), [0, 639]).round(6)
-    array([0.25, 0.25])
-    """
-    return Phase("x", 1e12, 3, 0, acos(2 * level - 1), "sine")
-
-
 def linearity(projector: Projector, camera: Camera, wait_s: float, check: Check = no_check) -> Finding:
     """See whether twice the light is twice the grey value.
 
     A projector of grey values shows `LEVELS` of them, and the curve is its level against the light seen. One of black
     and white shows two complementary patterns, whose images must add up to those of white and black.
     """
-    if projector.refusal(grey_light(0.5)) is None:
+    if projector.refusal(Level(0.5)) is None:
         shown = np.linspace(0, 1, LEVELS)
-        images = [_image(projector, camera, grey_light(float(level)), wait_s, check) for level in shown]
+        images = [_image(projector, camera, Level(float(level)), wait_s, check) for level in shown]
         return linearity_of_levels(shown, images)
     halves = [Phase("x", 4.0, 4, k, k * np.pi / 2, "square") for k in (0, 2)]
     patterns: list[Pattern] = [White(), Black(), *halves]
@@ -175,8 +163,9 @@ def measure_stripes(
     DeviceError
         If a device fails, or the projector lights too little of the image.
     """
-    steps = [p for p in projector.sequence or reference_sequence(*projector.size) if isinstance(p, Phase)]
-    fine = [p for p in steps if p.period == min(s.period for s in steps) and p.axis == steps[0].axis]
+    shown = projector.sequence or reference_sequence(*projector.size)
+    steps = [shown[i] for i in finest_steps(shown)[1]]
+    fine = [p for p in steps if axis_of(p) == axis_of(steps[0])]
     patterns: list[Pattern] = [White(), White(), Black(), *fine]
     white, again, black, *stack = (
         _image(projector, camera, pattern, wait_s, progress.check) for pattern in progress.over(patterns, "stripes")

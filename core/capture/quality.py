@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.capture.finding import Finding, Level
 from core.capture.plan import Plan
-from core.patterns import Black, Phase, White
+from core.patterns import cycle_lines, finest_steps, level_of
 
 Array = NDArray[np.float64]
 SAMPLES = 100_000
@@ -59,8 +59,8 @@ def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, i
     shots = plan.shots
     own = grey[list(plan.own)]
     high, low = np.quantile(own, [0.9, 0.1], axis=0)
-    whites = [grey[i] for i, pattern in enumerate(shots) if isinstance(pattern, White)]
-    blacks = [grey[i] for i, pattern in enumerate(shots) if isinstance(pattern, Black)]
+    whites = [grey[i] for i, pattern in enumerate(shots) if level_of(pattern) == 1]
+    blacks = [grey[i] for i, pattern in enumerate(shots) if level_of(pattern) == 0]
     white = np.median([*whites, high], axis=0) if whites else high
     black = np.min([*blacks, low], axis=0)
     noise = 1.0
@@ -68,7 +68,7 @@ def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, i
         pairs = [
             (grey[i], grey[k])
             for i, k in plan.guard_pairs
-            if not isinstance(shots[i], Black) and not np.array_equal(grey[i], grey[k])
+            if level_of(shots[i]) != 0 and not np.array_equal(grey[i], grey[k])
         ]
         equal = _noise_of_one(min(grey, key=np.mean), at)  # a replay shows the same image twice
         noise = min((_noise(a, b) for a, b in pairs), default=equal)
@@ -94,7 +94,7 @@ def saturation(sampled: Sampled) -> Finding:
 
 def modulation(plan: Plan, sampled: Sampled) -> Finding:
     """See whether the projector lights the scene, and what its finest stripes are worth."""
-    lit, shots = sampled.lit, plan.shots
+    lit = sampled.lit
     share = float(lit.mean())
     if share < LIT:
         text = (
@@ -104,11 +104,10 @@ def modulation(plan: Plan, sampled: Sampled) -> Finding:
         return Finding("modulation", "bad", text, {"lit": share}, tuple(plan.own))
     words, figures, level = [f"{share:.0%} of the image is lit"], {"lit": share}, "good"
     for axis, along in (("x", "columns"), ("y", "rows")):
-        steps = [i for i in plan.own if isinstance(p := shots[i], Phase) and p.axis == axis]
+        period, steps = finest_steps(plan.patterns, axis)  # type: ignore[arg-type]
         if not steps:
             continue
-        period = min(p.period for i in steps if isinstance(p := shots[i], Phase))
-        fine = [i for i in steps if isinstance(p := shots[i], Phase) and p.period == period]
+        fine = [plan.own[i] for i in steps]
         swing = np.ptp(sampled.grey[fine][:, lit], axis=0) / 2
         c = float(np.median(swing))
         sigma = sampled.noise / max(sqrt(2) * c, 1e-9) * period / (2 * pi)
@@ -144,13 +143,12 @@ def movement(plan: Plan, first: list[Array], last: list[Array], noise: float) ->
     shift, sigma = _shift(first[0], last[0], noise)
     figures = {"shift_px": shift, "shift_sigma_px": sigma}
     lines = 0.0
-    if len(first) > 1 and not isinstance(plan.guards[1], Black):
+    if len(first) > 1 and level_of(plan.guards[1]) != 0:
         stripes = float(np.std(first[1] - np.median(first[1] / np.maximum(first[0], 1)) * first[0]))
         gain = float(np.sum(first[1] * last[1]) / max(float(np.sum(first[1] ** 2)), 1e-9))
         rest = last[1] - gain * first[1]
         excess = sqrt(max(float(np.mean(rest**2)) - 2.2 * noise**2, 0.0))
-        pattern = plan.guards[1]
-        period = pattern.period if isinstance(pattern, Phase) else 4.0 * getattr(pattern, "cell", 1)
+        period = cycle_lines(plan.guards[1]) or 4.0
         lines = excess / max(stripes, 1e-9) * period / (2 * pi)
         figures["stripes_lines"] = lines
     if (shift > MOVED_PX and shift > 5 * sigma) or lines > MOVED_LINES:

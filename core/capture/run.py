@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from core.capture.finding import Finding
 from core.capture.identity import identity
-from core.capture.plan import Plan, check_shown, describe, make_plan
+from core.capture.plan import Plan, check_shown, make_plan
 from core.capture.quality import lamp, modulation, movement, sample_grid, saturation, summarise
 from core.capture.store import Listen, Store, capture_status, is_complete, no_listener, open_store, read_findings
 from core.capture.writer import Writer
 from core.devices import Camera, Image, Projector, open_devices, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.model import Project
-from core.patterns import Pattern
+from core.patterns import Pattern, describe
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_project
 

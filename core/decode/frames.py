@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.patterns import Axis, Black, Code, Line, Pattern, Phase, White
+from core.patterns import Axis, Pattern, Phase, axis_of, level_of, use_of
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 Numbers = tuple[int, ...]
@@ -106,36 +106,40 @@ def sort_frames(patterns: Sequence[Pattern]) -> SortedFrames:
         same[pattern].append(number)
     axes: dict[Axis, AxisFrames] = {}
     for axis in ("x", "y"):
-        mine = {p: tuple(n) for p, n in same.items() if getattr(p, "axis", None) == axis}
+        mine = {p: tuple(n) for p, n in same.items() if axis_of(p) == axis}
         if mine:
             axes[axis] = AxisFrames(axis, _codes(mine), _phases(mine), _lines(mine))
     duplicates = tuple(tuple(n) for n in same.values() if len(n) > 1)
-    return SortedFrames(tuple(same.get(White(), ())), tuple(same.get(Black(), ())), axes, duplicates)
+    white, black = (
+        tuple(n for p, numbers in same.items() if level_of(p) == level for n in numbers) for level in (1, 0)
+    )
+    return SortedFrames(white, black, axes, duplicates)
 
 
 def _codes(patterns: dict[Pattern, Numbers]) -> tuple[CodeFrames, ...]:
     groups: dict[tuple[str, int, int], CodeFrames] = {}
-    for pattern, numbers in patterns.items():
-        if isinstance(pattern, Code):
-            key = (pattern.kind, pattern.bits, pattern.cell)
-            group = groups.setdefault(key, CodeFrames(*key, {}, {}))
-            (group.inverse if pattern.inverse else group.direct)[pattern.bit] = numbers
+    for pattern, numbers in _used(patterns, "code"):
+        key = (pattern.kind, pattern.bits, pattern.cell)
+        group = groups.setdefault(key, CodeFrames(*key, {}, {}))
+        (group.inverse if pattern.inverse else group.direct)[pattern.bit] = numbers
     return tuple(groups.values())
 
 
 def _phases(patterns: dict[Pattern, Numbers]) -> tuple[PhaseFrames, ...]:
     groups: dict[tuple[str, str], list[tuple[int, Phase]]] = defaultdict(list)
-    for pattern, numbers in patterns.items():
-        if isinstance(pattern, Phase):
-            groups[f"{pattern.period:.9g}", pattern.profile] += [(number, pattern) for number in numbers]
+    for pattern, numbers in _used(patterns, "phase"):
+        groups[f"{pattern.period:.9g}", pattern.profile] += [(number, pattern) for number in numbers]
     phases = [PhaseFrames(g[0][1].period, tuple(n for n, _ in g), tuple(p for _, p in g)) for g in groups.values()]
     return tuple(sorted(phases, key=lambda phase: phase.period))
 
 
 def _lines(patterns: dict[Pattern, Numbers]) -> LineFrames | None:
-    lines = [(p.index + (p.width - 1) / 2, p.width, n) for p, numbers in patterns.items()
-             if isinstance(p, Line) for n in numbers]  # fmt: skip
+    lines = [(p.index + (p.width - 1) / 2, p.width, n) for p, numbers in _used(patterns, "section") for n in numbers]
     if not lines:
         return None
     centre, width, frames = zip(*sorted(lines), strict=True)
     return LineFrames(centre, max(width), frames)
+
+
+def _used(patterns: dict[Pattern, Numbers], use: str) -> list[tuple[Any, Numbers]]:
+    return [(pattern, numbers) for pattern, numbers in patterns.items() if use_of(pattern) == use]

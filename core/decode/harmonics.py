@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from core.decode.noise import Noise
 from core.decode.tables import AxisTable, Singles, sums_of
-from core.patterns import Pattern, Phase, White, brightness
+from core.patterns import Pattern, brightness, grey_reason, use_of
 
 Array = NDArray[np.float64]
 Spectrum = tuple[complex, ...]
@@ -55,14 +55,13 @@ def spectra(patterns: Sequence[Pattern], table: AxisTable) -> tuple[Spectrum, ..
     for j, period in enumerate(table.period):
         entries = slice(table.fits.first[j], table.fits.first[j + 1])
         shown = [patterns[n] for n in table.fits.frame[entries]]
-        square = any(isinstance(p, Phase) and p.profile == "square" for p in shown)
+        square = any(use_of(p) == "phase" and grey_reason(p) is None for p in shown)
         if not square or abs(period - round(float(period))) > 1e-6:
             found.append(())
             continue
         lines = np.arange(round(float(period)))
         waves = np.exp(-2j * np.pi * np.outer(m, lines) / period) / period
-        light = np.array([brightness(p, lines) if isinstance(p, Phase) else isinstance(p, White) + 0 * lines
-                          for p in shown])  # fmt: skip
+        light = np.array([brightness(p, lines) for p in shown])
         both = table.fits.value[1, entries] + 1j * table.fits.value[2, entries]
         found.append(tuple((waves @ (both @ light) * np.sinc(m / period)).tolist()))
     return tuple(found)

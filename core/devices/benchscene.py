@@ -13,7 +13,7 @@ from core.devices.address import Address
 from core.devices.protocol import Pixels, refuse_grey
 from core.devices.scene import Lines
 from core.errors import InputError
-from core.patterns import Pattern, Phase
+from core.patterns import Pattern, grey_reason
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,7 @@ class BenchScene:
 
     def refusal(self, pattern: Pattern) -> str | None:
         """Why the experiment's projector cannot show a pattern."""
-        grey = any(
-            isinstance(p, Phase) and p.profile == "sine" for shot in self.experiment.shots for p in shot.patterns
-        )
+        grey = any(grey_reason(p) for shot in self.experiment.shots for p in shot.patterns)
         return None if grey else refuse_grey(pattern)
 
     def frame(self, pattern: Pattern, seed: int) -> Pixels:

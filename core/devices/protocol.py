@@ -10,7 +10,7 @@ from typing import Any, Protocol, runtime_checkable
 from numpy.typing import NDArray
 
 from core.errors import DeviceError, PatternRefusedError
-from core.patterns import Pattern, Phase
+from core.patterns import Pattern, grey_reason
 
 Pixels = NDArray[Any]  # (H, W), uint8 or uint16
 Note = Callable[[str, str], None]  # who, what: a device tells the transcript what it did beside the asked
@@ -152,9 +152,8 @@ class Adjustable(Protocol):
 
 def refuse_grey(pattern: Pattern) -> str | None:
     """Say why a device of lines that are on or off cannot show a pattern."""
-    if isinstance(pattern, Phase) and pattern.profile == "sine":
-        return 'it shows black or white only, and the pattern has profile "sine": use "square"'
-    return None
+    reason = grey_reason(pattern)
+    return f"it shows black or white only, and {reason}" if reason else None
 
 
 def check_pattern(projector: Projector, pattern: Pattern) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.devices.protocol import Pixels, refuse_grey
-from core.patterns import Pattern, brightness
+from core.patterns import Pattern, axis_of, brightness
 
 Lines = NDArray[np.bool_]
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ class FlatScene:
 
     def frame(self, pattern: Pattern, seed: int) -> Pixels:
         """Render the board lit by a pattern, shape (H, W)."""
-        axis = getattr(pattern, "axis", "x")
+        axis = axis_of(pattern) or "x"
         lines = brightness(pattern, np.arange(self.projector_size[0 if axis == "x" else 1]))
         return self._expose(self._sample(lines, axis), seed)
 

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import PatternRefusedError
-from core.patterns.pattern import Axis, Pattern, Phase, brightness
+from core.patterns.kinds import Axis, Pattern
+from core.patterns.pattern import axis_of, brightness, describe, grey_reason
 
 Lines = NDArray[np.bool_]
 
@@ -24,6 +25,7 @@ class CrossPatternLcd:
 
     Examples
     --------
+    >>> from core.patterns import Phase
     >>> lcd = CrossPatternLcd(4, 2)
     >>> columns, rows = lcd.switch(Phase("x", 4, 4, 0, np.pi / 2, "square"))
     >>> lcd.image(columns, rows).astype(int)
@@ -44,10 +46,10 @@ class CrossPatternLcd:
         """
         _refuse_grey(pattern)
         columns, rows = np.zeros(self.width, bool), np.zeros(self.height, bool)
-        if getattr(pattern, "axis", "x") == "x":
-            columns = brightness(pattern, np.arange(self.width)) > 0.5
-        else:
+        if axis_of(pattern) == "y":
             rows = brightness(pattern, np.arange(self.height)) > 0.5
+        else:
+            columns = brightness(pattern, np.arange(self.width)) > 0.5
         return columns, rows
 
     def image(self, columns: Lines, rows: Lines) -> Lines:
@@ -71,7 +73,7 @@ class PlainLcd:
             For a pattern of the other axis, or grey values between black and white.
         """
         _refuse_grey(pattern)
-        axis = getattr(pattern, "axis", self.axis)
+        axis = axis_of(pattern) or self.axis
         if axis != self.axis:
             raise PatternRefusedError(
                 "projector", f"pattern of axis {axis!r}", f"this LCD has lines of axis {self.axis!r} only"
@@ -80,7 +82,5 @@ class PlainLcd:
 
 
 def _refuse_grey(pattern: Pattern) -> None:
-    if isinstance(pattern, Phase) and pattern.profile == "sine":
-        raise PatternRefusedError(
-            "projector", 'phase pattern of profile "sine"', 'this LCD is black or white: use profile "square"'
-        )
+    if reason := grey_reason(pattern):
+        raise PatternRefusedError("projector", describe(pattern), f"this LCD is black or white, and {reason}")

@@ -1,69 +1,14 @@
-"""The kinds of pattern, and how bright each makes every projector line."""
+"""What can be asked of a pattern of any kind."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from core.fields import Fields
-
-Axis = Literal["x", "y"]
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class White:
-    """Every line on."""
-
-    kind: ClassVar[str] = "white"
-
-
-@dataclass(frozen=True)
-class Black:
-    """Every line off."""
-
-    kind: ClassVar[str] = "black"
-
-
-@dataclass(frozen=True)
-class Code:
-    """One bit of a Gray or plain binary code: line i carries number ``i // cell``; bit 0 is the most significant."""
-
-    kind: Literal["gray", "binary"]
-    axis: Axis
-    bit: int
-    bits: int
-    cell: int = 1
-    inverse: bool = False
-
-
-@dataclass(frozen=True)
-class Phase:
-    """One of N phase steps: a cosine of `period` lines shifted by `shift_rad`, or the square wave of its sign."""
-
-    axis: Axis
-    period: float
-    steps: int
-    step: int
-    shift_rad: float
-    profile: Literal["square", "sine"] = "sine"
-    kind: ClassVar[str] = "phase"
-
-
-@dataclass(frozen=True)
-class Line:
-    """Light sectioning: the `width` lines from `index` on are lit, all others dark."""
-
-    axis: Axis
-    index: int
-    width: int = 1
-    kind: ClassVar[str] = "line"
-
-
-Pattern = White | Black | Code | Phase | Line
+from core.patterns.kinds import KINDS, Array, Axis, Pattern, Use
 
 _KNOWN: dict[tuple[Any, ...], Pattern] = {}  # what was read before, by its fields
 _MOST_KNOWN = 4096
@@ -86,44 +31,69 @@ def brightness(pattern: Pattern, lines: ArrayLike) -> Array:
     --------
     The reference phase pattern, period 4 and shifted by a quarter, and the last Gray bit of cell 2:
 
+    >>> from core.patterns import Code, Phase
     >>> brightness(Phase("x", 4, 4, 0, np.pi / 2, "square"), range(8))
     array([1., 1., 0., 0., 1., 1., 0., 0.])
     >>> brightness(Code("gray", "x", bit=8, bits=9, cell=2), range(8))
     array([0., 0., 1., 1., 1., 1., 0., 0.])
     """
-    i = np.asarray(lines, dtype=np.int64)
-    match pattern:
-        case White():
-            return np.ones(i.shape)
-        case Black():
-            return np.zeros(i.shape)
-        case Code():
-            k = i // pattern.cell
-            number = k ^ (k >> 1) if pattern.kind == "gray" else k
-            on = (number >> (pattern.bits - 1 - pattern.bit)) & 1
-            return np.asarray(on ^ pattern.inverse, dtype=np.float64)
-        case Phase():
-            cosine = np.cos(2 * np.pi * (i + 0.5) / pattern.period - pattern.shift_rad)
-            if pattern.profile == "sine":
-                return np.asarray(0.5 + 0.5 * cosine)
-            # the sign at an exact zero of the cosine must not hang on its last bit
-            return np.asarray(cosine > 1e-12, dtype=np.float64)
-        case Line():
-            return np.asarray((i >= pattern.index) & (i < pattern.index + pattern.width), dtype=np.float64)
+    return KINDS[pattern.kind].light(pattern, np.asarray(lines, dtype=np.int64))
+
+
+def axis_of(pattern: Pattern) -> Axis | None:
+    """Give the axis that a pattern varies along; None where it lights the whole field evenly."""
+    return getattr(pattern, "axis", None)
+
+
+def use_of(pattern: Pattern) -> Use:
+    """Say what a decoder can do with a pattern's frame (`core.patterns.kinds.Kind.use`)."""
+    return KINDS[pattern.kind].use
+
+
+def level_of(pattern: Pattern) -> float | None:
+    """Give the level, 0 (black) to 1 (white), of a pattern that lights the whole field evenly; None for all others.
+
+    Examples
+    --------
+    >>> from core.patterns import Level, Line, White
+    >>> level_of(White()), level_of(Level(0.25)), level_of(Line("x", 7))
+    (1.0, 0.25, None)
+    """
+    return float(brightness(pattern, 0)) if axis_of(pattern) is None else None
+
+
+def grey_reason(pattern: Pattern) -> str | None:
+    """Why a projector of black and white cannot show a pattern, and what to use instead; None if it can."""
+    return KINDS[pattern.kind].grey(pattern)
+
+
+def cycle_lines(pattern: Pattern) -> float | None:
+    """Lines in one cycle of a pattern's finest stripes; None where it has no regular ones."""
+    return KINDS[pattern.kind].cycle(pattern)
+
+
+def describe(pattern: Pattern) -> str:
+    """Name a pattern in words.
+
+    Examples
+    --------
+    >>> from core.patterns import Code
+    >>> describe(Code("gray", "x", 3, 9, 2))
+    'gray bit 3 of 9 across columns'
+    """
+    return KINDS[pattern.kind].words(pattern, "rows" if axis_of(pattern) == "y" else "columns")
 
 
 def pattern_image(pattern: Pattern, width: int, height: int) -> Array:
     """Give the pattern as a projector of width × height lines shows it, shape (height, width), 0 to 1."""
-    if isinstance(pattern, White | Black):
-        return np.full((height, width), brightness(pattern, 0))
-    if pattern.axis == "x":
-        return np.tile(brightness(pattern, np.arange(width)), (height, 1))
-    return np.tile(brightness(pattern, np.arange(height))[:, None], (1, width))
+    if axis_of(pattern) == "y":
+        return np.tile(brightness(pattern, np.arange(height))[:, None], (1, width))
+    return np.tile(brightness(pattern, np.arange(width)), (height, 1))
 
 
 def pattern_to_dict(pattern: Pattern) -> dict[str, Any]:
     """Give the pattern as `capture.json` holds it."""
-    return {"kind": pattern.kind, **asdict(pattern)}
+    return {"kind": pattern.kind, **KINDS[pattern.kind].write(pattern)}
 
 
 def pattern_from_dict(data: object, where: str) -> Pattern:
@@ -160,20 +130,5 @@ def pattern_from_dict(data: object, where: str) -> Pattern:
 
 
 def _read(fields: Fields) -> Pattern:
-    kind = fields.text("kind", among=("white", "black", "gray", "binary", "phase", "line"))
-    if kind == "white":
-        return White()
-    if kind == "black":
-        return Black()
-    axis = fields.text("axis", among=("x", "y"))
-    if kind == "line":
-        return Line(axis, fields.integer("index", 0), fields.integer("width", 1, default=1))
-    if kind == "phase":
-        steps = fields.integer("steps", 3)
-        step = fields.integer("step", 0, steps - 1)
-        shift = fields.real("shift_rad", default=2 * np.pi * step / steps)
-        profile = fields.text("profile", default="sine", among=("square", "sine"))
-        return Phase(axis, fields.real("period", above=0.0), steps, step, shift, profile)
-    bits = fields.integer("bits", 1, 62)
-    bit, cell = fields.integer("bit", 0, bits - 1), fields.integer("cell", 1, default=1)
-    return Code(kind, axis, bit, bits, cell, fields.flag("inverse"))
+    kind: Pattern = KINDS[fields.text("kind", among=tuple(KINDS))].read(fields)
+    return kind

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import ceil, log2, pi
 
-from core.patterns.pattern import Axis, Black, Code, Line, Pattern, Phase, White
+from core.patterns.kinds import Axis, Black, Code, Line, Pattern, Phase, White
+from core.patterns.pattern import axis_of, cycle_lines, use_of
 
 
 def gray_and_phase(
@@ -62,3 +63,27 @@ def reference_sequence(width: int = 640, height: int = 640, axes: Sequence[Axis]
 def light_sections(axis: Axis, lines: int, width: int = 1, pitch: int = 1) -> list[Pattern]:
     """One line of `width` at a time, every `pitch` lines; then black."""
     return [*(Line(axis, i, width) for i in range(0, lines - width + 1, pitch)), Black()]
+
+
+def finest_steps(patterns: Sequence[Pattern], axis: Axis | None = None) -> tuple[float, list[int]]:
+    """Find the phase steps of the finest stripes, along one axis or either.
+
+    Returns
+    -------
+    period : float
+        In lines; 0 where there are no phase steps.
+    numbers : list of int
+        Which patterns they are.
+
+    Examples
+    --------
+    >>> finest_steps(reference_sequence(), "y")
+    (4.0, [22, 23, 24, 25])
+    """
+    cycles = {
+        i: cycle
+        for i, p in enumerate(patterns)
+        if use_of(p) == "phase" and axis in (None, axis_of(p)) and (cycle := cycle_lines(p))
+    }
+    least = min(cycles.values(), default=0.0)
+    return float(least), [i for i, cycle in cycles.items() if cycle == least]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication
 
-from core.patterns import Black, Code, Line, Pattern, Phase, White
+from core.patterns import Code, Line, Pattern, Phase, describe
 from core.progress import SILENT, Progress
 from core.project import read_image
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
@@ -70,22 +72,35 @@ def _row(entry: CaptureEntry) -> CaptureRow:
 
 
 def pattern_text(pattern: Pattern) -> str:
-    """Say in a few words what the projector showed."""
-    match pattern:
-        case White():
-            return translate("Capture", "white")
-        case Black():
-            return translate("Capture", "black")
-        case Code():
-            name = translate("Capture", "Gray code") if pattern.kind == "gray" else translate("Capture", "binary code")
-            inverse = translate("Capture", ", inverse") if pattern.inverse else ""
-            text = translate("Capture", "{name} {axis}, bit {bit} of {bits}{inverse}")
-            return text.format(name=name, axis=pattern.axis, bit=pattern.bit + 1, bits=pattern.bits, inverse=inverse)
-        case Phase():
-            text = translate("Capture", "phase {axis}, period {period:g}, step {step} of {steps}")
-            return text.format(axis=pattern.axis, period=pattern.period, step=pattern.step + 1, steps=pattern.steps)
-        case Line():
-            return translate("Capture", "line {axis} {index}").format(axis=pattern.axis, index=pattern.index)
+    """Say in a few words what the projector showed; a kind without words here is told in the core's."""
+    words = _WORDS.get(pattern.kind)
+    return words(pattern) if words else describe(pattern)
+
+
+def _code(pattern: Code) -> str:
+    name = translate("Capture", "Gray code") if pattern.kind == "gray" else translate("Capture", "binary code")
+    inverse = translate("Capture", ", inverse") if pattern.inverse else ""
+    text = translate("Capture", "{name} {axis}, bit {bit} of {bits}{inverse}")
+    return text.format(name=name, axis=pattern.axis, bit=pattern.bit + 1, bits=pattern.bits, inverse=inverse)
+
+
+def _phase(pattern: Phase) -> str:
+    text = translate("Capture", "phase {axis}, period {period:g}, step {step} of {steps}")
+    return text.format(axis=pattern.axis, period=pattern.period, step=pattern.step + 1, steps=pattern.steps)
+
+
+def _line(pattern: Line) -> str:
+    return translate("Capture", "line {axis} {index}").format(axis=pattern.axis, index=pattern.index)
+
+
+_WORDS: dict[str, Callable[[Any], str]] = {
+    "white": lambda pattern: translate("Capture", "white"),
+    "black": lambda pattern: translate("Capture", "black"),
+    "gray": _code,
+    "binary": _code,
+    "phase": _phase,
+    "line": _line,
+}
 
 
 def load_frame(path: Path, progress: Progress = SILENT) -> FrameView:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from core.capture.plan import guards_for
 from core.devices import Adjustable, Camera, Projector, Setting, open_camera, open_projector, wait_until
 from core.errors import Cancelled
-from core.patterns import Black, Pattern, White, reference_sequence
+from core.patterns import Black, Pattern, White, axis_of, reference_sequence
 from core.progress import SILENT, Progress
 
 
@@ -131,5 +131,5 @@ class Rig:
 def _pattern(light: str, projector: Projector) -> Pattern:
     if light == "stripes":
         patterns = projector.sequence or reference_sequence(*projector.size)
-        return next((p for p in guards_for(patterns, projector.size) if not isinstance(p, White | Black)), White())
+        return next((p for p in guards_for(patterns, projector.size) if axis_of(p)), White())
     return Black() if light == "black" else White()

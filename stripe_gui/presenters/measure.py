@@ -10,7 +10,7 @@ from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
 from core.model import Adjustment, Array, Capture, DeviceSpec, Network, TargetSet
-from core.patterns import White
+from core.patterns import level_of
 from core.progress import SILENT, Progress
 from core.report import Number, Table
 from stripe_gui.presenters.capture import FrameView, load_frame
@@ -40,7 +40,7 @@ class MeasureView:
 
 def lit_frame(capture: Capture, progress: Progress = SILENT) -> FrameView:
     """Read the frame in which the board is lit evenly: the white one, else the first."""
-    white = [frame for frame in capture.frames if isinstance(frame.pattern, White)]
+    white = [frame for frame in capture.frames if level_of(frame.pattern) == 1]
     return load_frame((white or list(capture.frames))[0].path, progress)
 
 

@@ -10,7 +10,7 @@ from PySide6.QtCore import QEvent, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QIcon, QImage, QPainter, QPixmap
 from PySide6.QtWidgets import QListView, QListWidget, QListWidgetItem
 
-from core.patterns import Pattern, brightness
+from core.patterns import Pattern, axis_of, brightness
 from stripe_gui import theme
 from stripe_gui.assets import draw_icon
 from stripe_gui.presenters.capture import pattern_text
@@ -30,7 +30,7 @@ def picture(pattern: Pattern, lines: tuple[int, int], side: int = SIDE) -> tuple
     >>> drawn[0].tolist(), enlarged
     ([0, 0, 255, 255], False)
     """
-    axis = getattr(pattern, "axis", "x")
+    axis = axis_of(pattern) or "x"
     count = lines[0 if axis == "x" else 1]
     whole = brightness(pattern, np.arange(count))
     changes = int(np.count_nonzero(np.diff(whole > 0.5)))

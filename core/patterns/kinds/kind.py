@@ -1,0 +1,77 @@
+"""What the program must know of a kind of pattern."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.fields import Fields
+
+Axis = Literal["x", "y"]
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+Use = Literal["level", "code", "phase", "section", "word"]
+
+
+class Pattern(Protocol):
+    """What a projector is to show: a frozen dataclass of one of the registered kinds.
+
+    One that varies along an axis has an attribute `axis`; the others light the whole field evenly.
+    """
+
+    @property
+    def kind(self) -> str:
+        """The name it has in capture.json."""
+        ...
+
+
+def never(_pattern: Any) -> None:
+    """Say that no pattern of a kind is concerned."""
+    return
+
+
+def fields_of(pattern: Any) -> dict[str, Any]:
+    """Give the fields of a pattern as capture.json holds them."""
+    return asdict(pattern)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of pattern.
+
+    Attributes
+    ----------
+    use : str
+        What a decoder can do with its frames: "level" lights the whole field evenly; "code" is a bit of a number,
+        "phase" a step of a wave, "section" a lit line, "word" any lines that only a look-up tells apart.
+    read : callable
+        From the fields of capture.json to the pattern; raises `InputError`.
+    light : callable
+        How bright (0 to 1) the pattern makes lines, given as whole numbers.
+    words : callable
+        The pattern in words; is given "columns" or "rows", which it runs across.
+    grey : callable
+        Why a projector of black and white cannot show a pattern, and what to use instead; None if it can.
+    cycle : callable
+        Lines in one cycle of its finest stripes; None where it has no regular ones.
+    write : callable
+        The fields as capture.json holds them, without the kind.
+    """
+
+    use: Use
+    read: Callable[[Fields], Any]
+    light: Callable[[Any, Numbers], Array]
+    words: Callable[[Any, str], str]
+    grey: Callable[[Any], str | None] = never
+    cycle: Callable[[Any], float | None] = never
+    write: Callable[[Any], dict[str, Any]] = fields_of
+
+
+def read_axis(fields: Fields) -> Axis:
+    """Read the axis that a pattern varies along."""
+    axis: Axis = fields.text("axis", among=("x", "y"))
+    return axis

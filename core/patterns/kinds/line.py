@@ -1,0 +1,32 @@
+"""Light sectioning: a line at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from core.fields import Fields
+from core.patterns.kinds.kind import Array, Axis, Kind, Numbers, read_axis
+
+
+@dataclass(frozen=True)
+class Line:
+    """Light sectioning: the `width` lines from `index` on are lit, all others dark."""
+
+    axis: Axis
+    index: int
+    width: int = 1
+    kind: ClassVar[str] = "line"
+
+
+def _read(fields: Fields) -> Line:
+    return Line(read_axis(fields), fields.integer("index", 0), fields.integer("width", 1, default=1))
+
+
+def _light(pattern: Line, i: Numbers) -> Array:
+    return np.asarray((i >= pattern.index) & (i < pattern.index + pattern.width), dtype=np.float64)
+
+
+LINE = Kind("section", _read, _light, lambda pattern, along: f"line {pattern.index} of the {along}")
