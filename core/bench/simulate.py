@@ -74,7 +74,7 @@ def simulate(
                 progress(k / len(e.shots), f"simulating {shot.name}")
                 _write_shot(out / "captures" / shot.name, e, shot, wrong.get(shot.name, ()), pool, progress)
         write_json(out / "truth.json", truth_of(e))
-        extra = {} if e.plan.reference is None else {"reference": e.plan.reference}
+        extra: dict[str, Any] = {} if e.plan.reference is None else {"reference": e.plan.reference}
         names = [f"captures/{shot.name}" for shot in e.shots]
         write_project(out, e.plan.title, e.rig.camera, e.rig.projector, e.scale, names, **extra)
     progress(1.0, "simulated")

@@ -8,7 +8,8 @@ Conventions, told once for the whole program:
 * a `Pose` named ``a_from_b`` takes coordinates in frame b to frame a: ``X_a = R X_b + t``.
 """
 
-from core.geometry.device import distort, image_to_pixel, pixel_to_image, project, ray_directions, undistort
+from core.geometry.device import image_to_pixel, pixel_to_image, project, ray_directions
+from core.geometry.lens import LENSES, Lens, distort, fitted, lens_of, nominal, regular, undistort
 from core.geometry.rotation import (
     Pose,
     angle_of_rotation,
@@ -18,15 +19,21 @@ from core.geometry.rotation import (
 )
 
 __all__ = [
+    "LENSES",
+    "Lens",
     "Pose",
     "angle_of_rotation",
     "distort",
+    "fitted",
     "image_to_pixel",
+    "lens_of",
     "matrix_from_axis_angle",
     "matrix_from_rotation_vector",
+    "nominal",
     "pixel_to_image",
     "project",
     "ray_directions",
+    "regular",
     "rotation_vector_from_matrix",
     "undistort",
 ]

@@ -20,7 +20,7 @@ from core.model.capture import Capture, Frame, Role, Seed
 from core.model.network import Network, NetworkDevice, NetworkScale
 from core.model.phase import PhaseMap
 from core.model.points import PlaneEvaluation, PointCloud
-from core.model.rig import INTERIOR_NAMES, DeviceSpec, Interior, Project, ScaleBar
+from core.model.rig import INTERIOR_NAMES, DeviceSpec, Interior, Project, Rig, ScaleBar
 from core.model.targets import MissingTarget, TargetSet, Testfield
 from core.model.verdict import Verdict
 
@@ -48,6 +48,7 @@ __all__ = [
     "PlaneEvaluation",
     "PointCloud",
     "Project",
+    "Rig",
     "Role",
     "ScaleBar",
     "Seed",

@@ -22,6 +22,7 @@ class Seed:
     col: int
     u: float
     v: float
+    camera: str = ""  # in whose image; empty where the rig has one
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,9 @@ class Frame:
 
     path: Path
     pattern: Pattern
+    camera: str = "camera"
+    projector: str = "projector"
+    exposure_ms: float | None = None
 
 
 @dataclass(frozen=True)
@@ -49,3 +53,13 @@ class Capture:
     def name(self) -> str:
         """The folder's name."""
         return self.path.name
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Camera and projector of every series of frames, in the order of their first frames."""
+        return tuple(dict.fromkeys((frame.camera, frame.projector) for frame in self.frames))
+
+    def seeds_in(self, camera: str) -> tuple[Seed, ...]:
+        """Give the picks in one camera's image; those that name none count for the capture's first camera."""
+        first = self.frames[0].camera if self.frames else camera
+        return tuple(seed for seed in self.seeds if (seed.camera or first) == camera)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,14 +14,58 @@ INTERIOR_NAMES = ("c", "x0", "y0", "A1", "A2", "A3", "A4", "A5", "A6")
 
 
 @dataclass(frozen=True)
+class Interior:
+    """Interior orientation of a device: c, x0, y0 and the additional parameters of its lens model.
+
+    `a` holds those in the order of `core.geometry.lens`: for the model "A1..A6" the six, referred to `r0_mm`.
+    """
+
+    c_mm: float
+    x0_mm: float = 0.0
+    y0_mm: float = 0.0
+    a: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    r0_mm: float = 0.0
+    model: str = "A1..A6"
+
+    @property
+    def vector(self) -> Array:
+        """(c, x0, y0) and the additional parameters, shape (k,)."""
+        return np.array([self.c_mm, self.x0_mm, self.y0_mm, *self.a])
+
+    @staticmethod
+    def from_vector(values: Array, r0_mm: float, model: str = "A1..A6") -> Interior:
+        """Make the orientation from c, x0, y0 and the additional parameters, shape (k,)."""
+        c, x0, y0, *a = (float(v) for v in values)
+        return Interior(c, x0, y0, tuple(a), r0_mm, model)
+
+
+@dataclass(frozen=True)
 class DeviceSpec:
-    """A camera or projector before calibration: its pixel (or line) raster and the maker's focal length."""
+    """A camera or projector before calibration: its pixel (or line) raster and the maker's focal length.
+
+    Attributes
+    ----------
+    width, height : int
+    pitch_mm : tuple of float
+    nominal_c_mm : float
+    r0_mm : float or None
+        Where the radial parameters shall be zero.
+    interior : Interior or None
+        Known before: its model is the one that is estimated, its values are where the estimation begins.
+    interior_sigma : tuple of float
+        How well each parameter of `interior` is known: 0 holds it, infinity leaves it free; empty for all free.
+    response : tuple of pairs
+        (level, light) of a projector, measured before; empty where not known.
+    """
 
     width: int
     height: int
     pitch_mm: tuple[float, float]
     nominal_c_mm: float
     r0_mm: float | None = None
+    interior: Interior | None = None
+    interior_sigma: tuple[float, ...] = ()
+    response: tuple[tuple[float, float], ...] = ()
 
     @property
     def zero_radius_mm(self) -> float:
@@ -29,27 +74,43 @@ class DeviceSpec:
             return self.r0_mm
         return float(np.hypot(self.width * self.pitch_mm[0], self.height * self.pitch_mm[1]) / 3)
 
+    @property
+    def model(self) -> str:
+        """Name of the lens model."""
+        return "A1..A6" if self.interior is None else self.interior.model
+
 
 @dataclass(frozen=True)
-class Interior:
-    """Interior orientation (c, x0, y0) and the six additional parameters A1..A6 of a device."""
+class Rig:
+    """Cameras and projectors by name, each name given once."""
 
-    c_mm: float
-    x0_mm: float = 0.0
-    y0_mm: float = 0.0
-    a: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    r0_mm: float = 0.0
+    cameras: Mapping[str, DeviceSpec]
+    projectors: Mapping[str, DeviceSpec]
 
     @property
-    def vector(self) -> Array:
-        """(c, x0, y0, A1..A6) as an array of shape (9,)."""
-        return np.array([self.c_mm, self.x0_mm, self.y0_mm, *self.a])
+    def devices(self) -> dict[str, DeviceSpec]:
+        """All of them, cameras first."""
+        return {**self.cameras, **self.projectors}
 
-    @staticmethod
-    def from_vector(values: Array, r0_mm: float) -> Interior:
-        """Make the orientation from (c, x0, y0, A1..A6), shape (9,)."""
-        c, x0, y0, a1, a2, a3, a4, a5, a6 = (float(v) for v in values)
-        return Interior(c, x0, y0, (a1, a2, a3, a4, a5, a6), r0_mm)
+    @property
+    def camera_name(self) -> str:
+        """The camera meant where none is named: the only one, the one called "camera", else the first."""
+        return "camera" if "camera" in self.cameras else next(iter(self.cameras))
+
+    @property
+    def projector_name(self) -> str:
+        """The projector meant where none is named: the only one, the one called "projector", else the first."""
+        return "projector" if "projector" in self.projectors else next(iter(self.projectors))
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Every camera with every projector."""
+        return tuple((c, p) for c in self.cameras for p in self.projectors)
+
+    @property
+    def is_pair(self) -> bool:
+        """Whether it is one camera and one projector."""
+        return len(self.cameras) == len(self.projectors) == 1
 
 
 @dataclass(frozen=True)
@@ -68,8 +129,18 @@ class Project:
 
     path: Path
     name: str
-    camera: DeviceSpec
-    projector: DeviceSpec
+    rig: Rig
     scale: ScaleBar | None
     captures: tuple[Path, ...]
     reference: str | None = None  # a published experiment this rig repeats: a file name in resources/reference
+    lengths: tuple[ScaleBar, ...] = ()  # further measured distances
+
+    @property
+    def camera(self) -> DeviceSpec:
+        """The only camera, or the one that is meant where none is named."""
+        return self.rig.cameras[self.rig.camera_name]
+
+    @property
+    def projector(self) -> DeviceSpec:
+        """The only projector, or the one that is meant where none is named."""
+        return self.rig.projectors[self.rig.projector_name]

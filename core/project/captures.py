@@ -15,14 +15,16 @@ import numpy as np
 from core.atomic import atomic_write, write_json
 from core.errors import InputError
 from core.fields import Fields, regular
-from core.model import Capture, DeviceSpec, Frame, Project, ScaleBar, Seed, Testfield
+from core.model import Capture, DeviceSpec, Frame, Project, Rig, ScaleBar, Seed, Testfield
 from core.patterns import Pattern, pattern_from_dict, pattern_to_dict
 from core.project.images import Image, write_image
+from core.project.rigs import bar_to_dict, read_bar, read_rig, rig_to_dict, rig_version
 from core.project.unfinished import unfinished_status
 
-VERSION = 1
-MOST_PIXELS = 1_000_000  # along one side of a device
+VERSION = 1  # written wherever nothing of a later one is used
+VERSIONS = (1, 2)
 ROLES = ("testfield", "depth", "plane", "object")
+_UNKNOWN: tuple[tuple[str, Mapping[str, DeviceSpec]], ...] = (("camera", {}), ("projector", {}))  # no project: any name
 _COLUMNS = ("row", "col", "x_mm", "y_mm", "z_mm", "diameter_mm")
 
 
@@ -48,22 +50,12 @@ def read_document(path: Path, kind: str) -> Fields:
     fields = Fields.of(data, str(path))
     fields.text("format", among=(kind,))
     version = fields.integer("version")
-    if version != VERSION:
+    if version not in VERSIONS:
+        known = " and ".join(map(str, VERSIONS))
         raise fields.refuse(
-            "version", version, f"this program reads version {VERSION}: convert the file or update the program"
+            "version", version, f"this program reads versions {known}: convert the file or update the program"
         )
     return fields
-
-
-def read_device(fields: Fields) -> DeviceSpec:
-    """Read a camera or projector of project.json or network.json."""
-    return DeviceSpec(
-        fields.integer("width", 1, MOST_PIXELS),
-        fields.integer("height", 1, MOST_PIXELS),
-        fields.pair("pitch_mm", above=0.0),
-        fields.real("nominal_c_mm", above=0.0),
-        fields.real("r0_mm", least=0.0, default=None),
-    )
 
 
 def read_project(folder: Path) -> Project:
@@ -75,13 +67,8 @@ def read_project(folder: Path) -> Project:
     """
     folder = Path(folder)
     fields = read_document(folder / "project.json", "stripe-project")
-    scale = None
-    if fields.data.get("scale") is not None:
-        bar = fields.nested("scale")
-        ends = [(round(a), round(b)) for a, b in (bar.pair("from"), bar.pair("to"))]
-        if ends[0] == ends[1]:
-            raise bar.refuse("to", list(ends[1]), "name two different targets")
-        scale = ScaleBar(ends[0], ends[1], bar.real("length_mm", 0.0), bar.real("sigma_mm", 0.0))
+    scale = read_bar(fields.nested("scale")) if fields.data.get("scale") is not None else None
+    lengths = fields.items("lengths") if fields.data.get("lengths") is not None else []
     names = fields.items("captures") if "captures" in fields.data else []
     captures = []
     for name in names:
@@ -100,11 +87,11 @@ def read_project(folder: Path) -> Project:
     return Project(
         folder,
         fields.text("name", default=folder.resolve().name),
-        read_device(fields.nested("camera")),
-        read_device(fields.nested("projector")),
+        read_rig(fields),
         scale,
         tuple(captures),
         reference if isinstance(reference, str) else None,
+        tuple(read_bar(Fields.of(item, f"{fields.where}: lengths, entry {i}")) for i, item in enumerate(lengths)),
     )
 
 
@@ -138,14 +125,16 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
         status = unfinished_status(folder, len(fields.items("planned")))
         raise InputError(path, str(status), "start the same capture again: it goes on where it stopped")
     frames, place, where = [], str(folder), str(path)
+    devices = (("camera", project.rig.cameras), ("projector", project.rig.projectors)) if project else _UNKNOWN
     for i, item in enumerate(fields.items("frames")):
         entry = Fields.of(item, f"{where}: frame {i}")
         name = entry.text("file")
         if not os.path.isfile(os.path.join(place, name)):
             raise InputError(folder / name, "the frame is not there", "record it again, or take it out of capture.json")
-        frames.append(
-            Frame(folder / name, pattern_from_dict(entry.data.get("pattern"), f"{where}: frame {i} ({name})"))
-        )
+        pattern = pattern_from_dict(entry.data.get("pattern"), f"{where}: frame {i} ({name})")
+        camera, projector = (_device_of(entry, kind, known) for kind, known in devices)
+        exposure = entry.real("exposure_ms", above=0.0, default=None) if "exposure_ms" in entry.data else None
+        frames.append(Frame(folder / name, pattern, camera, projector, exposure))
     if not frames:
         raise fields.refuse("frames", [], "a capture needs frames: record it again")
     testfield = None
@@ -165,6 +154,18 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
     )
 
 
+def _device_of(entry: Fields, kind: str, known: Mapping[str, DeviceSpec]) -> str:
+    """Name of a frame's camera or projector: that given, else the only one, else the one named after its kind."""
+    given = entry.data.get(kind)
+    if given is None:
+        if kind in known or not known:
+            return kind
+        if len(known) == 1:
+            return next(iter(known))
+        raise InputError(entry.where, f"names no {kind}", f'add "{kind}": one of {", ".join(known)}')
+    return str(entry.text(kind, among=tuple(known) or None))
+
+
 def read_picks(path: Path) -> tuple[tuple[Seed, ...], tuple[tuple[int, int], ...]]:
     """Read the targets an operator picked, and those (row, col) that he excluded.
 
@@ -176,7 +177,8 @@ def read_picks(path: Path) -> tuple[tuple[Seed, ...], tuple[tuple[int, int], ...
     seeds = []
     for i, item in enumerate(fields.items("seeds")):
         seed = Fields.of(item, f"{path}: seed {i}")
-        seeds.append(Seed(seed.integer("row"), seed.integer("col"), seed.real("u"), seed.real("v")))
+        camera = seed.text("camera", default="")
+        seeds.append(Seed(seed.integer("row"), seed.integer("col"), seed.real("u"), seed.real("v"), camera))
     excluded: dict[tuple[int, int], None] = {}
     for i, item in enumerate(fields.items("excluded") if fields.data.get("excluded") is not None else ()):
         if not isinstance(item, list) or len(item) != 2:
@@ -283,34 +285,29 @@ def _number(cell: str, name: str, where: str) -> float:
 def write_project(
     folder: Path,
     name: str,
-    camera: DeviceSpec,
-    projector: DeviceSpec,
+    camera: DeviceSpec | Mapping[str, DeviceSpec],
+    projector: DeviceSpec | Mapping[str, DeviceSpec],
     scale: ScaleBar | None = None,
     captures: Sequence[str] = (),
+    lengths: Sequence[ScaleBar] = (),
     **extra: Any,
 ) -> None:
-    """Write project.json; `captures` are paths from the project, `extra` further keys (such as "reference")."""
-    data: dict[str, Any] = {"format": "stripe-project", "version": VERSION, "name": name}
-    data["camera"], data["projector"] = device_to_dict(camera), device_to_dict(projector)
+    """Write project.json.
+
+    `camera` and `projector` are one each, or several by name; `captures` paths from the project; `lengths` distances
+    measured beside `scale`; `extra` further keys (such as "reference").
+    """
+    rig = Rig(
+        {"camera": camera} if isinstance(camera, DeviceSpec) else camera,
+        {"projector": projector} if isinstance(projector, DeviceSpec) else projector,
+    )
+    version = max(rig_version(rig), 2 if lengths else VERSION)
+    data: dict[str, Any] = {"format": "stripe-project", "version": version, "name": name, **rig_to_dict(rig)}
     if scale is not None:
-        data["scale"] = {
-            "from": list(scale.start),
-            "to": list(scale.stop),
-            "length_mm": scale.length_mm,
-            "sigma_mm": scale.sigma_mm,
-        }
+        data["scale"] = bar_to_dict(scale)
+    if lengths:
+        data["lengths"] = [bar_to_dict(bar) for bar in lengths]
     write_json(Path(folder) / "project.json", {**data, "captures": list(captures), **extra})
-
-
-def device_to_dict(spec: DeviceSpec) -> dict[str, Any]:
-    """Give a device as project.json holds it."""
-    data = {
-        "width": spec.width,
-        "height": spec.height,
-        "pitch_mm": list(spec.pitch_mm),
-        "nominal_c_mm": spec.nominal_c_mm,
-    }
-    return data if spec.r0_mm is None else {**data, "r0_mm": spec.r0_mm}
 
 
 def write_testfield(path: Path, testfield: Testfield, comment: str = "") -> None:
@@ -327,8 +324,11 @@ def write_testfield(path: Path, testfield: Testfield, comment: str = "") -> None
 
 def write_picks(path: Path, seeds: Sequence[Seed], excluded: Sequence[tuple[int, int]] = ()) -> None:
     """Write picks.json: the picks, and the targets (row, col) that must not be used in this capture."""
-    picks = [{"row": s.row, "col": s.col, "u": s.u, "v": s.v} for s in seeds]
-    data: dict[str, Any] = {"format": "stripe-picks", "version": VERSION, "seeds": picks}
+    picks = [
+        {"row": s.row, "col": s.col, "u": s.u, "v": s.v, **({"camera": s.camera} if s.camera else {})} for s in seeds
+    ]
+    version = 2 if any(s.camera for s in seeds) else VERSION
+    data: dict[str, Any] = {"format": "stripe-picks", "version": version, "seeds": picks}
     if excluded:
         data["excluded"] = [[row, col] for row, col in excluded]
     write_json(Path(path), data)
@@ -371,12 +371,19 @@ def write_capture_json(
     z_mm: float | None = None,
     angle_deg: float | None = None,
     extra: Mapping[str, Any] | None = None,
+    more: Sequence[Mapping[str, Any]] | None = None,
 ) -> None:
-    """Write capture.json for frames (file name and pattern) that are in the folder already."""
+    """Write capture.json for frames (file name and pattern) that are in the folder already.
+
+    `more` says of each frame what version 2 adds: "camera", "projector", "exposure_ms".
+    """
     optional = {"testfield": testfield, "z_mm": z_mm, "angle_deg": angle_deg}
-    data: dict[str, Any] = {"format": "stripe-capture", "version": VERSION, "role": role}
+    data: dict[str, Any] = {"format": "stripe-capture", "version": 2 if more else VERSION, "role": role}
     data |= {key: value for key, value in optional.items() if value is not None}
-    data["frames"] = [{"file": name, "pattern": pattern_to_dict(pattern)} for name, pattern in frames]
+    data["frames"] = [
+        {"file": name, **keys, "pattern": pattern_to_dict(pattern)}
+        for (name, pattern), keys in zip(frames, more or [{}] * len(frames), strict=True)
+    ]
     write_json(Path(folder) / "capture.json", {**data, **(extra or {})})
 
 

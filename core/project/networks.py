@@ -10,7 +10,8 @@ from core.atomic import atomic_write, write_json
 from core.errors import InputError
 from core.fields import Fields
 from core.model import INTERIOR_NAMES, Network, NetworkDevice, NetworkScale
-from core.project.captures import VERSION, device_to_dict, read_device, read_document, read_table
+from core.project.captures import VERSION, read_document, read_table
+from core.project.rigs import device_to_dict, read_device
 
 
 def read_network(folder: Path) -> Network:

@@ -16,7 +16,7 @@ from core.errors import InputError
 from core.fields import Fields
 from core.model import ScaleBar, Testfield
 from core.project import create_project, nominal_testfield, read_testfield, refuse_used_folder
-from core.project.captures import read_device
+from core.project.rigs import read_device
 from stripe_gui.presenters.rig_view import Cover, RigPlan, presets
 
 if TYPE_CHECKING:

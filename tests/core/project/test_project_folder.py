@@ -94,7 +94,7 @@ def test_a_capture_is_listed_once_and_unknown_keys_stay(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"version": 2}, "version is 2"),
+        ({"version": 3}, "version is 3"),
         ({"version": None}, "'version' is missing"),
         ({"format": "stripe-capture"}, "format is 'stripe-capture'"),
         ({"camera": None}, "'camera' is missing"),

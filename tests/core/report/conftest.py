@@ -18,6 +18,7 @@ from core.model import (
     PhotogrammetricCalibration,
     PlaneEvaluation,
     Project,
+    Rig,
     ScaleBar,
 )
 from core.report import ReportData
@@ -34,7 +35,14 @@ PROJECTOR_SIGMA = np.array([0.1, 0.05, 0.05, 2e-8, 5e-11, 6e-6, 6e-6, 3e-7, 0.0]
 def project():
     scale = ScaleBar((0, 0), (12, 18), 258.6, 0.005)
     captures = (Path("captures/a"), Path("captures/b"))
-    return Project(Path("/projects/rig"), "Reference rig", CAMERA, PROJECTOR, scale, captures, "brenner1999")
+    return Project(
+        Path("/projects/rig"),
+        "Reference rig",
+        Rig({"camera": CAMERA}, {"projector": PROJECTOR}),
+        scale,
+        captures,
+        "brenner1999",
+    )
 
 
 @pytest.fixture

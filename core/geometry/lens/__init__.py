@@ -1,0 +1,118 @@
+"""Lens models by name. A file in this folder with a `LENS` is one; others may be added to `LENSES`.
+
+The lens of a device maps the collinearity image to the one that is measured. Everything that depends on its form is in
+one record (`record.Lens`): names, units, derivatives. Sizes elsewhere follow from it.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pkgutil import iter_modules
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.geometry.lens.record import MAIN, Lens, Parameter, newton
+from core.model import DeviceSpec, Interior
+
+Array = NDArray[np.float64]
+
+LENSES: dict[str, Lens] = {
+    lens.name: lens
+    for module in iter_modules(__path__)
+    if (lens := getattr(import_module(f"{__name__}.{module.name}"), "LENS", None)) is not None
+}
+GRID = 24  # places along each side of an image at which two lenses are compared
+
+
+def lens_of(device: Interior | DeviceSpec) -> Lens:
+    """Look up the lens model of a device."""
+    return LENSES[device.model]
+
+
+def nominal(spec: DeviceSpec) -> Interior:
+    """Give what is known of a device before it is calibrated: its maker's focal length, or all of it."""
+    if spec.interior is not None:
+        return spec.interior
+    return LENSES[spec.model].interior(spec.nominal_c_mm, spec.zero_radius_mm)
+
+
+def distort(interior: Interior, xy: ArrayLike) -> Array:
+    """From the collinearity image (x, y) to the measured image (x", y"), both mm, shape (..., 2)."""
+    return LENSES[interior.model].distort(interior, np.asarray(xy, dtype=np.float64))
+
+
+def undistort(interior: Interior, measured_xy: ArrayLike, tolerance_mm: float = 1e-9) -> Array:
+    """From the measured image (x", y") back to the collinearity image (x, y), both mm, shape (..., 2).
+
+    Newton's method; points where it does not converge within 20 steps (outside the range in which the distortion can
+    be inverted) are NaN.
+    """
+    lens, measured = LENSES[interior.model], np.asarray(measured_xy, dtype=np.float64)
+    if lens.undistort is not None:
+        return lens.undistort(interior, measured, tolerance_mm)
+    return newton(lens, interior, measured, tolerance_mm)
+
+
+def _raster(spec: DeviceSpec) -> Array:
+    """Places spread over a device's image, shape (n, 2), mm."""
+    half = np.array([(spec.width - 1) * spec.pitch_mm[0], (spec.height - 1) * spec.pitch_mm[1]]) / 2
+    x, y = np.meshgrid(np.linspace(-1, 1, GRID), np.linspace(-1, 1, GRID))
+    return np.asarray(np.stack([x.ravel(), y.ravel()], axis=-1) * half)
+
+
+def regular(spec: DeviceSpec, interior: Interior) -> bool:
+    """Whether every place of the image belongs to one direction: the distortion can be inverted and does not fold."""
+    xy = undistort(interior, _raster(spec))
+    if not np.isfinite(xy).all():
+        return False
+    J = LENSES[interior.model].derivatives(interior, xy)[0]
+    return bool(np.all(np.linalg.det(J) > 0))
+
+
+def fitted(spec: DeviceSpec, interior: Interior, model: str) -> tuple[Interior, float]:
+    """Say the same by another lens model, as nearly as it can.
+
+    Parameters
+    ----------
+    spec, interior
+        A device.
+    model : str
+        Name of the other model, of which the usual parameters are used.
+
+    Returns
+    -------
+    other : Interior
+    rms_px : float
+        What remains over the image.
+    """
+    lens = LENSES[model]
+    measured = _raster(spec)
+    rays = undistort(interior, measured) / interior.c_mm
+    keep = np.isfinite(rays).all(axis=-1)
+    measured, rays = measured[keep], rays[keep]
+    free = [lens.names.index(name) for name in lens.usual]
+    p = lens.interior(interior.c_mm, spec.zero_radius_mm).vector
+    p[1:3] = interior.x0_mm, interior.y0_mm
+    off = measured
+    for _ in range(12):
+        there = Interior.from_vector(p, spec.zero_radius_mm, model)
+        off = measured - lens.distort(there, rays * there.c_mm)
+        J = lens.derivatives(there, rays * there.c_mm)[1][..., free].reshape(-1, len(free))
+        scale = np.linalg.norm(J, axis=0)
+        p[free] += np.linalg.lstsq(J / scale, off.ravel(), rcond=None)[0] / scale
+    return there, float(np.sqrt(np.mean(np.sum((off / spec.pitch_mm) ** 2, axis=-1))))
+
+
+__all__ = [
+    "LENSES",
+    "MAIN",
+    "Lens",
+    "Parameter",
+    "distort",
+    "fitted",
+    "lens_of",
+    "nominal",
+    "regular",
+    "undistort",
+]

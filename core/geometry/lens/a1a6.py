@@ -1,0 +1,108 @@
+"""Six additional parameters: A1, A2 radial with their zero at r0, A3, A4 affine, A5, A6 decentring.
+
+The set is the one of Brenner, Böhm, Gühring (1999), section 3; cf. Brown, *Close-range camera calibration* (1971).
+With ``r² = x² + y²`` and ``d = A1 (r² - r0²) + A2 (r⁴ - r0⁴)``::
+
+    x' = x + x d + 2 A5 x y + A6 (r² + 2x²) + x0        x" = x' + A3 x' + A4 y'
+    y' = y + y d + 2 A6 x y + A5 (r² + 2y²) + y0        y" = y' + A4 x' - A3 y'
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.geometry.lens.record import Lens, Parameter
+from core.model import DeviceSpec, Interior
+
+Array = NDArray[np.float64]
+
+
+def _distort(interior: Interior, xy: Array) -> Array:
+    x, y = xy[..., 0], xy[..., 1]
+    a1, a2, a3, a4, a5, a6 = interior.a
+    r2, r02 = x * x + y * y, interior.r0_mm**2
+    d = a1 * (r2 - r02) + a2 * (r2 * r2 - r02 * r02)
+    x1 = x + x * d + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) + interior.x0_mm
+    y1 = y + y * d + 2 * a6 * x * y + a5 * (r2 + 2 * y * y) + interior.y0_mm
+    return np.stack([x1 + a3 * x1 + a4 * y1, y1 + a4 * x1 - a3 * y1], axis=-1)
+
+
+def _derivatives(interior: Interior, xy: Array) -> tuple[Array, Array]:
+    x, y = xy[..., 0], xy[..., 1]
+    a1, a2, a3, a4, a5, a6 = interior.a
+    r2, r02 = x * x + y * y, interior.r0_mm**2
+    radial1, radial2 = r2 - r02, r2 * r2 - r02 * r02
+    d, slope = a1 * radial1 + a2 * radial2, 2 * (a1 + 2 * a2 * r2)
+    fx, fy, f2 = r2 + 2 * x * x, r2 + 2 * y * y, 2 * x * y
+    x1, y1 = x + x * d + a5 * f2 + a6 * fx + interior.x0_mm, y + y * d + a6 * f2 + a5 * fy + interior.y0_mm
+    jxx = 1 + d + x * x * slope + 2 * a5 * y + 6 * a6 * x
+    jxy = x * y * slope + 2 * a5 * x + 2 * a6 * y
+    jyy = 1 + d + y * y * slope + 2 * a6 * x + 6 * a5 * y
+    affine = np.array([[1 + a3, a4], [a4, 1 - a3]])
+    by_xy = affine @ np.stack([np.stack([jxx, jxy], -1), np.stack([jxy, jyy], -1)], axis=-2)
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    before = np.stack(  # of x', y' by x0, y0, A1, A2, A5, A6
+        [
+            np.stack([one, zero, x * radial1, x * radial2, f2, fx], axis=-1),
+            np.stack([zero, one, y * radial1, y * radial2, fy, f2], axis=-1),
+        ],
+        axis=-2,
+    )
+    after = affine @ before
+    by_a3, by_a4 = np.stack([x1, -y1], axis=-1), np.stack([y1, x1], axis=-1)
+    columns = [(by_xy @ xy[..., None])[..., 0] / interior.c_mm, *np.moveaxis(after[..., :4], -1, 0), by_a3, by_a4]
+    return by_xy, np.stack([*columns, after[..., 4], after[..., 5]], axis=-1)
+
+
+def _undistort(interior: Interior, m: Array, tolerance_mm: float) -> Array:
+    """Newton's method on `distort` with its analytic Jacobian; the affine step is undone in closed form."""
+    a1, a2, a3, a4, a5, a6 = interior.a
+    det = (1 + a3) * (1 - a3) - a4 * a4
+    x1 = ((1 - a3) * m[..., 0] - a4 * m[..., 1]) / det - interior.x0_mm
+    y1 = ((1 + a3) * m[..., 1] - a4 * m[..., 0]) / det - interior.y0_mm
+    x, y = x1.copy(), y1.copy()
+    r02 = interior.r0_mm**2
+    step = np.full(x.shape, np.inf)
+    with np.errstate(all="ignore"):
+        for _ in range(20):
+            r2 = x * x + y * y
+            d = a1 * (r2 - r02) + a2 * (r2 * r2 - r02 * r02)
+            fx = x + x * d + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) - x1
+            fy = y + y * d + 2 * a6 * x * y + a5 * (r2 + 2 * y * y) - y1
+            dr = 2 * (a1 + 2 * a2 * r2)
+            jxx = 1 + d + x * x * dr + 2 * a5 * y + 6 * a6 * x
+            jxy = x * y * dr + 2 * a5 * x + 2 * a6 * y
+            jyy = 1 + d + y * y * dr + 2 * a6 * x + 6 * a5 * y
+            j = jxx * jyy - jxy * jxy
+            sx, sy = (jyy * fx - jxy * fy) / j, (jxx * fy - jxy * fx) / j
+            x, y = x - sx, y - sy
+            step = np.hypot(sx, sy)
+            if not np.any(step > tolerance_mm):
+                break
+    lost = ~(step <= tolerance_mm)
+    return np.stack([np.where(lost, np.nan, x), np.where(lost, np.nan, y)], axis=-1)
+
+
+def _usual_sigma(spec: DeviceSpec) -> Array:
+    half = 1.5 * spec.zero_radius_mm  # half the diagonal
+    main = [0.2 * spec.nominal_c_mm, 0.05 * half, 0.05 * half]
+    radial = [0.1 / half**2, 0.1 / half**4]  # they move the corner by a tenth of its radius
+    return np.array([*main, *radial, 0.05, 0.02, 0.01 / half, 0.01 / half])
+
+
+LENS = Lens(
+    name="A1..A6",
+    additional=(
+        Parameter("A1", "mm⁻²", "radial"),
+        Parameter("A2", "mm⁻⁴", "radial"),
+        Parameter("A3", "", "affine"),
+        Parameter("A4", "", "affine"),
+        Parameter("A5", "mm⁻¹", "decentring"),
+        Parameter("A6", "mm⁻¹", "decentring"),
+    ),
+    distort=_distort,
+    derivatives=_derivatives,
+    undistort=_undistort,
+    usual_sigma=_usual_sigma,
+)

@@ -1,0 +1,156 @@
+"""The rig as project.json has it: cameras and projectors by name, and what is known of them before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from core.errors import InputError
+from core.fields import Fields
+from core.geometry import LENSES, Lens
+from core.model import DeviceSpec, Interior, Rig, ScaleBar
+
+MOST_PIXELS = 1_000_000  # along one side of a device
+KINDS = ("camera", "projector")
+
+
+def read_device(fields: Fields) -> DeviceSpec:
+    """Read a camera or projector of project.json or network.json."""
+    spec = DeviceSpec(
+        fields.integer("width", 1, MOST_PIXELS),
+        fields.integer("height", 1, MOST_PIXELS),
+        fields.pair("pitch_mm", above=0.0),
+        fields.real("nominal_c_mm", above=0.0),
+        fields.real("r0_mm", least=0.0, default=None),
+        response=_response(fields),
+    )
+    if fields.data.get("interior") is None:
+        return spec
+    interior, sigma = _interior(fields.nested("interior"), spec)
+    return DeviceSpec(
+        spec.width, spec.height, spec.pitch_mm, spec.nominal_c_mm, spec.r0_mm, interior, sigma, spec.response
+    )
+
+
+def _interior(fields: Fields, spec: DeviceSpec) -> tuple[Interior, tuple[float, ...]]:
+    """Interior orientation known before: values plain or as results have them, with their sigmas, or held."""
+    lens = LENSES[fields.text("model", default="A1..A6", among=tuple(LENSES))]
+    given = fields.nested("sigma") if fields.data.get("sigma") is not None else Fields({}, fields.where)
+    hold = fields.flag("hold")
+    usual = lens.interior(spec.nominal_c_mm).vector
+    values, sigmas = [], []
+    for name, key, start in zip(lens.names, lens.keys, usual.tolist(), strict=True):
+        field = key if fields.data.get(key) is not None else name
+        entry = fields.data.get(field)
+        if isinstance(entry, Mapping):  # {"value": ..., "sigma": ...}, as `calibrate --json` writes it
+            one = fields.nested(field)
+            values.append(one.real("value"))
+            sigma = one.real("sigma", least=0.0, default=math.inf)
+        else:
+            values.append(fields.real(field, above=0.0 if name == "c" else None, default=start))
+            sigma = math.inf
+        told = key if given.data.get(key) is not None else name
+        sigma = given.real(told, least=0.0, default=sigma)
+        sigmas.append(0.0 if hold else sigma)
+    if unknown := [k for k in given.data if k not in (*lens.names, *lens.keys)]:
+        raise given.refuse(
+            unknown[0], given.data[unknown[0]], f"name parameters of {lens.name}: {', '.join(lens.keys)}"
+        )
+    r0 = fields.real("r0_mm", least=0.0, default=spec.zero_radius_mm)
+    return Interior(values[0], values[1], values[2], tuple(values[3:]), r0, lens.name), tuple(sigmas)
+
+
+def _response(fields: Fields) -> tuple[tuple[float, float], ...]:
+    if fields.data.get("response") is None:
+        return ()
+    pairs: list[tuple[float, float]] = []
+    for i, item in enumerate(fields.items("response")):
+        pair = Fields({"pair": item}, f"{fields.where}: response, entry {i}").pair("pair")
+        if pairs and pair[0] <= pairs[-1][0]:
+            raise fields.refuse(f"response, entry {i},", item, "give [level, light] with rising levels")
+        pairs.append(pair)
+    return tuple(pairs)
+
+
+def read_rig(fields: Fields) -> Rig:
+    """Read the cameras and projectors of project.json; `camera` and `projector` are one device of that name.
+
+    Raises
+    ------
+    InputError
+        If there is no camera or no projector, or two devices have one name.
+    """
+    found: dict[str, dict[str, DeviceSpec]] = {}
+    for kind in KINDS:
+        many, own = f"{kind}s", found.setdefault(kind, {})
+        if fields.data.get(many) is not None:
+            devices = fields.nested(many)
+            for name in devices.data:
+                if not name or any(c in name for c in "/.:\\") or name.strip() != name:
+                    raise InputError(devices.where, f"a device is named {name!r}", "use letters, digits, - and _")
+                own[name] = read_device(devices.nested(name))
+        if fields.data.get(kind) is not None or not own:
+            if kind in own:
+                raise fields.refuse(kind, "given twice", f"keep it under {many!r} only")
+            own[kind] = read_device(fields.nested(kind))
+    if both := found["camera"].keys() & found["projector"].keys():
+        raise fields.refuse("projectors", sorted(both)[0], "give every device a name of its own")
+    return Rig(found["camera"], found["projector"])
+
+
+def rig_to_dict(rig: Rig) -> dict[str, Any]:
+    """Give a rig as project.json holds it: one camera called "camera" in the short form."""
+    data: dict[str, Any] = {}
+    for kind, devices in (("camera", rig.cameras), ("projector", rig.projectors)):
+        if list(devices) == [kind]:
+            data[kind] = device_to_dict(devices[kind])
+        else:
+            data[f"{kind}s"] = {name: device_to_dict(spec) for name, spec in devices.items()}
+    return data
+
+
+def rig_version(rig: Rig) -> int:
+    """Version of the interchange format that a rig needs."""
+    short = list(rig.cameras) == ["camera"] and list(rig.projectors) == ["projector"]
+    plain = all(spec.interior is None and not spec.response for spec in rig.devices.values())
+    return 1 if short and plain else 2
+
+
+def device_to_dict(spec: DeviceSpec) -> dict[str, Any]:
+    """Give a device as project.json holds it."""
+    data: dict[str, Any] = {
+        "width": spec.width,
+        "height": spec.height,
+        "pitch_mm": list(spec.pitch_mm),
+        "nominal_c_mm": spec.nominal_c_mm,
+    }
+    if spec.r0_mm is not None:
+        data["r0_mm"] = spec.r0_mm
+    if spec.interior is not None:
+        data["interior"] = _interior_to_dict(LENSES[spec.interior.model], spec.interior, spec.interior_sigma)
+    if spec.response:
+        data["response"] = [list(pair) for pair in spec.response]
+    return data
+
+
+def _interior_to_dict(lens: Lens, interior: Interior, sigma: tuple[float, ...]) -> dict[str, Any]:
+    values = dict(zip(lens.keys, interior.vector.tolist(), strict=True))
+    known = {k: s for k, s in zip(lens.keys, sigma, strict=False) if math.isfinite(s)}
+    if len(known) == len(lens.keys) and not any(known.values()):
+        return {"model": lens.name, **values, "r0_mm": interior.r0_mm, "hold": True}
+    return {"model": lens.name, **values, "r0_mm": interior.r0_mm, **({"sigma": known} if known else {})}
+
+
+def read_bar(bar: Fields) -> ScaleBar:
+    """Read a measured distance between two targets."""
+    ends = [(round(a), round(b)) for a, b in (bar.pair("from"), bar.pair("to"))]
+    if ends[0] == ends[1]:
+        raise bar.refuse("to", list(ends[1]), "name two different targets")
+    return ScaleBar(ends[0], ends[1], bar.real("length_mm", 0.0), bar.real("sigma_mm", 0.0))
+
+
+def bar_to_dict(bar: ScaleBar) -> dict[str, Any]:
+    """Give a measured distance as project.json holds it."""
+    ends = {"from": list(bar.start), "to": list(bar.stop)}
+    return {**ends, "length_mm": bar.length_mm, "sigma_mm": bar.sigma_mm}
