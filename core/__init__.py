@@ -33,36 +33,66 @@ A whole experiment on the virtual bench, in a folder that does not exist yet::
         print(plane.capture, plane.method, plane.rms_mm)
 """
 
-import os
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-# the threads of the linear algebra would only spin beside our own; it looks here once, when numpy is imported
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+if TYPE_CHECKING:
+    from core.errors import StripeError as StripeError
+    from core.pipeline import CalibrateOptions as CalibrateOptions
+    from core.pipeline import adjust_network as adjust_network
+    from core.pipeline import calibrate_project as calibrate_project
+    from core.pipeline import capture_into as capture_into
+    from core.pipeline import decode_capture as decode_capture
+    from core.pipeline import evaluate_project as evaluate_project
+    from core.pipeline import measure_project as measure_project
+    from core.pipeline import print_testfield as print_testfield
+    from core.pipeline import reconstruct_capture as reconstruct_capture
+    from core.pipeline import report_project as report_project
+    from core.pipeline import simulate_project as simulate_project
+    from core.progress import Progress as Progress
+    from core.project import read_capture as read_capture
+    from core.project import read_network as read_network
+    from core.project import read_project as read_project
+
+    __version__: str
 
 _HOME = {
-    "simulate_project": "core.pipeline",
-    "capture_into": "core.pipeline",
-    "decode_capture": "core.pipeline",
-    "measure_project": "core.pipeline",
-    "calibrate_project": "core.pipeline",
-    "adjust_network": "core.pipeline",
-    "reconstruct_capture": "core.pipeline",
-    "evaluate_project": "core.pipeline",
-    "report_project": "core.pipeline",
-    "print_testfield": "core.pipeline",
-    "CalibrateOptions": "core.pipeline",
-    "read_project": "core.project",
-    "read_capture": "core.project",
-    "read_network": "core.project",
-    "Progress": "core.progress",
-    "StripeError": "core.errors",
+    "core.pipeline": (
+        "CalibrateOptions",
+        "adjust_network",
+        "calibrate_project",
+        "capture_into",
+        "decode_capture",
+        "evaluate_project",
+        "measure_project",
+        "print_testfield",
+        "reconstruct_capture",
+        "report_project",
+        "simulate_project",
+    ),
+    "core.project": ("read_capture", "read_network", "read_project"),
+    "core.progress": ("Progress",),
+    "core.errors": ("StripeError",),
 }
-__all__ = list(_HOME)
+_ROOM = {name: room for room, names in _HOME.items() for name in names}
+__all__ = ["__version__", *_ROOM]
 
 
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first asked for, so that importing the package costs nothing."""
-    if name in _HOME:
-        return getattr(import_module(_HOME[name]), name)
-    raise AttributeError(f"module 'core' has no attribute {name!r}")
+if not TYPE_CHECKING:  # else every name would be right
+
+    def __getattr__(name: str) -> Any:
+        """Import a public name when it is first asked for, so that importing the package costs nothing."""
+        if name == "__version__":
+            from importlib.metadata import version
+
+            value: Any = version("stripe-workbench")
+        elif name in _ROOM:
+            value = getattr(import_module(_ROOM[name]), name)
+        else:
+            raise AttributeError(f"module 'core' has no attribute {name!r}")
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -191,9 +191,8 @@ def kernel_folder() -> Path | None:
 
     The bundle and an installed package stay as they are, and all checkouts of one user share what is the same.
     """
-    of_the_user = Path(
-        getattr(numba.config, "CACHE_DIR", "") or os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
-    )
+    asked_for = getattr(numba.config, "CACHE_DIR", "") or os.environ.get("XDG_CACHE_HOME")
+    of_the_user = Path(asked_for or os.path.expanduser("~/.cache"))
     for base in (of_the_user / "stripe-workbench", Path(__file__).parent / "__pycache__"):
         folder = base / "kernels"
         try:

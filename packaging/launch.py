@@ -1,6 +1,6 @@
 """What both programs of the bundle begin with: `stripe-gui` or `stripe-core`, by the name of the file that was called.
 
-One file under two names: numba's cache belongs to a program's content, so kernels compiled by one serve the other.
+One file under two names: half the room.
 """
 
 import sys

@@ -20,6 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if problem:
         print(f"stripe-gui: {problem}", file=sys.stderr)
         return 2
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would only spin beside our own
     try:
         from stripe_gui.app import Program, make_application
     except ImportError as error:

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from core.cli.arguments import Commands, Parser
+from core.cli.arguments import Commands, Parser, Version
 from core.cli.commands import experiment, many, recording, road
 from core.cli.console import Console
 from core.errors import Cancelled, StripeError
@@ -23,6 +24,8 @@ GROUPS = (experiment, recording, road, many)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; give the exit code: 0 done, 2 bad input, 1 the work failed."""
     started = time.monotonic()
+    # the threads of the linear algebra would only spin beside our own; numpy looks here once, when it is imported
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     console = Console(started)
     try:
         options = parser().parse_args(arguments)
@@ -55,6 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def parser() -> Parser:
     """Make the parser of all commands."""
     whole = Parser(prog="stripe-core", description="Decode, calibrate, reconstruct and evaluate stripe projectors.")
+    whole.add_argument("--version", action=Version, nargs=0, help="say the version and end")
     commands = Commands(whole)
     for group in GROUPS:
         group.add(commands)

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core import parallel
 from core.atomic import atomic_write
 from core.errors import InputError
 from core.fields import regular
@@ -26,9 +31,25 @@ if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
     _PNG_OPTIONS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
 _AGAIN = "record or copy this frame again"
 
-cv2.utils.logging.setLogLevel(
-    cv2.utils.logging.LOG_LEVEL_SILENT
-)  # a file that cannot be read is told once, by our error
+_AHEAD = 2  # frames that each processor has read before they are asked for: memory stays flat
+_silence = Lock()
+_silenced: list[int] = []  # the level of each reading under way; the first one's is the caller's
+
+
+@contextmanager
+def _quiet_opencv() -> Iterator[None]:
+    """Keep OpenCV from talking of a file that cannot be read, which our error tells; then as it was before."""
+    logging = cv2.utils.logging
+    with _silence:
+        _silenced.append(logging.getLogLevel() if not _silenced else _silenced[0])
+        logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        with _silence:
+            level = _silenced.pop()
+            if not _silenced:
+                logging.setLogLevel(level)
 
 
 def read_image(path: Path) -> Image:
@@ -50,7 +71,8 @@ def read_image(path: Path) -> Image:
     if data.startswith(_PNG):
         _check_png(path, data)
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        with _quiet_opencv():
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:  # a header that claims more pixels than OpenCV takes
         image = None
     if image is None:
@@ -76,11 +98,10 @@ def read_images(capture: Capture, camera: DeviceSpec | None = None) -> list[Imag
 
 
 def iterate_images(capture: Capture, camera: DeviceSpec | None = None) -> Iterator[Image]:
-    """Read the frames of a capture one by one, with the checks of `read_images`."""
+    """Read the frames of a capture one by one, ahead on all processors, with the checks of `read_images`."""
     expected = None if camera is None else (camera.height, camera.width)
     of, first = "the camera in project.json has", None
-    for frame in capture.frames:
-        image = read_image(frame.path)
+    for frame, image in zip(capture.frames, _read_ahead([frame.path for frame in capture.frames]), strict=True):
         if expected is not None and image.shape != expected:
             seen = f"the frame has {image.shape[1]}x{image.shape[0]} px, {of} {expected[1]}x{expected[0]}"
             raise InputError(frame.path, seen, "use frames of one size, the camera's")
@@ -93,6 +114,24 @@ def iterate_images(capture: Capture, camera: DeviceSpec | None = None) -> Iterat
         if expected is None:
             expected, of = image.shape, f"{capture.frames[0].path.name} has"
         yield image
+
+
+def _read_ahead(paths: Sequence[Path]) -> Iterator[Image]:
+    """Read images in their order, a few of them ahead on threads: OpenCV decodes without the interpreter's lock."""
+    if parallel.THREADS == 1 or len(paths) < 2:
+        yield from map(read_image, paths)
+        return
+    with ThreadPoolExecutor(parallel.THREADS, "frames") as pool:
+        waiting = deque(pool.submit(read_image, path) for path in paths[: _AHEAD * parallel.THREADS])
+        try:
+            for path in (*paths[len(waiting) :], *[None] * len(waiting)):
+                image = waiting.popleft().result()
+                if path is not None:
+                    waiting.append(pool.submit(read_image, path))
+                yield image
+        finally:
+            for left in waiting:
+                left.cancel()
 
 
 def write_image(path: Path, image: Image, durable: bool = True) -> None:
