@@ -14,11 +14,13 @@ from core.model import (
     Calibration,
     DepthCalibration,
     Figures,
+    LeftOut,
     Method,
     PhaseMap,
     PhotogrammetricCalibration,
     PlaneEvaluation,
     TargetSet,
+    Verdict,
 )
 
 
@@ -53,6 +55,7 @@ def adjustment_figures(adjustment: Adjustment) -> Figures:
             )
             if np.isfinite(xyz).all()
         },
+        "verdict": verdict_figures(adjustment.verdict),
         "warnings": list(adjustment.warnings),
     }
 
@@ -76,6 +79,8 @@ def calibration_figures(calibrations: Mapping[Method, Calibration]) -> Figures:
                 "residual_rms_mm": plain(calibration.residual_rms_mm),
                 "valid_pixels": calibration.valid_pixels,
                 "axis": calibration.axis,
+                "verdict": verdict_figures(calibration.verdict),
+                "left_out": [left_out_figures(entry) for entry in calibration.left_out],
                 "warnings": list(calibration.warnings),
             }
     return figures
@@ -98,8 +103,22 @@ def _photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures
             "rotation_sigma_rad": [plain(s) for s in relative_sigma[:3]],
             "translation_sigma_mm": [plain(s) for s in relative_sigma[3:]],
         },
+        "verdict": verdict_figures(calibration.verdict),
+        "left_out": [left_out_figures(entry) for entry in calibration.left_out],
         "warnings": list(calibration.warnings),
     }
+
+
+def verdict_figures(verdict: Verdict | None) -> Figures:
+    """A verdict; what nobody judged is doubtful."""
+    if verdict is None:
+        return {"state": "doubtful", "because": ["not judged: made by another version of the program"]}
+    return {"state": verdict.state, "because": list(verdict.because)}
+
+
+def left_out_figures(entry: LeftOut) -> Figures:
+    """Points of a capture that had no part."""
+    return {"capture": entry.capture, "points": entry.points, "of": entry.of, "because": entry.because}
 
 
 def evaluation_figures(evaluations: Sequence[PlaneEvaluation]) -> Figures:
@@ -116,6 +135,8 @@ def evaluation_figures(evaluations: Sequence[PlaneEvaluation]) -> Figures:
                 "max_mm": e.max_mm,
                 "min_mm": e.min_mm,
                 "predicted_rms_mm": e.predicted_rms_mm,
+                "form_pv_um": e.form_pv_um,
+                "verdict": verdict_figures(e.verdict),
                 "excluded": e.excluded,
                 "excluded_rule": e.excluded_rule,
             }

@@ -30,10 +30,12 @@ ALLOWED = {
     "calibrate": GROUND,
     "reconstruct": GROUND,
     "evaluate": GROUND,
+    "checks": GROUND,
     "report": {"errors", "atomic", "progress", "model", "geometry"},
     "figures": {"model"},
     "pipeline": GROUND
-    | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"},
+    | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}
+    | {"checks"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "demo": {"errors", "progress", "model", "figures", "pipeline", "report"},
     "cli": {"errors", "atomic", "progress", "figures", "project", "pipeline", "batch", "demo"},

@@ -135,7 +135,8 @@ def calibrate_depth(
         curves = fit_polynomials(depths, used, judged, options.degree, least)
     progress(0.9, "looking for pixels with gross errors")
     noise = _mean_sigma([plane.phase.sigma_u if axis == "u" else plane.phase.sigma_v for plane in planes])
-    good, lost = _usable(curves, noise, float(depths[-1] - depths[0]))
+    travel_mm = float(depths[-1] - depths[0])
+    good, lost = _usable(curves, noise, travel_mm)
     if not good.any():
         raise AdjustmentError(
             WHERE,
@@ -157,6 +158,7 @@ def calibrate_depth(
         camera_from_plate=oriented.camera_from_plate,
         axis_direction=oriented.axis_direction,
         warnings=(*oriented.warnings, *lost),
+        noise_rms_mm=_noise_rms(curves, noise, travel_mm, good),
     )
 
 
@@ -238,6 +240,14 @@ def _mean_sigma(sigmas: Sequence[Floats]) -> Floats:
 
 def _rms(curves: Curves, good: NDArray[np.bool_]) -> float:
     return float(np.sqrt(curves.squares[good].sum(dtype=np.float64) / max(int(curves.count[good].sum()), 1)))
+
+
+def _noise_rms(curves: Curves, sigma: Floats, travel_mm: float, good: NDArray[np.bool_]) -> float | None:
+    """Residuals in depth, r.m.s., that noise of these sigmas (H, W) would leave of a perfect calibration."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        expected = (sigma * travel_mm / (curves.u_range[1] - curves.u_range[0]))[good]
+    expected = expected[np.isfinite(expected)]
+    return float(np.sqrt(np.mean(expected.astype(np.float64) ** 2))) if expected.size else None
 
 
 def _usable(curves: Curves, sigma: Floats, travel_mm: float) -> tuple[NDArray[np.bool_], list[str]]:

@@ -22,7 +22,7 @@ from core.model.phase import PhaseMap
 from core.model.points import PlaneEvaluation, PointCloud
 from core.model.rig import INTERIOR_NAMES, DeviceSpec, Interior, Project, Rig, ScaleBar
 from core.model.targets import MissingTarget, TargetSet, Testfield
-from core.model.verdict import Verdict
+from core.model.verdict import LeftOut, Verdict
 
 __all__ = [
     "INTERIOR_NAMES",
@@ -38,6 +38,7 @@ __all__ = [
     "Frame",
     "Interior",
     "Ints",
+    "LeftOut",
     "Method",
     "MissingTarget",
     "Network",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from core.model.arrays import Array, Floats
 from core.model.network import Network
 from core.model.rig import DeviceSpec, Interior
+from core.model.verdict import LeftOut, Verdict
 
 if TYPE_CHECKING:
     from core.geometry.rotation import Pose
@@ -47,6 +48,7 @@ class Adjustment:
     parameter_names: tuple[str, ...]  # of `parameter_cov`: "cam.c" ..., "proj.A6", "proj.rx" ... "proj.tz"
     parameter_cov: Array  # interior orientations and relative orientations, posterior sigma0 applied
     warnings: tuple[str, ...] = ()
+    verdict: Verdict | None = None  # None where nobody judged it
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,8 @@ class PhotogrammetricCalibration:
     redundancy: int
     object_sigma_rms_um: tuple[float, float, float]
     warnings: tuple[str, ...] = ()
+    verdict: Verdict | None = None
+    left_out: tuple[LeftOut, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,9 @@ class DepthCalibration:
     camera_from_plate: Pose  # the plate's frame at z = 0; the plate moves along `axis_direction` in that frame
     axis_direction: Array  # (3,) movement of the plate per mm of z
     warnings: tuple[str, ...] = ()
+    verdict: Verdict | None = None
+    left_out: tuple[LeftOut, ...] = ()
+    noise_rms_mm: float | None = None  # what the noise of the coordinates alone would leave
 
 
 Calibration = PhotogrammetricCalibration | DepthCalibration

@@ -9,6 +9,7 @@ import numpy as np
 from core.model.arrays import Array, Floats
 from core.model.calibration import Method
 from core.model.rig import Interior
+from core.model.verdict import Verdict
 
 
 @dataclass(frozen=True)
@@ -38,3 +39,5 @@ class PlaneEvaluation:
     deviation_mm: Floats = field(repr=False, compare=False, default_factory=lambda: np.zeros((0, 0), np.float32))
     sigma_mm: Floats = field(repr=False, compare=False, default_factory=lambda: np.zeros((0, 0), np.float32))
     camera: Interior | None = None  # by which the points were reconstructed
+    form_pv_um: float | None = None  # peak to valley of the low-passed deviations
+    verdict: Verdict | None = None

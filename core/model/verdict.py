@@ -1,4 +1,4 @@
-"""What is to be thought of a result."""
+"""What is to be thought of a result, and what had no part in it."""
 
 from __future__ import annotations
 
@@ -14,3 +14,13 @@ class Verdict:
 
     state: State = "passed"
     because: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Points of a capture, out of `of`, that had no part in a result, and why."""
+
+    capture: str
+    points: int
+    of: int
+    because: str

@@ -19,6 +19,7 @@ from core.pipeline.options import METHODS, CalibrateOptions
 from core.pipeline.preflight import preflight_rig
 from core.pipeline.reconstruct import reconstruct_capture, write_cloud
 from core.pipeline.report import (
+    failed_verdicts,
     load_sign_off,
     report_data,
     report_project,
@@ -43,6 +44,7 @@ __all__ = [
     "decode_capture",
     "delete_run",
     "evaluate_project",
+    "failed_verdicts",
     "find_capture",
     "list_runs",
     "load_calibrations",

@@ -24,6 +24,7 @@ from core.model import (
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
 from core.pipeline.freshness import made_from
+from core.pipeline.judge import judge_adjustment, judge_calibrations
 from core.pipeline.measure import measure_capture, measured_targets, save_targets, side_of
 from core.pipeline.options import CalibrateOptions, check_options
 from core.pipeline.picking import current_targets
@@ -70,6 +71,10 @@ def calibrate_project(
         archives["polynomial.npz"] = result_path(project, "polynomial.npz") if kept else done[name]
     progress.check()
     _keep_targets(project, targets)
+    for name, judged in judge_calibrations(project, done, archives.get("adjustment.npz"), captures, options).items():
+        before, done[name] = done[name], judged
+        if (before.verdict, before.left_out) != (judged.verdict, judged.left_out):
+            archives[f"{name}.npz"] = judged
     run = Run(
         number=0,
         made_at=now(),
@@ -199,7 +204,7 @@ def adjust_network(folder: Path, progress: Progress = SILENT) -> Adjustment:
     """Adjust a network of targets that were measured elsewhere."""
     from core.calibrate import adjust
 
-    return adjust(read_network(folder), progress=progress)
+    return judge_adjustment(adjust(read_network(folder), progress=progress))
 
 
 def _common_testfield(captures: list[Capture]) -> Testfield:

@@ -10,6 +10,7 @@ from core.model import AdjustedDevice, Method, PlaneEvaluation, Project
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
+from core.pipeline.judge import calibration_rms, judge_planes
 from core.pipeline.options import METHODS
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
@@ -43,6 +44,7 @@ def evaluate_project(
             project.path, "no capture of role plane", "capture the plane-table and list it in project.json"
         )
     evaluations = []
+    calibrated: dict[tuple[str, Method], float] = {}
     for capture, phase in phase_maps(project, planes, progress):
         for method, calibration in calibrations.items():
             progress.check()
@@ -50,13 +52,14 @@ def evaluate_project(
             if isinstance(camera, AdjustedDevice):
                 camera = camera.interior
             cloud = reconstruct(phase, calibration)
+            calibrated[capture.name, method] = calibration_rms(cloud)
             evaluations.append(
                 evaluate_plane(
                     phase, cloud, capture=capture.name, angle_deg=capture.angle_deg, method=method, camera=camera
                 )
             )
     progress.check()
-    result = tuple(sorted(evaluations, key=lambda e: METHODS.index(e.method)))
+    result = judge_planes(sorted(evaluations, key=lambda e: METHODS.index(e.method)), calibrated)
     save_archive(result_path(project, "evaluation.npz"), result)
     write_json(result_path(project, "evaluation.json"), evaluation_figures(result))
     return result

@@ -23,6 +23,11 @@ def captures_of(project: Project, role: Role) -> list[Capture]:
     return [c for c in (read_capture(folder, project) for folder in project.captures) if c.role == role]
 
 
+def all_captures(project: Project) -> list[Capture]:
+    """Read all captures, in the project's order."""
+    return [read_capture(folder, project) for folder in project.captures]
+
+
 def known_truth(project: Project) -> Mapping[str, Any] | None:
     """Read the truth that the virtual bench leaves beside a project; None where there is none, or a foreign file."""
     try:

@@ -72,9 +72,26 @@ def report_project(
 def save_sign_off(project: Project, sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) -> Path:
     """Keep who signed for these figures; the figures stay with it, so that it lapses when others take their place."""
     path = result_path(project, "sign-off.json")
+    if not sign_off.despite.strip() and (failed := failed_verdicts(project, evaluations)):
+        remedy = "see to its cause, or write why you sign all the same (`despite`, in the window the remark)"
+        raise InputError("sign-off", f"the verdict failed: {failed[0]}", remedy)
     signed = evaluation_figures(evaluations)["planes"]
     write_json(path, {"format": "stripe-sign-off", "version": 1, **asdict(sign_off), "signed": signed})
     return path
+
+
+def failed_verdicts(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> list[str]:
+    """Say what failed among these evaluations and the calibrations in use; a sign-off then needs a reason."""
+    from core.report import ReportData, verdicts_of
+
+    calibrations = load_calibrations(project)
+    data = ReportData(
+        project=project,
+        photogrammetric=calibrations.get("photogrammetric"),  # type: ignore[arg-type]
+        depth=calibrations.get("polynomial"),  # type: ignore[arg-type]
+        evaluations=evaluations,
+    )
+    return [f"{name}: {verdict.because[0]}" for name, verdict in verdicts_of(data) if verdict.state == "failed"]
 
 
 def load_sign_off(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> SignOff | None:
@@ -106,6 +123,7 @@ def load_sign_off(project: Project, evaluations: tuple[PlaneEvaluation, ...]) ->
         remark=fields.text("remark", default=""),
         date=fields.text("date", default=""),
         tolerance=tolerance,
+        despite=fields.text("despite", default=""),
     )
 
 

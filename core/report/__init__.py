@@ -28,7 +28,7 @@ measured twice
 """
 
 from core.report.csv_files import write_columns_csv, write_table_csv
-from core.report.data import ReportData, ReportPaths, SignOff, Tolerance
+from core.report.data import ReportData, ReportPaths, SignOff, Tolerance, verdicts_of
 from core.report.numbers import tables
 from core.report.sign_off import Verdict, verdict
 from core.report.table import Number, Table, cell_text, text_table
@@ -49,6 +49,7 @@ __all__ = [
     "tables",
     "text_table",
     "verdict",
+    "verdicts_of",
     "write_columns_csv",
     "write_report",
     "write_table_csv",

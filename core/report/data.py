@@ -17,6 +17,7 @@ from core.model import (
     PhotogrammetricCalibration,
     PlaneEvaluation,
     Project,
+    Verdict,
 )
 
 Kind = Literal["camera", "projector"]
@@ -32,13 +33,16 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class SignOff:
-    """Who answers for the figures; only `operator` must be given. `date` is ISO 8601."""
+    """Who answers for the figures; only `operator` must be given. `date` is ISO 8601.
+
+    `despite` says why he signs although a verdict failed."""
 
     operator: str
     instrument: str = ""
     remark: str = ""
     date: str = ""
     tolerance: Tolerance | None = None
+    despite: str = ""
 
 
 @dataclass(frozen=True)
@@ -166,6 +170,19 @@ def warnings_of(data: ReportData) -> list[tuple[str, str]]:
         for text in texts:
             seen.setdefault(text, source)
     return [(source, text) for text, source in seen.items()]
+
+
+def verdicts_of(data: ReportData) -> list[tuple[str, Verdict]]:
+    """Give the verdicts on calibrations and planes, the worst first."""
+    found: list[tuple[str, Verdict | None]] = [
+        ("photogrammetric calibration", data.photogrammetric.verdict if data.photogrammetric is not None else None),
+        ("depth calibration", data.depth.verdict if data.depth is not None else None),
+    ]
+    if data.photogrammetric is None and data.adjustment is not None:
+        found.append(("network", data.adjustment.verdict))
+    told = [(name, verdict) for name, verdict in found if verdict is not None]
+    told += [(f"{e.capture}, {e.method}", e.verdict) for e in data.evaluations if e.verdict is not None]
+    return sorted(told, key=lambda entry: ("failed", "doubtful", "passed").index(entry[1].state))
 
 
 def finite_deviations(evaluation: PlaneEvaluation) -> np.ndarray:

@@ -37,6 +37,9 @@ from core.report.table import Table, cell_text, numeric_columns
 FONT, BOLD = "ReportSans", "ReportSans-Bold"
 MARGIN, FRAME_PADDING = 17 * mm, 6
 TEXT_WIDTH, TEXT_HEIGHT = A4[0] - 2 * MARGIN - 2 * FRAME_PADDING, A4[1] - 2 * MARGIN - 2 * FRAME_PADDING
+VERDICTS = {
+    name: colors.HexColor(c) for name, c in (("failed", "#b3261e"), ("doubtful", "#9a5b00"), ("passed", "#2f7d4f"))
+}
 MUTED, GRID = colors.HexColor("#57606b"), colors.HexColor("#c9ced4")
 
 _BODY = ParagraphStyle("body", fontName=FONT, fontSize=9, leading=12.5, spaceAfter=4)
@@ -78,6 +81,14 @@ def pdf_bytes(document: Document, *, progress: Progress = SILENT) -> bytes:
 
 def _summary(document: Document) -> list[Flowable]:
     story: list[Flowable] = [_Bookmark("summary", "Summary"), _text("Summary", _CHAPTER)]
+    for name, verdict in document.summary.verdicts:
+        if verdict.state != "passed":
+            told = tuple(f"{text[:1].upper()}{text[1:]}." for text in verdict.because)
+            style = ParagraphStyle("verdict", _HEADING, textColor=VERDICTS[verdict.state])
+            story += [_text(f"{name[:1].upper()}{name[1:]}: {verdict.state}", style), _bullets(told)]
+    if sound := [name for name, verdict in document.summary.verdicts if verdict.state == "passed"]:
+        style = ParagraphStyle("sound", _BODY, textColor=VERDICTS["passed"])
+        story.append(_text(f"Passed: {'; '.join(sound)}.", style))
     if document.summary.findings:
         story.append(_bullets(document.summary.findings))
     if document.summary.warnings:

@@ -59,6 +59,8 @@ def sign_off_table(sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) 
     if sign_off.tolerance is not None:
         rows.append(("tolerance", f"{sign_off.tolerance.limit_mm:g} mm, {FIGURES[sign_off.tolerance.of]}"))
         rows.append(("result", verdict(evaluations, sign_off.tolerance).text))
+    if sign_off.despite:
+        rows.append(("signed despite a failed verdict", sign_off.despite))
     if sign_off.remark:
         rows.append(("remark", sign_off.remark))
     rows.append(("signature", "_" * 40))
@@ -70,6 +72,8 @@ def sign_off_sentence(sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...
     """Who signed when, and the verdict, for the summary."""
     when = f" on {sign_off.date}" if sign_off.date else ""
     text = f"Signed off by {sign_off.operator}{when}."
+    if sign_off.despite:
+        text += f" Signed despite a failed verdict, because: {sign_off.despite}"
     return f"{text} {verdict(evaluations, sign_off.tolerance).text}" if sign_off.tolerance is not None else text
 
 

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.model import Method, PlaneEvaluation
+from core.model import Method, PlaneEvaluation, Verdict
 from core.report.data import (
     ReportData,
     calibrated_devices,
     captures_in_order,
     finite_deviations,
     methods_in_order,
+    verdicts_of,
     warnings_of,
 )
 from core.report.numbers import network_counts, normalised_errors, object_sigmas_um, published_of, true_parameters
@@ -25,6 +26,7 @@ from core.report.table import Number
 class Summary:
     """The sentences at the head of the report."""
 
+    verdicts: tuple[tuple[str, Verdict], ...]
     findings: tuple[str, ...]
     warnings: tuple[str, ...]
     missing: tuple[str, ...]
@@ -74,7 +76,7 @@ def summary(data: ReportData) -> Summary:
     if data.sign_off is not None:
         findings.insert(0, sign_off_sentence(data.sign_off, data.evaluations))
     warnings = tuple(f"{source[0].upper()}{source[1:]}: {text}" for source, text in warnings_of(data))
-    return Summary(tuple(findings), warnings, tuple(_missing(data)))
+    return Summary(tuple(verdicts_of(data)), tuple(findings), warnings, tuple(_missing(data)))
 
 
 def _adjustment_findings(data: ReportData) -> list[str]:
@@ -146,9 +148,17 @@ def _plane_finding(method: Method, evaluations: tuple[PlaneEvaluation, ...], pub
     text += f"; the largest deviation is {largest.max_mm:.3f} mm, in {largest.capture}."
     ratios = [e.rms_mm / e.predicted_rms_mm for e in own if e.predicted_rms_mm]
     if ratios:
-        text += f" That is {_span(ratios, 2)} times what the noise of the phases predicts: "
+        text += f" That is {_span(ratios, 2)} times what the noise of the phases predicts"
+        told = all(e.verdict is not None for e in own)
+        sound = told and all(e.verdict.state == "passed" for e in own if e.verdict is not None)
         # variances add, so at √2 times the prediction all other errors together equal the noise
-        text += "noise dominates." if max(ratios) < np.sqrt(2) else "other errors exceed the noise, see the maps."
+        if sound and max(ratios) < np.sqrt(2):
+            text += ": noise dominates."
+        else:
+            text += ": other errors exceed the noise, see the maps." if told or max(ratios) >= np.sqrt(2) else "."
+    forms = [e.form_pv_um for e in own if e.form_pv_um is not None]
+    if forms:
+        text += f" The form left in the low-passed maps is {_span(forms, 0)} µm from peak to valley."
     return text
 
 

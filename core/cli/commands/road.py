@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from core.cli.arguments import Commands, Options, check_out
+from core.cli.verdicts import print_left_out, print_verdict
 from core.errors import InputError
 from core.progress import Progress
 
@@ -90,9 +91,14 @@ def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
     )
     project = read_project(options.project)
     calibrations = calibrate_project(project, options.method, chosen, progress)
+    figures = calibration_figures(calibrations)
+    for method, entry in figures.items():
+        print_verdict(method, entry["verdict"])
+        print_left_out(entry["left_out"])
+    print()
     print(result_tables(project))
     print(f"\nkept as run {max(current_runs(project).values())}")
-    return calibration_figures(calibrations)
+    return figures
 
 
 def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
@@ -100,6 +106,7 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import adjust_network
 
     figures = adjustment_figures(adjust_network(options.network, progress))
+    print_verdict("network", figures["verdict"])
     print(f"sigma0 {figures['sigma0']:.6g}, redundancy {figures['redundancy']}, {figures['iterations']} iterations")
     for name, device in figures["devices"].items():
         print(f"\n{name}  (r0 = {device['r0_mm']:.6g} mm)")
@@ -130,8 +137,12 @@ def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
 
     project = read_project(options.project)
     evaluations = evaluate_project(project, progress)
+    figures = evaluation_figures(evaluations)
+    for plane in figures["planes"]:
+        print_verdict(f"{plane['capture']}, {plane['method']}", plane["verdict"])
+    print()
     print(result_tables(project, evaluations))
-    return evaluation_figures(evaluations)
+    return figures
 
 
 def _report(options: Options, progress: Progress) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -100,10 +100,15 @@ def is_evaluated(
 
 
 def keep_sign_off(project: Project, sign_off: SignOff | None, evaluations: tuple[PlaneEvaluation, ...]) -> None:
-    """Keep who signed for these figures; without a name the sign-off is withdrawn."""
+    """Keep who signed for these figures; without a name the sign-off is withdrawn.
+
+    A failed verdict is signed only with a remark that says why.
+    """
     if sign_off is None or not sign_off.operator:
         pipeline.result_path(project, "sign-off.json").unlink(missing_ok=True)
     else:
+        if sign_off.remark and pipeline.failed_verdicts(project, evaluations):
+            sign_off = replace(sign_off, despite=sign_off.remark)
         pipeline.save_sign_off(project, sign_off, evaluations)
 
 

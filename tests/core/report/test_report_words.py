@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from core.model import Verdict
 from core.report import ReportData, summary
 from core.report.words import highlights
 
@@ -21,11 +22,22 @@ def test_findings_name_the_figures(data, evaluations):
     assert "7 of 4327 valid pixels were left out" in text  # 4 · 1080 + 7
 
 
-@pytest.mark.parametrize(("predicted", "said"), [(0.029, "noise dominates"), (0.02, "other errors exceed the noise")])
-def test_verdict_compares_with_the_noise(data, evaluations, predicted, said):
-    """The deviations have a spread of 0.03 mm; the verdict turns at √2 times the prediction."""
-    one = dataclasses.replace(evaluations[0], predicted_rms_mm=predicted)
+@pytest.mark.parametrize(
+    ("predicted", "state", "said"),
+    [
+        (0.029, "passed", "noise dominates"),
+        (0.029, "doubtful", "other errors exceed the noise"),
+        (0.02, "passed", "other errors exceed the noise"),
+    ],
+)
+def test_the_noise_dominates_only_where_the_verdict_says_so(data, evaluations, predicted, state, said):
+    """The deviations have a spread of 0.03 mm; the ratio turns at √2 times the prediction."""
+    one = dataclasses.replace(evaluations[0], predicted_rms_mm=predicted, verdict=Verdict(state))
     assert said in " ".join(summary(dataclasses.replace(data, evaluations=(one,))).findings)
+
+
+def test_planes_that_nobody_judged_are_not_called_noise(data, evaluations):
+    assert "noise dominates" not in " ".join(summary(dataclasses.replace(data, evaluations=evaluations)).findings)
 
 
 def test_warnings_of_all_calibrations_are_told_once(data):

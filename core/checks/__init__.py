@@ -1,0 +1,38 @@
+"""Wrong input is named: results are held against each other, against what is known and against their own prediction.
+
+Every check gives `Concern`s: a state and one sentence with the figure, the probable cause and the remedy. The state of
+a verdict is that of its worst concern.
+
+concern.py   a concern, and the verdict that several make
+network.py   the bundle adjustment: chi-square test, systematic residuals, gross errors, nominal values
+lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
+plates.py    ... where the plates stood, seen by camera and projector
+planes.py    deviations from planes: form apart from noise, angles, one method against the other
+sequences.py what captures say they show: code against projector lines, the same frames twice
+left_out.py  points and captures that had no part, with the reasons
+"""
+
+from core.checks.concern import Concern, verdict_of
+from core.checks.left_out import left_out_of
+from core.checks.lengths import length_concerns
+from core.checks.network import adjustment_concerns, nominal_concerns, variance_ratios
+from core.checks.planes import form_of, pair_concerns, plane_concerns
+from core.checks.plates import Plates, pose_plates, see_plates
+from core.checks.sequences import code_concerns
+
+__all__ = [
+    "Concern",
+    "Plates",
+    "adjustment_concerns",
+    "code_concerns",
+    "form_of",
+    "left_out_of",
+    "length_concerns",
+    "nominal_concerns",
+    "pair_concerns",
+    "plane_concerns",
+    "pose_plates",
+    "see_plates",
+    "variance_ratios",
+    "verdict_of",
+]

@@ -1,0 +1,60 @@
+"""Points and captures that had no part in a calibration, and why."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+
+from core.model import LeftOut, TargetSet
+
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
+
+
+def left_out_of(
+    targets: Sequence[TargetSet],
+    rejected: Mapping[str, tuple[int, int]] | None = None,
+    captures: Iterable[tuple[str, str]] = (),
+    *,
+    why: str = "do not fit the others: gross errors",
+) -> tuple[LeftOut, ...]:
+    """List what was left out, capture by capture.
+
+    Parameters
+    ----------
+    targets : sequence of TargetSet
+        Of the captures that took part; their missing targets are told by reason.
+    rejected : mapping, optional
+        By station ("capture/device"), how many of how many observations were left out in the adjustment.
+    captures : iterable of (str, str)
+        Names of captures that took no part, and why.
+    why : str
+        Why those in `rejected` were.
+    """
+    found = []
+    of: dict[str, int] = {}
+    for t in targets:
+        of[t.capture] = len(t.row) + len(t.missing)
+        for reasons in _alike(m.reason for m in t.missing):
+            found.append(LeftOut(t.capture, len(reasons), of[t.capture], _merged(reasons)))
+    for station, (n, whole) in (rejected or {}).items():
+        if n:
+            capture, _, device = station.rpartition("/")
+            found.append(LeftOut(capture or station, n, whole, f"in the {device}'s image, {why}"))
+    found += [LeftOut(name, of.get(name, 0), of.get(name, 0), reason) for name, reason in captures]
+    return tuple(found)
+
+
+def _alike(reasons: Iterable[str]) -> list[list[str]]:
+    """Put reasons together that differ in their figures only, the most frequent first."""
+    groups: dict[str, list[str]] = {}
+    for reason in reasons:
+        groups.setdefault(NUMBER.sub("", reason), []).append(reason)
+    return sorted(groups.values(), key=lambda group: -len(group))
+
+
+def _merged(reasons: list[str]) -> str:
+    """Give the reason with the greatest figure, as the others are up to that."""
+    if len(set(reasons)) == 1:
+        return reasons[0]
+    most = max(reasons, key=lambda reason: [float(n) for n in NUMBER.findall(reason)])
+    return NUMBER.sub(lambda figure: f"up to {figure.group()}", most, count=1)

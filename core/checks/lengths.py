@@ -1,0 +1,258 @@
+"""Scale bar, boards and plate positions: up to four independent lengths, each held against the others.
+
+The adjustment takes its scale from one of them; the rest can disagree without any residual showing it. The one that is
+not like the others is named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from core.checks.concern import Concern
+from core.checks.plates import Plates
+from core.model import Adjustment, Array, ScaleBar, Testfield
+
+TOLERANCE = 0.002  # boards are made to about 0.1 %
+FAILED = 0.02
+OUT_OF_SHAPE = 0.01  # r.m.s. deviation from the nominal board, as a share of its size
+KNOWN_FACTORS = {10.0: "cm instead of mm", 25.4: "inches instead of mm", 1000.0: "m instead of mm"}
+SCATTER = 6.0  # times what the other plates scatter by
+LEAST_OFF = 3e-4  # of the distance: what positions are known to at best
+
+
+@dataclass(frozen=True)
+class Length:
+    """A source of scale: what it is called, and its length over the one that the others would give (1 for true)."""
+
+    name: str
+    key: str  # in which file and field it stands
+    factor: float
+
+
+def length_concerns(
+    adjustment: Adjustment | None, board: Testfield | None, scale: ScaleBar | None, plates: Plates | None, same: bool
+) -> list[Concern]:
+    """Compare all known lengths with each other.
+
+    Parameters
+    ----------
+    adjustment : Adjustment or None
+    board : Testfield or None
+        The nominal testfield of the adjustment.
+    scale : ScaleBar or None
+    plates : Plates or None
+        Seen by the calibration of this adjustment.
+    same : bool
+        Whether the plate is the testfield itself.
+    """
+    lengths: list[Length] = []
+    concerns: list[Concern] = []
+    if adjustment is not None and board is not None:
+        nominal = nominal_of(adjustment, board)
+        ratio, concerns = _shape(nominal, adjustment.points_mm, "testfield.csv")
+        if scale is not None:
+            lengths.append(Length("the scale bar", 'project.json, "scale"', 1.0))
+        if np.isfinite(ratio):
+            lengths.append(Length("the testfield", "testfield.csv", 1.0 / ratio))
+    if plates is not None and len(plates.names):
+        ratio, more = _plate_board(plates)
+        concerns += more if not same else []
+        if np.isfinite(ratio) and not same:
+            lengths.append(Length("the plate's board", "its testfield file", 1.0 / ratio))
+        if len(plates.names) >= 2:
+            slope, more = _positions(plates)
+            concerns += more
+            if np.isfinite(slope):
+                lengths.append(Length("the plate positions", "capture.json, z_mm", 1.0 / slope))
+    return [*_odd_one(lengths, scale, board), *concerns]
+
+
+def nominal_of(adjustment: Adjustment, board: Testfield) -> Array:
+    """Nominal places of the adjusted points, (n, 3); NaN where a name is not of this board."""
+    index = {f"{r}/{c}": i for i, (r, c) in enumerate(zip(board.row, board.col, strict=True))}
+    rows = [index.get(name, -1) for name in adjustment.network.point_names]
+    return np.where(np.array(rows)[:, None] >= 0, board.xyz_mm[rows], np.nan)
+
+
+def similarity(source: Array, target: Array) -> tuple[float, Array]:
+    """Scale of the similarity that takes points (n, 3) onto others, and what it leaves, (n, 3) (Umeyama 1991)."""
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    U, s, Vt = np.linalg.svd(b.T @ a)
+    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
+    R = U @ sign @ Vt
+    scale = float(np.sum(s * np.diag(sign)) / np.sum(a**2))
+    return scale, b - scale * a @ R.T
+
+
+def _shape(nominal: Array, found: Array, file: str) -> tuple[float, list[Concern]]:
+    """Scale of the found points over the nominal ones, and whether the nominal ones have the right shape."""
+    use = np.isfinite(nominal).all(axis=1) & np.isfinite(found).all(axis=1)
+    if use.sum() < 4:
+        return float("nan"), []
+    nominal, found = nominal[use], found[use]
+    scale, rest = similarity(nominal, found)
+    size = float(np.linalg.norm(np.ptp(found, axis=0)))
+    off = float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))
+    stretch, stretched_off = _stretch(nominal, found)
+    if abs(stretch - 1) > TOLERANCE and stretched_off < 0.5 * off:
+        text = (
+            f"{file}: x is stretched against y by {1 / stretch:.4f}, seen by the camera: correct x_mm or y_mm, or "
+            "print the board at the same scale both ways"
+        )
+        return scale, [Concern("failed" if abs(stretch - 1) > FAILED else "doubtful", text)]
+    if off > OUT_OF_SHAPE * size:
+        text = (
+            f"{file}: the board seen differs from it by {off:.3g} mm r.m.s.: another board, or its targets are "
+            "numbered otherwise"
+        )
+        return scale, [Concern("failed", text)]
+    return scale, []
+
+
+def _stretch(nominal: Array, found: Array) -> tuple[float, float]:
+    """By how much x is longer than y in what was found, over nominal, and the r.m.s. that this leaves."""
+    a, b = nominal - nominal.mean(axis=0), found - found.mean(axis=0)
+    flat = np.ptp(a[:, 2]) < 1e-3 * np.ptp(a[:, 0])
+    columns = a[:, :2] if flat else a
+    M, *_ = np.linalg.lstsq(columns, b, rcond=None)
+    lengths = np.linalg.norm(M, axis=1)
+    left = float(np.sqrt(np.mean(np.sum((b - columns @ M) ** 2, axis=1))))
+    return float(lengths[0] / lengths[1]), left
+
+
+def _plate_board(plates: Plates) -> tuple[float, list[Concern]]:
+    found = [_shape(plates.nominal_mm, xyz, "the plate's testfield file") for xyz in plates.xyz_mm]
+    scales = [scale for scale, _ in found if np.isfinite(scale)]
+    told = [concern for _, concerns in found for concern in concerns]
+    often = told if len(told) > len(found) / 2 else []
+    return (float(np.median(scales)) if scales else float("nan")), often[:1]
+
+
+def _positions(plates: Plates) -> tuple[float, list[Concern]]:
+    """Movement of the plate per mm of z_mm, and plates that do not stand where z_mm says."""
+    along, across, distance = _movement(plates)
+    z = plates.z_mm
+    pairs = list(combinations(range(len(z)), 2))
+    slopes = [(along[k] - along[i]) / (z[k] - z[i]) for i, k in pairs if z[k] != z[i]]
+    if not slopes:
+        return float("nan"), []
+    slope = float(np.median(slopes))
+    rest = along - slope * z
+    rest -= np.median(rest)
+    concerns = []
+    if len(z) >= 4:
+        for k in np.argsort(-np.abs(rest))[: max(1, len(z) // 4)]:
+            others = np.delete(rest, k)
+            limit = max(SCATTER * 1.4826 * float(np.median(np.abs(others))), LEAST_OFF * distance * max(abs(slope), 1))
+            if abs(rest[k]) > limit:
+                is_at = z[k] + rest[k] / slope
+                text = (
+                    f"{plates.names[k]}: the plate stood at {is_at:.2f} mm, by its targets, z_mm says {z[k]:g} mm "
+                    f"({rest[k] / slope:+.2f} mm): correct z_mm or capture it again"
+                )
+                concerns.append(Concern("failed" if abs(rest[k]) > 3 * limit else "doubtful", text))
+    for k in np.flatnonzero(across > max(0.01 * distance, 6 * float(np.median(across)))):
+        text = f"{plates.names[k]}: the plate stood {across[k]:.1f} mm beside its axis: did it move sideways?"
+        concerns.append(Concern("doubtful", text))
+    if len(z) >= 3 and not concerns:
+        order = np.argsort(z)
+        steps = np.diff(along[order]) * np.sign(slope)
+        if (steps < 0).any():
+            concerns.append(
+                Concern(
+                    "failed", "the plates do not stand in the order of their z_mm: z_mm or the frames were exchanged"
+                )
+            )
+    return abs(slope), concerns
+
+
+def _movement(plates: Plates) -> tuple[Array, Array, float]:
+    """Position of each plate along the axis of all, and its distance from that axis, in mm; distance of the plates."""
+    xyz = plates.xyz_mm
+    common = np.isfinite(xyz).all(axis=(0, 2))
+    if common.sum() >= 4:
+        centres = xyz[:, common].mean(axis=1)
+    else:  # no target is in all: the board's place from those that each plate has
+        centres = np.array([_centre_of(plates.nominal_mm, p) for p in xyz])
+    middle = np.median(centres, axis=0)
+    moved = centres - middle
+    z = plates.z_mm - np.median(plates.z_mm)
+    axis = np.linalg.svd(moved)[2][0] if len(moved) > 2 else moved[-1] - moved[0]
+    axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
+    if np.sum((moved @ axis) * z) < 0:
+        axis = -axis
+    along = moved @ axis
+    across = np.linalg.norm(moved - np.outer(along, axis), axis=1)
+    return along, across, float(np.linalg.norm(middle))
+
+
+def _centre_of(nominal: Array, found: Array) -> Array:
+    use = np.isfinite(found).all(axis=1)
+    a, b = nominal[use], found[use]
+    U, _, Vt = np.linalg.svd((b - b.mean(axis=0)).T @ (a - a.mean(axis=0)))
+    R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    return np.asarray(b.mean(axis=0) + R @ (nominal.mean(axis=0) - a.mean(axis=0)))
+
+
+def _odd_one(lengths: list[Length], scale: ScaleBar | None, board: Testfield | None) -> list[Concern]:
+    """Name the length that is not like the others; with two, name both."""
+    if len(lengths) < 2:
+        return []
+    factors = np.array([entry.factor for entry in lengths])
+    agreeing = [np.abs(factors / f - 1) <= TOLERANCE for f in factors]
+    votes = np.array([a.sum() for a in agreeing])
+    if votes.max() == len(lengths):
+        return []
+    most = np.flatnonzero(votes == votes.max())
+    clear = votes.max() >= 2 and all((agreeing[k] == agreeing[most[0]]).all() for k in most)
+    if clear:
+        true = float(np.median(factors[agreeing[most[0]]]))
+        odd = [k for k in range(len(lengths)) if not agreeing[most[0]][k]]
+        others = " and ".join(lengths[k].name for k in np.flatnonzero(agreeing[most[0]]))
+        return [_told(lengths[k], factors[k] / true, others, scale, board) for k in odd]
+    worst = float(factors.max() / factors.min())
+    told = "; ".join(f"{entry.name} ({entry.key}) says {entry.factor / factors[0]:.4f}" for entry in lengths)
+    hint = _unit_hint(worst)
+    text = f"known lengths disagree, relative to {lengths[0].name}: {told}; measure them again{hint}"
+    hint = _bar_hint(scale, board, worst) if scale is not None else ""
+    return [Concern("failed" if worst > 1 + FAILED else "doubtful", text + hint)]
+
+
+def _told(entry: Length, factor: float, others: str, scale: ScaleBar | None, board: Testfield | None) -> Concern:
+    text = f"{entry.name} ({entry.key}): its lengths are {factor:.4f} times what {others} give"
+    text += _unit_hint(max(factor, 1 / factor)) or "; correct it, or measure it again"
+    if entry.name == "the scale bar":
+        text += _bar_hint(scale, board, factor)
+    off = max(factor, 1 / factor) - 1
+    return Concern("failed" if off > FAILED else "doubtful", text)
+
+
+def _unit_hint(ratio: float) -> str:
+    for factor, words in KNOWN_FACTORS.items():
+        if abs(ratio / factor - 1) < 0.02:
+            return f"; is it in {words}?"
+    return ""
+
+
+def _bar_hint(scale: ScaleBar | None, board: Testfield | None, factor: float) -> str:
+    """Name other targets that are this far from each other, if the length itself could be right."""
+    if scale is None or board is None:
+        return ""
+    index = board.index()
+    if scale.start not in index or scale.stop not in index:
+        return ""
+    a, b = index[scale.start], index[scale.stop]
+    own = float(np.linalg.norm(board.xyz_mm[a] - board.xyz_mm[b]))
+    if abs(scale.length_mm / own - 1) <= TOLERANCE:
+        return ""
+    for end, name in ((a, scale.start), (b, scale.stop)):
+        far = np.linalg.norm(board.xyz_mm - board.xyz_mm[end], axis=1)
+        for k in np.flatnonzero(np.abs(far / scale.length_mm - 1) < TOLERANCE):
+            return (
+                f" (the nominal testfield has {scale.length_mm:g} mm from {name[0]},{name[1]} to {board.row[k]},"
+                f"{board.col[k]}: is the bar on other targets?)"
+            )
+    return ""

@@ -1,0 +1,193 @@
+"""The bundle adjustment judged by what was known before it: the sigmas given, independence, nominal values.
+
+σ0 after variance components is 1 whatever the model; so residuals are tested against the sigmas of the observations as
+they came.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.special import chdtri
+
+from core.checks.concern import LEVEL, Concern
+from core.model import AdjustedDevice, Adjustment, Array
+
+DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
+FAILED_RATIO = 3.0
+AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is common to them
+LOST = 0.05  # share of the observations that may be gross errors
+MOST_LOST = 0.25
+C_DOUBTFUL, C_FAILED = 1.2, 1.6  # focusing at the distances of such rigs makes c longer than f by less than a fifth
+AFFINITY = 0.02  # |A3|: pixels of frame grabbers are up to 3 % out of square, which is A3 = 0.015
+AFFINITY_DECLARED = 0.005  # where the pitches given differ, somebody knew their ratio
+AFFINITY_FAILED = 0.08
+OFF_CENTRE = 0.2  # a camera's principal point, as a share of half its image
+
+
+def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int, int]] | None = None) -> list[Concern]:
+    """Test the residuals of a bundle adjustment.
+
+    Parameters
+    ----------
+    adjustment : Adjustment
+    rejected : mapping, optional
+        By station, how many of how many observations were left out as gross errors.
+    """
+    return [*_chi_square(adjustment), *_systematic(adjustment), *_rejected(rejected or {})]
+
+
+def factors(adjustment: Adjustment) -> dict[str, tuple[float, float]]:
+    """By device, the variance factor of its observations against the sigmas given, and its redundancy."""
+    network = adjustment.network
+    device = np.array(network.station_device)[network.observation_station]
+    squares = (adjustment.residuals / network.observation_sigma) ** 2
+    result = {}
+    for name in adjustment.devices:
+        own = device == name
+        redundancy = float(np.nansum(adjustment.redundancy_numbers[own]))
+        if redundancy > 1:
+            result[name] = float(np.nansum(squares[own])) / redundancy, redundancy
+    return result
+
+
+def variance_ratios(adjustment: Adjustment) -> dict[str, float]:
+    """By device, residuals over what the sigmas given allow."""
+    return {name: float(np.sqrt(factor)) for name, (factor, _) in factors(adjustment).items()}
+
+
+def _chi_square(adjustment: Adjustment) -> list[Concern]:
+    """H0: residuals are at most `DOUBTFUL_RATIO` times what the sigmas given allow."""
+    concerns = []
+    for name, (factor, redundancy) in factors(adjustment).items():
+        critical = DOUBTFUL_RATIO**2 * float(chdtri(redundancy, LEVEL)) / redundancy
+        if factor <= critical:
+            continue
+        ratio = float(np.sqrt(factor))
+        text = (
+            f"{name}: residuals are {ratio:.3g} times what the sigmas of its observations allow (chi-square test, "
+            f"variance factor {factor:.3g}, critical {critical:.3g}): "
+        )
+        worst = _worst_station(adjustment, name)
+        text += f"{worst}; " if worst else ""
+        text += "look for wrong identities or a turned board, a moved device, wrong patterns, or sigmas set too small"
+        concerns.append(Concern("failed" if ratio > FAILED_RATIO else "doubtful", text))
+    return concerns
+
+
+def _worst_station(adjustment: Adjustment, device: str) -> str:
+    """Name the station that holds most of a device's squares, where one does."""
+    network = adjustment.network
+    squares = np.nansum((adjustment.residuals / network.observation_sigma) ** 2, axis=1)
+    of_station = np.bincount(network.observation_station, squares, len(network.station_names))
+    own = np.array([d == device for d in network.station_device])
+    total = float(of_station[own].sum())
+    worst = int(np.argmax(np.where(own, of_station, -1.0)))
+    share = of_station[worst] / total if total else 0.0
+    return f"{share:.0%} of it comes from station {network.station_names[worst]}" if share > 0.5 else ""
+
+
+def _systematic(adjustment: Adjustment) -> list[Concern]:
+    """H0: residuals of neighbouring points are independent; the low-pass test of the residuals."""
+    network, concerns = adjustment.network, []
+    device = np.array(network.station_device)[network.observation_station]
+    w = adjustment.residuals / network.observation_sigma
+    for name in adjustment.devices:
+        products: list[Array] = []
+        squares: list[Array] = []
+        for station in np.unique(network.observation_station[device == name]):
+            own = np.flatnonzero(network.observation_station == station)
+            own = own[np.isfinite(w[own]).all(axis=1)]
+            if len(own) < 8:
+                continue
+            near = cKDTree(network.observation_uv[own]).query(network.observation_uv[own], k=2)[1][:, 1]
+            products.append(w[own] * w[own][near])
+            squares.append(w[own] ** 2)
+        if not products:
+            continue
+        product, square = np.concatenate(products).ravel(), np.concatenate(squares).ravel()
+        # a few gross errors are told elsewhere; they must not decide here
+        limit = 25 * float(np.median(square)) + 1e-12
+        use = square < limit
+        agreement = float(np.sum(np.clip(product[use], -limit, limit)) / max(float(np.sum(square[use])), 1e-12))
+        significant = agreement * np.sqrt(np.count_nonzero(use) / 2) > 3.1  # mutual neighbours count twice
+        if agreement > AGREEING and significant:
+            rms = float(np.sqrt(agreement * np.nanmean(adjustment.residuals[device == name] ** 2)))
+            text = (
+                f"{name}: residuals are systematic, {agreement:.0%} of their variance is common to neighbouring points "
+                f"(about {rms:.2g} px or lines): a wrong lens model, a moved device or wrong projector coordinates; "
+                "look at the residual vectors"
+            )
+            ratio = np.sqrt(agreement * float(np.nanmean(square)))
+            concerns.append(Concern("failed" if ratio > FAILED_RATIO else "doubtful", text))
+    return concerns
+
+
+def _rejected(rejected: Mapping[str, tuple[int, int]]) -> list[Concern]:
+    total = sum(of for _, of in rejected.values())
+    lost = sum(n for n, _ in rejected.values())
+    concerns = []
+    for station, (n, of) in rejected.items():
+        if n > 0.5 * of and of >= 4:
+            text = (
+                f"{station}: {n} of {of} points do not fit the others and were left out: camera or projector moved in "
+                "this capture, its picks are wrong, or its frames are of another capture; capture it again"
+            )
+            concerns.append(Concern("doubtful", text))
+    if total and lost > LOST * total:
+        text = f"{lost} of {total} observations ({lost / total:.0%}) were left out as gross errors"
+        remedy = "; check picks, exposure and what moved" if not concerns else ""
+        concerns.append(Concern("failed" if lost > MOST_LOST * total else "doubtful", text + remedy))
+    return concerns
+
+
+def nominal_concerns(devices: Mapping[str, AdjustedDevice], *, kinds: Mapping[str, str] | None = None) -> list[Concern]:
+    """Hold adjusted interior orientations against what project.json says of the devices."""
+    concerns = []
+    for name, device in devices.items():
+        kind = (kinds or {}).get(name, name)
+        concerns += [*_focal(name, device), *_square(name, device), *_centre(name, device, kind)]
+    return concerns
+
+
+def _focal(name: str, device: AdjustedDevice) -> list[Concern]:
+    c, nominal = device.interior.c_mm, device.spec.nominal_c_mm
+    ratio = max(c / nominal, nominal / c)
+    if device.sigma[0] <= 0 or ratio <= C_DOUBTFUL or abs(c - nominal) < 3.3 * device.sigma[0]:
+        return []
+    text = (
+        f"{name}: c is {c:.4g} mm, nominal_c_mm {nominal:.4g} mm ({c / nominal:.3g} times): correct nominal_c_mm or "
+        "pitch_mm; c grows with the pitch"
+    )
+    return [Concern("failed" if ratio > C_FAILED else "doubtful", text)]
+
+
+def _square(name: str, device: AdjustedDevice) -> list[Concern]:
+    a3 = float(device.interior.a[2])
+    px, py = device.spec.pitch_mm
+    limit = AFFINITY if abs(px / py - 1) < 1e-3 else AFFINITY_DECLARED
+    if device.sigma[5] <= 0 or abs(a3) - 3.3 * device.sigma[5] <= limit:
+        return []
+    found = py / px * (1 + a3) / (1 - a3)
+    text = (
+        f"{name}: pixels are {found:.4f} times as high as wide (A3 = {a3:.3g}), pitch_mm says {py / px:.4f}: correct "
+        "pitch_mm of one axis; it was absorbed by c and A3"
+    )
+    return [Concern("failed" if abs(a3) > AFFINITY_FAILED else "doubtful", text)]
+
+
+def _centre(name: str, device: AdjustedDevice, kind: str) -> list[Concern]:
+    if kind != "camera" or not np.all(device.sigma[1:3] > 0):  # projectors are often shifted on purpose
+        return []
+    half = np.array([device.spec.width * device.spec.pitch_mm[0], device.spec.height * device.spec.pitch_mm[1]]) / 2
+    offset = np.abs(device.interior.vector[1:3]) - 3.3 * device.sigma[1:3]
+    if np.all(offset <= OFF_CENTRE * half):
+        return []
+    x0, y0 = device.interior.vector[1:3]
+    text = (
+        f"{name}: the principal point is at ({x0:.3g}, {y0:.3g}) mm, far from the image's centre: were the images "
+        "cropped or mirrored, or is width or height in project.json wrong?"
+    )
+    return [Concern("doubtful", text)]

@@ -1,0 +1,145 @@
+"""Deviations from planes: form apart from noise, angles, one method against the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import cv2
+import numpy as np
+
+from core.checks.concern import Concern
+from core.model import Array, Floats, PlaneEvaluation
+
+WINDOW = 40.0  # the low pass's standard deviation is the image's larger side over this
+LEAST_COVERED = 0.6  # share of the low pass's weight that must lie on the plane
+DOUBTFUL_RATIO, FAILED_RATIO = 1.5, 3.0  # r.m.s. over what the noise predicts
+OWN_ANGLE_DEG, MOST_ANGLE_DEG = 1.0, 5.0  # angles between planes against angle_deg
+APART = 0.01  # distance between the planes of two methods, over their distance from the camera
+MOST_APART = 0.05
+SCALED = 0.02  # the same share for both: their known lengths differ
+
+
+def form_of(deviation_mm: Floats) -> tuple[float | None, float]:
+    """Low-pass the deviations from a plane: peak to valley of what is left, µm, and its r.m.s., mm.
+
+    Parameters
+    ----------
+    deviation_mm : array, shape (H, W)
+        NaN where there is no point.
+
+    Returns
+    -------
+    form_pv_um : float or None
+        None where no window is covered well enough.
+    form_rms_mm : float
+    """
+    valid = np.isfinite(deviation_mm)
+    if valid.sum() < 50:
+        return None, 0.0
+    rows, cols = np.flatnonzero(valid.any(axis=1)), np.flatnonzero(valid.any(axis=0))
+    part = deviation_mm[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+    valid = np.isfinite(part)
+    sigma = low_pass_px(deviation_mm.shape)
+    # single gross errors are not form
+    middle = float(np.median(np.abs(part[valid]))) * 1.4826
+    capped = np.clip(np.where(valid, part, 0.0), -8 * middle, 8 * middle).astype(np.float64)
+    weight = cv2.GaussianBlur(valid.astype(np.float64), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+    low = cv2.GaussianBlur(capped, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+    use = valid & (weight > LEAST_COVERED)
+    if not use.any():
+        return None, 0.0
+    form = low[use] / weight[use]
+    return float(1e3 * np.ptp(form)), float(np.sqrt(np.mean(form**2)))
+
+
+def low_pass_px(shape: tuple[int, ...]) -> float:
+    """Standard deviation of the low pass's Gaussian for an image of this shape, px."""
+    return max(shape[:2]) / WINDOW
+
+
+def plane_concerns(e: PlaneEvaluation, form_rms_mm: float, calibration_rms_mm: float = 0.0) -> list[Concern]:
+    """Hold the deviations of one plane against what their noise and the calibration's sigma predict.
+
+    Noise of independent pixels passes the low pass by ``1 / (2 σ √π)``; ten times as much, for neighbouring pixels
+    share some of theirs, and three sigmas of the calibration, is form that needs no explanation.
+    """
+    if e.predicted_rms_mm is None or not e.predicted_rms_mm > 0:
+        return []
+    ratio = e.rms_mm / e.predicted_rms_mm
+    where = f"{e.capture}, {e.method}"
+    told = f"{where}: deviations are {ratio:.3g} times what the noise predicts ({e.rms_mm:.3g} mm r.m.s.)"
+    form = f"{1e3 * form_rms_mm:.0f} µm r.m.s. of it is form, {e.form_pv_um or 0:.0f} µm peak to valley"
+    allowed = float(np.hypot(DOUBTFUL_RATIO * e.predicted_rms_mm, 3 * calibration_rms_mm))
+    if e.rms_mm > allowed:
+        cause = "the calibration does not hold for this capture (rig moved, patterns or rig described wrongly)"
+        if form_rms_mm < 0.5 * e.rms_mm:
+            cause = "gross errors, not form: decoding is wrong in places, or the plane is not clean"
+        state = "failed" if e.rms_mm > FAILED_RATIO / DOUBTFUL_RATIO * allowed else "doubtful"
+        return [Concern("failed" if state == "failed" else "doubtful", f"{told}; {form}: {cause}")]
+    passed = 10 * e.predicted_rms_mm / (2 * np.sqrt(np.pi) * low_pass_px(e.deviation_mm.shape))
+    limit = max(0.6 * e.predicted_rms_mm, float(np.hypot(passed, 3 * calibration_rms_mm)))
+    if form_rms_mm > limit:
+        return [Concern("doubtful", f"{where}: {form}, more than noise and calibration explain: is the plane flat?")]
+    return []
+
+
+def pair_concerns(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
+    """Hold the planes against each other: angles within a method, places between methods."""
+    return [*_angles(evaluations), *_methods(evaluations)]
+
+
+def _angles(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
+    """Angles between planes of one method against the differences of angle_deg."""
+    method = evaluations[0].method if evaluations else None
+    planes = [e for e in evaluations if e.method == method and e.angle_deg is not None and np.isfinite(e.plane).all()]
+    if len(planes) < 2:
+        return []
+    misfit: Array = np.zeros((len(planes), len(planes)))
+    turned: Array = np.zeros((len(planes), len(planes)))
+    for i, k in combinations(range(len(planes)), 2):
+        a, b = planes[i].angle_deg, planes[k].angle_deg
+        assert a is not None
+        assert b is not None
+        found = np.degrees(np.arccos(np.clip(planes[i].plane[:3] @ planes[k].plane[:3], -1, 1)))
+        misfit[i, k] = misfit[k, i] = abs(found - abs(a - b))
+        turned[i, k] = turned[k, i] = abs(found - abs(a + b))
+    if misfit.max() <= OWN_ANGLE_DEG:
+        return []
+    k = int(np.argmax(np.median(misfit, axis=1) if len(planes) > 2 else misfit.max(axis=1)))
+    others = np.delete(np.arange(len(planes)), k)
+    sign = np.max(turned[k, others]) <= OWN_ANGLE_DEG and planes[k].angle_deg
+    told = ", ".join(f"{misfit[k, j]:.1f}°" for j in others[:4])
+    e = planes[k]
+    text = f"{e.capture}: angle_deg {e.angle_deg:g} differs from the angles to the other planes by {told}: "
+    text += "its sign is reversed" if sign else "correct angle_deg, or the plane-table was not turned as it says"
+    return [Concern("failed" if misfit.max() > MOST_ANGLE_DEG else "doubtful", text)]
+
+
+def _methods(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
+    """Distance of the same plane by two methods, over its distance from the camera."""
+    by: dict[str, dict[str, PlaneEvaluation]] = {}
+    for e in evaluations:
+        by.setdefault(e.capture, {})[e.method] = e
+    off, names = [], []
+    for capture, pair in by.items():
+        if "photogrammetric" in pair and "polynomial" in pair:
+            a, b = (_on_axis(pair[m].plane) for m in ("photogrammetric", "polynomial"))
+            off.append(b / a - 1)
+            names.append(capture)
+    if not off:
+        return []
+    middle = float(np.median(off))
+    if abs(middle) <= APART:
+        return []
+    text = (
+        f"the planes of both methods are {abs(middle):.1%} of their distance apart ({', '.join(names[:4])}), the depth "
+        f"method's {'farther' if middle > 0 else 'nearer'}: scale bar, board or z_mm is wrong, or the depth method's "
+        "camera is poorly known"
+    )
+    return [Concern("failed" if abs(middle) > MOST_APART else "doubtful", text)]
+
+
+def _on_axis(plane: Array) -> float:
+    """Distance at which the camera's axis meets a plane."""
+    return float(abs(plane[3]) / max(abs(float(plane[2])), 1e-6))
