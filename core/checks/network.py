@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from scipy.special import chdtri
 
 from core.checks.concern import LEVEL, Concern
+from core.geometry.lens import lens_of
 from core.model import AdjustedDevice, Adjustment, Array
 
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
@@ -21,7 +22,7 @@ AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is c
 LOST = 0.05  # share of the observations that may be gross errors
 MOST_LOST = 0.25
 C_DOUBTFUL, C_FAILED = 1.2, 1.6  # focusing at the distances of such rigs makes c longer than f by less than a fifth
-AFFINITY = 0.02  # |A3|: pixels of frame grabbers are up to 3 % out of square, which is A3 = 0.015
+AFFINITY = 0.02  # A3, half the stretch: pixels of frame grabbers are up to 3 % out of square, which is A3 = 0.015
 AFFINITY_DECLARED = 0.005  # where the pitches given differ, somebody knew their ratio
 AFFINITY_FAILED = 0.08
 OFF_CENTRE = 0.2  # a camera's principal point, as a share of half its image
@@ -165,15 +166,21 @@ def _focal(name: str, device: AdjustedDevice) -> list[Concern]:
 
 
 def _square(name: str, device: AdjustedDevice) -> list[Concern]:
-    a3 = float(device.interior.a[2])
+    names = lens_of(device.interior).names
+    key = next((k for k in ("A3", "b1") if k in names), None)
+    if key is None:
+        return []
+    share = 1.0 if key == "A3" else 0.5  # of the stretch between the axes
+    a3 = share * float(device.interior.vector[names.index(key)])
+    sigma = share * float(device.sigma[names.index(key)])
     px, py = device.spec.pitch_mm
     limit = AFFINITY if abs(px / py - 1) < 1e-3 else AFFINITY_DECLARED
-    if device.sigma[5] <= 0 or abs(a3) - 3.3 * device.sigma[5] <= limit:
+    if sigma <= 0 or abs(a3) - 3.3 * sigma <= limit:
         return []
     found = py / px * (1 + a3) / (1 - a3)
     text = (
-        f"{name}: pixels are {found:.4f} times as high as wide (A3 = {a3:.3g}), pitch_mm says {py / px:.4f}: correct "
-        "pitch_mm of one axis; it was absorbed by c and A3"
+        f"{name}: pixels are {found:.4f} times as high as wide ({key} = {a3 / share:.3g}), by pitch_mm {py / px:.4f}: "
+        "correct pitch_mm of one axis; it was absorbed by c and A3"
     )
     return [Concern("failed" if abs(a3) > AFFINITY_FAILED else "doubtful", text)]
 

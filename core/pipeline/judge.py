@@ -48,7 +48,7 @@ def judge_calibrations(
     options: CalibrateOptions,
 ) -> dict[Method, Calibration]:
     """Judge the calibrations of one run, each by itself and against the other, and list what was left out."""
-    from core.checks import code_concerns, left_out_of, verdict_of
+    from core.checks import adjustment_concerns, code_concerns, left_out_of, nominal_concerns, verdict_of
 
     captures = all_captures(project)
     kept = current_targets(project)
@@ -56,10 +56,19 @@ def judge_calibrations(
     measured = {m: [kept[c.name] for c in chosen if c.name in kept] for m, chosen in used.items()}
     result: dict[Method, Calibration] = {}
     photogrammetric = calibrations.get("photogrammetric")
+    lengths: list[Concern] = []
     if isinstance(photogrammetric, PhotogrammetricCalibration) and isinstance(adjustment, Adjustment):
         targets = measured["photogrammetric"]
         rejected, lonely = _rejected(adjustment, targets)
-        concerns = _of_rig(project, photogrammetric, adjustment, captures, used, kept, rejected)
+        lengths = _of_lengths(
+            project, photogrammetric, adjustment, used["photogrammetric"][0].testfield, captures, kept
+        )
+        concerns = [
+            *adjustment_concerns(adjustment, rejected),
+            *_warned(photogrammetric.warnings),
+            *(c for c in lengths if not _of_plate(c, captures)),
+            *nominal_concerns({"camera": photogrammetric.camera, "projector": photogrammetric.projector}),
+        ]
         result["photogrammetric"] = replace(
             photogrammetric,
             verdict=verdict_of([*concerns, *unlike], _sound(adjustment)),
@@ -70,7 +79,10 @@ def judge_calibrations(
         )
     depth = calibrations.get("polynomial")
     if isinstance(depth, DepthCalibration):
-        concerns = [*_of_depth(depth), *_of_plates(project, depth, photogrammetric, captures, kept), *unlike]
+        if not isinstance(photogrammetric, PhotogrammetricCalibration):
+            lengths = _of_plates(depth, captures, kept)
+        of_plates = [c for c in lengths if _of_plate(c, captures) or c.text.startswith("known lengths")]
+        concerns = [*of_plates, *_of_depth(depth), *unlike]
         result["polynomial"] = replace(
             depth,
             verdict=verdict_of(concerns, (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)),
@@ -115,26 +127,24 @@ def _names_one(text: str, evaluations: Sequence[PlaneEvaluation]) -> bool:
     return any(text.startswith(f"{e.capture}:") for e in evaluations)
 
 
-def _of_rig(
+def _of_lengths(
     project: Project,
     calibration: PhotogrammetricCalibration,
     adjustment: Adjustment,
+    board: Testfield | None,
     captures: Sequence[Capture],
-    used: Mapping[Method, Sequence[Capture]],
     kept: Mapping[str, TargetSet],
-    rejected: Mapping[str, tuple[int, int]],
 ) -> list[Concern]:
-    from core.checks import adjustment_concerns, length_concerns, nominal_concerns
+    from core.checks import length_concerns
 
-    board = used["photogrammetric"][0].testfield
     plates, plate = _plates(calibration, captures, kept)
-    devices = {"camera": calibration.camera, "projector": calibration.projector}
-    return [
-        *adjustment_concerns(adjustment, rejected),
-        *_warned(calibration.warnings),
-        *length_concerns(adjustment, board, project.scale, plates, plate is not None and _same(plate, board)),
-        *nominal_concerns(devices),
-    ]
+    return length_concerns(adjustment, board, project.scale, plates, plate is not None and _same(plate, board))
+
+
+def _of_plate(concern: Concern, captures: Sequence[Capture]) -> bool:
+    """Whether a concern is about the plates alone, which the photogrammetric calibration does not use."""
+    names = [c.name for c in captures if c.role == "depth"]
+    return concern.text.startswith(("the plate", *(f"{name}:" for name in names)))
 
 
 def _plates(
@@ -170,19 +180,10 @@ def _of_depth(depth: DepthCalibration) -> list[Concern]:
     return [Concern("failed" if ratio > 2 * RESIDUAL_RATIO else "doubtful", text)]
 
 
-def _of_plates(
-    project: Project,
-    depth: DepthCalibration,
-    photogrammetric: Calibration | None,
-    captures: Sequence[Capture],
-    kept: Mapping[str, TargetSet],
-) -> list[Concern]:
-    """What the plates' own targets say of their positions."""
+def _of_plates(depth: DepthCalibration, captures: Sequence[Capture], kept: Mapping[str, TargetSet]) -> list[Concern]:
+    """What the plates' own targets say of their positions, where no projector is calibrated."""
     from core.checks import length_concerns, pose_plates
 
-    if isinstance(photogrammetric, PhotogrammetricCalibration):
-        plates, _ = _plates(photogrammetric, captures, kept)
-        return length_concerns(None, None, None, plates, False) if plates is not None else []
     boards = [c for c in captures if c.role == "depth" and c.testfield is not None and c.name in kept]
     if not boards or boards[0].testfield is None:
         return []
