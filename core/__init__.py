@@ -31,12 +31,22 @@ A whole experiment on the virtual bench, in a folder that does not exist yet::
     core.calibrate_project(project)
     for plane in core.evaluate_project(project):
         print(plane.capture, plane.method, plane.rms_mm)
+
+From arrays, without files: `decode_frames`, `calibrate_points`, `reconstruct_phase`, `triangulate`, `project_points`,
+`undistort_image`, all in `core.api`.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from core.api import Points as Points
+    from core.api import calibrate_points as calibrate_points
+    from core.api import decode_frames as decode_frames
+    from core.api import project_points as project_points
+    from core.api import reconstruct_phase as reconstruct_phase
+    from core.api import triangulate as triangulate
+    from core.api import undistort_image as undistort_image
     from core.errors import StripeError as StripeError
     from core.pipeline import CalibrateOptions as CalibrateOptions
     from core.pipeline import adjust_network as adjust_network
@@ -57,6 +67,15 @@ if TYPE_CHECKING:
     __version__: str
 
 _HOME = {
+    "core.api": (
+        "Points",
+        "calibrate_points",
+        "decode_frames",
+        "project_points",
+        "reconstruct_phase",
+        "triangulate",
+        "undistort_image",
+    ),
     "core.pipeline": (
         "CalibrateOptions",
         "adjust_network",

@@ -37,6 +37,7 @@ ALLOWED = {
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}
     | {"checks"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
+    "api": GROUND | {"decode", "calibrate", "reconstruct"},
     "demo": {"errors", "progress", "model", "figures", "pipeline", "report"},
     "cli": {"errors", "atomic", "progress", "figures", "project", "pipeline", "batch", "demo"},
     "__main__": {"cli"},

@@ -10,6 +10,7 @@ Conventions, told once for the whole program:
 
 from core.geometry.device import image_to_pixel, pixel_to_image, project, ray_directions
 from core.geometry.lens import LENSES, Lens, distort, fitted, lens_of, nominal, regular, undistort
+from core.geometry.projection import Projection, project_with_derivatives
 from core.geometry.rotation import (
     Pose,
     angle_of_rotation,
@@ -22,6 +23,7 @@ __all__ = [
     "LENSES",
     "Lens",
     "Pose",
+    "Projection",
     "angle_of_rotation",
     "distort",
     "fitted",
@@ -32,6 +34,7 @@ __all__ = [
     "nominal",
     "pixel_to_image",
     "project",
+    "project_with_derivatives",
     "ray_directions",
     "regular",
     "rotation_vector_from_matrix",

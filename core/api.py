@@ -1,0 +1,388 @@
+"""The steps of the road from arrays, without files: for programs that record, detect or store in their own way.
+
+Pixel coordinates are ``(u, v)``: u right, v down, the centre of the first pixel (or projector line) is (0, 0), as in
+OpenCV. A device's frame has X right and Y *up*, and the device looks along *-Z*. OpenCV's has Y down and Z forward:
+``X_opencv = diag(1, -1, -1) X``, which is its own inverse. Lengths are mm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.errors import InputError
+from core.geometry import (
+    Pose,
+    Projection,
+    distort,
+    image_to_pixel,
+    pixel_to_image,
+    project_with_derivatives,
+    ray_directions,
+    undistort,
+)
+from core.model import (
+    AdjustedDevice,
+    DeviceSpec,
+    Interior,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    PointCloud,
+    ScaleBar,
+    TargetSet,
+    Testfield,
+)
+from core.patterns import Pattern, pattern_from_dict
+from core.progress import SILENT, Progress
+
+Array = NDArray[np.float64]
+Device = AdjustedDevice | tuple[DeviceSpec, Interior]
+
+OPENCV_FROM_OURS = Pose(np.diag([1.0, -1.0, -1.0]))
+_LEAST_SIGMA = 1e-4  # px or lines: one told smaller counts as this
+_AT_ONCE = 1 << 16  # points intersected together
+
+
+def decode_frames(
+    patterns: Sequence[Pattern | Mapping[str, Any]],
+    images: Sequence[NDArray[Any]],
+    *,
+    projector_size: tuple[int, int] | None = None,
+    progress: Progress = SILENT,
+) -> PhaseMap:
+    """Decode frames to the projector coordinates of every pixel.
+
+    Parameters
+    ----------
+    patterns : sequence of Pattern or mapping
+        What the projector showed in each image: made by `core.patterns`, or as capture.json has it, such as
+        ``{"kind": "phase", "axis": "x", "period": 16, "steps": 4, "step": 0, "shift_rad": 0, "profile": "sine"}``.
+    images : sequence of uint8 or uint16 arrays, shape (H, W)
+        In the same order, whichever it is.
+    projector_size : (int, int), optional
+        Columns and rows of the projector; without it what the frames themselves tell apart.
+
+    Returns
+    -------
+    phase_map : PhaseMap
+        `u`, `v` in lines with `sigma_u`, `sigma_v`, NaN where invalid.
+
+    Raises
+    ------
+    InputError
+        When the frames do not fit together, or no absolute coordinate follows from them.
+    """
+    from core.decode import decode
+
+    shown = [
+        pattern_from_dict(dict(pattern), f"patterns[{k}]") if isinstance(pattern, Mapping) else pattern
+        for k, pattern in enumerate(patterns)
+    ]
+    arrays = [np.ascontiguousarray(image) for image in images]
+    return decode(shown, arrays, lines=projector_size, where="images", progress=progress)
+
+
+def calibrate_points(
+    camera: DeviceSpec,
+    projector: DeviceSpec,
+    board_mm: ArrayLike,
+    camera_uv: Sequence[ArrayLike],
+    projector_uv: Sequence[ArrayLike],
+    *,
+    camera_sigma_px: ArrayLike = 0.05,
+    projector_sigma_lines: ArrayLike = 0.05,
+    length: tuple[int, int, float, float] | None = None,
+    rigid: bool = True,
+    progress: Progress = SILENT,
+) -> PhotogrammetricCalibration:
+    """Calibrate camera and projector from points that anyone detected: corners, markers, centres of dots.
+
+    Parameters
+    ----------
+    camera, projector : DeviceSpec
+        With nominal focal lengths.
+    board_mm : array-like, shape (n, 3) or (n, 2)
+        The points of the board, y up, z towards the devices. They are estimated too: these are approximate.
+    camera_uv, projector_uv : sequences of array-likes, shape (n, 2)
+        One for each position of the board: where camera and projector see its points, NaN where they do not. A
+        projector coordinate may be NaN alone.
+    camera_sigma_px, projector_sigma_lines : array-like
+        Standard deviations: a number, or whatever broadcasts to (positions, n, 2).
+    length : (int, int, float, float), optional
+        A measured distance: indices of two points, millimetres and its sigma. Without it the board gives the scale.
+    rigid : bool
+        One orientation of the projector to the camera for all positions.
+
+    Returns
+    -------
+    calibration : PhotogrammetricCalibration
+        With the covariance of all its parameters.
+
+    Raises
+    ------
+    InputError
+        If the arrays do not fit together.
+    AdjustmentError
+        If the points do not determine the calibration.
+    """
+    from core.calibrate import calibrate_photogrammetric
+
+    board = np.atleast_2d(np.asarray(board_mm, np.float64))
+    n = len(board)
+    if board.ndim != 2 or board.shape[1] not in (2, 3):
+        raise InputError("board_mm", f"has shape {board.shape}", "give (n, 3) or (n, 2)")
+    if board.shape[1] == 2:
+        board = np.column_stack([board, np.zeros(n)])
+    seen = _positions("camera_uv", camera_uv, n)
+    lit = _positions("projector_uv", projector_uv, n)
+    if len(seen) != len(lit):
+        raise InputError("projector_uv", f"has {len(lit)} positions, camera_uv {len(seen)}", "give as many")
+    sigma = _broadcast("camera_sigma_px", camera_sigma_px, seen.shape)
+    sigma_lit = _broadcast("projector_sigma_lines", projector_sigma_lines, lit.shape)
+    row, col = np.zeros(n, np.int64), np.arange(n)
+    field = Testfield(row, col, board, np.full(n, np.nan))
+    targets = []
+    for k in range(len(seen)):
+        use = np.isfinite(seen[k]).all(axis=1)
+        covariance = sigma[k, use, :, None] ** 2 * np.eye(2)
+        nothing = np.zeros((np.count_nonzero(use), 2))
+        targets.append(
+            TargetSet(
+                f"position {k + 1}",
+                row[use],
+                col[use],
+                seen[k, use],
+                covariance,
+                lit[k, use],
+                sigma_lit[k, use],
+                nothing,
+                nothing[:, 0],
+            )  # fmt: skip
+        )
+    bar = ScaleBar((0, length[0]), (0, length[1]), length[2], length[3]) if length else None
+    return calibrate_photogrammetric(camera, projector, field, targets, scale=bar, rigid=rigid, progress=progress)[0]
+
+
+def reconstruct_phase(
+    phase: PhaseMap, calibration: PhotogrammetricCalibration, progress: Progress = SILENT
+) -> PointCloud:
+    """Points with sigmas of all pixels of a phase map, in the camera's frame: pixels are exact, lines are not."""
+    from core.reconstruct import reconstruct
+
+    return reconstruct(phase, calibration, progress=progress)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points in the camera's frame, mm: `xyz_mm`, shape (..., 3), and `covariance_mm2`, shape (..., 3, 3)."""
+
+    xyz_mm: Array
+    covariance_mm2: Array
+
+    @property
+    def sigma_mm(self) -> Array:
+        """Standard deviations of X, Y, Z, shape (..., 3)."""
+        return np.sqrt(np.diagonal(self.covariance_mm2, axis1=-2, axis2=-1))
+
+
+def triangulate(
+    calibration: PhotogrammetricCalibration,
+    camera_uv: ArrayLike,
+    projector_uv: ArrayLike,
+    *,
+    camera_sigma_px: ArrayLike = 0.0,
+    projector_sigma_lines: ArrayLike = 0.05,
+    calibration_error: bool = True,
+) -> Points:
+    """Intersect any camera coordinates with projector coordinates.
+
+    Parameters
+    ----------
+    calibration : PhotogrammetricCalibration
+    camera_uv : array-like, shape (..., 2)
+        px, anywhere in the image.
+    projector_uv : array-like, shape (..., 2)
+        Lines; one of the two may be NaN.
+    camera_sigma_px, projector_sigma_lines : array-like
+        Standard deviations: numbers, or what broadcasts to (..., 2). A pixel of a phase map is exact: 0.
+    calibration_error : bool
+        Let the covariance contain what the calibration is not sure of.
+
+    Returns
+    -------
+    points : Points
+        NaN where nothing intersects in front of both devices.
+
+    Notes
+    -----
+    Least squares in the 3 coordinates from 3 or 4 observations, with the covariance
+    ``C = N⁻¹ + (N⁻¹ AᵀP B) S (N⁻¹ AᵀP B)ᵀ``, N = AᵀPA, A and B the derivatives of the observations by point and by
+    calibration, S the calibration's covariance.
+    """
+    uv, lines = np.asarray(camera_uv, np.float64), np.asarray(projector_uv, np.float64)
+    if uv.shape != lines.shape or uv.shape[-1:] != (2,):
+        raise InputError("projector_uv", f"has shape {lines.shape}, camera_uv {uv.shape}", "give (..., 2) for both")
+    sigma = np.concatenate(
+        [
+            _broadcast("camera_sigma_px", camera_sigma_px, uv.shape),
+            _broadcast("projector_sigma_lines", projector_sigma_lines, uv.shape),
+        ],
+        axis=-1,
+    ).reshape(-1, 4)
+    observed = np.concatenate([uv, lines], axis=-1).reshape(-1, 4)
+    S = calibration.covariance if calibration_error else None
+    xyz, covariance = np.empty((len(observed), 3)), np.empty((len(observed), 3, 3))
+    for start in range(0, len(observed), _AT_ONCE):
+        part = slice(start, start + _AT_ONCE)
+        xyz[part], covariance[part] = _intersected(calibration, observed[part], sigma[part], S)
+    return Points(xyz.reshape(*uv.shape[:-1], 3), covariance.reshape(*uv.shape[:-1], 3, 3))
+
+
+def _intersected(
+    calibration: PhotogrammetricCalibration, observed: Array, sigma: Array, S: Array | None
+) -> tuple[Array, Array]:
+    """Points (n, 3) and covariances (n, 3, 3) of observations (n, 4)."""
+    camera, projector, pose = calibration.camera, calibration.projector, calibration.projector_from_camera
+    known = np.isfinite(observed)
+    weight = np.where(known, 1 / np.maximum(sigma, _LEAST_SIGMA) ** 2, 0.0)
+    weight[~(known[:, 0] & known[:, 1] & (known[:, 2] | known[:, 3]))] = np.nan
+    X = _approximate(calibration, observed)
+    with np.errstate(all="ignore"):
+        for _ in range(12):
+            one = project_with_derivatives(camera.spec, camera.interior, X)
+            two = project_with_derivatives(projector.spec, projector.interior, X, pose)
+            A = np.concatenate([one.by_point, two.by_point], axis=1)
+            rest = np.where(known, observed - np.concatenate([one.uv, two.uv], axis=1), 0.0)
+            AtP = np.swapaxes(A, 1, 2) * weight[:, None, :]
+            inverse = _inverted(AtP @ A)
+            step = (inverse @ (AtP @ rest[..., None]))[..., 0]
+            X = X + step
+            if not np.any(np.abs(step).max(axis=1) > 1e-9 * np.abs(X[:, 2])):
+                break
+    covariance = inverse
+    if S is not None:
+        i, j = camera.interior.vector.size, projector.interior.vector.size
+        B = np.zeros((len(X), 4, i + j + 6))
+        B[:, :2, :i], B[:, 2:, i : i + j], B[:, 2:, i + j :] = one.by_interior, two.by_interior, two.by_pose
+        G = inverse @ AtP @ B
+        covariance = covariance + G @ S @ np.swapaxes(G, 1, 2)
+    lost = ~np.isfinite(X).all(axis=1)
+    X[lost], covariance[lost] = np.nan, np.nan
+    return X, covariance
+
+
+def _inverted(N: Array) -> Array:
+    """Inverses of symmetric matrices (n, 3, 3); NaN where there is none."""
+    good = np.isfinite(N).all(axis=(1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(N, posinf=0, neginf=0))) > 0)
+    inverse = np.full_like(N, np.nan)
+    inverse[good] = np.linalg.inv(N[good])
+    return inverse
+
+
+def _approximate(calibration: PhotogrammetricCalibration, observed: Array) -> Array:
+    """Points (n, 3) on the cameras' rays, from the projector without its distortion."""
+    camera, projector, pose = calibration.camera, calibration.projector, calibration.projector_from_camera
+    direction = ray_directions(camera.spec, camera.interior, observed[:, :2])
+    middle = (np.array([projector.spec.width, projector.spec.height]) - 1) / 2
+    filled = np.where(np.isfinite(observed[:, 2:]), observed[:, 2:], middle)
+    xy = undistort(projector.interior, pixel_to_image(projector.spec, filled))
+    R, t, c = pose.rotation, pose.translation_mm, projector.interior.c_mm
+    turned = direction @ R.T
+    # c (turned_x s + t_x) + x (turned_z s + t_z) = 0, and the same for y
+    a = c * turned[:, :2] + xy * turned[:, 2:]
+    b = -(c * t[:2] + xy * t[2])
+    use = np.isfinite(observed[:, 2:])
+    with np.errstate(all="ignore"):
+        s = np.sum(np.where(use, a * b, 0), axis=1) / np.sum(np.where(use, a * a, 0), axis=1)
+    return direction * np.where(s > 0, s, np.nan)[:, None]
+
+
+def project_points(device: Device, points_mm: ArrayLike, device_from_object: Pose | None = None) -> Projection:
+    """Where a device sees (or lights) points, with derivatives.
+
+    Parameters
+    ----------
+    device : AdjustedDevice or (DeviceSpec, Interior)
+        Such as `calibration.projector`.
+    points_mm : array-like, shape (..., 3)
+        In the device's frame, or in the one that `device_from_object` leads from: for points in the camera's frame and
+        the projector that is `calibration.projector_from_camera`.
+    device_from_object : Pose, optional
+
+    Returns
+    -------
+    projection : Projection
+        `uv` (..., 2), `by_point` (..., 2, 3), `by_interior` (..., 2, k), `by_pose` (..., 2, 6); NaN behind the device.
+
+    Examples
+    --------
+    >>> device = DeviceSpec(640, 480, (0.01, 0.01), 8.0), Interior(8.0)
+    >>> project_points(device, [0.0, 100.0, -800.0]).uv
+    array([319.5, 139.5])
+    """
+    return project_with_derivatives(*_known(device), points_mm, device_from_object)
+
+
+def undistort_image(
+    device: Device,
+    image: NDArray[Any],
+    *,
+    c_mm: float | None = None,
+    interpolation: Literal["linear", "cubic"] = "linear",
+) -> NDArray[Any]:
+    """Resample an image as a camera without distortion would have taken it.
+
+    Parameters
+    ----------
+    device : AdjustedDevice or (DeviceSpec, Interior)
+    image : array, shape (H, W) or (H, W, k)
+        uint8, uint16 or float32.
+    c_mm : float, optional
+        The new camera's principal distance, by default the device's; a smaller one shows more of the corners.
+    interpolation : "linear" or "cubic"
+
+    Returns
+    -------
+    image : array
+        Of the same shape and type, 0 where nothing was seen. Its principal point is the middle of the image: the
+        matrix of OpenCV is ``[[c/pitch_x, 0, (W-1)/2], [0, c/pitch_y, (H-1)/2], [0, 0, 1]]``.
+    """
+    import cv2
+
+    spec, interior = _known(device)
+    if image.shape[:2] != (spec.height, spec.width):
+        seen = f"has {image.shape[1]}x{image.shape[0]} px, the device {spec.width}x{spec.height}"
+        raise InputError("image", seen, "give an image of this device")
+    u, v = np.meshgrid(np.arange(spec.width), np.arange(spec.height))
+    ideal = pixel_to_image(spec, np.stack([u, v], axis=-1)) * (interior.c_mm / (c_mm or interior.c_mm))
+    source = image_to_pixel(spec, distort(interior, ideal)).astype(np.float32)
+    how = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}[interpolation]
+    return cv2.remap(np.ascontiguousarray(image), source[..., 0], source[..., 1], how)
+
+
+def _known(device: Device) -> tuple[DeviceSpec, Interior]:
+    return device if isinstance(device, tuple) else (device.spec, device.interior)
+
+
+def _positions(name: str, given: Sequence[ArrayLike], n: int) -> Array:
+    arrays = [np.asarray(uv, np.float64) for uv in given]
+    for k, uv in enumerate(arrays):
+        if uv.shape != (n, 2):
+            raise InputError(f"{name}[{k}]", f"has shape {uv.shape}", f"give ({n}, 2), NaN where a point was not seen")
+    if not arrays:
+        raise InputError(name, "is empty", "give one array for each position of the board")
+    return np.stack(arrays)
+
+
+def _broadcast(name: str, sigma: ArrayLike, shape: tuple[int, ...]) -> Array:
+    values = np.asarray(sigma, np.float64)
+    if not np.all(values >= 0):
+        raise InputError(name, "has negative or undefined values", "give standard deviations")
+    try:
+        return np.broadcast_to(values, shape)
+    except ValueError:
+        raise InputError(name, f"has shape {values.shape}", f"give what broadcasts to {shape}") from None
