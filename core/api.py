@@ -150,19 +150,8 @@ def calibrate_points(
         use = np.isfinite(seen[k]).all(axis=1)
         covariance = sigma[k, use, :, None] ** 2 * np.eye(2)
         nothing = np.zeros((np.count_nonzero(use), 2))
-        targets.append(
-            TargetSet(
-                f"position {k + 1}",
-                row[use],
-                col[use],
-                seen[k, use],
-                covariance,
-                lit[k, use],
-                sigma_lit[k, use],
-                nothing,
-                nothing[:, 0],
-            )  # fmt: skip
-        )
+        where = (lit[k, use], sigma_lit[k, use], nothing, nothing[:, 0])
+        targets.append(TargetSet(f"position {k + 1}", row[use], col[use], seen[k, use], covariance, *where))
     bar = ScaleBar((0, length[0]), (0, length[1]), length[2], length[3]) if length else None
     return calibrate_photogrammetric(camera, projector, field, targets, scale=bar, rigid=rigid, progress=progress)[0]
 

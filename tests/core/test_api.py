@@ -119,11 +119,13 @@ def test_points_are_found_again_from_any_coordinates(points, missing):
     found = core.triangulate(calibration(), camera_sees(points).reshape(20, 20, 2), lines.reshape(20, 20, 2))
     assert found.xyz_mm.shape == (20, 20, 3)
     assert found.covariance_mm2.shape == (20, 20, 3, 3)
-    off = np.abs(found.xyz_mm.reshape(-1, 3) - points).max(axis=1)
-    if missing == 0:  # v hardly changes with depth on this rig: some have no solution, and rounding shows
-        assert np.isfinite(off).mean() > 0.9
-    assert np.nanmax(off) < (1e-2 if missing == 0 else 1e-6)
-    assert missing == 0 or np.isfinite(off).all()
+    there = found.xyz_mm.reshape(-1, 3)
+    if missing == 0:  # v hardly changes with depth on this rig: some have another solution, or none
+        there = there[np.isfinite(there).all(axis=1)]
+        assert len(there) > 350
+        assert np.abs(projector_sees(there)[:, 1] - lines[np.isfinite(found.xyz_mm).all(-1).ravel(), 1]).max() < 1e-6
+    else:
+        assert np.abs(there - points).max() < 1e-6
 
 
 def test_the_covariance_is_what_repetition_shows(points):
