@@ -19,6 +19,7 @@ def menu_titles() -> dict[str, str]:
     """Give the menus in their order."""
     return {
         "file": translate("Menus", "&Project"),
+        "edit": translate("Menus", "E&dit"),
         "go": translate("Menus", "&Go"),
         "run": translate("Menus", "&Run"),
         "capture": translate("Menus", "&Capture"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication, QEvent, Qt
+from PySide6.QtCore import QCoreApplication, QEvent, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QMainWindow, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
@@ -23,6 +23,8 @@ from stripe_gui.workbench import Workbench
 
 translate = QCoreApplication.translate
 ROOM_FOR_HELP = 1340  # px: beside the help, the tabs of the calibrate page then still show their whole names in German
+USUAL_SIZE = QSize(1360, 860)
+TITLE_BAR_PX = 40  # what the desktop puts above a window
 
 
 class MainWindow(QMainWindow):
@@ -33,11 +35,10 @@ class MainWindow(QMainWindow):
         self.bench = bench
         self.setAcceptDrops(True)
         self.setMinimumSize(1080, 680)
-        self.resize(1360, 860)
+        self.resize(USUAL_SIZE)
         self._has_room = True  # beside the help
         self.strip = StageStrip()
         self.strip.chosen.connect(self.show_page)
-        self.notices = NoticeArea()
         self.stack = QStackedWidget()
         self.pages: dict[str, Page] = {}  # those that were shown already
         self.help = HelpPanel(bench.settings.text("language", "en"))
@@ -59,19 +60,15 @@ class MainWindow(QMainWindow):
         line = QFrame()
         line.setProperty("role", "line")
         line.setFixedHeight(1)
-        work = QWidget()
-        column = QVBoxLayout(work)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addWidget(self.notices)
-        column.addWidget(self.stack, 1)
+        self.notices = NoticeArea(self.stack)
         self.split = QSplitter(Qt.Orientation.Horizontal)
-        self.split.addWidget(work)
+        self.split.addWidget(self.stack)
         self.split.addWidget(self.help)
         self.split.setStretchFactor(0, 1)
+        self.split.setStretchFactor(1, 0)  # the help keeps its width, what room there is belongs to the picture
         self.split.setCollapsible(0, False)
         self.split.setCollapsible(1, False)
-        self.split.setSizes([1020, 340])
+        self.split.setSizes([1040, 320])
         central = QWidget()
         layout = QVBoxLayout(central)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -103,23 +100,23 @@ class MainWindow(QMainWindow):
                 lambda bench: bench.session.is_open and self.page.can_run(),
             ),
             Action(
-                "run.undo",
+                "edit.undo",
                 translate("Actions", "&Undo"),
                 lambda _: self.page.undo(),
                 "Ctrl+Z",
                 "undo",
                 translate("Actions", "Take the last change back, in whichever image it was made."),
-                2,
+                0,
                 lambda _: self.page.undoes,
             ),
             Action(
-                "run.redo",
+                "edit.redo",
                 translate("Actions", "R&edo"),
                 lambda _: self.page.redo(),
                 "Ctrl+Shift+Z",
                 "redo",
                 translate("Actions", "Make the change again that was taken back last."),
-                2,
+                0,
                 lambda _: self.page.undoes,
             ),
             Action(
@@ -165,7 +162,7 @@ class MainWindow(QMainWindow):
                 lambda _: self.notices.clear(),
                 "Ctrl+Shift+N",
                 "close",
-                translate("Actions", "Clear the notices above the page."),
+                translate("Actions", "Clear the notices over the page."),
             ),
             Action(
                 "help.about",
@@ -353,4 +350,12 @@ class MainWindow(QMainWindow):
             self.restoreGeometry(state)
         if not (state := self.bench.settings.state("split")).isEmpty():
             self.split.restoreState(state)
+        self._fit_screen()
         self._place_help()
+
+    def _fit_screen(self) -> None:
+        """Lie on the screen as a whole: the lower edge holds Back, Next and the status line."""
+        room = self.screen().availableGeometry().adjusted(0, TITLE_BAR_PX, 0, 0)
+        self.resize(self.size().boundedTo(room.size()).expandedTo(self.minimumSize()))
+        if not (self.bench.settings.state("window").isEmpty() or room.contains(self.geometry())):
+            self.move(room.topLeft())

@@ -64,8 +64,8 @@
         <translation>Alle Hin&amp;weise wegräumen</translation>
     </message>
     <message>
-        <source>Clear the notices above the page.</source>
-        <translation>Die Hinweise über der Seite entfernen.</translation>
+        <source>Clear the notices over the page.</source>
+        <translation>Die Hinweise über der Seite wegräumen.</translation>
     </message>
     <message>
         <source>About this &amp;program</source>
@@ -1930,6 +1930,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>&amp;Project</source>
         <translation>&amp;Projekt</translation>
+    </message>
+    <message>
+        <source>E&amp;dit</source>
+        <translation>Bea&amp;rbeiten</translation>
     </message>
     <message>
         <source>&amp;Go</source>
@@ -3875,6 +3879,21 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>Stopped. The capture is as it was.</source>
         <translation>Angehalten. Die Aufnahme ist, wie sie war.</translation>
+    </message>
+</context>
+<context>
+    <name>Verdict</name>
+    <message>
+        <source>Passed</source>
+        <translation>Bestanden</translation>
+    </message>
+    <message>
+        <source>Doubtful</source>
+        <translation>Zweifelhaft</translation>
+    </message>
+    <message>
+        <source>Failed</source>
+        <translation>Nicht bestanden</translation>
     </message>
 </context>
 <context>

@@ -14,6 +14,7 @@ from core.model import (
     DepthCalibration,
     PhotogrammetricCalibration,
     PlaneEvaluation,
+    Verdict,
 )
 from core.pipeline import METHODS
 from core.pipeline.folders import known_truth
@@ -71,6 +72,7 @@ class CalibrationView:
     residuals: tuple[DeviceResiduals, ...]
     adjustment: Adjustment | None
     made: str  # which runs it came from, in words
+    verdicts: dict[str, Verdict]  # by the method's name
 
 
 def gather(folder: ProjectFolder, with_planes: bool = True) -> ReportData:
@@ -109,7 +111,14 @@ def calibration_view(folder: ProjectFolder) -> CalibrationView:
         residual_sets(adjustment) if adjustment else (),
         adjustment,
         _made(folder),
+        verdicts_of(("photogrammetric", data.photogrammetric), ("polynomial", data.depth)),
     )
+
+
+def verdicts_of(*results: tuple[str, object]) -> dict[str, Verdict]:
+    """Gather the verdicts of results by the names of their methods; a result made without one is left out."""
+    found = ((name, getattr(result, "verdict", None)) for name, result in results)
+    return {method_name(name): verdict for name, verdict in found if isinstance(verdict, Verdict)}
 
 
 def choice_of(folder: ProjectFolder) -> CalibrateChoice:

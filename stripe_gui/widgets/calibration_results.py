@@ -15,6 +15,7 @@ from stripe_gui.widgets.layout import card, label, scrolled
 from stripe_gui.widgets.point_map import PointMap
 from stripe_gui.widgets.residual_view import ResidualView
 from stripe_gui.widgets.result_table import ResultTable
+from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.workbench import Workbench
 
 
@@ -26,6 +27,7 @@ class CalibrationResults(QWidget):
         self._view: CalibrationView | None = None
         self._due: set[int] = set()
         self.made = label("", "muted", wrap=True)
+        self.verdicts = VerdictList()
         self.warned = label("", wrap=True)
         self.tables: list[ResultTable] = []
         self._tables = QVBoxLayout()
@@ -56,6 +58,7 @@ class CalibrationResults(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(10)
+        layout.addWidget(self.verdicts)
         layout.addWidget(self.made)
         layout.addWidget(self.warned)
         layout.addWidget(self.tabs, 1)
@@ -65,6 +68,7 @@ class CalibrationResults(QWidget):
         before, self._view = self._view, view
         self.made.setText(view.made)
         self.made.setVisible(bool(view.made))
+        self.verdicts.show_verdicts(view.verdicts)
         self._tell_warnings(view.warnings)
         if before is not None and before.tables == view.tables and before.adjustment is view.adjustment:
             return

@@ -13,6 +13,8 @@ from stripe_gui import theme
 from stripe_gui.assets import asset, icon
 from stripe_gui.widgets.layout import label, row
 
+WIDTH = 320  # px, as little as a chapter's tables take
+
 
 def help_file(topic: str, language: str = "en") -> Path | None:
     """Give a chapter, in the operator's language where it has been translated; None where there is none."""
@@ -50,7 +52,7 @@ class HelpPanel(QWidget):
         super().__init__()
         self._language = language
         self.topic = ""
-        self.setMinimumWidth(320)
+        self.setMinimumWidth(WIDTH)
         self.setAccessibleName(self.tr("Help"))
         self.browser = HelpText()
         self.browser.setOpenLinks(False)

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from PySide6.QtCore import QCoreApplication, QRectF, QSize, Qt, QTimer
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, QRectF, QSize, Qt, QTimer
 from PySide6.QtGui import QFontDatabase, QGuiApplication, QPainter
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QPlainTextEdit, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QPlainTextEdit, QStackedWidget, QToolButton, QVBoxLayout, QWidget
 
 from stripe_gui import theme
 from stripe_gui.assets import draw_icon, icon
 from stripe_gui.presenters.words import sentence
-from stripe_gui.widgets.layout import button, label
+from stripe_gui.widgets.layout import MARGIN, button, label
 from stripe_gui.workbench import Notice
 
 MOST = 3
 SHORT_LIVED_MS = 8000
+WIDEST = 620  # px
+FOOT = 72  # px below the notices: a wizard's Back and Next stay free
 
 
 class Sign(QWidget):
@@ -113,14 +115,39 @@ def _word(kind: str) -> str:
 
 
 class NoticeArea(QWidget):
-    """The notices above a page, the latest on top."""
+    """The notices, the latest on top: they lie over the lower part of a page and move nothing under the mouse."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, over: QStackedWidget) -> None:
+        super().__init__(over)
         self._layout = QVBoxLayout(self)
-        self._layout.setContentsMargins(20, 12, 20, 0)
+        self._layout.setContentsMargins(0, 0, 0, 0)
         self._layout.setSpacing(8)
+        over.installEventFilter(self)
+        over.currentChanged.connect(self._place)  # a page that comes to the front is raised
         self.hide()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
+        """Follow the page's size."""
+        if event.type() == QEvent.Type.Resize:
+            self._place()
+        return super().eventFilter(watched, event)
+
+    def event(self, event: QEvent) -> bool:
+        """Grow and shrink with what is unfolded."""
+        done = super().event(event)
+        if event.type() == QEvent.Type.LayoutRequest:
+            self._place()
+        return done
+
+    def _place(self) -> None:
+        over = self.parentWidget()
+        if over is None or self.isHidden():
+            return
+        width = min(WIDEST, over.width() - 2 * MARGIN)
+        room = over.height() - FOOT - MARGIN
+        height = min(self._layout.totalHeightForWidth(width), room)
+        self.setGeometry((over.width() - width) // 2, over.height() - FOOT - height, width, height)
+        self.raise_()
 
     def boxes(self) -> list[NoticeBox]:
         """Give the notices that are shown."""
@@ -141,6 +168,7 @@ class NoticeArea(QWidget):
         for old in self.boxes()[MOST:]:
             old.dismiss()
         self.show()
+        self._place()
 
     def clear(self) -> None:
         """Put all away."""

@@ -1,0 +1,69 @@
+"""What is to be thought of a result: failed in red, doubtful in yellow, always with the sentences that say why."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QCoreApplication, Qt
+from PySide6.QtWidgets import QFrame, QWidget
+
+from core.model import Verdict
+from stripe_gui.presenters.words import sentence
+from stripe_gui.widgets.layout import column, label, row
+from stripe_gui.widgets.notice import COLOURS, Sign
+
+translate = QCoreApplication.translate
+KINDS = {"passed": "success", "doubtful": "warning", "failed": "error"}  # of a notice, whose sign and colours it takes
+ORDER = ("failed", "doubtful", "passed")
+
+
+def verdict_words(verdict: Verdict, of: str = "") -> str:
+    """Give a verdict as a text: the word first, then why."""
+    word = {
+        "passed": translate("Verdict", "Passed"),
+        "doubtful": translate("Verdict", "Doubtful"),
+        "failed": translate("Verdict", "Failed"),
+    }[verdict.state]
+    head = f"{word}: {of}" if of else word
+    return "\n".join((head, *(f"{sentence(text).rstrip('.')}." for text in verdict.because)))
+
+
+class VerdictBox(QFrame):
+    """One verdict, such as on a calibration, named by what it is `of`."""
+
+    def __init__(self, verdict: Verdict, of: str = "") -> None:
+        super().__init__()
+        self.verdict = verdict
+        kind = KINDS[verdict.state]
+        self.setProperty("notice", kind)
+        self.text = label(verdict_words(verdict, of), wrap=True)
+        self.setAccessibleName(self.text.text())
+        font = self.text.font()
+        font.setBold(verdict.state == "failed")
+        self.text.setFont(font)
+        sign = Sign(kind, COLOURS[kind])
+        inside = row(sign, self.text)
+        inside.setAlignment(sign, Qt.AlignmentFlag.AlignTop)
+        inside.setStretch(1, 1)
+        inside.setContentsMargins(14, 8, 14, 8)
+        self.setLayout(inside)
+
+
+class VerdictList(QWidget):
+    """Verdicts below each other, what failed first; takes no room where there is nothing to say."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._rows = column(spacing=6)
+        self.setLayout(self._rows)
+        self.boxes: list[VerdictBox] = []
+        self.hide()
+
+    def show_verdicts(self, verdicts: dict[str, Verdict]) -> None:
+        """Show verdicts by what they are of."""
+        for box in self.boxes:
+            box.hide()
+            box.deleteLater()
+        found = sorted(verdicts.items(), key=lambda item: ORDER.index(item[1].state))
+        self.boxes = [VerdictBox(verdict, of) for of, verdict in found]
+        for box in self.boxes:
+            self._rows.addWidget(box)
+        self.setVisible(bool(self.boxes))

@@ -1,0 +1,120 @@
+"""On a small laptop's screen: every button of every page and step lies in the window, with notices and help, too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import QPoint, QRect, Qt
+from PySide6.QtWidgets import QAbstractButton, QScrollArea, QWidget
+
+from core.model import Verdict
+from stripe_gui.pages import PAGES
+from stripe_gui.widgets.verdict import VerdictList
+from stripe_gui.wizards.wizard import Wizard
+from tests.gui.conftest import settle
+from tests.gui.hands import idle
+
+SCREEN = (1280, 800)
+WINDOW = (1280, 720)  # what a title bar and a desktop's panel of 40 px each leave of it
+
+
+def inside(window, widget: QWidget) -> bool:
+    return window.rect().contains(QRect(widget.mapTo(window, QPoint(0, 0)), widget.size()))
+
+
+def scrolled(widget: QWidget) -> bool:
+    parent = widget.parentWidget()
+    while parent is not None and not isinstance(parent, QScrollArea):
+        parent = parent.parentWidget()
+    return parent is not None
+
+
+@pytest.mark.parametrize(("language", "beside"), [("en", "work alone"), ("de", "help beside")])
+def test_every_button_of_every_page_is_on_the_screen(
+    program, finished: Path, qtbot, language: str, beside: str
+) -> None:
+    program.choose_language(language)
+    window = program.window
+    window.resize(*WINDOW)
+    with qtbot.waitExposed(window):
+        window.show()
+    assert window.open_path(finished)
+    if beside == "help beside":
+        window.bench.help_wanted.emit("index")
+    for i in range(3):
+        window.bench.notify("error", f"something happened, number {i}", "do this about it", "Traceback\n" * 30)
+    outside, helps = [], set()
+    for page in PAGES:
+        window.show_page(page)
+        for part in window.page.parts():
+            idle(window, qtbot)
+            settle()
+            helps.add(window.help.width())
+            where = page + part
+            if (window.width(), window.height()) != WINDOW:
+                outside.append((where, "the window itself", window.size().toTuple()))
+            buttons = [b for b in window.findChildren(QAbstractButton) if b.isVisible() and not scrolled(b)]
+            whole = (b for b in buttons if not inside(window, b) or b.visibleRegion().boundingRect() != b.rect())
+            outside += [(where, b.text() or b.accessibleName()) for b in whole]
+            firm = [window.statusBar()]
+            if isinstance(window.page, Wizard):
+                firm += [window.page.back_button, window.page.next_button]
+            for widget in firm:
+                assert widget.visibleRegion().boundingRect() == widget.rect(), (where, type(widget).__name__)
+                over = QRect(window.notices.mapTo(window, QPoint(0, 0)), window.notices.size())
+                assert not over.intersects(QRect(widget.mapTo(window, QPoint(0, 0)), widget.size())), where
+    assert not outside
+    assert len(helps) == 1  # it keeps its width from page to page
+
+
+def test_a_window_begins_no_larger_than_the_screen(program) -> None:
+    window, room = program.window, program.window.screen().availableGeometry()
+    assert window.width() <= max(room.width(), window.minimumWidth())
+    assert window.height() < max(room.height(), window.minimumHeight() + 1)
+    assert window.minimumWidth() <= SCREEN[0]
+    assert window.minimumHeight() <= WINDOW[1]
+
+
+def test_a_notice_moves_nothing(window, bench, project: Path, qtbot) -> None:
+    window.open_path(project)
+    idle(window, qtbot)
+    before = [(w, w.geometry()) for w in window.page.findChildren(QWidget)]
+    bench.notify("warning", "something happened", "do this")
+    settle()
+    assert window.notices.isVisible()
+    assert window.notices.geometry().bottom() < window.stack.height()
+    assert all(w.geometry() == geometry for w, geometry in before)
+    window.show_page("decode")
+    idle(window, qtbot)
+    assert window.notices.boxes()[0].visibleRegion().boundingRect().size() == window.notices.boxes()[0].size()
+
+
+def test_the_help_keeps_its_width_and_leaves_the_room_to_the_picture(window, qtbot) -> None:
+    window.resize(1360, 860)
+    window.bench.help_wanted.emit("index")
+    settle()
+    narrow = window.help.width(), window.stack.width()
+    window.resize(2200, 1200)
+    settle()
+    assert window.help.width() == narrow[0]
+    assert window.stack.width() == narrow[1] + 2200 - 1360
+
+
+def test_undo_and_redo_stand_under_edit(window) -> None:
+    menus = {a.menu().objectName(): [x.objectName() for x in a.menu().actions()] for a in window.menuBar().actions()}
+    assert menus["menu.edit"] == ["edit.undo", "edit.redo"]
+
+
+def test_what_failed_stands_first_and_is_red(qtbot) -> None:
+    shown = VerdictList()
+    qtbot.addWidget(shown)
+    shown.show_verdicts(
+        {"one": Verdict(), "two": Verdict("doubtful", ("weak",)), "three": Verdict("failed", ("the scale is wrong",))}
+    )
+    assert [box.verdict.state for box in shown.boxes] == ["failed", "doubtful", "passed"]
+    assert shown.boxes[0].property("notice") == "error"
+    assert "The scale is wrong." in shown.boxes[0].text.text()
+    assert shown.boxes[0].text.textInteractionFlags() & Qt.TextInteractionFlag.TextSelectableByMouse
+    shown.show_verdicts({})
+    assert shown.isHidden()
