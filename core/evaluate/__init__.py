@@ -7,18 +7,22 @@
 """
 
 from core.evaluate.plane import Plane, fit_plane
-from core.evaluate.planes import evaluate_plane
-from core.evaluate.profile import Profile, interpolate, points_on_plane, read_profile
+from core.evaluate.planes import evaluate_plane, heights, share_within
+from core.evaluate.profile import Line, Profile, interpolate, line_across, points_on_plane, read_profile
 from core.evaluate.sphere import Sphere, fit_sphere
 
 __all__ = [
+    "Line",
     "Plane",
     "Profile",
     "Sphere",
     "evaluate_plane",
     "fit_plane",
     "fit_sphere",
+    "heights",
     "interpolate",
+    "line_across",
     "points_on_plane",
     "read_profile",
+    "share_within",
 ]

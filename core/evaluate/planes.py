@@ -101,3 +101,18 @@ def _excluded(phase: PhaseMap, valid: NDArray[np.bool_], method: Method) -> tupl
     )
     rules = [(rest, reason), (blind, "the projector coordinate that gives the depth was not decoded")]
     return rest + blind, "; ".join(f"{n} {why}" if blind else why for n, why in rules if n)
+
+
+def share_within(evaluation: PlaneEvaluation, times: float) -> float:
+    """Give the share of pixels whose deviation is at most so many times the r.m.s. of all."""
+    values = evaluation.deviation_mm[np.isfinite(evaluation.deviation_mm)]
+    return float(np.mean(np.abs(values) <= times * evaluation.rms_mm)) if len(values) else float("nan")
+
+
+def heights(xyz_mm: NDArray) -> NDArray[np.float32]:
+    """Measure points, shape (H, W, 3), from the plane that fits them best: (H, W) mm, positive towards the camera."""
+    valid = np.isfinite(xyz_mm).all(axis=-1)
+    found = np.full(valid.shape, np.nan, np.float32)
+    if np.count_nonzero(valid) >= 4:
+        found[valid] = fit_plane(xyz_mm[valid]).deviations(xyz_mm[valid])
+    return found

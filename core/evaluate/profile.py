@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from core.model import Array, DeviceSpec, Interior, PlaneEvaluation
 
 LEAST_PX = 1.0  # a shorter line has no direction worth a profile
 Pair = tuple[float, float]
+Line = tuple[Pair, Pair]  # two ends (u, v), px
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,28 @@ def read_profile(evaluation: PlaneEvaluation, spec: DeviceSpec, start: Pair, sto
         points = points_on_plane(evaluation.plane, spec, evaluation.camera, uv)
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     return Profile(uv, length, deviation, sigma)
+
+
+def line_across(deviations: Sequence[NDArray], start: Pair = (0.05, 0.5), stop: Pair = (0.95, 0.5)) -> Line:
+    """Lay a line over the area in which any of several maps (H, W) has deviations; its ends are shares of that area.
+
+    Raises
+    ------
+    InputError
+        If there are no deviations at all.
+
+    Examples
+    --------
+    >>> line_across([np.zeros((21, 41))])
+    ((2.0, 10.0), (38.0, 10.0))
+    """
+    valid = np.any([np.isfinite(d) for d in deviations], axis=0)
+    rows, cols = (np.flatnonzero(valid.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        raise InputError("profile", "no pixel has a deviation", "evaluate the plane anew")
+    low, size = np.array([cols[0], rows[0]]), np.array([np.ptp(cols), np.ptp(rows)])
+    (u0, v0), (u1, v1) = (np.round(low + np.array(share) * size).tolist() for share in (start, stop))
+    return (u0, v0), (u1, v1)
 
 
 def interpolate(image: NDArray, uv: ArrayLike) -> tuple[Array, Array]:

@@ -3,7 +3,8 @@
     capture -> decode -> measure -> calibrate -> reconstruct -> evaluate -> report
 
 One file for each, of the same name; `folders` says where a project keeps things, `freshness` whether a result is
-current, `runs` and `compare` keep calibrations and set them side by side. A stage takes what it needs from the
+current, `runs` and `compare` keep calibrations and set them side by side, `guessing`, `signing` and `tables` do what
+lies beside the road: guesses of picks, the sign-off, everything as CSV. A stage takes what it needs from the
 captures and from ``results/`` in the project, and writes its own result there. Nothing is written before a stage has
 succeeded.
 """
@@ -14,6 +15,7 @@ from core.pipeline.compare import Difference, compare_runs
 from core.pipeline.decode import decode_capture, phase_maps, read_phase, write_phase
 from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, find_capture, result_path
+from core.pipeline.guessing import accept_guesses, guess_picks
 from core.pipeline.measure import measure_project
 from core.pipeline.options import METHODS, CalibrateOptions
 from core.pipeline.preflight import preflight_rig
@@ -27,6 +29,15 @@ from core.pipeline.report import (
     save_sign_off,
 )
 from core.pipeline.runs import Run, current_runs, delete_run, list_runs, make_current, rename_run
+from core.pipeline.signing import sign_evaluation, sign_project
+from core.pipeline.tables import (
+    export_deviations,
+    export_profiles,
+    export_report,
+    export_tables,
+    kept_evaluation,
+    read_profiles,
+)
 from core.pipeline.testfield import print_testfield
 
 __all__ = [
@@ -34,6 +45,7 @@ __all__ = [
     "CalibrateOptions",
     "Difference",
     "Run",
+    "accept_guesses",
     "adjust_network",
     "calibrate_project",
     "capture_into",
@@ -44,8 +56,14 @@ __all__ = [
     "decode_capture",
     "delete_run",
     "evaluate_project",
+    "export_deviations",
+    "export_profiles",
+    "export_report",
+    "export_tables",
     "failed_verdicts",
     "find_capture",
+    "guess_picks",
+    "kept_evaluation",
     "list_runs",
     "load_calibrations",
     "load_evaluation",
@@ -56,6 +74,7 @@ __all__ = [
     "preflight_rig",
     "print_testfield",
     "read_phase",
+    "read_profiles",
     "reconstruct_capture",
     "rename_run",
     "report_data",
@@ -63,6 +82,8 @@ __all__ = [
     "result_path",
     "result_tables",
     "save_sign_off",
+    "sign_evaluation",
+    "sign_project",
     "simulate_project",
     "write_cloud",
     "write_phase",

@@ -27,7 +27,7 @@ length    250.0
 measured twice
 """
 
-from core.report.csv_files import write_columns_csv, write_table_csv
+from core.report.csv_files import table_file, write_columns_csv, write_table_csv
 from core.report.data import ReportData, ReportPaths, SignOff, Tolerance, verdicts_of
 from core.report.numbers import tables
 from core.report.sign_off import Verdict, verdict
@@ -46,6 +46,7 @@ __all__ = [
     "Verdict",
     "cell_text",
     "summary",
+    "table_file",
     "tables",
     "text_table",
     "verdict",

@@ -22,6 +22,18 @@ ENCODING = "utf-8-sig"
 ROWS_AT_ONCE = 20_000  # between two looks at whether to stop
 
 
+def table_file(table: Table) -> str:
+    """Name the file of a table by its number, or by the words before its first comma.
+
+    Examples
+    --------
+    >>> table_file(Table("Table 1a. Interior orientation of the camera", (), ()))
+    'table-1a.csv'
+    """
+    words = table.title.partition(".")[0] if table.title.startswith("Table") else table.title.partition(",")[0]
+    return "".join(c if c.isalnum() else "-" for c in words.lower()).strip("-") + ".csv"
+
+
 def write_table_csv(path: Path, table: Table) -> None:
     """Write a table: header, rows, and the notes as comment lines.
 

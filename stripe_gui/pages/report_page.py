@@ -8,8 +8,9 @@ from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
+from core.pipeline import export_report
 from stripe_gui.pages.page import Page
-from stripe_gui.presenters.report import ReportView, export_report, load_report
+from stripe_gui.presenters.report import ReportView, load_report
 from stripe_gui.presenters.status import State
 from stripe_gui.presenters.work import write_report
 from stripe_gui.widgets.layout import button, card, label, row, scrolled
@@ -63,7 +64,7 @@ class ReportPage(Page):
         out = self.bench.dialogs.open_folder(self, self.tr("Export the report into a folder"), Path.home())
         if out is None:
             return
-        files = self.bench.guarded(export_report, self.session.folder, out)
+        files = self.bench.guarded(export_report, self.session.folder.project, out)
         if files is not None:
             self.bench.notify("success", self.tr("{n} files written to {folder}.").format(n=len(files), folder=out))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
-from core.evaluate import Profile, points_on_plane, read_profile
+from core.evaluate import Profile, points_on_plane, read_profile, share_within
 from core.model import DeviceSpec, PlaneEvaluation
 from core.progress import SILENT, Progress
 from core.report import ReportData, Table, tables
@@ -130,7 +130,7 @@ def distribution_text(view: EvaluationView, capture: str) -> str:
     )
     lines = []
     for e in (e for e in view.by_method(capture) if e.rms_mm > 0):
-        shares = ", ".join(f"{_share_within(e, times):.2f}" for times in (1, 2, 3))
+        shares = ", ".join(f"{100 * share_within(e, times):.2f}" for times in (1, 2, 3))
         predicted = translate("Evaluate", ", from the noise {rms:.4f} mm").format(rms=e.predicted_rms_mm or 0)
         normal = ", ".join(f"{share:.2f}" for share in NORMAL_SHARES)
         lines.append(
@@ -143,8 +143,3 @@ def distribution_text(view: EvaluationView, capture: str) -> str:
             )
         )
     return "\n".join(lines)
-
-
-def _share_within(evaluation: PlaneEvaluation, times: int) -> float:
-    values = evaluation.deviation_mm[np.isfinite(evaluation.deviation_mm)]
-    return 100 * float(np.mean(np.abs(values) <= times * evaluation.rms_mm))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication
 
-from core.evaluate import fit_plane
+from core.evaluate import heights
 from core.model import Floats, Method
 from core.pipeline import METHODS
 from core.progress import SILENT, Progress
@@ -85,15 +85,6 @@ def map_view(points: Points, kind: str, progress: Progress = SILENT) -> MapView 
     levels = (percentile(height, 1), percentile(height, 99))
     colours = lit_colours(height, levels, lookup("map"), hill_shade(points.xyz_mm)) if kind == "shaded" else None
     return MapView(height, levels, "map", "mm", 3, colours)
-
-
-def heights(xyz_mm: NDArray) -> NDArray[np.float32]:
-    """Measure the points from the plane that fits them best, shape (H, W), mm, positive towards the camera."""
-    valid = np.isfinite(xyz_mm).all(axis=-1)
-    found = np.full(valid.shape, np.nan, np.float32)
-    if np.count_nonzero(valid) >= 4:
-        found[valid] = fit_plane(xyz_mm[valid]).deviations(xyz_mm[valid])
-    return found
 
 
 @dataclass(frozen=True)

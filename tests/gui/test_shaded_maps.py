@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.evaluate import heights
 from stripe_gui.presenters.maps import LIGHT, hill_shade, lit_colours
-from stripe_gui.presenters.reconstruct import Points, cloud_of, heights
+from stripe_gui.presenters.reconstruct import Points, cloud_of
 
 LIGHT_UNIT = np.array(LIGHT) / np.linalg.norm(LIGHT)
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure import dot_at, find_dots, propose_picks
+from core.measure import dot_at
 from core.model import Array, Capture, DeviceSpec, PhaseMap, Project, Seed, Testfield
 from core.pipeline import decode_capture
+from core.pipeline.guessing import look_for_picks
 from core.pipeline.measure import Side
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.capture import FrameView
@@ -44,9 +45,8 @@ def look_at(
     if field is None:
         return Look(frame, np.zeros((0, 2)), ())
     progress(0.3, capture.name)
-    order = find_dots(frame.image, dark=field.polarity == "black-on-white")
-    progress(0.6, capture.name)
-    return Look(frame, order.uv, propose_picks(frame.image, order, field, camera, neighbour, side) if guess else None)
+    dots, guesses = look_for_picks(frame.image, capture, camera, neighbour, side)
+    return Look(frame, dots, guesses if guess else None)
 
 
 def snapped(image: NDArray, field: Testfield, at: tuple[float, float], reach_px: float) -> tuple[float, float] | None:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core import pipeline
-from core.evaluate import Profile, points_on_plane
-from core.model import DeviceSpec, PlaneEvaluation, Project
+from core.model import Project
 from core.pipeline import METHODS
 from core.progress import SILENT, Progress
-from core.report import ReportPaths, SignOff, write_columns_csv, write_table_csv
-from stripe_gui.presenters.evaluate import EvaluationView, Pair, angle_text, profiles
+from core.report import ReportPaths, SignOff, table_file, write_table_csv
+from stripe_gui.presenters.evaluate import EvaluationView, Pair, angle_text
 from stripe_gui.presenters.folder import ProjectFolder, written_ns
 from stripe_gui.presenters.status import StageStatus, State, method_name
 
@@ -99,23 +97,10 @@ def is_evaluated(
     return made == {(c, m) for c in captures for m in methods} and max(inputs, default=0) <= at
 
 
-def keep_sign_off(project: Project, sign_off: SignOff | None, evaluations: tuple[PlaneEvaluation, ...]) -> None:
-    """Keep who signed for these figures; without a name the sign-off is withdrawn.
-
-    A failed verdict is signed only with a remark that says why.
-    """
-    if sign_off is None or not sign_off.operator:
-        pipeline.result_path(project, "sign-off.json").unlink(missing_ok=True)
-    else:
-        if sign_off.remark and pipeline.failed_verdicts(project, evaluations):
-            sign_off = replace(sign_off, despite=sign_off.remark)
-        pipeline.save_sign_off(project, sign_off, evaluations)
-
-
 def write_signed_report(project: Project, sign_off: SignOff | None, progress: Progress = SILENT) -> ReportPaths:
     """Sign the project's evaluation and write the report into the project."""
     evaluations = pipeline.load_evaluation(project)
-    keep_sign_off(project, sign_off, evaluations)
+    pipeline.sign_project(project, sign_off, evaluations)
     return pipeline.report_project(project, progress=progress, evaluations=evaluations)
 
 
@@ -135,56 +120,19 @@ def export_files(
     InputError
         If the folder cannot be written to.
     """
-    keep_sign_off(project, sign_off, view.evaluations)
+    pipeline.sign_project(project, sign_off, view.evaluations)
     files: list[Path] = []
     if wishes.table:
-        files.append(out / "table-3.csv")
+        files.append(out / table_file(view.table))
         write_table_csv(files[-1], view.table)
-    for capture in view.captures if wishes.profiles else ():
-        progress.check()
-        files.append(out / f"profile-{capture}.csv")
-        write_profile_csv(files[-1], profiles(view, capture, *line))
-    chosen = view.evaluations if wishes.deviations else ()
-    for i, evaluation in enumerate(chosen):
-        part = progress.part(0.5 * i / len(chosen), 0.5 * (i + 1) / len(chosen))
-        files.append(out / f"deviations-{evaluation.capture}-{evaluation.method}.csv")
-        write_deviations_csv(files[-1], evaluation, view.camera, part)
+    if wishes.profiles:
+        files += pipeline.export_profiles(project, view.evaluations, out, line)
+    if wishes.deviations:
+        files += pipeline.export_deviations(project, view.evaluations, out, progress=progress.part(0.0, 0.5))
     if wishes.report:
         paths = pipeline.report_project(project, out, progress.part(0.5, 1.0), evaluations=view.evaluations)
         files += [paths.html, paths.pdf]
     return files
-
-
-def write_profile_csv(path: Path, found: Mapping[str, Profile]) -> None:
-    """Write the profiles of one plane along one line, every method's side by side."""
-    first = next(iter(found.values()))
-    columns = {"u [px]": first.uv[:, 0], "v [px]": first.uv[:, 1]}
-    for method, line in found.items():
-        columns[f"length, {method} [mm]"] = line.length_mm
-        columns[f"deviation, {method} [µm]"] = line.deviation_mm * UM
-        columns[f"sigma, {method} [µm]"] = line.sigma_mm * UM
-    write_columns_csv(path, columns, (2, 2, *(4, 2, 2) * len(found)))
-
-
-def write_deviations_csv(
-    path: Path, evaluation: PlaneEvaluation, camera: DeviceSpec, progress: Progress = SILENT
-) -> None:
-    """Write every pixel that has a deviation: where it lies in the image and on the plane, deviation and sigma."""
-    rows, cols = np.nonzero(np.isfinite(evaluation.deviation_mm))
-    points = np.full((len(rows), 3), np.nan)
-    if evaluation.camera is not None:
-        points = points_on_plane(evaluation.plane, camera, evaluation.camera, np.stack([cols, rows], axis=1))
-    known = evaluation.sigma_mm.shape == evaluation.deviation_mm.shape
-    columns = {
-        "u [px]": cols,
-        "v [px]": rows,
-        "X [mm]": points[:, 0],
-        "Y [mm]": points[:, 1],
-        "Z [mm]": points[:, 2],
-        "deviation [µm]": evaluation.deviation_mm[rows, cols] * UM,
-        "sigma [µm]": evaluation.sigma_mm[rows, cols] * UM if known else np.full(len(rows), np.nan),
-    }
-    write_columns_csv(path, columns, (0, 0, 4, 4, 4, 2, 2), progress=progress)
 
 
 def _when(at_ns: int) -> str:

@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from core.evaluate import line_across
 from core.report import SignOff, Tolerance, verdict
 from stripe_gui.presenters.evaluate import (
     EvaluationView,
@@ -144,12 +145,9 @@ class ProfileStep(QWidget):
         """Put the line at shares of the area that has deviations."""
         if self._view is None:
             return
-        valid = np.any([np.isfinite(e.deviation_mm) for e in self._view.by_method(self.plane.currentData())], axis=0)
-        rows, cols = (np.flatnonzero(valid.any(axis=axis)) for axis in (1, 0))
-        if len(rows):
-            low, size = np.array([cols[0], rows[0]]), np.array([np.ptp(cols), np.ptp(rows)])
-            ends = [tuple(float(x) for x in np.round(low + np.array(share) * size)) for share in (start, stop)]
-            self.tool.set_line(*ends)
+        maps = [e.deviation_mm for e in self._view.by_method(self.plane.currentData())]
+        if any(np.isfinite(m).any() for m in maps):
+            self.tool.set_line(*line_across(maps, start, stop))
 
     def _read(self) -> None:
         """Read the profile along the line and plot it."""
@@ -311,6 +309,7 @@ class SignOffStep(QWidget):
             remark=self.remark.text().strip(),
             date=self.date.text().strip(),
             tolerance=self.tolerance(),
+            despite=self.remark.text().strip(),  # where a verdict failed, the remark must say why it is signed
         )
 
     def tolerance(self) -> Tolerance | None:

@@ -1,0 +1,230 @@
+"""Beside the road: guesses of picks, kept runs, profiles, tables for other programs, the sign-off."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from core.cli.arguments import Commands, Options, check_out
+from core.errors import InputError
+from core.progress import Progress
+
+if TYPE_CHECKING:
+    from core.pipeline import Run
+
+
+def add(commands: Commands) -> None:
+    """Declare the commands of this group."""
+    sub = commands.add_on_project("guess-picks", _guess, "guess four targets in each image of a board")
+    sub.add_argument("captures", nargs="*", metavar="CAPTURE", help="names; all boards without picks if unsaid")
+    sub.add_argument("--accept", type=int, nargs="?", const=1, metavar="N", help="keep the Nth guess as picks (1st)")
+
+    sub = commands.add_on_project("runs", _runs, "kept calibrations: list, compare, name, use or delete them")
+    sub.add_argument("--use", type=int, metavar="N", help="put this run's calibrations in use")
+    sub.add_argument("--compare", type=int, nargs=2, metavar=("A", "B"), help="set two runs side by side")
+    sub.add_argument("--name", nargs=2, metavar=("N", "TEXT"), help="name a run")
+    sub.add_argument("--delete", type=int, metavar="N", help="delete a run that is not in use")
+
+    sub = commands.add_on_project("profile", _profile, "deviations of a plane along a line, by every calibration")
+    sub.add_argument("capture", metavar="CAPTURE")
+    _add_line(sub)
+    sub.add_argument("--out", type=Path, metavar="F.csv", help="the whole profile, about a value a pixel")
+
+    sub = commands.add_on_project("tables", _tables, "the tables of all results as CSV, with targets and profiles")
+    sub.add_argument("--out", type=Path, required=True, metavar="DIR")
+    sub.add_argument("--deviations", action="store_true", help="every pixel of every plane too")
+    sub.add_argument("--report", action="store_true", help="the HTML and PDF report that is written, too")
+    _add_line(sub)
+
+    sub = commands.add_on_project("sign", _sign, "sign the evaluation off; it lapses when other figures take its place")
+    sub.add_argument("--operator", default="", metavar="NAME")
+    sub.add_argument("--instrument", default="", metavar="TEXT")
+    sub.add_argument("--date", default="", metavar="YYYY-MM-DD", help="default: today")
+    sub.add_argument("--remark", default="", metavar="TEXT")
+    sub.add_argument("--tolerance", type=float, metavar="MM", help="judge every plane against it")
+    sub.add_argument("--of", choices=("rms", "max"), default="rms", help="what the tolerance limits (default rms)")
+    sub.add_argument("--despite", default="", metavar="TEXT", help="why it is signed where a verdict failed")
+    sub.add_argument("--withdraw", action="store_true", help="take the sign-off back")
+
+
+def _add_line(parser: Any) -> None:
+    parser.add_argument(
+        "--line", type=float, nargs=4, metavar=("U0", "V0", "U1", "V1"), help="px (default: across the middle)"
+    )
+
+
+def _line(options: Options) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    if options.line is None:
+        return None
+    u0, v0, u1, v1 = options.line
+    return (u0, v0), (u1, v1)
+
+
+def _guess(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import accept_guesses, guess_picks
+    from core.project import read_project
+
+    if options.accept is not None and options.accept < 1:
+        raise InputError("--accept", f"is {options.accept}", "give 1 for the likeliest guess, 2 for the next")
+    project = read_project(options.project)
+    found = guess_picks(project, options.captures or None, progress)
+    kept = accept_guesses(project, found, options.accept) if options.accept else []
+    for name, guesses in found.items():
+        first = "; ".join(f"{s.row},{s.col} at {s.u:.1f},{s.v:.1f}" for s in guesses[0]) if guesses else "no guess"
+        print(f"{name:20s} {len(guesses)} guesses: {first}{'  (kept)' if name in kept else ''}")
+    if not found:
+        print("every board has picks")
+    return {
+        "captures": {
+            name: [[{"row": s.row, "col": s.col, "u": s.u, "v": s.v} for s in guess] for guess in guesses]
+            for name, guesses in found.items()
+        },
+        "kept": kept,
+    }
+
+
+def _runs(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import compare_runs, current_runs, delete_run, list_runs, make_current, rename_run
+    from core.project import read_project
+
+    project = read_project(options.project)
+    runs = {run.number: run for run in list_runs(project)}
+
+    def run_of(number: str | int) -> Run:
+        if str(number) not in map(str, runs):
+            known = ", ".join(map(str, runs)) or "none"
+            raise InputError(project.path, f"no run {number}", f"runs: {known}")
+        return runs[int(number)]
+
+    if options.name is not None:
+        rename_run(project, run_of(options.name[0]), options.name[1])
+    if options.use is not None:
+        make_current(project, run_of(options.use))
+    if options.delete is not None:
+        delete_run(project, run_of(options.delete))
+    differences = compare_runs(run_of(options.compare[0]), run_of(options.compare[1])) if options.compare else ()
+    used = current_runs(project)
+    listed = [
+        {
+            "run": run.number,
+            "name": run.name,
+            "made_at": run.made_at,
+            "methods": list(run.methods),
+            "in_use": [method for method, number in used.items() if number == run.number],
+            "captures": {method: list(names) for method, names in run.captures.items()},
+            "sigma0": run.figures.get("photogrammetric", {}).get("sigma0"),
+        }
+        for run in list_runs(project)
+    ]
+    for entry in listed:
+        sigma0 = f"sigma0 {entry['sigma0']:.3f}" if entry["sigma0"] is not None else ""
+        use = f"in use: {', '.join(entry['in_use'])}" if entry["in_use"] else ""
+        print(f"run {entry['run']:<4d} {entry['made_at']:26s} {sigma0:14s} {use:38s} {entry['name']}".rstrip())
+    for d in differences:
+        sigmas = "" if d.in_sigmas is None else f"{d.in_sigmas:+.2f} sigma"
+        print(
+            f"{d.name:22s} {d.first[0]: .7g} -> {d.second[0]: .7g} {d.unit:6s} {d.difference:+.3g}  {sigmas}".rstrip()
+        )
+    compared = [
+        {
+            "parameter": d.name,
+            "unit": d.unit,
+            "first": list(d.first),
+            "second": list(d.second),
+            "difference": d.difference,
+            "in_sigmas": d.in_sigmas,
+        }
+        for d in differences
+    ]
+    return {"runs": listed, "compared": compared}
+
+
+def _profile(options: Options, progress: Progress) -> dict[str, Any]:
+    import numpy as np
+
+    from core.pipeline import kept_evaluation, read_profiles
+    from core.pipeline.tables import write_profile_csv
+    from core.project import read_project
+
+    if options.out is not None:
+        check_out(options.out, ".csv")
+    project = read_project(options.project)
+    found = read_profiles(project, kept_evaluation(project), options.capture, _line(options))
+    figures: dict[str, Any] = {}
+    for method, line in found.items():
+        known = line.deviation_mm[np.isfinite(line.deviation_mm)]
+        rms = float(np.sqrt(np.mean(known**2))) if len(known) else None
+        length = float(line.length_mm[-1])
+        figures[method] = {
+            "from_px": line.uv[0].tolist(),
+            "to_px": line.uv[-1].tolist(),
+            "length_mm": length if np.isfinite(length) else None,
+            "n": len(known),
+            "rms_mm": rms,
+            "min_mm": float(known.min()) if len(known) else None,
+            "max_mm": float(known.max()) if len(known) else None,
+        }
+        told = f"{1000 * rms:.1f} µm r.m.s." if rms is not None else "no values"
+        print(f"{options.capture} {method}: {told} along {length:.1f} mm, {len(known)} values")
+    if options.out is not None:
+        write_profile_csv(options.out, found)
+        print(options.out)
+    return {"capture": options.capture, "profiles": figures}
+
+
+def _tables(options: Options, progress: Progress) -> dict[str, Any]:
+    from core import pipeline
+    from core.project import read_project
+
+    project = read_project(options.project)
+    evaluations = pipeline.kept_evaluation(project)
+    write = pipeline.export_report if options.report else pipeline.export_tables
+    files = write(project, options.out, progress=progress.part(0.0, 0.2))
+    files += pipeline.export_profiles(project, evaluations, options.out, _line(options))
+    if options.deviations:
+        files += pipeline.export_deviations(project, evaluations, options.out, progress=progress.part(0.2, 1.0))
+    for file in files:
+        print(file)
+    return {"files": [str(file) for file in files]}
+
+
+def _sign(options: Options, progress: Progress) -> dict[str, Any]:
+    from datetime import date
+
+    from core.pipeline import sign_evaluation, sign_project
+    from core.project import read_project
+
+    project = read_project(options.project)
+    if options.withdraw:
+        sign_project(project, None)
+        print("withdrawn")
+        return {"signed": False}
+    if not options.operator.strip():
+        raise InputError("--operator", "no name", "say who signs, or --withdraw")
+    if options.date:
+        try:
+            date.fromisoformat(options.date)
+        except ValueError as error:
+            raise InputError("--date", f"is {options.date!r}", "give it as YYYY-MM-DD") from error
+    if options.tolerance is not None and not 0 < options.tolerance < float("inf"):
+        raise InputError("--tolerance", f"is {options.tolerance}", "give millimetres above 0")
+    signed, found = sign_evaluation(
+        project,
+        options.operator,
+        tolerance_mm=options.tolerance,
+        of=options.of,
+        date=options.date,
+        instrument=options.instrument,
+        remark=options.remark,
+        despite=options.despite,
+    )
+    print(f"signed by {signed.operator} on {signed.date}; write the report to show it")
+    if found is not None:
+        print(found.text)
+    return {
+        "signed": True,
+        "operator": signed.operator,
+        "date": signed.date,
+        "passed": None if found is None else found.passed,
+        "result": None if found is None else found.text,
+    }

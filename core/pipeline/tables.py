@@ -1,0 +1,199 @@
+"""What a project hands to other programs as CSV: its tables, targets, profiles and deviations."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from core.errors import InputError
+from core.model import DeviceSpec, PlaneEvaluation, Project, TargetSet
+from core.pipeline.evaluate import load_evaluation
+from core.pipeline.folders import result_path
+from core.pipeline.measure import kept_targets
+from core.pipeline.report import report_data
+from core.progress import SILENT, Progress
+
+if TYPE_CHECKING:
+    from core.evaluate import Line, Profile
+
+UM = 1000.0
+
+
+def kept_evaluation(project: Project) -> tuple[PlaneEvaluation, ...]:
+    """Give the evaluation the project has, none where there is none."""
+    return load_evaluation(project) if result_path(project, "evaluation.npz").exists() else ()
+
+
+def export_tables(
+    project: Project, out: Path, evaluations: tuple[PlaneEvaluation, ...] | None = None, progress: Progress = SILENT
+) -> list[Path]:
+    """Write every table that the report would hold as CSV into a folder, and the targets measured; give the files.
+
+    Raises
+    ------
+    InputError
+        If there are no results yet, or the folder cannot be written to.
+    """
+    from core.report import table_file, tables, write_table_csv
+
+    found = tables(report_data(project, kept_evaluation(project) if evaluations is None else evaluations))
+    targets = kept_targets(project)
+    if not found and not targets:
+        raise InputError(project.path, "no results yet", "run `stripe-core measure` or `stripe-core calibrate` first")
+    files = []
+    for table in progress.over(found, "{0.title}"):
+        files.append(out / table_file(table))
+        write_table_csv(files[-1], table)
+    if targets:
+        files.append(out / "targets.csv")
+        write_targets_csv(files[-1], targets)
+    return files
+
+
+def export_report(project: Project, out: Path, progress: Progress = SILENT) -> list[Path]:
+    """Copy the report the project has into a folder, with its tables as CSV; give the files.
+
+    Raises
+    ------
+    InputError
+        If the report is not written yet, or the folder cannot be written to.
+    """
+    written = [result_path(project, f"report/report.{kind}") for kind in ("html", "pdf")]
+    if not all(file.is_file() for file in written):
+        raise InputError(project.path, "the report is not written yet", "write it first (`stripe-core report`)")
+    files = []
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for file in written:
+            progress.check()
+            files.append(Path(shutil.copy2(file, out / file.name)))
+    except OSError as error:
+        raise InputError(out, f"cannot be written ({error.strerror})", "choose a folder you may write to") from error
+    return [*files, *export_tables(project, out, progress=progress)]
+
+
+def read_profiles(
+    project: Project, evaluations: Sequence[PlaneEvaluation], capture: str, line: Line | None = None
+) -> dict[str, Profile]:
+    """Read the deviations of a plane along a line, by every method that knows the camera it was made with.
+
+    Parameters
+    ----------
+    project : Project
+    evaluations : sequence of PlaneEvaluation
+    capture : str
+        The plane.
+    line : pair of (u, v), optional
+        Ends in the camera's image, px; by default across the middle of what has deviations.
+
+    Raises
+    ------
+    InputError
+        If the plane was not evaluated or the line is shorter than a pixel.
+    """
+    from core.evaluate import line_across, read_profile
+
+    own = [e for e in evaluations if e.capture == capture]
+    if not own:
+        known = ", ".join(dict.fromkeys(e.capture for e in evaluations)) or "none"
+        raise InputError(project.path, f"no evaluation of {capture!r}", f"evaluate it first; evaluated: {known}")
+    ends = line or line_across([e.deviation_mm for e in own])
+    return {e.method: read_profile(e, project.camera, *ends) for e in own if e.camera is not None}
+
+
+def export_profiles(
+    project: Project,
+    evaluations: Sequence[PlaneEvaluation],
+    out: Path,
+    line: Line | None = None,
+    captures: Collection[str] | None = None,
+    progress: Progress = SILENT,
+) -> list[Path]:
+    """Write ``profile-CAPTURE.csv`` of every plane, or of those named, along one line; give the files."""
+    files = []
+    for capture in progress.over([c for c in planes_of(evaluations) if captures is None or c in captures], "{0}"):
+        files.append(out / f"profile-{capture}.csv")
+        write_profile_csv(files[-1], read_profiles(project, evaluations, capture, line))
+    return files
+
+
+def export_deviations(
+    project: Project,
+    evaluations: Sequence[PlaneEvaluation],
+    out: Path,
+    captures: Collection[str] | None = None,
+    progress: Progress = SILENT,
+) -> list[Path]:
+    """Write ``deviations-CAPTURE-METHOD.csv``, every pixel of every plane, or of those named; give the files."""
+    chosen = [e for e in evaluations if captures is None or e.capture in captures]
+    files = []
+    for i, evaluation in enumerate(chosen):
+        files.append(out / f"deviations-{evaluation.capture}-{evaluation.method}.csv")
+        part = progress.part(i / len(chosen), (i + 1) / len(chosen))
+        write_deviations_csv(files[-1], evaluation, project.camera, part)
+    return files
+
+
+def planes_of(evaluations: Sequence[PlaneEvaluation]) -> list[str]:
+    """Name the planes evaluated, in their order."""
+    return list(dict.fromkeys(e.capture for e in evaluations))
+
+
+def write_profile_csv(path: Path, found: Mapping[str, Profile]) -> None:
+    """Write the profiles of one plane along one line, every method's side by side."""
+    from core.report import write_columns_csv
+
+    first = next(iter(found.values()))
+    columns = {"u [px]": first.uv[:, 0], "v [px]": first.uv[:, 1]}
+    for method, line in found.items():
+        columns[f"length, {method} [mm]"] = line.length_mm
+        columns[f"deviation, {method} [µm]"] = line.deviation_mm * UM
+        columns[f"sigma, {method} [µm]"] = line.sigma_mm * UM
+    write_columns_csv(path, columns, (2, 2, *(4, 2, 2) * len(found)))
+
+
+def write_deviations_csv(
+    path: Path, evaluation: PlaneEvaluation, camera: DeviceSpec, progress: Progress = SILENT
+) -> None:
+    """Write every pixel that has a deviation: where it lies in the image and on the plane, deviation and sigma."""
+    from core.evaluate import points_on_plane
+    from core.report import write_columns_csv
+
+    rows, cols = np.nonzero(np.isfinite(evaluation.deviation_mm))
+    points = np.full((len(rows), 3), np.nan)
+    if evaluation.camera is not None:
+        points = points_on_plane(evaluation.plane, camera, evaluation.camera, np.stack([cols, rows], axis=1))
+    known = evaluation.sigma_mm.shape == evaluation.deviation_mm.shape
+    columns = {
+        "u [px]": cols,
+        "v [px]": rows,
+        "X [mm]": points[:, 0],
+        "Y [mm]": points[:, 1],
+        "Z [mm]": points[:, 2],
+        "deviation [µm]": evaluation.deviation_mm[rows, cols] * UM,
+        "sigma [µm]": evaluation.sigma_mm[rows, cols] * UM if known else np.full(len(rows), np.nan),
+    }
+    write_columns_csv(path, columns, (0, 0, 4, 4, 4, 2, 2), progress=progress)
+
+
+def write_targets_csv(path: Path, targets: Sequence[TargetSet]) -> None:
+    """Write the targets of all captures, those that are missing with the reason."""
+    from core.report import Number, Table, write_table_csv
+
+    columns = ("capture", "row", "col", "u [px]", "v [px]", "sigma [px]", "u projector [lines]", "v projector [lines]")
+    rows: list[tuple[str | Number | None, ...]] = []
+    for t in targets:
+        sigma = np.sqrt(np.einsum("nii->n", t.camera_cov) / 2)
+        for i in range(len(t.row)):
+            values = [
+                *(Number(float(x), ".4f") for x in t.camera_uv[i]),
+                Number(float(sigma[i]), ".4f"),
+                *(Number(float(x), ".4f") for x in t.projector_uv[i]),
+            ]
+            rows.append((t.capture, Number(int(t.row[i]), "d"), Number(int(t.col[i]), "d"), *values, ""))
+        rows += [(t.capture, Number(m.row, "d"), Number(m.col, "d"), *[None] * 5, m.reason) for m in t.missing]
+    write_table_csv(path, Table("Targets", (*columns, "missing because"), tuple(rows)))

@@ -1,0 +1,166 @@
+"""Guesses of picks, profiles, tables, kept runs and the sign-off from the command line, without a window."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core.cli import main
+from core.evaluate import line_across
+from core.geometry import Pose, project
+from core.model import Interior
+from core.pipeline import evaluate_project, load_evaluation, load_sign_off
+from core.project import read_capture, read_project
+
+NEAR_PX = 3.0  # dots of the small rig are about 20 px apart
+
+
+@pytest.fixture(scope="session")
+def evaluated_original(calibrated_original: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    import shutil
+
+    folder = Path(shutil.copytree(calibrated_original, tmp_path_factory.mktemp("evaluated") / "quick"))
+    evaluate_project(read_project(folder))
+    return folder
+
+
+@pytest.fixture
+def evaluated(evaluated_original: Path, tmp_path: Path) -> Path:
+    import shutil
+
+    return Path(shutil.copytree(evaluated_original, tmp_path / "evaluated"))
+
+
+def figures(tmp_path: Path, *arguments: str | Path) -> dict[str, Any]:
+    """Run a command; give what it writes as JSON."""
+    out = tmp_path / "figures.json"
+    assert main([*map(str, arguments), "--json", str(out)]) == 0
+    return json.loads(out.read_text())
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
+def test_a_guess_names_dots_that_are_there_and_can_be_kept(quick: Path, quick_truth, tmp_path: Path) -> None:
+    """One of the guesses is the truth: a regular board allows some, such as half a turn."""
+    (quick / "captures" / "testfield-02" / "picks.json").unlink()
+    found = figures(tmp_path, "guess-picks", quick)
+    assert list(found["captures"]) == ["testfield-02"]
+    pose = quick_truth["captures"]["testfield-02"]["camera_from_board"]
+    camera, board = quick_truth["camera"], quick_truth["testfields"]["testfield.csv"]
+    interior = Interior(
+        camera["c_mm"], camera["x0_mm"], camera["y0_mm"], tuple(camera[f"A{i}"] for i in range(1, 7)), camera["r0_mm"]
+    )
+    spec = read_project(quick).camera
+    places = project(
+        spec,
+        interior,
+        np.array([t["xyz_mm"] for t in board]),
+        Pose(np.array(pose["rotation"]), np.array(pose["translation_mm"])),
+    )
+    at = {(t["row"], t["col"]): uv for t, uv in zip(board, places, strict=True)}
+    right = [
+        all(np.hypot(*(at[s["row"], s["col"]] - (s["u"], s["v"]))) < NEAR_PX for s in guess)
+        for guess in found["captures"]["testfield-02"]
+    ]
+    assert sum(right) == 1
+    number = right.index(True) + 1
+    kept = figures(tmp_path, "guess-picks", quick, "--accept", str(number))
+    assert kept["kept"] == ["testfield-02"]
+    assert len(read_capture(quick / "captures" / "testfield-02", read_project(quick)).seeds) == 4
+    assert figures(tmp_path, "guess-picks", quick)["captures"] == {}
+
+
+def test_a_guess_for_what_is_no_board_is_refused(quick: Path, capsys) -> None:
+    assert main(["guess-picks", str(quick), "plane+15"]) == 2
+    assert "testfield-01" in capsys.readouterr().err
+
+
+def test_a_profile_reads_the_deviations_along_its_line(evaluated: Path, tmp_path: Path) -> None:
+    plane = next(e for e in load_evaluation(read_project(evaluated)) if e.method == "photogrammetric")
+    (u0, v0), (u1, _) = line_across([plane.deviation_mm])
+    found = figures(tmp_path, "profile", evaluated, plane.capture, "--out", tmp_path / "profile.csv")
+    values = plane.deviation_mm[int(v0), int(u0) : int(u1) + 1]  # the line runs along a row, through pixels' centres
+    known = values[np.isfinite(values)]
+    told = found["profiles"]["photogrammetric"]
+    assert told["n"] == len(known)
+    assert told["rms_mm"] == pytest.approx(np.sqrt(np.mean(known**2)), rel=1e-6)
+    written = [row["deviation, photogrammetric [µm]"] for row in rows_of(tmp_path / "profile.csv")]
+    assert np.allclose([float(x) for x in written if x], 1000 * known, atol=0.006)  # two decimals
+
+
+def test_a_profile_of_a_plane_that_was_not_evaluated_names_those_that_were(evaluated: Path, capsys) -> None:
+    assert main(["profile", str(evaluated), "nothing"]) == 2
+    assert "plane+15" in capsys.readouterr().err
+
+
+def test_all_tables_are_written_as_csv(evaluated: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    files = {Path(f).name for f in figures(tmp_path, "tables", evaluated, "--out", out, "--deviations")["files"]}
+    assert files == {p.name for p in out.iterdir()}
+    assert {"table-1a.csv", "table-1b.csv", "table-2.csv", "table-3.csv", "targets.csv"} <= files
+    for e in load_evaluation(read_project(evaluated)):
+        assert f"profile-{e.capture}.csv" in files
+        rows = rows_of(out / f"deviations-{e.capture}-{e.method}.csv")
+        assert len(rows) == np.count_nonzero(np.isfinite(e.deviation_mm))
+    targets = rows_of(out / "targets.csv")
+    counted = figures(tmp_path, "measure", evaluated)
+    assert sum(not row["missing because"] for row in targets) == sum(len(c["targets"]) for c in counted["captures"])
+
+
+def test_a_report_that_is_not_written_is_not_handed_over(evaluated: Path, tmp_path: Path, capsys) -> None:
+    assert main(["tables", str(evaluated), "--out", str(tmp_path / "out"), "--report"]) == 2
+    assert "not written" in capsys.readouterr().err
+
+
+def test_signing_and_withdrawing(evaluated: Path, tmp_path: Path) -> None:
+    told = figures(
+        tmp_path, "sign", evaluated, "--operator", "A. Operator", "--tolerance", "1", "--date", "2026-01-02",
+        "--remark", "as agreed",
+    )  # fmt: skip
+    assert told["passed"] is True
+    loaded = read_project(evaluated)
+    signed = load_sign_off(loaded, load_evaluation(loaded))
+    assert signed is not None
+    assert (signed.operator, signed.date, signed.remark) == ("A. Operator", "2026-01-02", "as agreed")
+    assert figures(tmp_path, "sign", evaluated, "--withdraw") == {"signed": False}
+    assert load_sign_off(loaded, load_evaluation(loaded)) is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--operator", " "], "--operator"),
+        (["--operator", "A", "--date", "yesterday"], "--date"),
+        (["--operator", "A", "--tolerance", "-1"], "--tolerance"),
+    ],
+)
+def test_a_sign_off_that_says_nothing_is_refused(evaluated: Path, arguments: list[str], named: str, capsys) -> None:
+    assert main(["sign", str(evaluated), *arguments]) == 2
+    assert named in capsys.readouterr().err
+    assert not (evaluated / "results" / "sign-off.json").exists()
+
+
+def test_nothing_can_be_signed_before_it_is_evaluated(calibrated: Path, capsys) -> None:
+    assert main(["sign", str(calibrated), "--operator", "A"]) == 2
+    assert "evaluate" in capsys.readouterr().err
+
+
+def test_runs_are_listed_named_and_compared(calibrated: Path, tmp_path: Path, capsys) -> None:
+    assert main(["calibrate", str(calibrated), "--method", "photogrammetric", "--free-stations"]) == 0
+    told = figures(tmp_path, "runs", calibrated, "--name", "1", "first", "--compare", "1", "2")
+    assert [(r["run"], r["name"]) for r in told["runs"]] == [(1, "first"), (2, "")]
+    assert "photogrammetric" in told["runs"][1]["in_use"]
+    entry = next(d for d in told["compared"] if d["parameter"] == "camera c")
+    assert entry["difference"] == pytest.approx(entry["second"][0] - entry["first"][0])
+    told = figures(tmp_path, "runs", calibrated, "--use", "1", "--delete", "2")
+    assert [r["run"] for r in told["runs"]] == [1]
+    assert main(["runs", str(calibrated), "--use", "9"]) == 2
+    assert "no run 9" in capsys.readouterr().err
