@@ -8,11 +8,13 @@ network.py   the bundle adjustment: chi-square test, systematic residuals, gross
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
 plates.py    ... where the plates stood, seen by camera and projector
 planes.py    deviations from planes: form apart from noise, angles, one method against the other
-sequences.py what captures say they show: code against projector lines, the same frames twice
+sequences.py what captures say they show: code against projector lines
+files.py     the same frames twice
 left_out.py  points and captures that had no part, with the reasons
 """
 
 from core.checks.concern import Concern, verdict_of
+from core.checks.files import repeated_frames
 from core.checks.left_out import left_out_of
 from core.checks.lengths import length_concerns
 from core.checks.network import adjustment_concerns, nominal_concerns, variance_ratios
@@ -32,6 +34,7 @@ __all__ = [
     "pair_concerns",
     "plane_concerns",
     "pose_plates",
+    "repeated_frames",
     "see_plates",
     "variance_ratios",
     "verdict_of",

@@ -18,7 +18,8 @@ def code_concerns(captures: Sequence[Capture], projector: DeviceSpec) -> list[Co
             if not codes:
                 continue
             told = max(code.cell << code.bits for code in codes)
-            if told < lines or told >= 2 * lines + 2 * codes[0].cell:
+            # one code may serve both axes
+            if told < lines or told >= 2 * max(projector.width, projector.height) + 2 * codes[0].cell:
                 short.setdefault((axis, told, lines), []).append(capture.name)
     concerns = []
     for (axis, told, lines), names in short.items():

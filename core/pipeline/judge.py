@@ -20,6 +20,7 @@ from core.model import (
     Project,
     TargetSet,
     Testfield,
+    Verdict,
 )
 from core.pipeline.folders import all_captures
 from core.pipeline.options import CalibrateOptions
@@ -48,11 +49,16 @@ def judge_calibrations(
     options: CalibrateOptions,
 ) -> dict[Method, Calibration]:
     """Judge the calibrations of one run, each by itself and against the other, and list what was left out."""
-    from core.checks import adjustment_concerns, code_concerns, left_out_of, nominal_concerns, verdict_of
+    from core.checks import adjustment_concerns, code_concerns, left_out_of, nominal_concerns, repeated_frames
 
     captures = all_captures(project)
     kept = current_targets(project)
-    unlike = code_concerns(captures, project.projector)
+    lines = project.projector.width, project.projector.height
+    taking_part = {c.name for chosen in used.values() for c in chosen}
+    of_captures = [
+        *repeated_frames([c for c in captures if c.name in taking_part or c.role in ("plane", "object")], lines),
+        *code_concerns(captures, project.projector),
+    ]
     measured = {m: [kept[c.name] for c in chosen if c.name in kept] for m, chosen in used.items()}
     result: dict[Method, Calibration] = {}
     photogrammetric = calibrations.get("photogrammetric")
@@ -71,7 +77,7 @@ def judge_calibrations(
         ]
         result["photogrammetric"] = replace(
             photogrammetric,
-            verdict=verdict_of([*concerns, *unlike], _sound(adjustment)),
+            verdict=_verdict(of_captures, concerns, _sound(adjustment)),
             left_out=(
                 *left_out_of(targets, rejected, _unused(captures, used, "photogrammetric", options)),
                 *left_out_of([], lonely, why="seen from one place only"),
@@ -82,13 +88,22 @@ def judge_calibrations(
         if not isinstance(photogrammetric, PhotogrammetricCalibration):
             lengths = _of_plates(depth, captures, kept)
         of_plates = [c for c in lengths if _of_plate(c, captures) or c.text.startswith("known lengths")]
-        concerns = [*of_plates, *_of_depth(depth), *unlike]
+        concerns = [*of_plates, *_of_depth(depth)]
         result["polynomial"] = replace(
             depth,
-            verdict=verdict_of(concerns, (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)),
+            verdict=_verdict(of_captures, concerns, (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)),
             left_out=left_out_of(measured["polynomial"], None, _unused(captures, used, "polynomial", options)),
         )
     return result
+
+
+def _verdict(of_captures: Sequence[Concern], concerns: Sequence[Concern], sound: Sequence[str]) -> Verdict:
+    """Put causes before effects: where a result failed, what is wrong with its captures comes first."""
+    from core.checks import verdict_of
+
+    if any(c.state == "failed" for c in concerns):
+        of_captures = [replace(c, state="failed") for c in of_captures]
+    return verdict_of([*of_captures, *concerns], sound)
 
 
 def judge_planes(

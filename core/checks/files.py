@@ -1,0 +1,90 @@
+"""The same frames twice: under two patterns, or in two captures. A camera never takes the same image again."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from core.checks.concern import Concern
+from core.model import Capture, Frame
+from core.patterns import Pattern, axis_of, brightness, level_of
+
+PIECE = 4096  # bytes at the beginning, in the middle and at the end tell files apart; files alike there are compared
+MOST_NAMED = 4
+
+
+def repeated_frames(captures: Sequence[Capture], lines: tuple[int, int]) -> list[Concern]:
+    """Find frames whose bytes stand under another pattern or in another capture as well.
+
+    Parameters
+    ----------
+    captures : sequence of Capture
+    lines : (int, int)
+        Columns and rows of the projector; patterns that are alike on all of them may share an image.
+    """
+    places: dict[bytes, list[tuple[Capture, Frame]]] = {}
+    for capture in captures:
+        for frame in capture.frames:
+            if (key := _glance(frame.path)) is not None:
+                places.setdefault(key, []).append((capture, frame))
+    shared: dict[tuple[str, str], list[tuple[Frame, Frame]]] = {}
+    for alike in places.values():
+        for (a, f), (b, g) in combinations(alike, 2):
+            if _dark(f.pattern) or _dark(g.pattern):
+                continue  # darkness may look the same twice
+            if a is b and _look_alike(f.pattern, g.pattern, lines):
+                continue
+            if f.path == g.path or f.path.read_bytes() == g.path.read_bytes():
+                shared.setdefault((a.name, b.name), []).append((f, g))
+    frames = {c.name: len([f for f in c.frames if not _dark(f.pattern)]) for c in captures}
+    return [_told(a, b, pairs, frames[a]) for (a, b), pairs in shared.items()]
+
+
+def _told(a: str, b: str, pairs: list[tuple[Frame, Frame]], frames: int) -> Concern:
+    f, g = pairs[0]
+    if a == b:
+        more = f" and {len(pairs) - 1} pairs more" if len(pairs) > 1 else ""
+        text = f"{a}: {f.path.name} and {g.path.name} are the same image under two patterns{more}: record one again"
+        if f.path == g.path:
+            text = f"{a}: {f.path.name} stands under two patterns{more}: correct capture.json or record it again"
+        return Concern("failed", text)
+    if len({f.path.name for f, _ in pairs}) >= 0.9 * frames:
+        return Concern("failed", f"{b} has the same frames as {a}: one capture under two names; take one out")
+    names = ", ".join(sorted({g.path.name for _, g in pairs})[:MOST_NAMED])
+    return Concern("failed", f"{b}: {names} also stands in {a}: a file of another capture; record it again")
+
+
+def _glance(path: Path) -> bytes | None:
+    """Digest of a file's size and three pieces; None where it cannot be read."""
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            digest = hashlib.blake2b(str(size).encode(), digest_size=16)
+            for start in (0, max(size // 2 - PIECE // 2, 0), max(size - PIECE, 0)):
+                file.seek(start)
+                digest.update(file.read(PIECE))
+    except OSError:
+        return None
+    return digest.digest()
+
+
+def _dark(pattern: Pattern) -> bool:
+    return level_of(pattern) == 0
+
+
+def _look_alike(a: Pattern, b: Pattern, lines: tuple[int, int]) -> bool:
+    """Whether two patterns light all lines alike."""
+    return all(np.array_equal(x, y) for x, y in zip(_lights(a, lines), _lights(b, lines), strict=True))
+
+
+def _lights(pattern: Pattern, lines: tuple[int, int]) -> Iterator[np.ndarray]:
+    for axis, count in zip("xy", lines, strict=True):
+        own = axis_of(pattern)
+        if own is None or own == axis:
+            yield np.asarray(brightness(pattern, np.arange(count)))
+        else:
+            yield np.full(1, -1.0)
