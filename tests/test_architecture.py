@@ -31,11 +31,12 @@ ALLOWED = {
     "reconstruct": GROUND,
     "evaluate": GROUND,
     "checks": GROUND,
+    "exchange": GROUND,
     "report": {"errors", "atomic", "progress", "model", "geometry"},
     "figures": {"model"},
     "pipeline": GROUND
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}
-    | {"checks"},
+    | {"checks", "exchange"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "api": GROUND | {"decode", "calibrate", "reconstruct"},
     "demo": {"errors", "progress", "model", "figures", "pipeline", "report"},

@@ -32,6 +32,8 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
     adjustment = None
     if "photogrammetric" in calibrations:
         adjustment = load_archive(result_path(project, "adjustment.npz"), Adjustment)
+        if not len(adjustment.residuals):
+            adjustment = None  # calibrated by another program
     return ReportData(
         project=project,
         adjustment=adjustment,

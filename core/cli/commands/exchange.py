@@ -1,0 +1,48 @@
+"""Calibrations to and from other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from core.cli.arguments import Commands, Options
+from core.progress import Progress
+
+
+def add(commands: Commands) -> None:
+    """Declare the commands of this group."""
+    known = "opencv, ros, kalibr, colmap, matlab, mrcal or agisoft"
+    sub = commands.add_on_project("export", _export, "write the calibration for another program")
+    sub.add_argument("--to", required=True, metavar="FORMAT", help=known)
+    sub.add_argument("file", type=Path, metavar="FILE")
+
+    sub = commands.add("import", _import, "take another program's calibration of the project's devices")
+    sub.add_argument("file", type=Path, metavar="FILE")
+    sub.add_argument("--from", required=True, metavar="FORMAT", dest="form", help=known)
+    sub.add_argument("project", type=Path, metavar="PROJECT")
+
+
+def _export(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline.exchange import exchange_figures, export_calibration
+    from core.project import read_project
+
+    files, residuals = export_calibration(read_project(options.project), options.to, options.file)
+    for file in files:
+        print(file)
+    for name, rms in residuals.items():
+        print(f"{name}: the fit leaves {rms:.4f} px r.m.s.")
+    return exchange_figures(files, residuals)
+
+
+def _import(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.cli.verdicts import print_verdict
+    from core.figures import calibration_figures
+    from core.pipeline import current_runs
+    from core.pipeline.exchange import import_calibration
+    from core.project import read_project
+
+    project = read_project(options.project)
+    figures = calibration_figures({"photogrammetric": import_calibration(project, options.form, options.file)})
+    print_verdict("photogrammetric", figures["photogrammetric"]["verdict"])
+    print(f"kept as run {max(current_runs(project).values())}")
+    return figures

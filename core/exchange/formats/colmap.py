@@ -1,0 +1,82 @@
+"""COLMAP: `cameras.txt` with two FULL_OPENCV cameras; pixels count from the corner of the top-left one, so cx + 0.5.
+
+The orientation stands in `images.txt` beside it, one image of each device: world to camera, Hamilton quaternion with w
+first, mm; with the empty `points3D.txt` that makes a model which COLMAP opens.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.exchange.formats.format import Format, numbers, read_text, reading, write_text
+from core.exchange.pinhole import Pair, Pinhole
+
+HALF = 0.5
+_MODELS = {  # which of OpenCV's coefficients follow fx, fy, cx, cy
+    "PINHOLE": (),
+    "OPENCV": (0, 1, 2, 3),
+    "FULL_OPENCV": (0, 1, 2, 3, 4, 5, 6, 7),
+}
+
+
+def _write(pair: Pair, path: Path) -> list[Path]:
+    cameras = "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]: 1 is the camera, 2 the projector\n"
+    for number, p in ((1, pair.camera), (2, pair.projector)):
+        values = [p.fx, p.fy, p.cx + HALF, p.cy + HALF, *p.distortion]
+        cameras += f"{number} FULL_OPENCV {p.width} {p.height} {' '.join(repr(float(v)) for v in values)}\n"
+    x, y, z, w = Rotation.from_matrix(pair.rotation).as_quat()
+    pose = " ".join(repr(float(v)) for v in (w, x, y, z, *pair.translation_mm))
+    images = (
+        "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME, then a line of points; mm\n"
+        f"1 1.0 0.0 0.0 0.0 0.0 0.0 0.0 1 camera.png\n\n2 {pose} 2 projector.png\n\n"
+    )
+    return [
+        write_text(path, cameras),
+        write_text(path.with_name("images.txt"), images),
+        write_text(path.with_name("points3D.txt"), "# no points\n"),
+    ]
+
+
+def _read(path: Path) -> Pair:
+    beside = path.with_name("images.txt")
+    cameras, images = read_text(path), read_text(beside)
+    with reading(path, "colmap"):
+        devices = {fields[0]: _device(fields) for fields in _lines(cameras)}
+        if len(devices) != 2:
+            raise ValueError(f"{len(devices)} cameras in place of camera and projector")
+    with reading(beside, "colmap"):
+        poses = {}
+        for line in images.splitlines():  # every second line holds points, and may be empty
+            fields = line.split()
+            if len(fields) == 10 and not line.startswith("#"):
+                poses[fields[8]] = numbers([float(v) for v in fields[1:8]], (7,))
+        first, second = sorted(devices, key=int)
+        (R1, t1), (R2, t2) = (_pose(poses[key]) for key in (first, second))
+    R = R2 @ R1.T
+    return Pair(devices[first], devices[second], R, t2 - R @ t1)
+
+
+def _pose(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    w, x, y, z = values[:4]
+    return Rotation.from_quat([x, y, z, w]).as_matrix(), values[4:]
+
+
+def _lines(text: str) -> list[list[str]]:
+    return [line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
+
+
+def _device(fields: list[str]) -> Pinhole:
+    model, width, height = fields[1], int(fields[2]), int(fields[3])
+    if model not in _MODELS:
+        raise ValueError(f"camera model {model}; {', '.join(_MODELS)} can be read")
+    fx, fy, cx, cy, *rest = numbers([float(v) for v in fields[4:]], (4 + len(_MODELS[model]),)).tolist()
+    k = np.zeros(8)
+    k[list(_MODELS[model])] = rest
+    name = "camera" if fields[0] == "1" else "projector"
+    return Pinhole(name, width, height, fx, fy, cx - HALF, cy - HALF, tuple(k.tolist()))
+
+
+FORMAT = Format("colmap", ("k1", "k2", "p1", "p2", "k3"), _write, _read, (".txt",))

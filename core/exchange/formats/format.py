@@ -1,0 +1,124 @@
+"""What a format is: a name, what it holds, how it is written and read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from core.atomic import atomic_write
+from core.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from core.exchange.pinhole import Pair
+
+METRE_MM = 1000.0
+LARGEST = 4 << 20  # bytes; calibrations have a few thousand
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of calibrations.
+
+    Attributes
+    ----------
+    name : str
+    free : tuple of str
+        The distortion parameters it has.
+    write : callable
+        ``(pair, path) -> files``.
+    read : callable
+        ``(path) -> pair``; what is missing or no number is an `InputError`.
+    endings : tuple of str
+        Of file names, the usual one first; any other is taken as that.
+    """
+
+    name: str
+    free: tuple[str, ...]
+    write: Callable[[Pair, Path], list[Path]]
+    read: Callable[[Path], Pair]
+    endings: tuple[str, ...]
+
+
+def second_file(path: Path) -> Path:
+    """Where the projector stands in formats that have one device a file."""
+    return path.with_name(f"{path.stem}-projector{path.suffix}")
+
+
+def write_text(path: Path, text: str) -> Path:
+    """Write a text file, whole or not at all."""
+    with atomic_write(path) as file:
+        file.write(text.encode())
+    return path
+
+
+def read_text(path: Path) -> str:
+    """Read a text file of sensible size."""
+    try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(path, f"{path.stat().st_size} bytes", "give the file of a calibration")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(path, error.strerror or str(error), "give the file of a calibration") from error
+    except UnicodeDecodeError as error:
+        raise InputError(path, "no text", "give the file of a calibration") from error
+
+
+@contextmanager
+def reading(path: Path, form: str) -> Iterator[None]:
+    """Turn what goes wrong with foreign contents into one line."""
+    try:
+        yield
+    except InputError:
+        raise
+    except KeyError as error:
+        raise InputError(path, f"{error.args[0]!r} is missing", f"export it as {form} again") from error
+    except (ValueError, TypeError, IndexError, AttributeError, RecursionError, OverflowError) as error:
+        raise InputError(path, f"not the {form} format ({error})", "choose its format with --from") from error
+
+
+def numbers(values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Give finite numbers of a shape; a dimension of -1 takes any length."""
+    found = np.asarray(values, dtype=np.float64)
+    if len(shape) == 1:
+        found = found.ravel()
+    elif found.size == np.prod(shape):
+        found = found.reshape(shape)
+    if found.ndim != len(shape) or any(w not in (-1, s) for w, s in zip(shape, found.shape, strict=True)):
+        raise ValueError(f"numbers of shape {found.shape} in place of {shape}")
+    if not np.isfinite(found).all():
+        raise ValueError("a number is not finite")
+    return found
+
+
+def yaml_mapping(path: Path, form: str) -> Mapping[str, Any]:
+    """Read a YAML file that holds a mapping."""
+    import yaml
+
+    try:
+        data = yaml.safe_load(read_text(path))
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise InputError(path, "no YAML", f"export it as {form} again") from error
+    if not isinstance(data, dict):
+        raise InputError(path, "no mapping", f"export it as {form} again")
+    return data
+
+
+def flow(values: Any) -> str:
+    """Numbers as a YAML list on one line."""
+    return "[" + ", ".join(repr(float(v)) for v in np.asarray(values).ravel()) + "]"
+
+
+def coefficients(values: Any) -> tuple[float, ...]:
+    """OpenCV's distortion coefficients, 4, 5 or 8 of them, as eight."""
+    found = numbers(values, (-1,))
+    if len(found) > 8 and np.any(found[8:] != 0):
+        raise ValueError("thin prisms or a tilted sensor, which this program does not have")
+    found = np.concatenate([found[:8], np.zeros(max(0, 8 - len(found)))])
+    return tuple(found.tolist())

@@ -1,0 +1,49 @@
+"""Kalibr: a camera chain of camera (cam0) and projector (cam1), pinhole and radtan: k1, k2, p1, p2; metres."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.exchange.formats.format import METRE_MM, Format, flow, numbers, reading, write_text, yaml_mapping
+from core.exchange.pinhole import Pair, Pinhole
+
+
+def _write(pair: Pair, path: Path) -> list[Path]:
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = pair.rotation, np.asarray(pair.translation_mm) / METRE_MM
+    rows = "".join(f"  - {flow(row)}\n" for row in pose)
+    return [write_text(path, _text("cam0", pair.camera) + _text("cam1", pair.projector) + f"  T_cn_cnm1:\n{rows}")]
+
+
+def _text(key: str, p: Pinhole) -> str:
+    return (
+        f"{key}:\n  cam_overlaps: [{1 if key == 'cam0' else 0}]\n  camera_model: pinhole\n"
+        f"  distortion_coeffs: {flow(p.distortion[:4])}\n  distortion_model: radtan\n"
+        f"  intrinsics: {flow([p.fx, p.fy, p.cx, p.cy])}\n  resolution: [{p.width}, {p.height}]\n"
+        f"  rostopic: /{p.name}/image_raw\n"
+    )
+
+
+def _read(path: Path) -> Pair:
+    data = yaml_mapping(path, "kalibr")
+    with reading(path, "kalibr"):
+        pose = numbers(data["cam1"]["T_cn_cnm1"], (4, 4))
+        first, second = _device("camera", data["cam0"]), _device("projector", data["cam1"])
+        return Pair(first, second, pose[:3, :3], pose[:3, 3] * METRE_MM)
+
+
+def _device(name: str, data: Mapping[str, Any]) -> Pinhole:
+    models = data["camera_model"], data["distortion_model"]
+    if models[0] != "pinhole" or models[1] not in ("radtan", "none"):
+        raise ValueError(f"{models[0]} with {models[1]}; pinhole with radtan can be read")
+    fx, fy, cx, cy = numbers(data["intrinsics"], (4,)).tolist()
+    k = tuple(numbers(data["distortion_coeffs"], (4,)).tolist()) if models[1] == "radtan" else (0.0,) * 4
+    width, height = (int(n) for n in data["resolution"])
+    return Pinhole(name, width, height, fx, fy, cx, cy, (*k, 0.0, 0.0, 0.0, 0.0))
+
+
+FORMAT = Format("kalibr", ("k1", "k2", "p1", "p2"), _write, _read, (".yaml", ".yml"))

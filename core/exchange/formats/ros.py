@@ -1,0 +1,73 @@
+"""ROS: a `camera_info` YAML for each device (REP 104), plumb_bob; the projector's beside it, with its pose in metres.
+
+The projector's file has the further entry ``T_projector_camera``, four by four, which readers of `camera_info` ignore.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.exchange.formats.format import (
+    METRE_MM,
+    Format,
+    coefficients,
+    flow,
+    numbers,
+    reading,
+    second_file,
+    write_text,
+    yaml_mapping,
+)
+from core.exchange.pinhole import Pair, Pinhole
+
+
+def _write(pair: Pair, path: Path) -> list[Path]:
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = pair.rotation, np.asarray(pair.translation_mm) / METRE_MM
+    return [
+        write_text(path, _text(pair.camera)),
+        write_text(second_file(path), _text(pair.projector) + _matrix("T_projector_camera", pose)),
+    ]
+
+
+def _text(p: Pinhole) -> str:
+    K = p.matrix
+    return (
+        f"image_width: {p.width}\nimage_height: {p.height}\ncamera_name: {p.name}\n"
+        + _matrix("camera_matrix", K)
+        + "distortion_model: plumb_bob\n"
+        + _matrix("distortion_coefficients", np.array([p.distortion[:5]]))
+        + _matrix("rectification_matrix", np.eye(3))
+        + _matrix("projection_matrix", np.hstack([K, np.zeros((3, 1))]))
+    )
+
+
+def _matrix(name: str, values: np.ndarray) -> str:
+    rows, cols = values.shape
+    return f"{name}:\n  rows: {rows}\n  cols: {cols}\n  data: {flow(values)}\n"
+
+
+def _read(path: Path) -> Pair:
+    other = second_file(path)
+    camera, projector = yaml_mapping(path, "ros"), yaml_mapping(other, "ros")
+    with reading(path, "ros"):
+        first = _device("camera", camera)
+    with reading(other, "ros"):
+        second = _device("projector", projector)
+        pose = numbers(projector["T_projector_camera"]["data"], (4, 4))
+    return Pair(first, second, pose[:3, :3], pose[:3, 3] * METRE_MM)
+
+
+def _device(name: str, data: Mapping[str, Any]) -> Pinhole:
+    if data.get("distortion_model", "plumb_bob") not in ("plumb_bob", "rational_polynomial"):
+        raise ValueError(f"distortion_model {data['distortion_model']}")
+    K = numbers(data["camera_matrix"]["data"], (3, 3))
+    k = coefficients(data["distortion_coefficients"]["data"])
+    return Pinhole(name, int(data["image_width"]), int(data["image_height"]), K[0, 0], K[1, 1], K[0, 2], K[1, 2], k)
+
+
+FORMAT = Format("ros", ("k1", "k2", "p1", "p2", "k3"), _write, _read, (".yaml", ".yml"))

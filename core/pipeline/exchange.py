@@ -1,0 +1,120 @@
+"""Calibrations to and from other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from core.atomic import check_place
+from core.errors import InputError
+from core.figures import calibration_figures
+from core.model import Adjustment, Network, NetworkDevice, PhotogrammetricCalibration, Project
+from core.pipeline.calibrate import load_calibrations
+from core.pipeline.options import CalibrateOptions
+from core.pipeline.runs import Run, keep_run, now
+
+if TYPE_CHECKING:
+    from core.exchange import Format
+
+
+def export_calibration(project: Project, name: str, path: Path) -> tuple[list[Path], dict[str, float]]:
+    """Write the photogrammetric calibration in use for another program.
+
+    Returns
+    -------
+    files : list of Path
+    residuals : dict
+        By device, what the other program's model leaves of ours, px r.m.s. over the image.
+
+    Raises
+    ------
+    InputError
+        For an unknown format, no calibration, or one that the format cannot hold.
+    """
+    from core.exchange import fit_pair
+
+    form = _format(name)
+    check_place(path)
+    calibration = load_calibrations(project).get("photogrammetric")
+    if not isinstance(calibration, PhotogrammetricCalibration):
+        raise InputError(project.path, "no photogrammetric calibration", "run `stripe-core calibrate` on it first")
+    pair = fit_pair(calibration, form.free)
+    return form.write(pair, path), {p.name: p.rms_px for p in (pair.camera, pair.projector)}
+
+
+def import_calibration(project: Project, name: str, path: Path) -> PhotogrammetricCalibration:
+    """Read another program's calibration of the project's devices, keep it as a run and put it in use.
+
+    Raises
+    ------
+    InputError
+        For an unknown format, or a file that does not hold a camera and a projector of these sizes.
+    """
+    from core.exchange import pair_to_calibration
+
+    pair = _format(name).read(path)
+    calibration = pair_to_calibration(pair, project.camera, project.projector, f"{path.name} ({name})")
+    run = Run(
+        number=0,
+        made_at=now(),
+        read_ns=0,
+        options=CalibrateOptions(),
+        captures={"photogrammetric": ()},
+        excluded={},
+        made_from={},
+        figures=calibration_figures({"photogrammetric": calibration}),
+        name=f"imported from {path.name}",
+    )
+    keep_run(project, run, {"photogrammetric.npz": calibration, "adjustment.npz": _no_adjustment(calibration)})
+    return calibration
+
+
+def _format(name: str) -> Format:
+    from core.exchange import FORMATS
+
+    if name not in FORMATS:
+        raise InputError("the format", f"{name!r} is unknown", f"choose {', '.join(sorted(FORMATS))}")
+    return FORMATS[name]
+
+
+def _no_adjustment(calibration: PhotogrammetricCalibration) -> Adjustment:
+    """An adjustment without observations, in the place of the one that was made elsewhere."""
+    devices = {"camera": calibration.camera, "projector": calibration.projector}
+    none, numbers = np.zeros((0, 2)), np.zeros(0, np.int64)
+    network = Network(
+        devices={name: NetworkDevice(device.spec) for name, device in devices.items()},
+        station_names=(),
+        station_device=(),
+        station_pose=(),
+        point_names=(),
+        point_xyz_mm=np.zeros((0, 3)),
+        observation_station=numbers,
+        observation_point=numbers,
+        observation_uv=none,
+        observation_sigma=none,
+    )
+    return Adjustment(
+        network=network,
+        devices=devices,
+        station_from_object=(),
+        relative={"projector": calibration.projector_from_camera},
+        points_mm=np.zeros((0, 3)),
+        point_cov_mm2=np.zeros((0, 3, 3)),
+        residuals=none,
+        redundancy_numbers=none,
+        sigma0=1.0,
+        redundancy=0,
+        iterations=0,
+        convergence=(),
+        variance_factors={},
+        parameter_names=(),
+        parameter_cov=np.zeros((0, 0)),
+        verdict=calibration.verdict,
+    )
+
+
+def exchange_figures(files: list[Path], residuals: dict[str, float]) -> dict[str, Any]:
+    """What `export --json` writes."""
+    return {"files": [str(f) for f in files], "residual_rms_px": residuals}
