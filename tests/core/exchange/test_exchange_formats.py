@@ -46,10 +46,12 @@ def points() -> np.ndarray:
     return rng.uniform([-90, -70, -660], [90, 70, -540], (400, 3))
 
 
-def opencv_pixels(p, points, R=np.eye(3), t=(0.0, 0.0, 0.0)):
+def opencv_pixels(p, points, R=None, t=(0.0, 0.0, 0.0)):
     K = np.array([[p["fx"], 0, p["cx"]], [0, p["fy"], p["cy"]], [0, 0, 1.0]])
     cv_points = points * (1, -1, -1)
-    return cv2.projectPoints(cv_points, cv2.Rodrigues(np.array(R))[0], np.array(t), K, np.array(p["k"]))[0][:, 0]
+    return cv2.projectPoints(
+        cv_points, cv2.Rodrigues(np.eye(3) if R is None else np.array(R))[0], np.array(t), K, np.array(p["k"])
+    )[0][:, 0]
 
 
 def as_opencv(name: str, path: Path):
@@ -64,7 +66,7 @@ def as_opencv(name: str, path: Path):
         ):
             found.append((s.getNode(m).mat(), s.getNode(d).mat().ravel()))
         R, t = s.getNode("R").mat(), s.getNode("T").mat().ravel()
-        return *(dict(fx=K[0, 0], fy=K[1, 1], cx=K[0, 2], cy=K[1, 2], k=k) for K, k in found), R, t
+        return *({"fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2], "k": k} for K, k in found), R, t
     if name == "ros":
         import yaml
 
@@ -73,7 +75,7 @@ def as_opencv(name: str, path: Path):
             data = yaml.safe_load(file.read_text())
             K = np.reshape(data["camera_matrix"]["data"], (3, 3))
             k = data["distortion_coefficients"]["data"]
-            found.append(dict(fx=K[0, 0], fy=K[1, 1], cx=K[0, 2], cy=K[1, 2], k=k))
+            found.append({"fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2], "k": k})
         T = np.reshape(data["T_projector_camera"]["data"], (4, 4))
         return *found, T[:3, :3], 1000 * T[:3, 3]
     if name == "kalibr":
@@ -83,14 +85,14 @@ def as_opencv(name: str, path: Path):
         found = []
         for key in ("cam0", "cam1"):
             fx, fy, cx, cy = data[key]["intrinsics"]
-            found.append(dict(fx=fx, fy=fy, cx=cx, cy=cy, k=data[key]["distortion_coeffs"]))
+            found.append({"fx": fx, "fy": fy, "cx": cx, "cy": cy, "k": data[key]["distortion_coeffs"]})
         T = np.array(data["cam1"]["T_cn_cnm1"])
         return *found, T[:3, :3], 1000 * T[:3, 3]
     if name == "colmap":  # the centre of the top-left pixel is (0.5, 0.5)
         found = []
         for line in path.read_text().splitlines()[1:]:
             v = [float(x) for x in line.split()[4:]]
-            found.append(dict(fx=v[0], fy=v[1], cx=v[2] - 0.5, cy=v[3] - 0.5, k=v[4:12]))
+            found.append({"fx": v[0], "fy": v[1], "cx": v[2] - 0.5, "cy": v[3] - 0.5, "k": v[4:12]})
         qw, qx, qy, qz, *t = (float(x) for x in path.with_name("images.txt").read_text().splitlines()[3].split()[1:8])
         R = np.array(
             [
@@ -106,7 +108,9 @@ def as_opencv(name: str, path: Path):
         for key in ("CameraParameters1", "CameraParameters2"):
             c = s[key]
             K, (k1, k2, k3), (p1, p2) = c["IntrinsicMatrix"].T, c["RadialDistortion"], c["TangentialDistortion"]
-            found.append(dict(fx=K[0, 0], fy=K[1, 1], cx=K[0, 2] - 1, cy=K[1, 2] - 1, k=[k1, k2, p1, p2, k3]))
+            found.append(
+                {"fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2] - 1, "cy": K[1, 2] - 1, "k": [k1, k2, p1, p2, k3]}
+            )
         return *found, s["RotationOfCamera2"].T, s["TranslationOfCamera2"]
     if name == "mrcal":
         found, pose = [], None
@@ -115,7 +119,7 @@ def as_opencv(name: str, path: Path):
             data = json.loads(text)
             assert data["lensmodel"] == "LENSMODEL_OPENCV5"
             fx, fy, cx, cy, *k = data["intrinsics"]
-            found.append(dict(fx=fx, fy=fy, cx=cx, cy=cy, k=k))
+            found.append({"fx": fx, "fy": fy, "cx": cx, "cy": cy, "k": k})
             pose = np.array(data["extrinsics"])
         return *found, cv2.Rodrigues(pose[:3])[0], 1000 * pose[3:]
     assert name == "agisoft"
@@ -126,7 +130,13 @@ def as_opencv(name: str, path: Path):
         f, w, h = float(v["f"]), int(v["width"]), int(v["height"])
         k = [float(v[n]) for n in ("k1", "k2", "p2", "p1", "k3")]
         found.append(
-            dict(fx=f + float(v["b1"]), fy=f, cx=float(v["cx"]) + w / 2 - 0.5, cy=float(v["cy"]) + h / 2 - 0.5, k=k)
+            {
+                "fx": f + float(v["b1"]),
+                "fy": f,
+                "cx": float(v["cx"]) + w / 2 - 0.5,
+                "cy": float(v["cy"]) + h / 2 - 0.5,
+                "k": k,
+            }
         )
         T = v.get("transform")
     inverse = np.linalg.inv(np.reshape([float(x) for x in T.split()], (4, 4)))
@@ -187,7 +197,7 @@ def test_a_lens_that_the_format_cannot_hold_is_refused(calibration) -> None:
 
     bent = dataclasses.replace(INTERIORS[0], a=(-6e-3, 3e-4, -0.0143, 0.02, -0.12e-3, -0.75e-4))  # 1 degree of shear
     wrong = dataclasses.replace(calibration, camera=device(CAMERA, bent))
-    with pytest.raises(InputError, match="px r.m.s."):
+    with pytest.raises(InputError, match=r"px r\.m\.s\."):
         fit_pair(wrong, FORMATS["kalibr"].free)
 
 
