@@ -22,7 +22,7 @@ No device is needed to test any of this: one suite, tests/devices, holds every p
 
 from core.devices.address import parse_address, with_option
 from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, Faults
-from core.devices.opening import CAMERA_KINDS, PROJECTOR_KINDS, open_camera, open_devices, open_projector
+from core.devices.opening import CAMERA_KINDS, PROJECTOR_KINDS, DeviceKind, open_camera, open_devices, open_projector
 from core.devices.profile import profile_names
 from core.devices.protocol import (
     Adjustable,
@@ -46,6 +46,7 @@ __all__ = [
     "Adjustable",
     "Camera",
     "Check",
+    "DeviceKind",
     "Faults",
     "Image",
     "Note",

@@ -1,11 +1,12 @@
-"""From a URL to a device."""
+"""From a URL to a device, by the kinds of `PROJECTOR_KINDS` and `CAMERA_KINDS`, to which a program may add its own."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 from weakref import WeakValueDictionary
 
 from core.devices.address import Address, parse_address, with_option
@@ -17,22 +18,21 @@ from core.devices.stored import FolderCamera, ReplayScene
 from core.devices.virtual import Stage, VirtualCamera, VirtualProjector
 from core.errors import InputError
 
-PROJECTOR_KINDS = {
-    "virtual": "virtual:SCENE, a scene of the virtual bench such as virtual:quick?pose=3, or virtual:flat",
-    "replay": "replay:FOLDER, a stored capture",
-    "serial": "serial:PORT, such as serial:/dev/ttyUSB0?profile=stripe-lines",
-    "emulated": "emulated:SCENE, a virtual projector at the other end of a serial line",
-    "screen": "screen:NUMBER, an HDMI projector as a further screen",
-}
-CAMERA_KINDS = {
-    "virtual": "virtual:SCENE, together with a virtual projector of the same scene",
-    "replay": "replay:FOLDER, together with a replaying projector",
-    "folder": "folder:FOLDER, images that another program writes",
-    "uvc": "uvc:NUMBER, a video device such as uvc:0?exposure=150&format=GREY",
-    "genicam": "genicam:SERIAL-NUMBER?producer=FILE.cti, an industrial camera",
-}
+Device = TypeVar("Device", covariant=True)
 _SCENE_OPTIONS = ("pose", "shot", "seed")
 _stages: WeakValueDictionary[str, Stage] = WeakValueDictionary()
+
+
+@dataclass(frozen=True)
+class DeviceKind(Generic[Device]):
+    """A kind of device: what its URLs look like, and what opens one.
+
+    `open` takes the address, in which it asks for every option that it knows and then calls ``address.finish()``, so
+    that others are refused; the receiver of notes; and what is called while the device is waited for.
+    """
+
+    text: str
+    open: Callable[[Address, Note, Check], Device]
 
 
 def open_projector(url: str, note: Note = no_note, check: Check = no_check) -> Projector:
@@ -55,42 +55,17 @@ def open_projector(url: str, note: Note = no_note, check: Check = no_check) -> P
         If the device does not answer.
     """
     address = parse_address(url)
-    match address.kind:
-        case "virtual" | "replay":
-            stage = open_stage(address)
-            settle_s = address.real("settle_ms", 0.0, 0.0, 10_000.0) / 1000
-            capacity = address.integer("capacity", 256, 0, 100_000)
-            address.finish()
-            return VirtualProjector(stage, settle_s, capacity)
-        case "serial":
-            return _serial(address, note, check)
-        case "emulated":
-            return _emulated(address, note, check)
-        case "screen":
-            return _screen(address, note)
-    raise _unknown(address, "projector", PROJECTOR_KINDS)
+    if address.kind not in PROJECTOR_KINDS:
+        raise _unknown(address, "projector", PROJECTOR_KINDS)
+    return PROJECTOR_KINDS[address.kind].open(address, note, check)
 
 
 def open_camera(url: str, note: Note = no_note) -> Camera:
     """Open the camera that a URL names, one of `CAMERA_KINDS`; otherwise as `open_projector`."""
     address = parse_address(url)
-    match address.kind:
-        case "virtual" | "replay":
-            stage = open_stage(address)
-            faults = parse_faults(address.text("faults", ""), CAMERA_FAULTS, url, address.integer("fault_seed", 0))
-            exposure_s = address.real("exposure_ms", 0.0, 0.0, 60_000.0) / 1000
-            gain = address.real("gain", 1.0, 0.01, 100.0)
-            address.finish()
-            return VirtualCamera(stage, exposure_s, faults, gain)
-        case "folder":
-            bits = address.integer("bits", 0, 0, 16)
-            address.finish()
-            return FolderCamera(Path(address.place), bits)
-        case "uvc":
-            return _uvc(address, note)
-        case "genicam":
-            return _genicam(address, note)
-    raise _unknown(address, "camera", CAMERA_KINDS)
+    if address.kind not in CAMERA_KINDS:
+        raise _unknown(address, "camera", CAMERA_KINDS)
+    return CAMERA_KINDS[address.kind].open(address, note, no_check)
 
 
 @contextmanager
@@ -130,6 +105,29 @@ def at_depth(url: str, z_mm: float) -> str:
     return with_option(url, "shot", names[0]) if names else url
 
 
+def _virtual_projector(address: Address, note: Note, check: Check) -> Projector:
+    stage = open_stage(address)
+    settle_s = address.real("settle_ms", 0.0, 0.0, 10_000.0) / 1000
+    capacity = address.integer("capacity", 256, 0, 100_000)
+    address.finish()
+    return VirtualProjector(stage, settle_s, capacity)
+
+
+def _virtual_camera(address: Address, note: Note, check: Check) -> Camera:
+    stage = open_stage(address)
+    faults = parse_faults(address.text("faults", ""), CAMERA_FAULTS, address.url, address.integer("fault_seed", 0))
+    exposure_s = address.real("exposure_ms", 0.0, 0.0, 60_000.0) / 1000
+    gain = address.real("gain", 1.0, 0.01, 100.0)
+    address.finish()
+    return VirtualCamera(stage, exposure_s, faults, gain)
+
+
+def _folder(address: Address, note: Note, check: Check) -> Camera:
+    bits = address.integer("bits", 0, 0, 16)
+    address.finish()
+    return FolderCamera(Path(address.place), bits)
+
+
 def _serial(address: Address, note: Note, check: Check) -> Projector:
     from core.devices.rs232 import SerialProjector
 
@@ -153,7 +151,7 @@ def _emulated(address: Address, note: Note, check: Check) -> Projector:
     return EmulatedProjector(stage, profile, faults, line, note, settle_s, check)
 
 
-def _screen(address: Address, note: Note) -> Projector:
+def _screen(address: Address, note: Note, check: Check) -> Projector:
     from core.devices.screen import SETTLE_S, ScreenProjector, open_surface
 
     number = address.place_number("screen")
@@ -163,7 +161,7 @@ def _screen(address: Address, note: Note) -> Projector:
     return ScreenProjector(open_surface(number), gamma=gamma, settle_s=settle_s, name=f"screen {number}", note=note)
 
 
-def _uvc(address: Address, note: Note) -> Camera:
+def _uvc(address: Address, note: Note, check: Check) -> Camera:
     from core.devices.uvc import UvcCamera
 
     number = address.place_number("video device")
@@ -176,7 +174,7 @@ def _uvc(address: Address, note: Note) -> Camera:
     )
 
 
-def _genicam(address: Address, note: Note) -> Camera:
+def _genicam(address: Address, note: Note, check: Check) -> Camera:
     from core.devices.genicam import GenicamCamera
 
     if not address.place:
@@ -210,5 +208,24 @@ def _scene(address: Address, seed: int) -> Scene:
     return bench_scene(address, seed)
 
 
-def _unknown(address: Address, what: str, kinds: dict[str, str]) -> InputError:
-    return InputError(address.url, f"no {what} of kind {address.kind!r}", "use " + "; ".join(kinds.values()))
+def _unknown(address: Address, what: str, kinds: Mapping[str, DeviceKind[Any]]) -> InputError:
+    known = "; ".join(kind.text for kind in kinds.values())
+    return InputError(address.url, f"no {what} of kind {address.kind!r}", f"use {known}")
+
+
+PROJECTOR_KINDS: dict[str, DeviceKind[Projector]] = {
+    "virtual": DeviceKind(
+        "virtual:SCENE, a scene of the virtual bench such as virtual:quick?pose=3, or virtual:flat", _virtual_projector
+    ),
+    "replay": DeviceKind("replay:FOLDER, a stored capture", _virtual_projector),
+    "serial": DeviceKind("serial:PORT, such as serial:/dev/ttyUSB0?profile=stripe-lines", _serial),
+    "emulated": DeviceKind("emulated:SCENE, a virtual projector at the other end of a serial line", _emulated),
+    "screen": DeviceKind("screen:NUMBER, an HDMI projector as a further screen", _screen),
+}
+CAMERA_KINDS: dict[str, DeviceKind[Camera]] = {
+    "virtual": DeviceKind("virtual:SCENE, together with a virtual projector of the same scene", _virtual_camera),
+    "replay": DeviceKind("replay:FOLDER, together with a replaying projector", _virtual_camera),
+    "folder": DeviceKind("folder:FOLDER, images that another program writes", _folder),
+    "uvc": DeviceKind("uvc:NUMBER, a video device such as uvc:0?exposure=150&format=GREY", _uvc),
+    "genicam": DeviceKind("genicam:SERIAL-NUMBER?producer=FILE.cti, an industrial camera", _genicam),
+}

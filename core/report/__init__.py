@@ -8,6 +8,7 @@ table.py       a table of plain numbers, and its form in a terminal
 numbers.py     Tables 1 to 3: interior orientation, adjustment, plane-table; and the depth calibration
 interior.py    true parameters referred to another radius r0
 sign_off.py    who answers for the figures, and whether the planes stay within a tolerance
+chapters.py    what stands in the report, in order: a registry
 csv_files.py   tables and measured values as CSV
 words.py       the summary: sentences with the figures in them, what was warned of, what is missing
 figures/       the drawings, one room of their own
@@ -27,15 +28,17 @@ length    250.0
 measured twice
 """
 
+from core.report.chapters import CHAPTERS, Chapter, tables
 from core.report.csv_files import table_file, write_columns_csv, write_table_csv
 from core.report.data import ReportData, ReportPaths, SignOff, Tolerance, verdicts_of
-from core.report.numbers import tables
 from core.report.sign_off import Verdict, verdict
 from core.report.table import Number, Table, cell_text, text_table
 from core.report.words import Summary, summary
 from core.report.write import write_report
 
 __all__ = [
+    "CHAPTERS",
+    "Chapter",
     "Number",
     "ReportData",
     "ReportPaths",

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from core.model import DeviceSpec
 from core.progress import SILENT, Progress
+from core.report.chapters import CHAPTERS, drawings
 from core.report.data import ReportData
-from core.report.figures import Drawing, drawings
-from core.report.numbers import adjustment_table, depth_table, interior_tables, plane_table, published_of
-from core.report.sign_off import sign_off_table
+from core.report.figures import Drawing
+from core.report.numbers import published_of
 from core.report.table import Table
 from core.report.words import Highlight, Summary, highlights, summary
 
@@ -38,25 +38,11 @@ class Document:
 
 def compose(data: ReportData, *, progress: Progress = SILENT) -> Document:
     """Put tables, figures and words in order."""
-    published = published_of(data)
-    figures = drawings(data, progress=progress)
-    calibrated = [*interior_tables(data, published)]
-    if data.adjustment is not None or data.photogrammetric is not None:
-        calibrated.append(adjustment_table(data, published))
-    planes = [plane_table(data.evaluations, published)] if data.evaluations else []
-    depth = [depth_table(data.depth)] if data.depth is not None else []
-    signed = [sign_off_table(data.sign_off, data.evaluations)] if data.sign_off is not None else []
-    chapters = (
-        ("adjustment", "Photogrammetric calibration", calibrated),
-        ("depth", "Depth calibration", depth),
-        ("planes", "Plane-table", planes),
-        ("sign-off", "Sign-off", signed),
-    )
+    published, drawn = published_of(data), drawings(data, progress=progress)
     sections = tuple(
-        Section(key, title, tuple(tables), tuple(d for d in figures if d.section == key))
-        for key, title, tables in chapters
-        if tables
+        Section(key, chapter.title, tuple(chapter.tables(data)), drawn[key]) for key, chapter in CHAPTERS.items()
     )
+    sections = tuple(section for section in sections if section.tables or section.drawings)
     source = published.source if published else ""
     return Document(data.name, _facts(data), highlights(data), summary(data), sections, source)
 

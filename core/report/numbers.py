@@ -16,26 +16,6 @@ from core.report.table import Cell, Number, Table
 UNITS = ("mm", "mm", "mm", "mm⁻²", "mm⁻⁴", "", "", "mm⁻¹", "mm⁻¹")
 
 
-def tables(data: ReportData) -> list[Table]:
-    """Tables 1 (one per device) to 3 and the depth calibration, those for which there are data.
-
-    Raises
-    ------
-    InputError
-        If the project names published results that are not known.
-    """
-    published = published_of(data)
-    result = [*interior_tables(data, published)]
-    if data.adjustment is not None or data.photogrammetric is not None:
-        result.append(adjustment_table(data, published))
-
-    if data.depth is not None:
-        result.append(depth_table(data.depth))
-    if data.evaluations:
-        result.append(plane_table(data.evaluations, published))
-    return result
-
-
 def published_of(data: ReportData) -> Published | None:
     """Give the published results beside which the report sets its own, if the project names any that are known."""
     name = data.project.reference

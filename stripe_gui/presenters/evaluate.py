@@ -10,7 +10,7 @@ from PySide6.QtCore import QCoreApplication
 from core.evaluate import Profile, points_on_plane, read_profile, share_within
 from core.model import DeviceSpec, PlaneEvaluation
 from core.progress import SILENT, Progress
-from core.report import ReportData, Table, tables
+from core.report import CHAPTERS, ReportData, Table
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.status import method_name
 from stripe_gui.presenters.words import signed
@@ -62,7 +62,7 @@ def load_evaluation(folder: ProjectFolder, progress: Progress = SILENT) -> Evalu
     progress.check()
     if not evaluations:
         return None
-    table = tables(ReportData(folder.project, evaluations=evaluations))[-1]
+    (table,) = CHAPTERS["planes"].tables(ReportData(folder.project, evaluations=evaluations))
     return EvaluationView(evaluations, colour_limit_mm(evaluations), table, folder.project.camera)
 
 

@@ -1,8 +1,10 @@
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from core.devices import CAMERA_KINDS, PROJECTOR_KINDS, open_camera, open_projector
+from core.devices import CAMERA_KINDS, PROJECTOR_KINDS, DeviceKind, Image, no_check, open_camera, open_projector
 from core.errors import InputError
 
 
@@ -32,11 +34,11 @@ def test_a_kind_that_does_not_exist_lists_those_that_do() -> None:
     with pytest.raises(InputError) as caught:
         open_camera("pinhole:1")
     for kind in CAMERA_KINDS.values():
-        assert kind in str(caught.value)
+        assert kind.text in str(caught.value)
     with pytest.raises(InputError) as caught:
         open_projector("folder:/tmp")
     for kind in PROJECTOR_KINDS.values():
-        assert kind in str(caught.value)
+        assert kind.text in str(caught.value)
 
 
 @pytest.mark.parametrize("faults", ["stale", "stale-frame:2", "stale-frame@-1", "stale-frame"])
@@ -55,3 +57,31 @@ def test_devices_of_the_same_scene_share_it_and_others_do_not() -> None:
     other = open_camera("virtual:quick?pose=3")
     assert projector.stage is camera.stage
     assert other.stage is not camera.stage
+
+
+def test_a_kind_of_camera_from_outside_opens_by_its_url(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the developer's guide shows: one function, one line, and every command knows the kind."""
+
+    class GreyCamera:
+        bits, name = 8, "grey"
+
+        def __init__(self, level: int) -> None:
+            self.size, self.level = (6, 4), level
+
+        def grab(self, timeout_s: float = 5.0, check=no_check) -> Image:
+            return Image(np.full((4, 6), self.level, np.uint8), 8, time.monotonic())
+
+        def close(self) -> None:
+            pass
+
+    def open_grey(address, note, check) -> GreyCamera:
+        level = address.integer("level", 128, 0, 255)
+        address.finish()
+        return GreyCamera(level)
+
+    monkeypatch.setitem(CAMERA_KINDS, "grey", DeviceKind("grey:NAME, an evenly grey image", open_grey))
+    assert np.all(open_camera("grey:one?level=77").grab().pixels == 77)
+    with pytest.raises(InputError, match="lvel"):
+        open_camera("grey:one?lvel=77")
+    with pytest.raises(InputError, match="grey:NAME"):
+        open_camera("pinhole:1")

@@ -1,6 +1,5 @@
 """The drawings of the report, each with a title, a caption that says what to look at, and a text alternative.
 
-gallery.py    all of them in the order of the report
 canvas.py     colours that follow the page from light to dark, the drawing surface, SVG and PNG
 planes.py     deviation maps on one colour scale, histograms with the predicted normal curve
 images.py     residual vectors and coverage over each device's image
@@ -10,6 +9,5 @@ Matplotlib is used through its objects, on its Agg and SVG canvases: no pyplot, 
 """
 
 from core.report.figures.canvas import Drawing, png_bytes, svg_text
-from core.report.figures.gallery import drawings
 
-__all__ = ["Drawing", "drawings", "png_bytes", "svg_text"]
+__all__ = ["Drawing", "png_bytes", "svg_text"]

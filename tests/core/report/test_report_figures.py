@@ -9,13 +9,18 @@ import pytest
 from scipy.integrate import trapezoid
 
 from core.report import ReportData
-from core.report.figures import drawings, png_bytes, svg_text
+from core.report.chapters import drawings as drawn
+from core.report.figures import png_bytes, svg_text
 from core.report.figures.canvas import CSS_VARIABLES
 from core.report.figures.images import magnification
 from core.report.figures.network import correlations
 from core.report.figures.planes import colour_limit_mm
 
 ALL = ["residuals", "coverage", "network", "convergence", "correlations", "deviations", "histograms"]
+
+
+def drawings(data):
+    return [drawing for chapter in drawn(data).values() for drawing in chapter]
 
 
 def by_key(data):

@@ -10,7 +10,7 @@ from pypdf import PdfReader
 
 from core.errors import Cancelled, InputError
 from core.progress import Progress
-from core.report import ReportData, cell_text, summary, tables, write_report
+from core.report import CHAPTERS, Chapter, Number, ReportData, Table, cell_text, summary, tables, write_report
 
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 FIGURES = {"residuals", "coverage", "network", "convergence", "correlations", "deviations", "histograms"}
@@ -238,3 +238,19 @@ def test_a_file_in_place_of_the_folder_is_refused(project, tmp_path):
     (tmp_path / "out").write_text("here")
     with pytest.raises(InputError, match="cannot be written"):
         write_report(ReportData(project), tmp_path / "out")
+
+
+def test_a_chapter_from_outside_stands_in_both_files(data, tmp_path, monkeypatch):
+    """What the developer's guide shows; where it has nothing to say it is left out."""
+
+    def weather(data):
+        return [Table("Weather", ("quantity", "value"), (("air [°C]", Number(20.5, ".1f")),))] if data.truth else []
+
+    monkeypatch.setitem(CHAPTERS, "weather", Chapter("Weather of the day", weather))
+    paths = write_report(dataclasses.replace(data, truth={"camera": {}}), tmp_path)
+    assert "Weather of the day" in paths.html.read_text(encoding="utf-8")
+    text = "".join(page.extract_text() for page in PdfReader(paths.pdf).pages)
+    assert "Weather of the day" in text
+    assert "20.5" in text
+    without = write_report(dataclasses.replace(data, truth=None), tmp_path)
+    assert "Weather" not in without.html.read_text(encoding="utf-8")
