@@ -10,6 +10,7 @@ identify.py       from the picks to a lattice that all picks agree on
 grow.py           the lattice grows outwards, one confirmed target after the other
 rays.py           rays from the dots' centres, along which the image is sampled
 profile.py        contour, blur, background and plateau of every dot
+light.py          where the projector's light ends, in the camera's image
 faults.py         dots that must not be measured, and why
 centroid.py       weighted centroid, its covariance, the image's noise, the light's gradient
 eccentricity.py   the middle of an ellipse is not the image of the circle's centre

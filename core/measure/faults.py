@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from core.measure.light import CUT
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
 from core.measure.robust import row_median
@@ -14,6 +15,7 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 EVEN = 0.06  # deviations in units of the contrast that a clean dot may show inside and around it
+UNLIT_PERCENT = 1.0  # of an image's pixels, at least, show how dark the unlit board is
 LIT = 0.45  # share of the dot's usual modulation below which a part of it counts as unlit
 
 
@@ -59,7 +61,7 @@ def shape_faults(
             faults[k] = faults[k] or text.format(*(v[k] for v in values))
 
     mark(_beyond_border(image, rays, profile.window), "cut by the image border")
-    mark(_half_lit(modulation, rays, profile, dark), "cut by the edge of the light")
+    mark(_half_lit(image, modulation, rays, profile, dark), CUT)
     mark(~(relative < 0.2), "no contrast: {:.1f} grey values", profile.contrast)
     mark(~np.isfinite(profile.roughness), "its contour is open: covered, lit in part, or touched by something bright")
     limit = 0.07 + 0.008 * minor + 2.0 * edge_px
@@ -96,26 +98,35 @@ def _beyond_border(image: Floats, rays: Rays, window: Array) -> NDArray[np.bool_
     return ~np.all((rays.centre - half >= 0) & (rays.centre + half <= limit), axis=1)
 
 
-def _half_lit(modulation: Floats, rays: Rays, profile: Profiles, dark: bool) -> NDArray[np.bool_]:
-    """Whether the modulation drops on one side of a dot as it does where light ends.
+def _half_lit(image: Floats, modulation: Floats, rays: Rays, profile: Profiles, dark: bool) -> NDArray[np.bool_]:
+    """Whether modulation or brightness drops on one side of a dot as it does where light ends.
 
-    Looked at inside bright dots and at the foot of their edge, round dark ones. Captures without modulation (nothing
-    decoded) say nothing about the light.
+    Looked at inside bright dots, at the foot of their edge and on the board around them; round dark ones. Captures
+    without modulation (nothing decoded) say less about the light.
     """
+    around = profile.window[:, None] + np.array([0.0, 0.15, 0.3, 0.45])
     if dark:
-        around = profile.window[:, None] + np.array([0.0, 0.15])
-        return _one_sided(rays.sample(modulation, around))[0]
+        return _one_sided(rays.sample(modulation, around[:, :2]))[0]
     inside, scatter = _one_sided(rays.sample(modulation, np.array([0.3, 0.6, 0.8])))
     foot = (profile.contour[:, 0] * (1.0 + 0.4 * profile.blur / rays.minor))[:, None]
-    return inside | _one_sided(rays.sample(modulation, foot), scatter)[0]
+    # a black board hardly decodes, but it is brighter in the light than in the dark
+    board = rays.sample(image, around) - np.float32(np.percentile(image[::4, ::4], UNLIT_PERCENT))
+    dim = np.nan_to_num(board).mean(axis=2)
+    unlit = dim.min(axis=1) < LIT * np.median(dim)  # beside a bright speck the board is dark only by comparison
+    return inside | _one_sided(rays.sample(modulation, foot), scatter)[0] | (unlit & _one_sided(board, most=True)[0])
 
 
-def _one_sided(value: Floats, scatter: Array | None = None) -> tuple[NDArray[np.bool_], Array]:
-    """Whether samples (m, rays, k) sink far below the usual on neighbouring rays, and the rays' robust scatter."""
+def _one_sided(value: Floats, scatter: Array | None = None, *, most: bool = False) -> tuple[NDArray[np.bool_], Array]:
+    """Whether samples (m, rays, k) sink far below the usual on neighbouring rays, and the rays' robust scatter.
+
+    `most`: the dark may lie on most rays, so that the usual is what the brighter quarter has.
+    """
     along = np.nan_to_num(value).mean(axis=2)
     along = (along + np.roll(along, 1, axis=1) + np.roll(along, -1, axis=1)) / 3
-    usual = np.median(along, axis=1)
-    spread = 1.4826 * np.median(np.abs(along - usual[:, None]), axis=1)
+    usual = np.quantile(along, 0.8 if most else 0.5, axis=1)
+    # between rays whose means share none; a half in the dark raises only the few differences across its edge
+    apart = np.roll(along, 3, axis=1) if most else usual[:, None]
+    spread = 1.4826 * np.median(np.abs(along - apart), axis=1) / (np.sqrt(2) if most else 1.0)
     least = 6.0 * (spread if scatter is None else scatter)
     sunk = usual - along.min(axis=1)
     return (sunk > (1 - LIT) * usual) & (sunk > least) & (usual > 0), spread

@@ -16,6 +16,7 @@ from core.measure.eccentricity import eccentricity
 from core.measure.faults import shape_faults
 from core.measure.grow import Lattice
 from core.measure.identify import identify
+from core.measure.light import CUT, cut_by_edge, line_gradients
 from core.measure.missing import EXCLUDED, reasons
 from core.measure.options import MeasureOptions
 from core.measure.picks import check_excluded, check_picks, snap
@@ -43,6 +44,7 @@ class Dots:
     cov: Array  # (m, 2, 2) px²
     ellipse: Array  # (m, 2, 2) px, the unit disc's map to the dot
     window: Array  # (m,) radius in the unit disc that holds the whole blurred dot
+    blur: Array  # (m,) px, sigma of the edge
     fault: list[str]  # why it must not be used, empty where it may
 
 
@@ -52,6 +54,7 @@ def measure_targets(
     seeds: Sequence[Seed],
     camera: DeviceSpec,
     *,
+    projector: DeviceSpec | None = None,
     capture: str = "",
     excluded: Collection[tuple[int, int]] = (),
     options: MeasureOptions = MeasureOptions(),  # noqa: B008  frozen
@@ -69,6 +72,8 @@ def measure_targets(
         At least 4 targets, not on one line, clicked within a fraction of their spacing.
     camera : DeviceSpec
         Its nominal focal length gives the view of the board, needed for prediction and eccentricity only.
+    projector : DeviceSpec, optional
+        Its raster tells where the light ends: targets too near to that are left out.
     capture : str
         Name of the capture, for the result and for messages.
     excluded : collection of (row, col)
@@ -120,7 +125,7 @@ def measure_targets(
     )
     progress(0.9, "reading projector coordinates")
     fault = [EXCLUDED if int(t) in unwanted else f for t, f in zip(dots.target, dots.fault, strict=True)]
-    return _target_set(phase, lattice, replace(dots, fault=fault), unwanted, capture, options)
+    return _target_set(phase, lattice, replace(dots, fault=fault), unwanted, capture, projector, options)
 
 
 def _bright_dots(image: Floats, testfield: Testfield, camera: DeviceSpec, capture: str) -> Floats:
@@ -149,7 +154,7 @@ def _measure_dots(image: Floats, modulation: Floats, lattice: Lattice, dark: boo
     board = lattice.board
     target = np.flatnonzero(lattice.known)
     if not len(target):
-        return Dots(target, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2, 2)), np.zeros(0), [])
+        return Dots(target, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2, 2)), np.zeros(0), np.zeros(0), [])
     centre = lattice.blobs.uv[lattice.blob[target]]
     nominal = lattice.view.jacobian(board.xyz_mm[target]) * board.radius_mm[target, None, None]
     spacing = board.spacing_mm[target] / board.radius_mm[target]
@@ -168,7 +173,7 @@ def _measure_dots(image: Floats, modulation: Floats, lattice: Lattice, dark: boo
     ellipse = rays.ellipse
     fault = shape_faults(image, modulation, Rays(uv, ellipse), profile, size, noise, dark)
     scale = profile.contour[:, 0]
-    return Dots(target, uv, cov, ellipse * scale[:, None, None], profile.window / scale, fault)
+    return Dots(target, uv, cov, ellipse * scale[:, None, None], profile.window / scale, profile.blur, fault)
 
 
 def _recentred(profile: Profiles, ellipse: Array, shift: Array) -> Profiles:
@@ -178,10 +183,17 @@ def _recentred(profile: Profiles, ellipse: Array, shift: Array) -> Profiles:
 
 
 def _target_set(
-    phase: PhaseMap, lattice: Lattice, dots: Dots, unwanted: set[int], capture: str, options: MeasureOptions
+    phase: PhaseMap,
+    lattice: Lattice,
+    dots: Dots,
+    unwanted: set[int],
+    capture: str,
+    projector: DeviceSpec | None,
+    options: MeasureOptions,
 ) -> TargetSet:
     """Correct the eccentricity, read the projector coordinates, and tell why the rest is missing."""
     board = lattice.board
+    faults = {int(t): f for t, f in zip(dots.target, dots.fault, strict=True) if f}
     good = np.array([not f for f in dots.fault], dtype=bool)
     target, uv, ellipse = dots.target[good], dots.uv[good], dots.ellipse[good]
     view, shift = lattice.view, np.zeros_like(uv)
@@ -189,17 +201,26 @@ def _target_set(
         view = _final_view(view, board, target, uv - shift)
         shift = eccentricity(view, board.xyz_mm[target], board.radius_mm[target])
     centre = uv - shift
-    projector, sigma = _projector(phase, centre, ellipse, dots.window[good], options)
-    faults = {int(t): f for t, f in zip(dots.target, dots.fault, strict=True) if f}
+    lines, sigma = _projector(phase, centre, ellipse, dots.window[good], options)
+    gradient = line_gradients(centre, lines)
+    cov = dots.cov[good] + ECCENTRICITY_SHARE**2 * shift[:, :, None] * shift[:, None, :]
+    if projector is not None:
+        cut = cut_by_edge(projector, lines, gradient, ellipse, dots.window[good], dots.blur[good])
+        faults |= dict.fromkeys(target[cut].tolist(), CUT)
+        target, centre, cov, lines, sigma, gradient, shift, ellipse = (
+            x[~cut] for x in (target, centre, cov, lines, sigma, gradient, shift, ellipse)
+        )
+    shared = np.einsum("nij,njk,nik->ni", gradient, cov, gradient)
     missing = reasons(phase, replace(lattice, view=view), faults) | dict.fromkeys(sorted(unwanted), EXCLUDED)
     return TargetSet(
         capture=capture,
         row=board.row[target],
         col=board.col[target],
         camera_uv=centre,
-        camera_cov=dots.cov[good] + ECCENTRICITY_SHARE**2 * shift[:, :, None] * shift[:, None, :],
-        projector_uv=projector,
-        projector_sigma=sigma,
+        camera_cov=cov,
+        projector_uv=lines,
+        projector_sigma=np.sqrt(sigma**2 + np.nan_to_num(shared)),
+        gradient=gradient,
         eccentricity_px=shift,
         diameter_px=2 * np.sqrt(np.abs(np.linalg.det(ellipse))),
         missing=tuple(MissingTarget(int(board.row[i]), int(board.col[i]), why) for i, why in missing.items()),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from core.model.arrays import Array, Ints
 
 
@@ -40,7 +42,9 @@ class TargetSet:
 
     `camera_uv` (n, 2) px is the image of the circle's centre: the weighted centroid less `eccentricity_px` (n, 2).
     `camera_cov` (n, 2, 2) px². `projector_uv` (n, 2) lines and `projector_sigma` (n, 2) are NaN where that axis was not
-    decoded at the target. `made_from` signs what they were measured from, empty where nobody asked.
+    decoded at the target. It is read at the measured centroid and shares that one's error: `gradient` (n, 2, 2) says by
+    how many lines it changes per px of the camera's u and v, and `cov` is the covariance of all four. `made_from` signs
+    what they were measured from, empty where nobody asked.
     """
 
     capture: str
@@ -54,3 +58,16 @@ class TargetSet:
     diameter_px: Array
     missing: tuple[MissingTarget, ...] = ()
     made_from: str = ""
+    gradient: Array | None = None
+
+    @property
+    def cov(self) -> Array:
+        """Covariance (n, 4, 4) of the camera's u, v (px) and the projector's u, v (lines); NaN where not decoded."""
+        whole = np.zeros((len(self.row), 4, 4))
+        J = np.zeros((len(self.row), 2, 2)) if self.gradient is None else np.nan_to_num(self.gradient)
+        whole[:, :2, :2] = self.camera_cov
+        whole[:, 2:, :2] = J @ self.camera_cov
+        whole[:, :2, 2:] = np.swapaxes(whole[:, 2:, :2], 1, 2)
+        whole[:, 2:, 2:] = J @ whole[:, :2, 2:]
+        whole[:, [2, 3], [2, 3]] = self.projector_sigma**2
+        return whole

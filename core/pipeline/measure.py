@@ -105,6 +105,7 @@ def measure_capture(
         capture.testfield,
         capture.seeds,
         project.camera,
+        projector=project.projector,
         capture=str(capture.path),
         excluded=capture.excluded,
         progress=progress,
