@@ -184,6 +184,9 @@ def phase_figures(phase: PhaseMap) -> Figures:
         }
     lit = np.isfinite(phase.u) | np.isfinite(phase.v)
     figures["median_modulation"] = plain(float(np.median(phase.modulation[lit]))) if lit.any() else None
+    if phase.response is not None:
+        figures["response"] = [[plain(level), plain(light)] for level, light in phase.response.tolist()]
+    figures["notes"] = list(phase.notes)
     return figures
 
 

@@ -6,7 +6,9 @@ frames.py     checks and sorts the frames by what they tell
 plan.py       how the absolute coordinate of an axis follows from its frames, or why it does not
 tables.py     the least-squares and other linear combinations of frames, as tables
 noise.py      the noise of the grey values, from combinations of frames that show nothing else
-harmonics.py  how harmonics of square waves bend the phase, and the way back
+curves.py     response curves, and what they make of sine fringes
+response.py   the projector's response, found in the frames; sine fringes made straight
+harmonics.py  how harmonics bend the phase, and the way back; those of square waves, from the blur
 sample.py     noise, full scale and contrast of the bits, from a sample of the pixels
 kernel.py     the one compiled pass over the pixels; its steps:
   fringes.py    phases of every period, and the way to the finest

@@ -9,12 +9,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from core.decode.curves import LEVELS
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
 from core.decode.harmonics import Spectrum, measure_bend, spectra
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.noise import contrasts
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
+from core.decode.response import Response, estimate_response, sine_waves, straighten
 from core.decode.rim import drop_rim
 from core.decode.sample import check_duplicates, full_scale, limits_of, measure_fading, measure_noise, take_sample
 from core.decode.sections import decode_sections, section_scratch
@@ -26,6 +28,7 @@ from core.patterns import Axis, Pattern
 from core.progress import SILENT, Progress
 
 DEFAULT = DecodeOptions()
+CURVE = 4  # of the levels at which a response is tabulated, so manieth is told
 BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
 
 
@@ -85,7 +88,7 @@ def decode(
         sequence = _prepare(tuple(patterns), lines)
     except InputError as error:
         raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
-    limits, tables = _measure(sequence, arrays, options, where)
+    limits, tables, response = _measure(sequence, patterns, arrays, options, where)
     height, width = arrays[0].shape
     planes = np.empty((6, height * width), np.float32)  # one block, large enough for large pages
     place, sigma, modulation, image = planes[:2], planes[2:4], planes[4], planes[5]
@@ -114,23 +117,27 @@ def decode(
     for axis, coordinate, s, missing in ((0, u, sigma_u, Flag.NO_U), (1, v, sigma_v, Flag.NO_V)):
         if any(met >> axis & 1 for met in at_rim):
             drop_rim(coordinate, s, flags, float(tables[axis].lines), float(tables[axis].rim), missing)
-    return PhaseMap(u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags)
+    curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]
+    return PhaseMap(u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags, curve)
 
 
 def _measure(
-    sequence: _Prepared, images: Sequence[Image], options: DecodeOptions, where: str
-) -> tuple[Limits, tuple[AxisTable, AxisTable]]:
+    sequence: _Prepared, patterns: Sequence[Pattern], images: Sequence[Image], options: DecodeOptions, where: str
+) -> tuple[Limits, tuple[AxisTable, AxisTable], Response | None]:
     """What a sample of the grey values tells: the thresholds, and how the stripes of both axes are blurred."""
     sample = take_sample(images)
     check_duplicates(sequence.frames, sample, where)
     measured = [n for table in sequence.tables for n in (*table.phase_frames, *table.line_frames)]
     saturation = full_scale(images, tuple(measured), sample, options)
-    noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images)
+    response = estimate_response(sequence.frames, patterns, sample, saturation, images)
+    bent = sine_waves(sequence.frames) if response else ()
+    noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images, bent)
+    tables = straighten(sequence.tables, response, sequence.frames) if response else sequence.tables
     x, y = (
         measure_bend(measure_fading(table, sample, noise), sharp, sample, noise)
-        for table, sharp in zip(sequence.tables, sequence.spectra, strict=True)
+        for table, sharp in zip(tables, sequence.spectra, strict=True)
     )
-    return limits_of(noise, saturation, options), (x, y)
+    return limits_of(noise, saturation, options), (x, y), response
 
 
 @dataclass(frozen=True)

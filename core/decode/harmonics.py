@@ -16,14 +16,14 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from core.decode.curves import HIGHEST, LEVELS, both_sides, waves
 from core.decode.noise import Noise
 from core.decode.tables import AxisTable, Singles, sums_of
-from core.patterns import Pattern, brightness, grey_reason, use_of
+from core.patterns import Pattern, grey_reason, use_of
 
 Array = NDArray[np.float64]
 Spectrum = tuple[complex, ...]
 
-HIGHEST = 33  # harmonic that is counted
 GRID = 512  # places in a period
 SLIGHT = 2e-4  # turns: less is not worth straightening
 FEWEST = 100  # lit pixels that tell the blur
@@ -48,9 +48,8 @@ def spectra(patterns: Sequence[Pattern], table: AxisTable) -> tuple[Spectrum, ..
     Returns
     -------
     spectra : tuple of tuple of complex
-        The term of harmonic m, at index m + HIGHEST, is the factor of ``exp(2 pi i m u / P)`` at line u.
+        The term of harmonic m, at index m + HIGHEST, is the factor of ``exp(2 pi i m (u + 1/2) / P)`` at line u.
     """
-    m = np.arange(-HIGHEST, HIGHEST + 1)
     found = []
     for j, period in enumerate(table.period):
         entries = slice(table.fits.first[j], table.fits.first[j + 1])
@@ -59,11 +58,8 @@ def spectra(patterns: Sequence[Pattern], table: AxisTable) -> tuple[Spectrum, ..
         if not square or abs(period - round(float(period))) > 1e-6:
             found.append(())
             continue
-        lines = np.arange(round(float(period)))
-        waves = np.exp(-2j * np.pi * np.outer(m, lines) / period) / period
-        light = np.array([brightness(p, lines) for p in shown])
         both = table.fits.value[1, entries] + 1j * table.fits.value[2, entries]
-        found.append(tuple((waves @ (both @ light) * np.sinc(m / period)).tolist()))
+        found.append(tuple((both @ both_sides(waves(shown, round(float(period)), LEVELS))).tolist()))
     return tuple(found)
 
 
@@ -86,7 +82,7 @@ def measure_bend(table: AxisTable, sharp: tuple[Spectrum, ...], sample: Singles,
     lit = np.flatnonzero(contrast > 5 * np.sqrt(noise.variance(threshold)))
     if len(lit) < FEWEST:
         return table
-    bends = np.repeat(STRAIGHT[None], len(sharp), axis=0)
+    bends = table.bend.copy() if len(table.bend) else np.repeat(STRAIGHT[None], len(sharp), axis=0)
     for j, spectrum in enumerate(sharp):
         if len(spectrum) == 0:
             continue
@@ -94,14 +90,14 @@ def measure_bend(table: AxisTable, sharp: tuple[Spectrum, ...], sample: Singles,
         c, s = np.einsum("rf,fn->rn", table.fits.value[1:, entries], sample[table.fits.frame[entries]])[:, lit]
         light = np.sort(np.sqrt(c * c + s * s) / (2 * contrast[lit]))
         left = float(light[len(light) // 2])  # `np.median` takes ten times as long
-        bend, density = _bend(spectrum, max(round(left * STEPS), 1) / STEPS, float(table.period[j]))
+        bend, density = _bend(spectrum, max(round(left * STEPS), 1) / STEPS)
         if density.any() and _is_seen(density, np.arctan2(s, c) / np.float32(2 * np.pi)):
             bends[j] = bend
     return table._replace(bend=bends) if bends[:, 0].any() else table
 
 
 @lru_cache(maxsize=64)
-def _bend(spectrum: Spectrum, left: float, period: float) -> tuple[Singles, Singles]:
+def _bend(spectrum: Spectrum, left: float) -> tuple[Singles, Singles]:
     """How a wave is straightened the median of whose modulation is `left` of the light.
 
     Returns
@@ -114,9 +110,7 @@ def _bend(spectrum: Spectrum, left: float, period: float) -> tuple[Singles, Sing
     terms, (part, least) = np.array(spectrum), UNKNOWN
     loss = _loss(terms, left)
     doubt = part * loss + least
-    straight, sharper, softer = (
-        _correction(terms, max(each, 0.0), period) for each in (loss, loss - doubt, loss + doubt)
-    )
+    straight, sharper, softer = (correction(terms, max(each, 0.0)) for each in (loss, loss - doubt, loss + doubt))
     if np.abs(straight).max() < SLIGHT:
         return STRAIGHT, STRAIGHT[0]
     density = np.gradient(np.r_[straight[-1], straight, straight[0]], 1 / GRID)[1:-1]
@@ -153,9 +147,9 @@ def _wave(terms: NDArray[np.complex128], loss: float) -> NDArray[np.complex128]:
     return np.asarray(GRID * np.fft.ifft(placed))
 
 
-def _correction(terms: NDArray[np.complex128], loss: float, period: float) -> NDArray[np.float64]:
+def correction(terms: NDArray[np.complex128], loss: float = 0.0) -> NDArray[np.float64]:
     """True minus measured phase (turns) at the middles of `GRID` equal parts of a turn from -1/2 to 1/2."""
-    true = np.arange(GRID) / GRID + 0.5 / period
+    true = np.arange(GRID) / GRID
     seen = np.unwrap(np.angle(_wave(terms, loss))) / (2 * np.pi)
     seen += np.round(true[0] - seen[0])
     seen, true = (np.concatenate([a - 1, a, a + 1]) for a in (np.maximum.accumulate(seen), true))

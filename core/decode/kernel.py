@@ -140,6 +140,8 @@ def decode_pixels(  # type: ignore[no-untyped-def]
             if table.start == CODE:
                 weighted_sum(table.rows, 0, source, count, threshold)
                 weighted_sum(table.rows, 1, source, count, contrast)
+                if table.lift != F(0):
+                    _lift(table.lift, table.contrast_lift, m, count, threshold, contrast)
                 contrast_of(table, source, limits, count, threshold, contrast, m, one, two, s, flag)
                 read_bits(table, source, limits, count, threshold, contrast, one, scratch, masks)
                 locate(table, turns, variance, word, unsure, near, count, u, one, doubtful)
@@ -158,6 +160,14 @@ def decode_pixels(  # type: ignore[no-untyped-def]
             m_out[i] = least[i]
             f_out[i] = every[i]
     return at_rim
+
+
+@part
+def _lift(lift, contrast_lift, modulation, count, threshold, contrast):  # type: ignore[no-untyped-def]
+    """Bring a threshold that is the mean of bent waves to the middle between off and on."""
+    for i in range(count):
+        threshold[i] += lift * modulation[i]
+        contrast[i] += contrast_lift * modulation[i]
 
 
 @part

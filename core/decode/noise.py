@@ -8,13 +8,14 @@ where the camera adds an offset to its grey values, for the offset is without sh
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.frames import Numbers, PhaseFrames, SortedFrames
-from core.decode.tables import Singles, fundamental
+from core.decode.tables import fundamental
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,8 @@ LEAST = 50  # residuals that tell a variance
 LOWEST = 0.5  # the noise is never taken below this part of the least seen
 TINY = 1e-12
 MEDIAN_OF_SQUARE = 0.45494  # of a normal deviate
+OUTSIDE = 50.0  # squares by their median, of what is no noise
+EXPLAINED = 8  # harmonics of a sine wave that a response makes
 HARMONICS = (3, 5, 7)  # of a square wave, next to the first
 
 
@@ -162,7 +165,45 @@ def _fit(variance: Array, level: Array, floor: float) -> Noise:
     return noise
 
 
-def spatial_residual(rows: Singles) -> tuple[Array, Array]:
+def without_harmonics(
+    residual: NDArray[np.floating],
+    quadratures: Sequence[NDArray[np.complexfloating]],
+    also: Callable[[Array], Array] = np.asarray,
+) -> NDArray[np.float32]:
+    """What is left of combinations of frames without the part that harmonics of the waves explain, linearly.
+
+    Parameters
+    ----------
+    residual : array (k, n) or (...)
+        Combinations of grey values.
+    quadratures : sequence of complex arrays (n,)
+        Cosine plus i sine part of every period.
+    also : callable
+        What was done with the frames to come to `residual`, to be done with the harmonics too.
+    """
+    basis = []
+    for z in quadratures:
+        amplitude = np.abs(z)
+        turn = z / np.maximum(amplitude, 1e-6)
+        basis.append(also(amplitude).ravel())
+        power = amplitude.astype(complex)
+        for _ in range(EXPLAINED):
+            power = power * turn
+            basis += [also(power.real).ravel(), also(power.imag).ravel()]
+    design = np.array(basis)
+    flat = residual.reshape(-1, design.shape[1]).astype(float)
+    left = flat
+    for _ in range(2):  # edges of the scene must not take part
+        inner = np.max(np.square(left) / np.median(np.square(left), axis=1, keepdims=True), axis=0) < OUTSIDE
+        some = design[:, inner]
+        normal = some @ some.T
+        normal += 1e-9 * np.trace(normal) / len(normal) * np.eye(len(normal))
+        left = flat - np.linalg.solve(normal, some @ flat[:, inner].T).T @ design
+    left *= np.sqrt(design.shape[1] / max(design.shape[1] - len(design), 1))
+    return left.reshape(residual.shape).astype(np.float32)
+
+
+def spatial_residual(rows: NDArray[np.floating]) -> tuple[Array, Array]:
     """Second differences along image rows, of unit norm, and the means they are taken at, shape (..., W - 2).
 
     They are noise where the scene is smooth. The mean of the same three values is not correlated with them.

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from core.decode.frames import Image, LineFrames, Numbers, SortedFrames
-from core.decode.noise import LEAST, MEDIAN_OF_SQUARE, Noise, estimate_noise, spatial_residual
+from core.decode.noise import LEAST, MEDIAN_OF_SQUARE, Noise, estimate_noise, spatial_residual, without_harmonics
 from core.decode.options import DecodeOptions
-from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, sums_of
+from core.decode.response import Wave
+from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, modulation_of, sums_of
 from core.errors import InputError
 from core.parallel import run_in_bands
 
@@ -72,23 +73,35 @@ def quantum(sample: Singles) -> float:
 
 
 def measure_noise(
-    frames: SortedFrames, found: Array, sample: Singles, saturation: float, images: Sequence[Image]
+    frames: SortedFrames,
+    found: Array,
+    sample: Singles,
+    saturation: float,
+    images: Sequence[Image],
+    bent: Sequence[Wave] = (),
 ) -> Noise:
-    """Noise model from the redundancy of the frames, their `contrasts`; without any, from the scene's smoothness."""
+    """Noise model from the redundancy of the frames, their `contrasts`; without any, from the scene's smoothness.
+
+    What the harmonics of `bent` waves explain of that is none.
+    """
     step = quantum(sample) if images[0].itemsize > 1 else 1.0
     lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
     if len(found):
         used = np.abs(found).max(axis=0) > 0
         every = max(1, min(len(found) * sample.shape[1] // RESIDUALS, sample.shape[1] // FEWEST))
         g = sample[used, ::every]
-        g = np.compress(g.max(axis=0) < saturation, g, axis=1)  # an index would leave it in a slower order
+        g_top = g.max(axis=0)
+        g = np.compress(g_top < saturation, g, axis=1)  # an index would leave it in a slower order
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
         residual = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g)
+        if bent:
+            whole = np.compress(g_top < saturation, sample[:, ::every], axis=1)
+            residual = without_harmonics(residual, [wave.seen(whole) for wave in bent])
         level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
     elif lines:
         return _sweep_noise(lines[0], sample, saturation, images)
     else:
-        residual, level = _smoothness(frames, images, saturation)
+        residual, level = _smoothness(frames, images, saturation, bent)
     return estimate_noise(residual.ravel(), level.ravel(), step)
 
 
@@ -115,7 +128,9 @@ def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: 
     return Noise(dark.dark, max(0.0, float(shot)), dark.floor)
 
 
-def _smoothness(frames: SortedFrames, images: Sequence[Image], saturation: float) -> tuple[Singles, Singles]:
+def _smoothness(
+    frames: SortedFrames, images: Sequence[Image], saturation: float, bent: Sequence[Wave] = ()
+) -> tuple[Singles, Singles]:
     """Second differences along some rows of the evenly lit image, else of the smoothest frame, and their levels."""
     height = images[0].shape[0]
     rows = slice(height // 64, None, max(1, height // 32))
@@ -126,6 +141,12 @@ def _smoothness(frames: SortedFrames, images: Sequence[Image], saturation: float
         scene = np.sum([value * images[n][rows].astype(np.float32) for n, value in even.items()], axis=0)
         residual, level = spatial_residual(scene)
         residual, level = residual / norm, level / scale
+        if bent:
+            shown = np.stack([image[rows] for image in images]).astype(np.float32)
+            quadratures = [np.tensordot(wave.both, shown[list(wave.frames.frames)], 1) for wave in bent]
+            residual = without_harmonics(residual, quadratures, also=lambda part: spatial_residual(part)[0]).astype(
+                float
+            )
     else:
         # the frame with the widest stripes
         each = [spatial_residual(image[rows].astype(np.float32)) for image in images]
@@ -145,7 +166,11 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
     bits = len(table.sign)
     if bits == 0:
         return table
-    threshold, contrast, *bit_sums = sums_of(table.rows, sample[:, ::4])
+    sample = sample[:, ::4]
+    threshold, contrast, *bit_sums = sums_of(table.rows, sample)
+    if table.lift != 0:
+        modulation = modulation_of(table, sample)
+        threshold, contrast = threshold + table.lift * modulation, contrast + table.contrast_lift * modulation
     raw = np.stack(bit_sums)
     if not table.has_threshold:
         shown = -np.where(table.sign == 0, -1, table.sign)[:, None] * raw

@@ -76,6 +76,8 @@ class AxisTable(NamedTuple):
     threshold is added, `spread` is its variance per frame's variance, `fading` its contrast relative to the coarse
     bits; `least_contrast` is the least contrast as a part of the threshold. Of a sweep: frames, centres, how far
     around the brightest the light is counted, and the standard deviation (lines) that its discrete lines cause.
+    `lift` and `contrast_lift` times the modulation are added to the code's threshold and half contrast: where these
+    come from the mean of sine steps, a projector's response puts that off the middle.
     """
 
     start: int
@@ -84,6 +86,8 @@ class AxisTable(NamedTuple):
     fits: Fits
     has_threshold: bool
     has_contrast: bool
+    lift: np.float32
+    contrast_lift: np.float32
     covariance: Singles
     period: Singles
     bend: Singles
@@ -187,6 +191,13 @@ def sums_of(rows: Rows, sample: Singles) -> Iterator[Singles]:
         yield np.einsum("f,fn", rows.value[start:stop], sample[rows.column[start:stop]])
 
 
+def modulation_of(table: AxisTable, sample: Singles) -> Singles:
+    """Amplitude of the finest period's first harmonic in the pixels of a sample, float32 (frames, n)."""
+    entries = slice(table.fits.first[0], table.fits.first[1])
+    c, s = np.einsum("rf,fn->rn", table.fits.value[1:, entries], sample[table.fits.frame[entries]])
+    return np.asarray(np.hypot(c, s), np.float32)
+
+
 def _pack_fits(fits: Sequence[PhaseFit]) -> Fits:
     """Pack the solutions, filled up with frames that count nothing."""
     first, frame, value = [0], [], [np.zeros((3, 0))]
@@ -257,6 +268,8 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         fits=_pack_fits(fits),
         has_threshold=bool(threshold),
         has_contrast=bool(contrast),
+        lift=np.float32(0),
+        contrast_lift=np.float32(0),
         covariance=np.array([fit.cofactors for fit in fits], np.float32).reshape(-1, 3),
         period=np.array([phase.period for phase in axis.phases][: len(fits)], np.float32),
         bend=np.zeros((0, 3, 1), np.float32),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.model.arrays import Floats
+from core.model.arrays import Array, Floats
 
 
 @dataclass(frozen=True)
@@ -17,6 +17,9 @@ class PhaseMap:
     `u`, `v` are in projector lines, NaN where invalid (all NaN for an axis without patterns), `sigma_u`, `sigma_v`
     their standard deviations in lines. `modulation` and `image` (the scene lit evenly) are in grey values. `flags` says
     why a pixel is invalid: bits of `core.decode.Flag`.
+
+    `response` (k, 2) is the curve of level and light (0 to 1) that sine fringes were found to be projected with, None
+    where they are as good as straight. `notes` say in sentences what is wrong with the capture, and the remedy.
     """
 
     u: Floats
@@ -26,3 +29,5 @@ class PhaseMap:
     modulation: Floats
     image: Floats
     flags: NDArray[np.uint8]
+    response: Array | None = None
+    notes: tuple[str, ...] = ()

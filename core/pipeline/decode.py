@@ -55,12 +55,15 @@ def phase_maps(
 
 
 def write_phase(out: Path, phase: PhaseMap) -> None:
-    """Write a phase map as NPZ, one array for each of its fields."""
+    """Write a phase map as NPZ, one array for each of its fields; no response, no array."""
+    arrays = {f.name: getattr(phase, f.name) for f in fields(PhaseMap)}
+    arrays["notes"] = np.array(phase.notes, dtype=np.str_)
     with atomic_write(out) as file:
-        np.savez(file, **{f.name: getattr(phase, f.name) for f in fields(PhaseMap)})
+        np.savez(file, **{name: array for name, array in arrays.items() if array is not None})
 
 
 def read_phase(path: Path) -> PhaseMap:
     """Read what `write_phase` wrote."""
     with np.load(path, allow_pickle=False) as stored:
-        return PhaseMap(**{f.name: stored[f.name] for f in fields(PhaseMap)})
+        arrays = {f.name: stored[f.name] for f in fields(PhaseMap) if f.name in stored}
+    return PhaseMap(**{**arrays, "notes": tuple(arrays.get("notes", np.zeros(0, np.str_)).tolist())})

@@ -1,0 +1,116 @@
+"""Response curves: how much light a projector makes of a level, and what that makes of its waves.
+
+A curve is a family of few parameters that contains all power laws and bends into S-shapes:
+
+    g'(l) = l^(p-1) (1-l)^(q-1) exp(a1 T1(2l-1) + a2 T2(2l-1) + a3 T3(2l-1)),   g(0) = 0, g(1) = 1
+
+with Chebyshev polynomials T; it rises everywhere, and is a straight line where all parameters (ln p, ln q, a1, a2, a3)
+are 0. Over the phase of a cosine, ``l = (1 + cos psi) / 2``, it is smooth also where a power law is steep, and its
+terms there are the harmonics of the wave that the projector shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.patterns import Pattern, brightness, grey_reason, use_of
+
+Array = NDArray[np.float64]
+Waves = NDArray[np.complex128]
+
+NODES = 256  # steps of half a period
+PARAMETERS = 5
+HIGHEST = 33  # harmonic that is counted
+SPREAD = np.array([0.8, 0.3, 0.4, 0.5, 0.25])  # of the parameters over projectors, standard deviations
+LEVELS = (1 - np.cos(np.pi * np.arange(NODES + 1) / NODES)) / 2
+DISCRETE = 32.0  # lines: a wave of more lines is as good as continuous
+
+
+@lru_cache(maxsize=1)
+def _middles() -> tuple[Array, Array, Array]:
+    """Logarithms of level and 1 - level in the middles between `LEVELS`, and the polynomials there with the slope."""
+    psi = np.pi * (np.arange(NODES) + 0.5) / NODES
+    x = -np.cos(psi)
+    return np.log((1 + x) / 2), np.log((1 - x) / 2), np.array([x, 2 * x**2 - 1, 4 * x**3 - 3 * x, np.log(np.sin(psi))])
+
+
+@lru_cache(maxsize=1)
+def _cosines() -> Array:
+    """Matrix from light at `LEVELS` to the amplitudes of the harmonics of the wave, shape (HIGHEST + 1, NODES + 1)."""
+    weight = np.full(NODES + 1, 1.0 / NODES)
+    weight[[0, -1]] /= 2
+    psi = np.pi * (1 - np.arange(NODES + 1) / NODES)  # level 0 is half a period from the crest
+    return np.cos(np.outer(np.arange(HIGHEST + 1), psi)) * weight
+
+
+def light_of(parameters: Array) -> Array:
+    """Light (0 to 1) at `LEVELS` by the family's curve.
+
+    Examples
+    --------
+    >>> square = light_of(np.array([np.log(2.0), 0, 0, 0, 0]))
+    >>> float(np.abs(square - LEVELS**2).max()) < 1e-4
+    True
+    """
+    low, high, terms = _middles()
+    p, q, *a = parameters
+    slope = np.exp(np.expm1(p) * low + np.expm1(q) * high + np.array([*a, 1.0]) @ terms)
+    light = np.concatenate([[0.0], np.cumsum(slope)])
+    return np.asarray(light / light[-1])
+
+
+def table_of(curve: Sequence[tuple[float, float]] | Array) -> Array:
+    """Light at `LEVELS` of a curve given as [[level, light], ...], scaled to run from 0 to 1."""
+    level, light = np.asarray(curve, float).T
+    order = np.argsort(level, kind="stable")
+    table = np.interp(LEVELS, level[order], light[order])
+    return np.asarray((table - table[0]) / (table[-1] - table[0]))
+
+
+def light_at(table: Array, level: Array) -> Array:
+    """Light at any levels (0 to 1) of a curve tabulated at `LEVELS`."""
+    psi = np.arccos(np.clip(1 - 2 * np.asarray(level, float), -1, 1)) * (NODES / np.pi)
+    return np.asarray(np.interp(psi, np.arange(NODES + 1), table))
+
+
+def waves(patterns: Sequence[Pattern], period: float, table: Array) -> Waves:
+    """What frames show over a period: the terms of ``exp(2 pi i m (u + 1/2) / P)``, m = 0 to HIGHEST.
+
+    Parameters
+    ----------
+    patterns : sequence of Pattern
+        Phase patterns of this period; beside square waves of whole lines, whatever fits them.
+    period : float
+    table : array
+        Light at `LEVELS`.
+
+    Returns
+    -------
+    terms : complex (frames, HIGHEST + 1)
+        Of whole lines without blur.
+    """
+    m = np.arange(HIGHEST + 1)
+    lines = round(period)
+    square = any(use_of(p) == "phase" and grey_reason(p) is None for p in patterns)
+    if (period <= DISCRETE or square) and abs(period - lines) < 1e-6:
+        places = np.arange(lines)
+        light = np.array([light_at(table, brightness(p, places)) for p in patterns])
+        terms = light @ np.exp(-2j * np.pi * np.outer(places + 0.5, m) / period) / period
+        return np.asarray(terms * np.sinc(m / period))
+    even = _cosines() @ table * np.sinc(m / period)
+    shift = np.array([getattr(p, "shift_rad", 0.0) for p in patterns])
+    return np.asarray(even * np.exp(-1j * np.outer(shift, m)))
+
+
+def dimming(period: float, blur: float) -> Array:
+    """What is left of every harmonic after a Gaussian blur of variance `blur` (lines²), shape (HIGHEST + 1,)."""
+    return np.asarray(np.exp(-2 * (np.pi * np.arange(HIGHEST + 1) / period) ** 2 * max(blur, 0.0)))
+
+
+def both_sides(terms: Waves) -> Waves:
+    """Terms from -HIGHEST to HIGHEST of those from 0 on, of waves that are real."""
+    return np.concatenate([terms[..., :0:-1].conj(), terms], axis=-1)

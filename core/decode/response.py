@@ -1,0 +1,375 @@
+"""The projector's response, found in the frames of a capture.
+
+Of every pixel of a sample the ambient light, the gain and the phases are unknown; of all of them together the curve's
+parameters, the blur of each axis and how the light of whole fields compares with that of fringes. Least squares over
+all frames: harmonics show in more than three steps, in the light of whole fields, bits and other periods against that
+of the steps, and in the gain that several periods share. What that leaves open - four steps see no difference of the
+third and fifth harmonic - shows in the crowding of the phases over the scene: bent phases are denser where the phase
+runs slowly. How uneven the scene's own phases are is seen in harmonics that the steps cannot bend.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.decode.curves import PARAMETERS, SPREAD, both_sides, dimming, light_at, light_of, waves
+from core.decode.frames import Image, PhaseFrames, SortedFrames
+from core.decode.harmonics import GRID, STEEPEST, STRAIGHT, correction
+from core.decode.tables import AxisTable, Singles
+from core.patterns import Axis, Pattern, grey_reason, level_of, use_of
+
+Array = NDArray[np.float64]
+Terms = NDArray[np.complex128]
+
+PIXELS = 900  # of the sample that tell the curve
+FEWEST = 100  # pixels, fewer tell nothing
+ROUNDS = 12
+STEP = 1e-3  # of a parameter, for differences
+LARGEST = 0.5  # change of a parameter in one round
+MISFIT = 0.01  # part of a pixel's light by which fringes may differ from the model without noise
+FIELD = 0.03  # the same for whole fields and bits, whose scattered light is another
+BLUR = -0.8, 0.7  # logarithm of the blur's variance (lines²): what is usual, and how much rigs differ
+HARMONICS = 12  # of a wave that count
+OUTLIER = 9.0  # mean square of a pixel's residuals from which it counts less
+HALFWAY = 0.15  # part of a bit's light beyond which it is at an edge
+DIM = 0.1  # part of the brightest pixels' modulation that one must have
+LEAST = 1.0  # grey value, modulation
+SIGNIFICANT = 30.0  # twice the logarithm of the likelihood by which a curve must explain more than a straight line
+SETTLED = 0.05  # standard deviations squared of the last change
+CROWDED = 2  # rounds
+CROWD = 40000  # pixels whose phases' density is looked at
+MULTIPLES = 2  # of the number of steps, harmonics of the phases' density that are looked at
+NEIGHBOURS = 4  # harmonics on either side that tell how uneven the scene is
+
+
+@dataclass(frozen=True)
+class Wave:
+    """Sine fringes of one period: which axis' how manieth, its frames, and their sum to cosine plus i sine part."""
+
+    axis: int
+    number: int
+    frames: PhaseFrames
+    both: Terms
+
+    def seen(self, sample: Singles) -> Terms:
+        """Cosine plus i sine part in every pixel of a sample, float32 (frames, n)."""
+        return np.asarray(self.both @ sample[list(self.frames.frames)])
+
+    def spectrum(self, response: Response) -> Terms:
+        """What these frames make of cosine plus i sine, by harmonic from -HIGHEST to HIGHEST."""
+        shown = waves(self.frames.patterns, self.frames.period, response.table)
+        shown[:, HARMONICS + 1 :] = 0  # of long periods those that whole lines make, which blur has taken away
+        return self.both @ both_sides(shown * dimming(self.frames.period, response.blur[self.axis]))
+
+
+@dataclass(frozen=True)
+class Response:
+    """A curve, the blur of both axes, and how whole fields compare with fringes.
+
+    `values` are the curve's parameters, the logarithms of the blur (lines²) of axis x and y, the light of a dark field,
+    and by how much that of a lit one differs from the fringes'; `normal` is the inverse of their covariance.
+    """
+
+    values: Array
+    normal: Array
+
+    @property
+    def table(self) -> Array:
+        """Light at the levels `core.decode.curves.LEVELS`."""
+        return light_of(self.values[:PARAMETERS])
+
+    @property
+    def blur(self) -> Array:
+        """Variance of the blur of axis x and y in lines²."""
+        return np.exp(self.values[PARAMETERS : PARAMETERS + 2])
+
+    def moved(self, k: int) -> Response:
+        """The same with one value changed by `STEP`."""
+        values = self.values.copy()
+        values[k] += STEP
+        return Response(values, self.normal)
+
+
+def sine_waves(frames: SortedFrames) -> tuple[Wave, ...]:
+    """All periods of sine fringes, of which a response makes something else."""
+    axes: tuple[Axis, Axis] = ("x", "y")
+    found = []
+    for a, axis in enumerate(axes):
+        for j, phase in enumerate(frames.axes[axis].phases if axis in frames.axes else ()):
+            shift = np.array([p.shift_rad for p in phase.patterns])
+            design = np.column_stack([np.ones(len(shift)), np.cos(shift), np.sin(shift)])
+            if grey_reason(phase.patterns[0]) and np.linalg.matrix_rank(design, tol=1e-6) == 3:
+                _, c, s = np.linalg.pinv(design)
+                found.append(Wave(a, j, phase, c + 1j * s))
+    return tuple(found)
+
+
+class _Model:
+    """The sample's pixels with their unknowns, and what the frames would show."""
+
+    def __init__(
+        self, frames: SortedFrames, all_waves: Sequence[Wave], patterns: Sequence[Pattern], sample: Singles, top: float
+    ) -> None:
+        self.waves = all_waves
+        fringes = [n for wave in all_waves for n in wave.frames.frames]
+        fields = [n for n, p in enumerate(patterns) if use_of(p) == "level"]
+        shown = sample[fringes].astype(float)
+        codes = [] if fields else [n for n, p in enumerate(patterns) if use_of(p) == "code"]
+        self.levels = np.array([level_of(patterns[n]) for n in fields], float)
+        if codes:
+            bits = np.sort(sample[codes].astype(float), axis=0)
+            off, on = bits[0], bits[-1]
+            part = (bits - off) / np.maximum(on - off, LEAST)
+            clear = np.all((part < HALFWAY) | (part > 1 - HALFWAY), axis=0)
+            lit = part > 0.5
+            on = (bits * lit).sum(axis=0) / np.maximum(lit.sum(axis=0), 1)
+            off = (bits * ~lit).sum(axis=0) / np.maximum((~lit).sum(axis=0), 1)
+            seen = np.vstack([shown, on, off])
+            self.levels = np.array([1.0, 0.0])
+        else:
+            seen = np.vstack([shown, sample[fields]])
+        group = [j for j, wave in enumerate(all_waves) for _ in wave.frames.frames]
+        self.member = np.zeros((len(seen), len(all_waves)))
+        self.member[np.arange(len(group)), group] = 1
+        self.fringes = len(group)
+        # start: as if the projector were linear
+        quadratures = np.array([wave.seen(sample) for wave in all_waves])
+        amplitude = np.abs(quadratures)
+        dimmest = amplitude.min(axis=0)
+        good = (seen.max(axis=0) < top) & (dimmest > DIM * np.percentile(dimmest, 90)) & (dimmest > LEAST)
+        self.turns = np.angle(quadratures[:, good]) / (2 * np.pi)
+        if codes and (good & clear).sum() >= FEWEST:
+            good &= clear
+        where = np.flatnonzero(good)
+        where = where[:: max(1, len(where) // PIXELS)]
+        self.size = len(where)
+        self.seen = seen[:, where].T  # (n, F)
+        self.phase = np.angle(quadratures[:, where]).T  # (n, J)
+        self.gain, self.ground = np.ones(self.size), np.zeros(self.size)
+        self.solved = np.zeros(0)
+
+    def terms(self, r: Response) -> Terms:
+        """Terms of every frame over the phase, shape (F, HARMONICS + 1); of whole fields only the first."""
+        found = np.zeros((len(self.member), HARMONICS + 1), complex)
+        at = 0
+        for wave in self.waves:
+            each = waves(wave.frames.patterns, wave.frames.period, r.table)
+            each = each * dimming(wave.frames.period, r.blur[wave.axis])
+            found[at : at + len(each)] = each[:, : HARMONICS + 1]
+            at += len(each)
+        light, (dark, more) = light_at(r.table, self.levels), r.values[-2:]
+        found[at:, 0] = dark * (1 - light) + (1 + more) * light
+        return found
+
+
+def estimate_response(
+    frames: SortedFrames,
+    patterns: Sequence[Pattern],
+    sample: Singles,
+    saturation: float,
+    images: Sequence[Image],
+) -> Response | None:
+    """Find the projector's response in a sample of the grey values.
+
+    Parameters
+    ----------
+    frames : SortedFrames
+    patterns : sequence of Pattern
+        Of all frames.
+    sample : float32 (frames, n)
+        Grey values.
+    saturation : float
+        Grey value from which a pixel is saturated.
+    images : sequence of arrays (H, W)
+        For more pixels, where the crowding of the phases must tell.
+
+    Returns
+    -------
+    response : Response, optional
+        None where there are no sine fringes or too few pixels see them.
+    """
+    all_waves = sine_waves(frames)
+    if not all_waves:
+        return None
+    model = _Model(frames, all_waves, patterns, sample, saturation)
+    if model.size < FEWEST:
+        return None
+    start = np.concatenate([np.zeros(PARAMETERS), [BLUR[0], BLUR[0], 0.0, 0.0]])
+    prior = np.diag(np.concatenate([SPREAD, [BLUR[1], BLUR[1], FIELD, FIELD]]) ** -2.0)
+    found = Response(start, prior)
+    for k in range(ROUNDS):
+        normal, right = _reduced(model, found, first=k == 0)
+        right -= prior @ (found.values - start)
+        normal += prior
+        change = np.asarray(np.linalg.solve(normal, right), float)
+        if k == 0 and _significance(change, normal) < SIGNIFICANT and not _crowded(model):
+            return None
+        change *= min(1.0, LARGEST / np.abs(change).max())
+        _follow(model, change)
+        values = found.values + change
+        found = Response(values, normal)
+        if change @ normal @ change < SETTLED:
+            break
+    base = found
+    model.turns = _phases(images, all_waves, saturation)
+    for _ in range(CROWDED):
+        found = _use_crowding(model, base, found)
+    return found if _significance(found.values, found.normal) > SIGNIFICANT else None
+
+
+def _significance(values: Array, normal: Array) -> float:
+    """By how much a curve explains more than the straight line, which has parameters of 0; as chi squared."""
+    curve = slice(0, PARAMETERS)
+    return float(values[curve] @ np.linalg.solve(np.linalg.inv(normal)[curve, curve], values[curve]))
+
+
+def _phases(images: Sequence[Image], all_waves: Sequence[Wave], saturation: float) -> Array:
+    """Phases (turns) of all periods in many pixels, as if the projector were linear, shape (J, n)."""
+    height, width = images[0].shape
+    step = max(1, int(np.sqrt(height * width / CROWD)))
+    found, good = [], np.array(True)
+    for wave in all_waves:
+        shown = np.stack([images[n][step // 2 :: step, step // 2 :: step] for n in wave.frames.frames])
+        z = np.tensordot(wave.both.astype(np.complex64), shown.astype(np.float32), 1)
+        amplitude = np.abs(z)
+        good = good & (shown.max(axis=0) < saturation) & (amplitude > max(DIM * np.percentile(amplitude, 90), LEAST))
+        found.append(z)
+    return np.asarray(np.angle(np.array(found)[:, good]) / (2 * np.pi), float)
+
+
+def _reduced(model: _Model, r: Response, first: bool) -> tuple[Array, Array]:
+    """Normal equations of the common unknowns, those of the pixels eliminated; remembers how these follow."""
+    double = np.full(HARMONICS + 1, 2.0)
+    double[0] = 1.0
+    powers = np.exp(1j * model.phase.T[:, :, None] * np.arange(HARMONICS + 1))  # (J, n, M + 1)
+    rows = [np.flatnonzero(column) for column in model.member.T]
+
+    def shown(t: Terms) -> Array:
+        light = np.tile(t[:, 0].real, (model.size, 1))
+        for mine, power in zip(rows, powers, strict=True):
+            light[:, mine] = (power @ (t[mine] * double).T).real
+        return light
+
+    terms = model.terms(r)
+    light = shown(terms)
+    if first:
+        mean, grey = light.mean(axis=1, keepdims=True), model.seen.mean(axis=1, keepdims=True)
+        away = light - mean
+        gain = (away * (model.seen - grey)).sum(axis=1) / (away * away).sum(axis=1)
+        model.gain = np.maximum(gain, LEAST)
+        model.ground = grey[:, 0] - model.gain * mean[:, 0]
+    gain = model.gain[:, None]
+    residual = model.seen - model.ground[:, None] - gain * light
+    slope = gain * shown(terms * 1j * np.arange(HARMONICS + 1))
+    common = np.stack([gain * shown((model.terms(r.moved(k)) - terms) / STEP) for k in range(len(r.values))], axis=2)
+    pixel = np.concatenate([np.ones((*light.shape, 1)), light[..., None], slope[..., None] * model.member], axis=2)
+    fringe = np.arange(light.shape[1]) < model.fringes
+    freedom = max(light.shape[1] - pixel.shape[2], 1) / light.shape[1]
+    noise = max(float(np.median(np.square(residual[:, fringe]))) / 0.455 / freedom, 0.1)
+    weight = 1 / (noise + np.square(np.where(fringe, MISFIT, FIELD) * gain))
+    misfit = np.mean(weight * residual**2, axis=1)
+    weight *= (1 / np.maximum(1.0, misfit / OUTLIER))[:, None]
+    weighted = (weight[..., None] * pixel).transpose(0, 2, 1)
+    inner, outer = weighted @ pixel, weighted @ common
+    inner += 1e-9 * np.einsum("nii->ni", inner).max(axis=1)[:, None, None] * np.eye(inner.shape[1])
+    right = weighted @ residual[..., None]
+    model.solved = np.linalg.solve(inner, np.concatenate([outer, right], axis=2))
+    flat, count = (weight[..., None] * common).reshape(-1, len(r.values)), len(r.values)
+    full, free = flat.T @ common.reshape(-1, count), flat.T @ residual.ravel()
+    beside = outer.reshape(-1, count).T @ model.solved.reshape(-1, count + 1)
+    return full - beside[:, :-1], free - beside[:, -1]
+
+
+def _follow(model: _Model, change: Array) -> None:
+    """Change the pixels' unknowns as the common ones have changed."""
+    own = model.solved[..., -1] - model.solved[..., :-1] @ change
+    model.ground = model.ground + own[:, 0]
+    model.gain = np.maximum(model.gain + own[:, 1], LEAST)
+    model.phase = model.phase + np.clip(own[:, 2:], -0.5, 0.5)
+
+
+def _crowded(model: _Model) -> bool:
+    """Whether phases crowd at as many places of their period as there are steps, beyond what the scene itself shows."""
+    for wave, turns in zip(model.waves, model.turns, strict=True):
+        steps, others = _harmonics(wave)
+        crowding, usual = (np.abs(_density(turns, k)) ** 2 for k in (steps, others))
+        if crowding[0] > SIGNIFICANT / 2 * max(float(usual.mean()), 1 / len(turns)):
+            return True
+    return False
+
+
+def _harmonics(wave: Wave) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Harmonics of the phases' density that bending makes, and others of the kind that it does not."""
+    steps = len({round(p.shift_rad, 6) for p in wave.frames.patterns})
+    made = steps * np.arange(1, MULTIPLES + 1)
+    others = np.arange(max(2, steps - NEIGHBOURS), made[-1] + NEIGHBOURS + 1)
+    return made, others[others % steps != 0]
+
+
+def _density(turns: Array, harmonics: NDArray[np.int64]) -> Terms:
+    """Harmonics of the density of phases (turns)."""
+    first = np.exp(2j * np.pi * turns)
+    return np.array([np.mean(first**k) for k in harmonics])
+
+
+def _use_crowding(model: _Model, base: Response, r: Response) -> Response:
+    """Let the straightened phases be spread as evenly over their period as the scene allows; `base` is without."""
+    full, right = base.normal.copy(), base.normal @ (base.values - r.values)
+    for wave, turns in zip(model.waves, model.turns, strict=True):
+        at = np.minimum(((turns + 0.5) * GRID).astype(np.intp), GRID - 1)
+        made, others = _harmonics(wave)
+
+        def density(each: Response, wave: Wave = wave, at: NDArray[np.intp] = at, turns: Array = turns) -> Terms:
+            return _density(turns + correction(wave.spectrum(each))[at], _harmonics(wave)[0])
+
+        bent = turns + correction(wave.spectrum(r))[at]
+        uneven = float(np.mean(np.abs(_density(bent, others)) ** 2))
+        weight = 2 / max(uneven, 0.25 / len(turns))
+        seen = _density(bent, made)
+        slopes = np.zeros((len(r.values), len(made)), complex)
+        for k in (*range(PARAMETERS), PARAMETERS + wave.axis):
+            slopes[k] = (density(r.moved(k)) - seen) / STEP
+        full += weight * (slopes @ slopes.conj().T).real
+        right -= weight * (slopes @ seen.conj()).real
+    change = np.linalg.solve(full, right)
+    values = r.values + change * min(1.0, LARGEST / np.abs(change).max())
+    return Response(values, full)
+
+
+def straighten(tables: tuple[AxisTable, AxisTable], r: Response, frames: SortedFrames) -> tuple[AxisTable, AxisTable]:
+    """Set how the phases of sine fringes are straightened, and where the middle between off and on is."""
+    out = list(tables)
+    covariance = np.linalg.inv(r.normal)
+    for wave in sine_waves(frames):
+        table = out[wave.axis]
+        if len(table.period) == 0:
+            continue
+        straight = correction(wave.spectrum(r))
+        values = [*range(PARAMETERS), PARAMETERS + wave.axis]
+        slopes = np.array([correction(wave.spectrum(r.moved(k))) - straight for k in values]) / STEP
+        unsure = np.einsum("kg,kl,lg->g", slopes, covariance[np.ix_(values, values)], slopes)
+        slope = 1 + np.gradient(np.r_[straight[-1], straight, straight[0]], 1 / GRID)[1:-1]
+        bends = table.bend.copy() if len(table.bend) else np.repeat(STRAIGHT[None], len(table.period), axis=0)
+        bends[wave.number] = [straight, np.clip(slope, 1 / STEEPEST, STEEPEST) ** 2, unsure]
+        out[wave.axis] = table._replace(bend=bends)
+    return _lift(out[0], r, frames), _lift(out[1], r, frames)
+
+
+def _lift(table: AxisTable, r: Response, frames: SortedFrames) -> AxisTable:
+    """Put the threshold of a code, where it is the mean of the steps, to the middle between off and on."""
+    mine = [w for w in sine_waves(frames) if w.number == 0 and set(w.frames.frames) <= set(table.phase_frames.tolist())]
+    start, middle, stop = table.rows.first[:3].tolist() if table.has_threshold else (0, 0, 0)
+    used = set(table.rows.column[start:middle].tolist())
+    if not mine or not used or not used <= {n for w in sine_waves(frames) for n in w.frames.frames}:
+        return table
+    mean, first = waves(mine[0].frames.patterns, mine[0].frames.period, r.table)[0, :2]
+    lift = (0.5 - float(mean.real)) / (2 * abs(first))
+    # half the contrast is white less this threshold, or the threshold less black
+    entries = zip(table.rows.column[middle:stop], table.rows.value[middle:stop], strict=True)
+    fields = [value for n, value in entries if n not in used]
+    side = -float(np.sign(sum(fields))) if fields else 0.0
+    return table._replace(lift=np.float32(lift), contrast_lift=np.float32(side * lift))

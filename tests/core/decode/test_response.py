@@ -1,0 +1,115 @@
+"""Projectors that are not linear, seen by a small simulator of its own: any response, scene, blur and ambient light."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, gaussian_filter1d
+
+from core.decode import decode
+from core.patterns import Black, Pattern, Phase, White, brightness, gray_and_phase
+
+LINES, HEIGHT, WIDTH, FINE = 640, 160, 480, 16
+Curve = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Sight:
+    """An oblique wavy surface of uneven albedo in ambient light; noise of about 1.9 grey values."""
+
+    curve: Curve
+    camera_gamma: float = 1.0
+    blur_lines: float = 0.7
+
+    @property
+    def u(self) -> np.ndarray:
+        y, x = np.mgrid[:HEIGHT, :WIDTH] / np.array([[[HEIGHT]], [[WIDTH]]])
+        return 6 + (LINES - 13) * (
+            0.92 * x + 0.05 * x**2 + 0.03 * y - 0.02 * x * y + 0.012 * np.sin(7 * y + 3 * x) ** 2
+        )
+
+    def take(self, patterns: Sequence[Pattern]) -> list[np.ndarray]:
+        rng = np.random.default_rng(3)
+        texture = gaussian_filter(rng.normal(size=(HEIGHT, WIDTH)), 6)
+        albedo = np.clip(1 + 0.14 * texture / texture.std(), 0.3, 1.3) / 1.3
+        places = (np.arange(LINES * FINE) - (FINE - 1) / 2) / FINE
+        images = []
+        for pattern in patterns:
+            lines = np.repeat(self.curve(brightness(pattern, np.arange(LINES))), FINE)
+            even = pattern.kind in ("white", "black")
+            light = lines[0] if even else np.interp(self.u, places, gaussian_filter1d(lines, self.blur_lines * FINE))
+            grey = 255 * (albedo * (12 + 150 * light) / 255) ** self.camera_gamma
+            grey = grey + rng.normal(size=grey.shape) * np.sqrt(2 + 0.01 * grey)
+            images.append(np.clip(np.rint(grey), 0, 255).astype(np.uint8))
+        return images
+
+
+def power(exponent: float) -> Curve:
+    return lambda level: level**exponent
+
+
+def s_shape(level: np.ndarray) -> np.ndarray:
+    logistic = 1 / (1 + np.exp(-6 * (level - 0.5)))
+    return (logistic - logistic.min()) / np.ptp(logistic) if np.ptp(level) == 1 else _scaled(logistic)
+
+
+def _scaled(logistic: np.ndarray) -> np.ndarray:
+    low, high = 1 / (1 + np.exp(3)), 1 / (1 + np.exp(-3))
+    return (logistic - low) / (high - low)
+
+
+def sequence(periods: tuple[float, ...], steps: int, coded: bool, reference: bool) -> list[Pattern]:
+    patterns = gray_and_phase("x", LINES, cell=8 if len(periods) == 1 else 12, periods=periods, steps=steps)
+    wanted = [p for p in patterns if coded or isinstance(p, Phase)]
+    return [*wanted, White(), Black()] if reference else wanted
+
+
+@cache
+def result(name: str, exponent: float | None, camera_gamma: float = 1.0) -> tuple[float, float, float, float]:
+    """Valid part, r.m.s. error (lines), observed over predicted, part of errors beyond two lines."""
+    sight = Sight(s_shape if exponent is None else power(exponent), camera_gamma)
+    patterns = sequence(*SEQUENCES[name])
+    phase = decode(patterns, sight.take(patterns), lines=(LINES, 480))
+    good = np.isfinite(phase.u)
+    error = (phase.u - sight.u)[good]
+    ratio = float(np.sqrt(np.mean((error / phase.sigma_u[good]) ** 2)))
+    return float(good.mean()), float(np.sqrt(np.mean(error**2))), ratio, float(np.mean(np.abs(error) > 2))
+
+
+SEQUENCES = {
+    "gray and 3 steps": ((16.0,), 3, True, True),
+    "gray and 4 steps": ((16.0,), 4, True, False),
+    "gray and 8 steps": ((16.0,), 8, True, True),
+    "two periods of 3 steps": ((16.0, 24.0), 3, True, False),
+    "hierarchy of 3 steps": ((640.0, 80.0, 16.0), 3, False, False),
+}
+
+
+@pytest.mark.parametrize("exponent", [0.8, 1.4, 2.2, None], ids=["0.8", "1.4", "2.2", "S"])
+@pytest.mark.parametrize("name", SEQUENCES)
+def test_any_response_decodes_as_well_as_a_straight_one(name: str, exponent: float | None) -> None:
+    """The bounds are the specification's: valid within 1 %, r.m.s. within 1.3, sigma from 0.9 to 1.15."""
+    straight, bent = result(name, 1.0), result(name, exponent)
+    assert bent[0] > straight[0] - 0.01
+    assert bent[1] < 1.3 * straight[1]
+    assert bent[3] == 0
+    assert 0.85 < bent[2] < 1.15
+
+
+@pytest.mark.parametrize("name", SEQUENCES)
+def test_a_straight_response_is_left_alone(name: str) -> None:
+    patterns = sequence(*SEQUENCES[name])
+    assert decode(patterns, Sight(power(1.0)).take(patterns), lines=(LINES, 480)).response is None
+
+
+def test_the_curve_is_found() -> None:
+    """As far as it shows: half a percent of light is a fiftieth of a line at a period of 16."""
+    patterns = sequence((16.0, 24.0), 5, True, True)
+    found = decode(patterns, Sight(power(2.2)).take(patterns), lines=(LINES, 480)).response
+    assert found is not None
+    level, light = found.T
+    assert np.abs(light - level**2.2).max() < 0.02
