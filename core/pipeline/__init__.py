@@ -19,7 +19,7 @@ from core.pipeline.guessing import accept_guesses, guess_picks
 from core.pipeline.measure import measure_project
 from core.pipeline.options import METHODS, CalibrateOptions
 from core.pipeline.preflight import preflight_rig
-from core.pipeline.reconstruct import reconstruct_capture, write_cloud
+from core.pipeline.reconstruct import check_cloud, reconstruct_capture, write_cloud
 from core.pipeline.report import (
     failed_verdicts,
     load_sign_off,
@@ -50,6 +50,7 @@ __all__ = [
     "calibrate_project",
     "capture_into",
     "captures_of",
+    "check_cloud",
     "check_scenario",
     "compare_runs",
     "current_runs",

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
+from core.atomic import check_place
 from core.errors import InputError
 from core.model import Method, PhaseMap, PointCloud, Project
 from core.pipeline.calibrate import load_calibrations
@@ -35,12 +34,17 @@ def reconstruct_capture(
 
 
 def write_cloud(out: Path, phase: PhaseMap, cloud: PointCloud) -> int:
-    """Write a point cloud as NPZ or PLY, by the name's ending; give the number of valid points."""
-    from core.reconstruct import write_npz, write_ply
+    """Write a point cloud for another program, chosen by the name's ending; give the number of valid points."""
+    from core.reconstruct import exporter_for
 
+    exporter = exporter_for(out)
     with atomic_write(out) as file:
-        if out.suffix.lower() == ".ply":
-            write_ply(file, cloud, phase.image)
-        else:
-            write_npz(file, cloud)
-    return int(np.isfinite(cloud.xyz_mm[..., 2]).sum())
+        return exporter.write(file, cloud, phase.image)
+
+
+def check_cloud(out: Path) -> None:
+    """Refuse a file that `write_cloud` could not write, before the work begins."""
+    from core.reconstruct import exporter_for
+
+    exporter_for(out)
+    check_place(out)

@@ -6,14 +6,14 @@
 * `sigma_table` what the calibration's covariance does to a point;
 * `lookup` depth by the polynomial or the table of every pixel;
 * `rays` the viewing directions of all camera pixels;
-* `export` the NPZ and PLY files.
+* `export/` files for other programs, one for each ending.
 
 A camera pixel is where it is: its centre has no error, so a point lies on its pixel's ray and the projector coordinates
 u and v, which carry the phase noise, say how far along.
 """
 
-from core.reconstruct.export import write_npz, write_ply
+from core.reconstruct.export import EXPORTERS, exporter_for, write_npz, write_ply
 from core.reconstruct.points import reconstruct
 from core.reconstruct.rays import camera_rays
 
-__all__ = ["camera_rays", "reconstruct", "write_npz", "write_ply"]
+__all__ = ["EXPORTERS", "camera_rays", "exporter_for", "reconstruct", "write_npz", "write_ply"]

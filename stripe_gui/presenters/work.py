@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from core import pipeline
-from core.errors import InputError, StripeError
+from core.errors import StripeError
 from core.figures import phase_figures
-from core.model import Calibration, Method, PhaseMap, PlaneEvaluation, PointCloud, Project, TargetSet
+from core.model import Calibration, Method, PhaseMap, PlaneEvaluation, Project, TargetSet
 from core.pipeline import CalibrateOptions
 from core.progress import SILENT, Progress
 from core.project import write_json
@@ -75,23 +75,11 @@ def reconstruct(project: Project, capture: str, method: Method, progress: Progre
 
 
 def export_points(project: Project, capture: str, method: Method, out: Path, progress: Progress = SILENT) -> int:
-    """Write the points of a capture as PLY, NPZ or XYZ text, by the name's ending; give their number."""
-    if out.suffix.lower() not in (".ply", ".npz", ".xyz"):
-        raise InputError(out, f"the ending {out.suffix!r}", "name a file that ends in .ply, .npz or .xyz")
+    """Write the points of a capture for another program, by the name's ending; give their number."""
+    pipeline.check_cloud(out)
     phase, cloud = pipeline.reconstruct_capture(project, capture, method, progress=progress)
     progress.check()
-    return _write_xyz(out, cloud) if out.suffix.lower() == ".xyz" else pipeline.write_cloud(out, phase, cloud)
-
-
-def _write_xyz(out: Path, cloud: PointCloud) -> int:
-    import numpy as np
-
-    from core.project import atomic_write
-
-    points = cloud.xyz_mm[np.isfinite(cloud.xyz_mm).all(axis=-1)]
-    with atomic_write(out) as file:
-        np.savetxt(file, points, fmt="%.5f")
-    return len(points)
+    return pipeline.write_cloud(out, phase, cloud)
 
 
 def evaluate(

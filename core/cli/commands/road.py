@@ -39,7 +39,7 @@ def add(commands: Commands) -> None:
     sub.add_argument("capture", metavar="CAPTURE")
     sub.add_argument("--method", choices=("photogrammetric", "polynomial"))
     sub.add_argument("--extrapolate", action="store_true", help="polynomial: beyond the calibrated depths too")
-    sub.add_argument("--out", type=Path, required=True, metavar="F.npz|F.ply")
+    sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="npz ply stl obj glb pcd xyz e57 las")
 
     commands.add_on_project("evaluate", _evaluate, "deviations of every plane capture, by every calibration")
 
@@ -119,10 +119,10 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import reconstruct_capture, write_cloud
+    from core.pipeline import check_cloud, reconstruct_capture, write_cloud
     from core.project import read_project
 
-    check_out(options.out, ".npz", ".ply")
+    check_cloud(options.out)
     project = read_project(options.project)
     phase, cloud = reconstruct_capture(project, options.capture, options.method, options.extrapolate, progress)
     points = write_cloud(options.out, phase, cloud)

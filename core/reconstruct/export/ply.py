@@ -1,4 +1,4 @@
-"""Points for other programs: NPZ arrays and the PLY file."""
+"""PLY: points with their sigmas and grey values, binary."""
 
 from __future__ import annotations
 
@@ -8,20 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import PointCloud
+from core.reconstruct.export.exporter import Exporter, Image, grey_bytes
 
 
-def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write the arrays of a point cloud, float32, under the names of the interchange contract.
-
-    ``xyz`` (H, W, 3) in mm in the camera's frame, NaN where invalid; ``sigma`` (H, W, 3) in mm, photogrammetric method
-    only; ``sigma_depth`` (H, W) in mm, of Z from phase noise alone.
-    """
-    arrays = {"xyz": cloud.xyz_mm, "sigma": cloud.sigma_mm, "sigma_depth": cloud.sigma_depth_mm}
-    stored: dict[str, Any] = {name: np.asarray(a, np.float32) for name, a in arrays.items() if a is not None}
-    np.savez(file, **stored)
-
-
-def write_ply(file: BinaryIO, cloud: PointCloud, image: NDArray[Any] | None = None) -> int:
+def write_ply(file: BinaryIO, cloud: PointCloud, image: Image | None = None) -> int:
     """Write the valid points as a binary little-endian PLY file; give their number.
 
     Parameters
@@ -39,7 +29,7 @@ def write_ply(file: BinaryIO, cloud: PointCloud, image: NDArray[Any] | None = No
     elif cloud.sigma_depth_mm is not None:
         columns.append(("sigma_z", "<f4", cloud.sigma_depth_mm[valid]))
     if image is not None:
-        grey = _bytes(np.asarray(image, np.float32)[valid])
+        grey = grey_bytes(np.asarray(image, np.float32)[valid])
         columns += [(n, "u1", grey) for n in ("red", "green", "blue")]
     vertices = np.empty(int(np.count_nonzero(valid)), np.dtype([(name, kind) for name, kind, _ in columns]))
     for name, _, values in columns:
@@ -55,7 +45,4 @@ def write_ply(file: BinaryIO, cloud: PointCloud, image: NDArray[Any] | None = No
     return len(vertices)
 
 
-def _bytes(grey: NDArray[np.float32]) -> NDArray[np.uint8]:
-    finite = grey[np.isfinite(grey)]
-    bright = float(np.percentile(finite, 99)) if finite.size else 1.0
-    return np.clip(np.nan_to_num(grey) * (255 / max(bright, 1e-6)) + 0.5, 0, 255).astype(np.uint8)
+EXPORTER = Exporter(".ply", "points", write_ply)

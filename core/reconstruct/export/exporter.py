@@ -1,0 +1,56 @@
+"""What an exporter is: the ending of its files, and how they are written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, BinaryIO, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.model import PointCloud
+
+Image = NDArray[Any]  # (H, W) grey values
+
+
+@dataclass(frozen=True)
+class Exporter:
+    """A kind of file for points.
+
+    Attributes
+    ----------
+    ending : str
+        Of file names, with its dot.
+    holds : {"arrays", "points", "mesh"}
+    write : callable
+        ``(file, cloud, image) -> int``: the number of points written.
+    """
+
+    ending: str
+    holds: Literal["arrays", "points", "mesh"]
+    write: Callable[[BinaryIO, PointCloud, Image | None], int]
+
+
+def valid_points(cloud: PointCloud) -> NDArray[np.bool_]:
+    """Which pixels have a point, (H, W)."""
+    return np.asarray(np.isfinite(cloud.xyz_mm).all(axis=-1))
+
+
+def count(cloud: PointCloud) -> int:
+    """Give the number of points."""
+    return int(np.count_nonzero(valid_points(cloud)))
+
+
+def grey_bytes(grey: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Grey values from 0 (black) to 255 (the brightest percent); what is not known is black."""
+    finite = grey[np.isfinite(grey)]
+    bright = float(np.percentile(finite, 99)) if finite.size else 1.0
+    return np.clip(np.nan_to_num(grey) * (255 / max(bright, 1e-6)) + 0.5, 0, 255).astype(np.uint8)
+
+
+def points_and_grey(cloud: PointCloud, image: Image | None) -> tuple[NDArray[np.float32], NDArray[np.uint8] | None]:
+    """Give the valid points, (n, 3), and their grey values, (n,)."""
+    valid = valid_points(cloud)
+    points = np.ascontiguousarray(cloud.xyz_mm[valid], np.float32)
+    return points, None if image is None else grey_bytes(np.asarray(image, np.float32)[valid])

@@ -1,0 +1,29 @@
+"""NPZ: the arrays as they are, in the image's raster."""
+
+from __future__ import annotations
+
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from core.model import PointCloud
+from core.reconstruct.export.exporter import Exporter, Image, count
+
+
+def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write the arrays of a point cloud, float32, under the names of the interchange contract.
+
+    ``xyz`` (H, W, 3) in mm in the camera's frame, NaN where invalid; ``sigma`` (H, W, 3) in mm, photogrammetric method
+    only; ``sigma_depth`` (H, W) in mm, of Z from phase noise alone.
+    """
+    arrays = {"xyz": cloud.xyz_mm, "sigma": cloud.sigma_mm, "sigma_depth": cloud.sigma_depth_mm}
+    stored: dict[str, Any] = {name: np.asarray(a, np.float32) for name, a in arrays.items() if a is not None}
+    np.savez(file, **stored)
+
+
+def _write(file: BinaryIO, cloud: PointCloud, image: Image | None) -> int:
+    write_npz(file, cloud)
+    return count(cloud)
+
+
+EXPORTER = Exporter(".npz", "arrays", _write)
