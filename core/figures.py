@@ -167,7 +167,7 @@ def _target_set_figures(t: TargetSet) -> Figures:
         for i in range(len(t.row))
     ]
     missing = [{"row": m.row, "col": m.col, "reason": m.reason} for m in t.missing]
-    return {"capture": t.capture, "targets": measured, "missing": missing}
+    return {"capture": t.capture, "targets": measured, "missing": missing, "notes": list(t.notes)}
 
 
 def phase_figures(phase: PhaseMap) -> Figures:

@@ -9,6 +9,7 @@ noise.py      the noise of the grey values, from combinations of frames that sho
 curves.py     response curves, and what they make of sine fringes
 response.py   the projector's response, found in the frames; sine fringes made straight
 harmonics.py  how harmonics bend the phase, and the way back; those of square waves, from the blur
+notes.py      what is wrong with a capture that decodes less than its light promises
 sample.py     noise, full scale and contrast of the bits, from a sample of the pixels
 kernel.py     the one compiled pass over the pixels; its steps:
   fringes.py    phases of every period, and the way to the finest

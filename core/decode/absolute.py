@@ -14,13 +14,22 @@ from core.decode.frames import Image, SortedFrames, check_images, sort_frames
 from core.decode.harmonics import Spectrum, measure_bend, spectra
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.noise import contrasts
+from core.decode.notes import notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
 from core.decode.response import Response, estimate_response, sine_waves, straighten
 from core.decode.rim import drop_rim
-from core.decode.sample import check_duplicates, full_scale, limits_of, measure_fading, measure_noise, take_sample
+from core.decode.sample import (
+    check_duplicates,
+    full_scale,
+    limits_of,
+    measure_fading,
+    measure_noise,
+    spread,
+    take_sample,
+)
 from core.decode.sections import decode_sections, section_scratch
-from core.decode.tables import SWEEP, AxisTable, Limits, Rows, axis_table, image_row, make_rows, no_axis
+from core.decode.tables import SWEEP, AxisTable, Limits, Rows, Singles, axis_table, image_row, make_rows, no_axis
 from core.errors import InputError
 from core.model import PhaseMap
 from core.parallel import run_in_bands
@@ -88,7 +97,7 @@ def decode(
         sequence = _prepare(tuple(patterns), lines)
     except InputError as error:
         raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
-    limits, tables, response = _measure(sequence, patterns, arrays, options, where)
+    limits, tables, response, sample = _measure(sequence, patterns, arrays, options, where)
     height, width = arrays[0].shape
     planes = np.empty((6, height * width), np.float32)  # one block, large enough for large pages
     place, sigma, modulation, image = planes[:2], planes[2:4], planes[4], planes[5]
@@ -117,13 +126,14 @@ def decode(
     for axis, coordinate, s, missing in ((0, u, sigma_u, Flag.NO_U), (1, v, sigma_v, Flag.NO_V)):
         if any(met >> axis & 1 for met in at_rim):
             drop_rim(coordinate, s, flags, float(tables[axis].lines), float(tables[axis].rim), missing)
+    notes = notes_on(arrays, sample, flags[spread(shape)].ravel(), limits, tables)
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]
-    return PhaseMap(u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags, curve)
+    return PhaseMap(u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags, curve, notes)
 
 
 def _measure(
     sequence: _Prepared, patterns: Sequence[Pattern], images: Sequence[Image], options: DecodeOptions, where: str
-) -> tuple[Limits, tuple[AxisTable, AxisTable], Response | None]:
+) -> tuple[Limits, tuple[AxisTable, AxisTable], Response | None, Singles]:
     """What a sample of the grey values tells: the thresholds, and how the stripes of both axes are blurred."""
     sample = take_sample(images)
     check_duplicates(sequence.frames, sample, where)
@@ -137,7 +147,7 @@ def _measure(
         measure_bend(measure_fading(table, sample, noise), sharp, sample, noise)
         for table, sharp in zip(tables, sequence.spectra, strict=True)
     )
-    return limits_of(noise, saturation, options), (x, y), response
+    return limits_of(noise, saturation, options), (x, y), response, sample
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,17 @@ CONFLICT = 0.25  # part of the range of grey values by which frames of one patte
 
 def take_sample(images: Sequence[Image]) -> Singles:
     """Grey values of pixels spread over the image, shape (frames, pixels)."""
-    height, width = images[0].shape
+    sample = np.stack([image[spread(image.shape)] for image in images])
+    return sample.reshape(len(images), -1).astype(np.float32)
+
+
+def spread(shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Rows and columns of the pixels that `take_sample` takes of images of a shape."""
+    height, width = shape
     step = max(1, int(np.sqrt(height * width / SAMPLE)))
     across = min(step, 4)  # neighbours share cache lines: rather fewer rows
     down = max(1, min(height // 16, step * step // across))
-    sample = np.stack([image[down // 2 :: down, ::across] for image in images])
-    return sample.reshape(len(images), -1).astype(np.float32)
+    return slice(down // 2, None, down), slice(None, None, across)
 
 
 def check_duplicates(frames: SortedFrames, sample: Singles, where: str) -> None:

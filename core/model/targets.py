@@ -44,7 +44,7 @@ class TargetSet:
     `camera_cov` (n, 2, 2) px². `projector_uv` (n, 2) lines and `projector_sigma` (n, 2) are NaN where that axis was not
     decoded at the target. It is read at the measured centroid and shares that one's error: `gradient` (n, 2, 2) says by
     how many lines it changes per px of the camera's u and v, and `cov` is the covariance of all four. `made_from` signs
-    what they were measured from, empty where nobody asked.
+    what they were measured from, empty where nobody asked; `notes` are those of the decoded capture.
     """
 
     capture: str
@@ -59,6 +59,7 @@ class TargetSet:
     missing: tuple[MissingTarget, ...] = ()
     made_from: str = ""
     gradient: Array | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def cov(self) -> Array:

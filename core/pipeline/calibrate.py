@@ -131,7 +131,7 @@ def _calibrate_photogrammetric(
     testfield = _common_testfield(captures)
     targets = measured_targets(project, captures, progress.part(0.0, 0.9))
     measured += targets
-    return calibrate_photogrammetric(
+    calibration, adjustment = calibrate_photogrammetric(
         project.camera,
         project.projector,
         testfield,
@@ -142,6 +142,8 @@ def _calibrate_photogrammetric(
         options=replace(CALIBRATION_OPTIONS, reject_beyond=options.reject_beyond),
         progress=progress.part(0.9, 1.0),
     )
+    notes = [f"{t.capture}: {note}" for t in targets for note in t.notes]
+    return replace(calibration, warnings=(*notes, *calibration.warnings)), adjustment
 
 
 def _depth_sign(project: Project, captures: list[Capture], options: CalibrateOptions) -> str:
@@ -173,8 +175,9 @@ def _calibrate_depth(
     if not captures:
         raise InputError(project.path, "no capture of role depth", "capture a plate at known depths")
     side = side_of(captures)
-    planes = []
+    planes, notes = [], []
     for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.7)):
+        notes += [f"{capture.name}: {note}" for note in phase.notes]
         targets = measure_capture(capture, phase, project, side, progress.quiet()) if capture.seeds else None
         assert capture.z_mm is not None
         planes.append(DepthPlane(capture.z_mm, phase, targets))
@@ -189,7 +192,7 @@ def _calibrate_depth(
         options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
         progress=progress.part(0.7, 1.0),
     )
-    return replace(calibration, warnings=(*warnings, *calibration.warnings))
+    return replace(calibration, warnings=(*notes, *warnings, *calibration.warnings))
 
 
 def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]:

@@ -111,4 +111,4 @@ def measure_capture(
         progress=progress,
         options=MeasureOptions(side=side),
     )
-    return replace(targets, capture=capture.name)
+    return replace(targets, capture=capture.name, notes=phase.notes)

@@ -97,7 +97,7 @@ def figures_table(phase: PhaseMap) -> Table:
         share = 100 * np.count_nonzero(phase.flags & flag.value) / count
         if share > 0 and flag not in (Flag.NO_U, Flag.NO_V):
             rows.append((f"{flag_words(flag.value)[0]} [%]", Number(share, ".2f")))
-    return Table("", (translate("Decode", "quantity"), translate("Decode", "value")), tuple(rows))
+    return Table("", (translate("Decode", "quantity"), translate("Decode", "value")), tuple(rows), phase.notes)
 
 
 class PhaseCache:

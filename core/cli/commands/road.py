@@ -56,6 +56,8 @@ def _decode(options: Options, progress: Progress) -> dict[str, Any]:
     write_phase(options.out, phase)
     figures = phase_figures(phase)
     print(options.out)
+    for note in phase.notes:
+        print(note)
     return figures
 
 
@@ -67,6 +69,8 @@ def _measure(options: Options, progress: Progress) -> dict[str, Any]:
     targets = measure_project(read_project(options.project), progress)
     for t in targets:
         print(f"{t.capture:20s} {len(t.row):5d} targets measured, {len(t.missing):4d} missing")
+        for note in t.notes:
+            print(f"  {note}")
     return targets_figures(targets)
 
 

@@ -1,0 +1,96 @@
+"""What is wrong with a capture that decodes nowhere, or far less than its light promises: the cause and the remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.decode.frames import Image
+from core.decode.noise import MEDIAN_OF_SQUARE, spatial_residual
+from core.decode.options import Flag
+from core.decode.tables import NOTHING, AxisTable, Limits, Singles
+
+LIT = 12.0  # standard deviations of a grey value that the frames of a lit pixel differ by: noise alone reaches 6
+NOWHERE = 0.005  # part of the image: less light is none
+PROMISED = 0.5  # part of the lit pixels that should decode
+LEAST = 0.3  # grey values, noise of quantisation
+APART = 3.0  # times the noise of one frame that what should agree must differ by to be no noise
+MIXED = (
+    "A frame may be missing, in the wrong place or of another scene, capture.json may not list the patterns that were "
+    "shown, or the object moved. Take the capture again."
+)
+LARGER = "Compare its width and height in project.json with those that the patterns were made for."
+MANY = 0.1  # part of the lit pixels that a cause must have to be told
+
+
+def notes_on(
+    images: Sequence[Image],
+    sample: Singles,
+    flags: NDArray[np.uint8],
+    limits: Limits,
+    tables: tuple[AxisTable, AxisTable],
+) -> tuple[str, ...]:
+    """Say in sentences why far fewer pixels of a capture decode than are lit; nothing where all is well.
+
+    Parameters
+    ----------
+    images : sequence of arrays (H, W)
+        All frames.
+    sample : float32 (frames, n)
+        Their grey values in pixels all over the image.
+    flags : uint8 (n,)
+        Of the same pixels.
+    limits : Limits
+        Noise and full scale.
+    tables : (AxisTable, AxisTable)
+        Of axis x and y.
+    """
+    wanted = [flag for flag, table in zip((Flag.NO_U, Flag.NO_V), tables, strict=True) if table.start != NOTHING]
+    missing = flags & np.uint8(sum(int(flag) for flag in wanted)) != 0
+    if missing.mean() <= MANY:
+        return ()
+    contrast, grain = sample.max(axis=0) - sample.min(axis=0), _grain(images)
+    lit = contrast > LIT * grain
+    if lit.mean() < NOWHERE:
+        level = f"their frames differ by {np.median(contrast):.0f} grey values in the median"
+        remedy = "See that the projector reaches the object, that its frames are those shown, and expose longer"
+        return (f"The projector lights no pixel visibly: {level}. {remedy}.",)
+    seen, lost = flags[lit], missing[lit]
+    if lost.mean() <= 1 - PROMISED:
+        return ()
+    head = f"Only {1 - lost.mean():.0%} of the pixels that the projector lights decode"
+    first, *others = _causes(seen[lost], len(seen), limits, grain, tables) or [""]
+    return (f"{head}: {first}" if first else f"{head}.", *(f"{text[0].upper()}{text[1:]}" for text in others))
+
+
+def _grain(images: Sequence[Image]) -> float:
+    """Standard deviation of a grey value, from the smoothest frame alone."""
+    rows = slice(len(images[0]) // 32, None, max(1, len(images[0]) // 16))
+    median = min(float(np.median(np.square(spatial_residual(image[rows].astype(np.float32))[0]))) for image in images)
+    return max(float(np.sqrt(median / MEDIAN_OF_SQUARE)), LEAST)
+
+
+def _causes(
+    lost: NDArray[np.uint8], lit: int, limits: Limits, grain: float, tables: tuple[AxisTable, AxisTable]
+) -> list[str]:
+    """The causes, the most frequent first; flags of the pixels that are lost, and how many are lit."""
+    told = any(len(table.period) > 1 or len(table.sign) for table in tables)
+    full, level = float(limits.saturation), float(limits.saturation) / 4
+    noise = float(np.sqrt(max(limits.dark + limits.shot * level, limits.floor)))
+    remedy = "Focus, expose longer or use longer periods."
+    weak = f"the fringes are too weak for the noise of {noise:.1f} grey values. {remedy}"
+    if noise > APART * grain:
+        agree = f"frames that should agree differ by {noise:.1f} grey values, where their noise is {grain:.1f}."
+        weak = f"{agree} {MIXED}"
+    contrary = f"the frames contradict each other. {MIXED}" if told else "the phase is too noisy. Expose longer."
+    kinds = {
+        int(Flag.SATURATED): f"a step is at full scale ({full:.0f}). Expose shorter or stop the lens down.",
+        int(Flag.LOW_MODULATION): weak,
+        int(Flag.DISAGREEMENT | Flag.UNSURE): contrary,
+        int(Flag.OUTSIDE): f"the coordinate is beyond the projector's lines. {LARGER}",
+    }
+    parts = {text: float(np.count_nonzero(lost & bits)) / lit for bits, text in kinds.items()}
+    ordered = sorted(parts.items(), key=lambda part: -part[1])
+    return [f"in {part:.0%} of them {text}" for text, part in ordered if part > MANY]

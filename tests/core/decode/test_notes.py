@@ -1,0 +1,50 @@
+"""A capture that decodes nowhere, or far less than its light promises, says so with the cause and the remedy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.decode import decode
+from core.patterns import Black, White, gray_and_phase
+
+PATTERNS = [*gray_and_phase("x", 640, cell=8, periods=[16]), White(), Black()]
+
+
+def noted(bench, change=lambda images: images, **more: object) -> str:
+    b = bench(blur=1.0, **more)
+    return " ".join(decode(PATTERNS, change(b.take(PATTERNS)), lines=(640, 640)).notes)
+
+
+def test_a_sound_capture_needs_no_note(bench) -> None:
+    assert noted(bench) == ""
+
+
+def test_shadow_is_no_fault(bench) -> None:
+    assert noted(bench, gain=np.where(np.arange(1000) < 300, 70.0, 0.0)[None, :]) == ""
+
+
+def test_a_projector_that_lights_nothing(bench) -> None:
+    assert "lights no pixel" in noted(bench, gain=0.0)
+
+
+def test_overexposure(bench) -> None:
+    note = noted(bench, gain=400.0)
+    assert "full scale (255)" in note
+    assert "shorter" in note
+
+
+@pytest.mark.parametrize("change", [lambda images: images[::-1], lambda images: [*images[3:], *images[:3]]])
+def test_frames_in_the_wrong_place(bench, change) -> None:
+    note = noted(bench, change)
+    assert note.startswith("Only ")
+    assert "Take the capture again" in note
+
+
+def test_fringes_that_do_not_show(bench) -> None:
+    """The bits are seen, the fringes of four lines are not: out of focus."""
+    patterns = [*gray_and_phase("x", 640, cell=4, periods=[4]), White(), Black()]
+    b = bench(blur=2.2)
+    (note, *_) = decode(patterns, b.take(patterns), lines=(640, 640)).notes
+    assert "too weak for the noise" in note
+    assert "Focus" in note
