@@ -9,6 +9,7 @@ from pathlib import Path
 
 from core.figures import calibration_figures, evaluation_figures
 from core.model import Figures
+from core.patterns import SequenceSpec
 from core.pipeline import (
     calibrate_project,
     check_scenario,
@@ -32,7 +33,14 @@ class Demo:
     report: ReportPaths
 
 
-def run_demo(out: Path, scenario: str = "paper", seed: int = 0, progress: Progress = SILENT) -> Demo:
+def run_demo(
+    out: Path,
+    scenario: str = "paper",
+    seed: int = 0,
+    progress: Progress = SILENT,
+    *,
+    sequence: SequenceSpec | None = None,
+) -> Demo:
     """Simulate, calibrate both ways, evaluate and report, in a new folder or that of an earlier demo.
 
     Raises
@@ -43,7 +51,7 @@ def run_demo(out: Path, scenario: str = "paper", seed: int = 0, progress: Progre
     check_scenario(scenario, seed)  # refuses what it does not know before the earlier demo goes
     if os.path.isfile(out / MARK):
         shutil.rmtree(out)
-    project = simulate_project(out, scenario, seed, progress.part(0.0, 0.6))
+    project = simulate_project(out, scenario, seed, progress.part(0.0, 0.6), sequence=sequence)
     (out / MARK).touch()
     calibrations = calibrate_project(project, progress=progress.part(0.6, 0.85))
     report = report_project(project, progress=progress.part(0.85, 1.0))

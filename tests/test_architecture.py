@@ -39,8 +39,8 @@ ALLOWED = {
     | {"checks", "exchange"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "api": GROUND | {"decode", "calibrate", "reconstruct"},
-    "demo": {"errors", "progress", "model", "figures", "pipeline", "report"},
-    "cli": {"errors", "atomic", "progress", "figures", "project", "pipeline", "batch", "demo"},
+    "demo": {"errors", "progress", "model", "patterns", "figures", "pipeline", "report"},
+    "cli": {"errors", "atomic", "progress", "patterns", "figures", "project", "pipeline", "batch", "demo"},
     "__main__": {"cli"},
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from core.bench.experiment import Experiment, Place, Plan, build
 from core.bench.optics import Lcd, Lens
@@ -10,7 +11,7 @@ from core.bench.rig import CAMERA_1999, PROJECTOR_1999, Rig, converging_pair, in
 from core.bench.sensor import Sensor
 from core.errors import InputError
 from core.model import DeviceSpec, Role
-from core.patterns import Black, Pattern, White, gray_and_phase, reference_sequence
+from core.patterns import Black, Pattern, SequenceSpec, White, gray_and_phase, reference_sequence
 
 # tilt, about, roll (degrees), place in the volume (mm)
 _PAPER_PLACES = (
@@ -177,8 +178,8 @@ def plan(name: str) -> Plan:
     return _PLANS[name]()
 
 
-def experiment(name: str = "paper", seed: int = 0) -> Experiment:
-    """Build an experiment of the given name; equal seeds give equal experiments.
+def experiment(name: str = "paper", seed: int = 0, sequence: SequenceSpec | None = None) -> Experiment:
+    """Build an experiment of the given name, by its own sequence or another; equal seeds give equal experiments.
 
     Examples
     --------
@@ -194,4 +195,7 @@ def experiment(name: str = "paper", seed: int = 0) -> Experiment:
     found = plan(name)
     if seed < 0:
         raise InputError("seed", f"is {seed}", "give a whole number from 0 on")
+    if sequence is not None:
+        patterns = list(sequence.patterns((found.rig.projector.width, found.rig.projector.height)))
+        found = replace(found, sequence=lambda _role: patterns)
     return build(found, seed)

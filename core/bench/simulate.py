@@ -18,6 +18,7 @@ from core.errors import InputError
 from core.geometry import Pose
 from core.model import Interior
 from core.parallel import THREADS
+from core.patterns import SequenceSpec
 from core.progress import SILENT, Progress
 from core.project import write_image, write_json, write_picks, write_project, write_testfield
 from core.project.captures import write_capture_json
@@ -30,6 +31,7 @@ def simulate(
     progress: Progress = SILENT,
     *,
     faults: Mapping[str, Sequence[str]] | None = None,
+    sequence: SequenceSpec | None = None,
 ) -> Path:
     """Simulate a whole experiment and write it as a project.
 
@@ -43,6 +45,8 @@ def simulate(
         Equal seeds give equal files.
     faults : mapping
         Names of faults to switch on, by capture.
+    sequence : SequenceSpec, optional
+        What the projector shows in every capture; without it what the scenario says.
 
     Returns
     -------
@@ -57,7 +61,7 @@ def simulate(
     Cancelled
         Nothing is left of it then, nor where anything else fails.
     """
-    e = experiment(scenario, seed)
+    e = experiment(scenario, seed, sequence)
     wrong = faults or {}
     for name, fault_names in wrong.items():
         e.shot(name)
@@ -76,7 +80,7 @@ def simulate(
         write_json(out / "truth.json", truth_of(e))
         extra: dict[str, Any] = {} if e.plan.reference is None else {"reference": e.plan.reference}
         names = [f"captures/{shot.name}" for shot in e.shots]
-        write_project(out, e.plan.title, e.rig.camera, e.rig.projector, e.scale, names, **extra)
+        write_project(out, e.plan.title, e.rig.camera, e.rig.projector, e.scale, names, sequence=sequence, **extra)
     progress(1.0, "simulated")
     return out
 

@@ -9,9 +9,10 @@ from typing import Any, get_args
 
 import numpy as np
 
+from core.devices import Projector
 from core.errors import InputError, PatternRefusedError
 from core.model import Project, Role
-from core.patterns import Black, Pattern, White, axis_of, brightness, describe, level_of, reference_sequence
+from core.patterns import Black, Level, Pattern, White, axis_of, brightness, default_sequence, describe, level_of
 
 LONGEST_NAME = 100  # bytes; file systems take 255, and files are named after captures
 
@@ -58,7 +59,7 @@ def make_plan(
     z_mm: float | None = None,
     angle_deg: float | None = None,
 ) -> Plan:
-    """Plan a capture of a project; by default the reference sequence for the projector's size.
+    """Plan a capture of a project; by default the project's sequence, else the reference sequence of its size.
 
     Raises
     ------
@@ -84,10 +85,33 @@ def make_plan(
     if testfield is not None and not (project.path / testfield).is_file():
         raise InputError(project.path / testfield, "no such testfield", "give its path from the project's folder")
     lines = project.projector.width, project.projector.height
-    chosen = tuple(reference_sequence(*lines) if patterns is None else patterns)
+    if patterns is None:
+        spec = project.sequence or default_sequence(grey=False)
+        patterns = spec.patterns(lines, f"{project.path / 'project.json'}: sequence")
+    chosen = tuple(patterns)
     if not chosen:
         raise InputError(where, "no patterns", "plan at least one")
     return Plan(name, role, chosen, guards_for(chosen, lines), testfield, z_mm, angle_deg)  # type: ignore[arg-type]
+
+
+def sequence_for(project: Project, projector: Projector) -> tuple[Pattern, ...]:
+    """Choose what a projector shows: the project's sequence, else its own, else fringes of grey if it can show grey.
+
+    Raises
+    ------
+    InputError
+        If the project's sequence does not fit the projector's size.
+    """
+    if project.sequence is not None:
+        return project.sequence.patterns(projector.size, f"{project.path / 'project.json'}: sequence")
+    return own_sequence(projector)
+
+
+def own_sequence(projector: Projector) -> tuple[Pattern, ...]:
+    """Give the sequence that a projector is made for, else fringes of grey if it can show grey."""
+    if projector.sequence is not None:
+        return tuple(projector.sequence)
+    return default_sequence(projector.refusal(Level(0.5)) is None).patterns(projector.size)
 
 
 def check_shown(plan: Plan, refusal: Any, projector: str) -> None:

@@ -22,11 +22,11 @@ from core.capture.fitness import (
     order,
     orientation,
 )
-from core.capture.plan import Plan, guards_for
+from core.capture.plan import Plan, guards_for, own_sequence
 from core.capture.quality import LIT, sample_grid, summarise
 from core.devices import Camera, Check, Projector, no_check, wait_until
 from core.errors import DeviceError
-from core.patterns import Black, Level, Pattern, Phase, White, axis_of, finest_steps, reference_sequence
+from core.patterns import Black, Level, Pattern, Phase, White, axis_of, finest_steps
 from core.progress import SILENT, Progress
 
 Array = NDArray[np.float64]
@@ -163,7 +163,7 @@ def measure_stripes(
     DeviceError
         If a device fails, or the projector lights too little of the image.
     """
-    shown = projector.sequence or reference_sequence(*projector.size)
+    shown = own_sequence(projector)
     steps = [shown[i] for i in finest_steps(shown)[1]]
     fine = [p for p in steps if axis_of(p) == axis_of(steps[0])]
     patterns: list[Pattern] = [White(), White(), Black(), *fine]
@@ -181,7 +181,7 @@ def measure_stripes(
 
 def _sequence(projector: Projector, camera: Camera, wait_s: float, progress: Progress) -> tuple[Plan, list[Array]]:
     """Take the projector's sequence in memory, with white and black."""
-    patterns = tuple(projector.sequence or reference_sequence(*projector.size))
+    patterns = own_sequence(projector)
     patterns = (*patterns, *(p for p in (White(), Black()) if p not in patterns))
     plan = Plan("pre-flight", "object", patterns, guards_for(patterns, projector.size))
     images = [

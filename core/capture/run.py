@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from core.capture.finding import Finding
 from core.capture.identity import identity
-from core.capture.plan import Plan, check_shown, make_plan
+from core.capture.plan import Plan, check_shown, make_plan, sequence_for
 from core.capture.quality import lamp, modulation, movement, sample_grid, saturation, summarise
 from core.capture.store import Listen, Store, capture_status, is_complete, no_listener, open_store, read_findings
 from core.capture.writer import Writer
@@ -74,7 +74,7 @@ def run_capture(
     projector_url, camera_url : str
         As `core.devices.open_projector` and `open_camera` take them.
     patterns : sequence of Pattern, optional
-        Without it the sequence that the projector is made for, else the reference sequence of its size.
+        Without it what `sequence_for` chooses.
     z_mm, angle_deg, testfield
         As capture.json holds them; the testfield is a path from the project.
     listen : callable
@@ -100,7 +100,7 @@ def run_capture(
 
     with open_devices(projector_url, camera_url, note, progress.check) as (projector, camera):
         check_sizes(project, projector, camera)
-        chosen = patterns if patterns is not None else projector.sequence
+        chosen = patterns if patterns is not None else sequence_for(project, projector)
         plan = make_plan(project, name, role, patterns=chosen, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)
         plan = replace(plan, guards=tuple(g for g in plan.guards if projector.refusal(g) is None))
         check_shown(plan, projector.refusal, projector.name)

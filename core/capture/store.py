@@ -27,7 +27,7 @@ from core.errors import InputError, StripeError
 from core.fields import Fields
 from core.patterns import pattern_from_dict, pattern_to_dict
 from core.project import read_capture, read_image, write_image
-from core.project.captures import VERSION, write_capture_json
+from core.project.captures import VERSIONS, write_capture_json
 from core.project.images import Image as Pixels
 from core.project.unfinished import TRANSCRIPT, Status, is_intact, transcript, unfinished_status
 
@@ -233,7 +233,7 @@ def _document(folder: Path) -> dict[str, Any]:
         raise InputError(folder, "holds no capture.json", "choose another name for the capture") from error
     except (OSError, ValueError) as error:
         raise InputError(path, f"cannot be read ({error})", "choose another name for the capture") from error
-    if not isinstance(document, dict) or document.get("version") != VERSION:
+    if not isinstance(document, dict) or document.get("version") not in VERSIONS:
         raise InputError(path, "not a capture of this program's version", "choose another name for the capture")
     return document
 

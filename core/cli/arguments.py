@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from core.errors import InputError
 from core.progress import Progress
+
+if TYPE_CHECKING:
+    from core.patterns import SequenceSpec
 
 Options = argparse.Namespace
 Run = Callable[[Options, Progress], dict[str, Any] | None]  # gives the figures that `--json` writes
@@ -51,6 +54,19 @@ class Commands:
         parser = self.add(name, run, text)
         parser.add_argument("project", type=Path, metavar="PROJECT")
         return parser
+
+
+def sequence_argument(parser: Parser) -> None:
+    """Declare the choice of a sequence."""
+    words = "a preset, as gray-sine or gray-sine:period=24,steps=8, or a JSON file of patterns"
+    parser.add_argument("--sequence", metavar="S", help=words)
+
+
+def chosen_sequence(options: Options) -> SequenceSpec | None:
+    """Read the sequence that a command was given; None if it was given none."""
+    from core.patterns import parse_sequence
+
+    return None if options.sequence is None else parse_sequence(options.sequence)
 
 
 def check_out(path: Path, *endings: str) -> None:

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from core.model.arrays import Array
+
+if TYPE_CHECKING:
+    from core.patterns import SequenceSpec
 
 INTERIOR_NAMES = ("c", "x0", "y0", "A1", "A2", "A3", "A4", "A5", "A6")
 
@@ -134,6 +138,7 @@ class Project:
     captures: tuple[Path, ...]
     reference: str | None = None  # a published experiment this rig repeats: a file name in resources/reference
     lengths: tuple[ScaleBar, ...] = ()  # further measured distances
+    sequence: SequenceSpec | None = None  # what is captured unless something else is asked for
 
     @property
     def camera(self) -> DeviceSpec:

@@ -3,6 +3,9 @@
 kinds/        the kinds of pattern, a file each, and their registry
 pattern.py    what can be asked of any pattern: how bright it makes projector line i, its axis, its words
 sequence.py   the orders of patterns that measuring uses: Gray code with phase steps, light sectioning, ...
+presets.py    the sequences that have a name, with their options, for any projector size
+dense.py      words in which about half the frames switch at every line
+spec.py       a sequence as data: a preset or a list, from project.json, a file or a command's argument
 lcd.py        what a line-addressed glass plate can show (one axis, or columns XOR rows), and what it refuses
 """
 
@@ -20,10 +23,21 @@ from core.patterns.pattern import (
     pattern_to_dict,
     use_of,
 )
+from core.patterns.presets import PRESETS
 from core.patterns.sequence import finest_steps, gray_and_phase, light_sections, reference_sequence
+from core.patterns.spec import (
+    SequenceSpec,
+    default_sequence,
+    parse_sequence,
+    read_sequence,
+    read_sequence_file,
+    shows_grey,
+    uses_version_2,
+)
 
 __all__ = [
     "KINDS",
+    "PRESETS",
     "Axis",
     "Black",
     "Code",
@@ -35,19 +49,26 @@ __all__ = [
     "Pattern",
     "Phase",
     "PlainLcd",
+    "SequenceSpec",
     "White",
     "axis_of",
     "brightness",
     "cycle_lines",
+    "default_sequence",
     "describe",
     "finest_steps",
     "gray_and_phase",
     "grey_reason",
     "level_of",
     "light_sections",
+    "parse_sequence",
     "pattern_from_dict",
     "pattern_image",
     "pattern_to_dict",
+    "read_sequence",
+    "read_sequence_file",
     "reference_sequence",
+    "shows_grey",
     "use_of",
+    "uses_version_2",
 ]

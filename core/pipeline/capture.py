@@ -14,14 +14,22 @@ if TYPE_CHECKING:
     from core.bench import Rig
     from core.capture import CaptureReport
     from core.capture.store import Listen
+    from core.patterns import SequenceSpec
 
 
-def simulate_project(out: Path, scenario: str = "paper", seed: int = 0, progress: Progress = SILENT) -> Project:
-    """Let the virtual bench record a project in a new folder, as a rig would."""
+def simulate_project(
+    out: Path,
+    scenario: str = "paper",
+    seed: int = 0,
+    progress: Progress = SILENT,
+    *,
+    sequence: SequenceSpec | None = None,
+) -> Project:
+    """Let the virtual bench record a project in a new folder, as a rig would, by its own sequence or another."""
     from core.bench import simulate
 
     refuse_used_folder(out)
-    return read_project(simulate(out, scenario, seed, progress))
+    return read_project(simulate(out, scenario, seed, progress, sequence=sequence))
 
 
 def check_scenario(scenario: str, seed: int) -> None:
@@ -46,23 +54,27 @@ def capture_into(
     testfield: str | None = None,
     z_mm: float | None = None,
     angle_deg: float | None = None,
+    sequence: SequenceSpec | None = None,
     progress: Progress = SILENT,
     listen: Listen | None = None,
 ) -> CaptureReport:
     """Record one capture with a projector and a camera and add it to a project.
 
-    Without a URL of either, the virtual bench's rig of the project's sizes is taken. `listen` receives every entry of
-    the transcript from the thread that writes it.
+    Without a URL of either, the virtual bench's rig of the project's sizes is taken; without a `sequence` the
+    project's, the projector's own, or the one that suits what it can show. `listen` receives every entry of the
+    transcript from the thread that writes it.
     """
     from core.capture import run_capture
     from core.capture.store import no_listener
 
     project = read_project(folder)
+    lines = project.projector.width, project.projector.height
     return run_capture(
         project,
         name,
         role,
         *devices_of(project, projector, camera),
+        patterns=None if sequence is None else sequence.patterns(lines),
         testfield=testfield,
         z_mm=z_mm,
         angle_deg=angle_deg,

@@ -16,7 +16,14 @@ from core.atomic import atomic_write, write_json
 from core.errors import InputError
 from core.fields import Fields, regular
 from core.model import Capture, DeviceSpec, Frame, Project, Rig, ScaleBar, Seed, Testfield
-from core.patterns import Pattern, pattern_from_dict, pattern_to_dict
+from core.patterns import (
+    Pattern,
+    SequenceSpec,
+    pattern_from_dict,
+    pattern_to_dict,
+    read_sequence,
+    uses_version_2,
+)
 from core.project.images import Image, write_image
 from core.project.rigs import bar_to_dict, read_bar, read_rig, rig_to_dict, rig_version
 from core.project.unfinished import unfinished_status
@@ -92,6 +99,7 @@ def read_project(folder: Path) -> Project:
         tuple(captures),
         reference if isinstance(reference, str) else None,
         tuple(read_bar(Fields.of(item, f"{fields.where}: lengths, entry {i}")) for i, item in enumerate(lengths)),
+        None if (shown := fields.data.get("sequence")) is None else read_sequence(shown, f"{fields.where}: sequence"),
     )
 
 
@@ -290,23 +298,26 @@ def write_project(
     scale: ScaleBar | None = None,
     captures: Sequence[str] = (),
     lengths: Sequence[ScaleBar] = (),
+    sequence: SequenceSpec | None = None,
     **extra: Any,
 ) -> None:
     """Write project.json.
 
     `camera` and `projector` are one each, or several by name; `captures` paths from the project; `lengths` distances
-    measured beside `scale`; `extra` further keys (such as "reference").
+    measured beside `scale`; `sequence` what is captured; `extra` further keys (such as "reference").
     """
     rig = Rig(
         {"camera": camera} if isinstance(camera, DeviceSpec) else camera,
         {"projector": projector} if isinstance(projector, DeviceSpec) else projector,
     )
-    version = max(rig_version(rig), 2 if lengths else VERSION)
+    version = max(rig_version(rig), 2 if lengths or sequence else VERSION)
     data: dict[str, Any] = {"format": "stripe-project", "version": version, "name": name, **rig_to_dict(rig)}
     if scale is not None:
         data["scale"] = bar_to_dict(scale)
     if lengths:
         data["lengths"] = [bar_to_dict(bar) for bar in lengths]
+    if sequence:
+        data["sequence"] = sequence.data
     write_json(Path(folder) / "project.json", {**data, "captures": list(captures), **extra})
 
 
@@ -378,7 +389,8 @@ def write_capture_json(
     `more` says of each frame what version 2 adds: "camera", "projector", "exposure_ms".
     """
     optional = {"testfield": testfield, "z_mm": z_mm, "angle_deg": angle_deg}
-    data: dict[str, Any] = {"format": "stripe-capture", "version": 2 if more else VERSION, "role": role}
+    version = 2 if more or uses_version_2([pattern for _, pattern in frames]) else VERSION
+    data: dict[str, Any] = {"format": "stripe-capture", "version": version, "role": role}
     data |= {key: value for key, value in optional.items() if value is not None}
     data["frames"] = [
         {"file": name, **keys, "pattern": pattern_to_dict(pattern)}

@@ -14,7 +14,7 @@ from core.capture import CaptureReport, Finding, capture_status, retake_frame, r
 from core.devices import Setting, parse_address, with_option
 from core.errors import InputError, StripeError
 from core.model import Project, Role
-from core.patterns import Pattern, reference_sequence
+from core.patterns import Pattern
 from core.pipeline import capture_into, preflight_rig
 from core.progress import SILENT, Progress
 from core.project import read_project
@@ -298,6 +298,7 @@ def connect(project: Project, rig: Rig, urls: tuple[str, str], progress: Progres
     StripeError
         What does not answer or does not fit, and what to check.
     """
+    from core.capture.plan import sequence_for
     from core.capture.run import check_sizes
 
     projector, camera = rig.open(urls, progress)
@@ -310,7 +311,7 @@ def connect(project: Project, rig: Rig, urls: tuple[str, str], progress: Progres
         seen = f"images have {width}x{height} px, the project's camera {project.camera.width}x{project.camera.height}"
         raise InputError(camera.name, seen, "set the camera to that size, or correct the camera in project.json")
     columns, rows = projector.size
-    patterns = tuple(projector.sequence or reference_sequence(columns, rows))
+    patterns = sequence_for(project, projector)
     first = translate(
         "Capturing", "{name} answers: {columns} × {rows} lines, waited for {settle:.0f} ms after a pattern."
     )

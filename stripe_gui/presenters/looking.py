@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.plan import guards_for
+from core.capture.plan import guards_for, own_sequence
 from core.devices import Adjustable, Camera, Projector, Setting, open_camera, open_projector, wait_until
 from core.errors import Cancelled
-from core.patterns import Black, Pattern, White, axis_of, reference_sequence
+from core.patterns import Black, Pattern, White, axis_of
 from core.progress import SILENT, Progress
 
 
@@ -130,6 +130,6 @@ class Rig:
 
 def _pattern(light: str, projector: Projector) -> Pattern:
     if light == "stripes":
-        patterns = projector.sequence or reference_sequence(*projector.size)
+        patterns = own_sequence(projector)
         return next((p for p in guards_for(patterns, projector.size) if axis_of(p)), White())
     return Black() if light == "black" else White()

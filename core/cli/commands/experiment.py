@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from core.cli.arguments import Commands, Options, Parser
+from core.cli.arguments import Commands, Options, Parser, chosen_sequence, sequence_argument
 from core.progress import Progress
 
 
@@ -29,12 +29,14 @@ def add(commands: Commands) -> None:
 def _scenario(sub: Parser) -> None:
     sub.add_argument("--scenario", default="paper", metavar="NAME", help="paper (default), modern or quick")
     sub.add_argument("--seed", type=int, default=0)
+    sequence_argument(sub)
 
 
 def _demo(options: Options, progress: Progress) -> dict[str, Any]:
     from core.demo import run_demo
 
-    demo = run_demo(options.out, options.scenario, options.seed, progress)
+    sequence = chosen_sequence(options)
+    demo = run_demo(options.out, options.scenario, options.seed, progress, sequence=sequence)
     print(demo.text)
     print(f"\nproject  {options.out}\nreport   {demo.report.html}\n         {demo.report.pdf}")
     return demo.figures
@@ -43,7 +45,8 @@ def _demo(options: Options, progress: Progress) -> dict[str, Any]:
 def _simulate(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import simulate_project
 
-    project = simulate_project(options.out, options.scenario, options.seed, progress)
+    sequence = chosen_sequence(options)
+    project = simulate_project(options.out, options.scenario, options.seed, progress, sequence=sequence)
     print(f"{project.path}: {len(project.captures)} captures")
     return {"project": str(project.path), "captures": len(project.captures), "seed": options.seed}
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from core.cli.arguments import Commands, Options
+from core.cli.arguments import Commands, Options, chosen_sequence, sequence_argument
 from core.progress import Progress
 
 
@@ -18,6 +18,7 @@ def add(commands: Commands) -> None:
     sub.add_argument("--projector", metavar="URL", help="virtual, serial, screen, ...")
     sub.add_argument("--camera", metavar="URL", help="virtual, folder, replay, uvc, ...")
     sub.add_argument("--testfield", metavar="CSV", help="the board, for roles testfield and depth")
+    sequence_argument(sub)
     sub.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
     sub.add_argument("--angle-deg", type=float, help="angle of the plane-table, for role plane")
 
@@ -40,6 +41,7 @@ def _capture(options: Options, progress: Progress) -> dict[str, Any]:
         testfield=options.testfield,
         z_mm=options.z_mm,
         angle_deg=options.angle_deg,
+        sequence=chosen_sequence(options),
         progress=progress,
     )
     print(report.folder)

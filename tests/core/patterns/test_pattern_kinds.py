@@ -11,7 +11,7 @@ import pytest
 from core.capture import make_plan
 from core.decode import decode
 from core.errors import InputError, PatternRefusedError
-from core.model import DeviceSpec, Project
+from core.model import DeviceSpec, Project, Rig
 from core.patterns import (
     KINDS,
     Black,
@@ -124,10 +124,13 @@ def test_a_kind_is_added_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
         CrossPatternLcd(5, 5).switch(ramp)
 
 
+RIG = Rig({"camera": DeviceSpec(9, 9, (1, 1), 1)}, {"projector": DeviceSpec(5, 5, (1, 1), 1)})
+
+
 def test_a_kind_from_outside_is_planned(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
     monkeypatch.setitem(
         KINDS, "ramp", Kind("word", lambda fields: None, lambda pattern, i: i / 4, lambda pattern, along: "ramp")
     )
-    project = Project(tmp_path, "p", DeviceSpec(9, 9, (1, 1), 1), DeviceSpec(5, 5, (1, 1), 1), None, ())
+    project = Project(tmp_path, "p", RIG, None, ())
     plan = make_plan(project, "a", "object", patterns=[Ramp("x", 5)])
     assert plan.guards == (White(), Ramp("x", 5), Black())

@@ -1,0 +1,208 @@
+"""A sequence as data: a preset with options, or a list of patterns; read from JSON or a command's argument."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from core.errors import InputError
+from core.fields import Fields, regular
+from core.patterns.kinds import Lines, Pattern
+from core.patterns.pattern import describe, grey_reason, pattern_from_dict, pattern_to_dict
+from core.patterns.presets import PRESETS, Size
+
+
+@dataclass(frozen=True)
+class SequenceSpec:
+    """What a projector of any size is to show, one pattern after the other.
+
+    Attributes
+    ----------
+    preset : str or None
+        A name of `core.patterns.PRESETS`; None for a list.
+    options : mapping
+        Of the preset, as they were given; what is not given has the preset's default.
+    listed : tuple of Pattern
+        Of a list.
+    files : tuple of str
+        The frames' names where a capture.json was read that gives them.
+    """
+
+    preset: str | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+    listed: tuple[Pattern, ...] = ()
+    files: tuple[str, ...] = ()
+
+    def patterns(self, lines: Size, where: str = "sequence") -> tuple[Pattern, ...]:
+        """Give the patterns for a projector of so many columns and rows.
+
+        Raises
+        ------
+        InputError
+            For a list that was made for another size.
+
+        Examples
+        --------
+        >>> len(SequenceSpec("paper").patterns((640, 640)))
+        28
+        """
+        if self.preset is not None:
+            return _made(self.preset, json.dumps(dict(self.options), sort_keys=True), lines)
+        for i, pattern in enumerate(self.listed):
+            wanted = lines[getattr(pattern, "axis", "x") == "y"]
+            if isinstance(values := getattr(pattern, "values", None), str | tuple) and len(values) != wanted:
+                seen = f"{describe(pattern)} has {len(values)} entries, the projector {wanted} lines"
+                raise InputError(f"{where}: pattern {i}", seen, "give one entry for every line")
+        return self.listed
+
+    @property
+    def data(self) -> Any:
+        """What project.json holds."""
+        if self.preset is not None:
+            return {"preset": self.preset, **self.options}
+        return [pattern_to_dict(pattern) for pattern in self.listed]
+
+    @property
+    def words(self) -> str:
+        """Its name for messages."""
+        more = ", ".join(f"{key} {value}" for key, value in self.options.items())
+        return f"{len(self.listed)} listed patterns" if self.preset is None else f"{self.preset}{more and f' ({more})'}"
+
+
+def default_sequence(grey: bool) -> SequenceSpec:
+    """Give the sequence of a projector that nobody chose one for: sine fringes where it can show grey."""
+    return SequenceSpec("gray-sine" if grey else "paper")
+
+
+def shows_grey(patterns: tuple[Pattern, ...]) -> bool:
+    """Say whether patterns need a projector of grey values."""
+    return any(grey_reason(pattern) for pattern in patterns)
+
+
+@lru_cache(maxsize=32)
+def _made(preset: str, options: str, lines: Size) -> tuple[Pattern, ...]:
+    chosen, fields = PRESETS[preset], Fields(json.loads(options), preset)
+    return tuple(chosen.make(lines, {key: read(fields, key) for key, read in chosen.options.items()}))
+
+
+def read_sequence(data: object, where: str) -> SequenceSpec:
+    """Read what project.json holds under "sequence".
+
+    Raises
+    ------
+    InputError
+        For an unknown preset or option, naming those there are, and for values that are not allowed.
+
+    Examples
+    --------
+    >>> read_sequence({"preset": "gray-sine", "steps": 8}, "project.json: sequence").words
+    'gray-sine (steps 8)'
+    """
+    if isinstance(data, list):
+        if not data:
+            raise InputError(where, "an empty list", "give at least one pattern, or a preset")
+        return SequenceSpec(listed=tuple(pattern_from_dict(p, f"{where}: pattern {i}") for i, p in enumerate(data)))
+    if isinstance(data, str):
+        data = {"preset": data}
+    fields = Fields.of(data, where)
+    name = fields.text("preset", among=tuple(PRESETS))
+    options = {key: value for key, value in fields.data.items() if key != "preset"}
+    known = PRESETS[name].options
+    for key in options:
+        if key not in known:
+            raise InputError(where, f"the preset {name} has no option {key!r}", f"use {', '.join(known)}")
+    for key, read in known.items():
+        read(fields, key)
+    return SequenceSpec(name, options)
+
+
+def parse_sequence(text: str) -> SequenceSpec:
+    """Read a sequence as a command's argument gives it.
+
+    Parameters
+    ----------
+    text : str
+        A preset's name, with options as in ``gray-sine:period=24,steps=8``; what project.json may hold, as JSON; or a
+        file of that, a capture.json or a project.json.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> parse_sequence("gray-sine:period=24,axes=x").patterns((64, 48))[-3]
+    Phase(axis='x', period=24.0, steps=4, step=3, shift_rad=4.71238898038469, profile='sine')
+    """
+    text = text.strip()
+    if text.startswith(("[", "{")):
+        return read_sequence(_json(text, "--sequence"), "--sequence")
+    name, _, rest = text.partition(":")
+    if name in PRESETS:
+        options: dict[str, Any] = {}
+        for item in re.split(r",(?![^\[]*\])", rest) if rest else []:
+            key, equals, value = item.partition("=")
+            if not equals:
+                raise InputError(
+                    "--sequence", f"{item!r} after {name}", "give options as in gray-sine:period=24,steps=8"
+                )
+            options[key.strip()] = _value(value.strip())
+        return read_sequence({"preset": name, **options}, "--sequence")
+    if os.path.exists(text) or text.endswith(".json"):
+        return read_sequence_file(Path(text))
+    known = ", ".join(PRESETS)
+    raise InputError("--sequence", f"no preset or file {text!r}", f"use {known}, or a JSON file of patterns")
+
+
+def read_sequence_file(path: Path) -> SequenceSpec:
+    """Read a sequence from a JSON file: a list or preset, a capture.json with the frames' names, or a project.json.
+
+    Raises
+    ------
+    InputError
+    """
+    if path.is_dir():
+        path = path / "capture.json"
+    try:
+        data = _json(regular(path).read_text(encoding="utf-8-sig"), str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not UTF-8 text"
+        raise InputError(
+            path, f"cannot be read ({reason})", "give a JSON file of patterns or a preset's name"
+        ) from error
+    if isinstance(data, dict) and "frames" in data:
+        fields = Fields(data, str(path))
+        entries = [Fields.of(item, f"{path}: frame {i}") for i, item in enumerate(fields.items("frames"))]
+        listed = tuple(pattern_from_dict(e.data.get("pattern"), e.where) for e in entries)
+        names = tuple(e.text("file") for e in entries if e.data.get("file") is not None)
+        if not listed:
+            raise InputError(path, "lists no frames", "give a capture.json with frames")
+        return SequenceSpec(listed=listed, files=names if len(names) == len(listed) else ())
+    if isinstance(data, dict) and "sequence" in data:
+        return read_sequence(data["sequence"], f"{path}: sequence")
+    return read_sequence(data, str(path))
+
+
+def _json(text: str, where: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(where, f"not JSON ({error})", "give a list of patterns or an object with a preset") from error
+
+
+def _value(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def uses_version_2(patterns: tuple[Pattern, ...] | list[Pattern]) -> bool:
+    """Say whether a capture of these patterns needs version 2 of the format."""
+    return any(pattern.kind in ("level", Lines.kind) for pattern in patterns)
