@@ -7,6 +7,8 @@ writer.py    ... while the next one is taken
 retake.py    one frame of a complete capture taken again
 identity.py  which pattern a frame shows, told from the images alone
 lookup.py    ... and what patterns look like on every projector line
+importing.py frames that came from elsewhere: ordered, checked, copied whole
+recognise.py ... which of them shows which pattern, found from the images alone
 quality.py   saturation, modulation, movement, the lamp
 rigcheck.py  all checks of a rig that two URLs name
 preflight.py the checks before the first calibration: the settle time, and the images for all others

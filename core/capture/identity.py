@@ -25,6 +25,7 @@ Array = NDArray[np.float32]
 SHARE = 0.02  # of the pixels that may contradict: depth edges and interreflections do
 LOCAL = 0.5  # a part of the image or of the lines is wrong when half of it contradicts
 EDGES = 0.3  # of a code frame's edges contradict when it was exchanged; on the virtual bench none when it was not
+EDGED = 0.03  # of squared distance, for every frame that has an edge near each line: the blur is known roughly only
 _PIXELS = 9000  # looked up
 
 
@@ -110,7 +111,8 @@ def _plain(plan: Plan, values: Array) -> Finding:
 
 def _axis(plan: Plan, fit: Fit, tolerance: Array, at: NDArray[np.intp], shape: tuple[int, int], count: int) -> Finding:
     k, along = len(fit.shots), "rows" if axis_of(plan.shots[fit.shots[0]]) == "y" else "columns"
-    limit = max(CONTRADICTION, 0.01 * float(fit.weight.sum())) + 2 * k * tolerance**2
+    words = sum(use_of(plan.shots[i]) == "word" for i in fit.shots)
+    limit = max(CONTRADICTION, 0.01 * float(fit.weight.sum()), EDGED * words) + 2 * k * tolerance**2
     root = np.sqrt(fit.weight)[:, None]
     cost, best = nearest(root * fit.values, root * fit.possible)
     bad = cost > limit

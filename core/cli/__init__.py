@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from core.cli.arguments import Commands, Parser, Version
-from core.cli.commands import exchange, experiment, many, recording, results, road
+from core.cli.commands import exchange, experiment, many, recording, results, road, sequences
 from core.cli.console import Console
 from core.errors import Cancelled, StripeError
 from core.progress import Progress
 
-GROUPS = (experiment, recording, road, results, many, exchange)
+GROUPS = (experiment, recording, sequences, road, results, many, exchange)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

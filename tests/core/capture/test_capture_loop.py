@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from core.devices import open_camera
 from core.devices.scene import FlatScene
 from core.errors import Cancelled, DeviceError, InputError
 from core.model import Project
-from core.patterns import Phase, White, gray_and_phase, reference_sequence
+from core.patterns import Black, Level, Phase, White, gray_and_phase, parse_sequence, reference_sequence
 from core.progress import Progress
 from core.project import read_capture, read_image, read_project
 
@@ -28,7 +29,24 @@ def truly_shows(folder: Path) -> bool:
     )
 
 
-def test_a_capture_holds_the_reference_sequence_in_order(project: Project) -> None:
+def test_a_project_without_a_sequence_takes_what_the_projector_can_show(project: Project) -> None:
+    """The flat scene's projector shows grey: sine fringes, by which the LCD could not measure."""
+    report = run_capture(replace(project, sequence=None), "a", "object", FLAT, FLAT)
+    capture = read_capture(report.folder)
+    assert [f.pattern for f in capture.frames] == list(parse_sequence("gray-sine").patterns((64, 64)))
+    assert truly_shows(report.folder)
+
+
+def test_a_capture_of_any_sequence_is_verified(project: Project) -> None:
+    """A list with levels and lines of its own; what comes out is version 2."""
+    patterns = [*parse_sequence("dense:frames=24").patterns((64, 64)), White(), Black(), Level(0.5)]
+    report = run_capture(project, "a", "object", FLAT, FLAT, patterns=patterns)
+    assert [f.pattern for f in read_capture(report.folder).frames] == patterns
+    assert truly_shows(report.folder)
+    assert json.loads((report.folder / "capture.json").read_text())["version"] == 2
+
+
+def test_a_capture_holds_the_projects_sequence_in_order(project: Project) -> None:
     report = run_capture(project, "a", "object", FLAT, FLAT)
     capture = read_capture(report.folder)
     assert [f.pattern for f in capture.frames] == reference_sequence(64, 64)

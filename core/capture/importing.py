@@ -1,0 +1,259 @@
+"""A capture from frames that came from elsewhere: another program's camera, a projector that plays stored images."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from core.capture.finding import Finding
+from core.capture.identity import identity
+from core.capture.plan import Plan, make_plan
+from core.capture.quality import modulation, sample_grid, saturation, summarise
+from core.capture.recognise import order_in_words, recognise
+from core.errors import InputError
+from core.fields import regular
+from core.model import Project
+from core.patterns import Pattern, SequenceSpec, brightness, read_sequence_file
+from core.progress import SILENT, Progress
+from core.project import add_capture, read_capture, read_image, write_image
+from core.project.captures import write_capture_json
+from core.project.images import Image
+
+ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
+KEPT = (".png", ".tif", ".tiff")  # these are copied byte by byte, if they are grey
+ORDERS = ("name", "list", "content")
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What was imported, and what there is to say of it."""
+
+    folder: Path
+    frames: int
+    order: str
+    files: tuple[str, ...]  # in the order of the sequence
+    words: tuple[str, ...]
+
+
+def import_frames(
+    project: Project,
+    folder: Path,
+    name: str,
+    role: str,
+    *,
+    sequence: SequenceSpec | None = None,
+    order: str | None = None,
+    testfield: str | None = None,
+    z_mm: float | None = None,
+    angle_deg: float | None = None,
+    progress: Progress = SILENT,
+) -> ImportReport:
+    """Copy frames into ``captures/NAME`` of a project and add the capture to it; whole or not at all.
+
+    Parameters
+    ----------
+    project : Project
+    folder : Path
+        Holds the images: PNG or TIFF of 8 or 16 bit; colour files, BMP and JPEG are converted to grey PNG.
+    name, role, testfield, z_mm, angle_deg
+        As for a capture that is taken.
+    sequence : SequenceSpec, optional
+        What was shown; without it the ``capture.json`` in the folder, else the project's sequence.
+    order : str, optional
+        "name": the files' names, numbers counted, are in the sequence's order. "list": the sequence names the files.
+        "content": what each shows is found from the images. Without it "list" where the sequence names files, else
+        "name".
+
+    Raises
+    ------
+    InputError
+        Naming the file: wrong counts or sizes, the same image twice, what is no image. Nothing is written then.
+    """
+    folder, target = Path(folder), project.path / "captures" / name
+    if not folder.is_dir():
+        raise InputError(folder, "no such folder", "give the folder that holds the frames")
+    if order is not None and order not in ORDERS:
+        raise InputError("--order", f"{order!r}", f"use {', '.join(ORDERS)}")
+    lines = project.projector.width, project.projector.height
+    spec = sequence or _sequence_beside(folder) or sequence_of(project)
+    patterns = spec.patterns(lines)
+    plan = make_plan(project, name, role, patterns=patterns, testfield=testfield, z_mm=z_mm, angle_deg=angle_deg)
+    if target.exists():
+        raise InputError(target, "is there already", "choose another name, or remove that capture")
+    files = sorted((p for p in folder.iterdir() if p.suffix.lower() in ENDINGS and p.is_file()), key=natural)
+    by = order or ("list" if spec.files else "name")
+    if by == "list":
+        files = _listed(folder, files, spec)
+    _check_count(folder, files, spec, patterns, by)
+    images = [image for path in progress.part(0.0, 0.4).over(files, "reading frame {}") for image in [read_image(path)]]
+    _check_images(files, images, project)
+    words = []
+    if by == "content":
+        progress(0.4, "looking what each frame shows")
+        found = recognise(images, patterns, lines, str(folder), progress)
+        words.append(order_in_words([f.name for f in files], patterns, found))
+        files, images = [files[k] for k in found], [images[k] for k in found]
+    _check_twice(files, images, patterns, lines)
+    progress(0.7, "verifying")
+    words += _verified(plan, images, lines, files)
+    progress.check()
+    converted = _write(target, plan, files, images, str(folder.resolve()))
+    try:
+        add_capture(project.path, f"captures/{name}")
+    except BaseException:
+        shutil.rmtree(target, ignore_errors=True)
+        raise
+    if converted:
+        words.insert(0, f"{converted} of {len(files)} files were converted to grey PNG (colour, or another format)")
+    progress(1.0, "imported")
+    return ImportReport(target, len(files), by, tuple(f.name for f in files), tuple(words))
+
+
+def natural(path: Path) -> tuple[tuple[int, int, str], ...]:
+    """Sort by names in which numbers count as numbers.
+
+    Examples
+    --------
+    >>> sorted([Path("img10.png"), Path("img9.png"), Path("img1.png")], key=natural)[-1].name
+    'img10.png'
+    """
+    parts = re.split(r"(\d+)", path.name.lower())
+    return tuple((0, int(p), "") if p.isdigit() else (1, 0, p) for p in parts if p)
+
+
+def sequence_of(project: Project) -> SequenceSpec:
+    """Give the sequence of a project: its own, or that of its latest capture.
+
+    Raises
+    ------
+    InputError
+        If it has neither.
+    """
+    if project.sequence is not None:
+        return project.sequence
+    for path in reversed(project.captures):
+        try:
+            return SequenceSpec(listed=tuple(frame.pattern for frame in read_capture(path, project).frames))
+        except InputError:
+            continue
+    seen = "gives no sequence, and there is no capture to take it from"
+    raise InputError(project.path / "project.json", seen, 'give --sequence, such as "gray-sine", or a list of patterns')
+
+
+def _sequence_beside(folder: Path) -> SequenceSpec | None:
+    path = folder / "capture.json"
+    return read_sequence_file(path) if path.is_file() else None
+
+
+def _listed(folder: Path, files: Sequence[Path], spec: SequenceSpec) -> list[Path]:
+    """Give the files in the order in which a list names them."""
+    if not spec.files:
+        seen = "the sequence names no files"
+        raise InputError("--order list", seen, "give --sequence a JSON file whose frames have file and pattern")
+    there = {path.name: path for path in files}
+    missing = [name for name in spec.files if Path(name).name not in there]
+    if missing:
+        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        raise InputError(folder / missing[0], f"is listed and not there{more}", "add it, or correct the list")
+    if twice := [name for name in spec.files if spec.files.count(name) > 1]:
+        raise InputError(folder / twice[0], "is listed twice", "give every frame its own file")
+    return [there[Path(name).name] for name in spec.files]
+
+
+def _check_count(
+    folder: Path, files: Sequence[Path], spec: SequenceSpec, patterns: Sequence[Pattern], order: str
+) -> None:
+    if not files:
+        raise InputError(folder, "holds no images", f"give a folder of {', '.join(ENDINGS[:3])} files")
+    if len(files) != len(patterns):
+        seen = f"holds {len(files)} images, the sequence has {len(patterns)} patterns ({spec.words})"
+        remedy = "add or remove frames, or give the --sequence that was shown"
+        raise InputError(folder, seen, remedy)
+
+
+def _check_images(files: Sequence[Path], images: Sequence[Image], project: Project) -> None:
+    camera, first = project.camera, images[0]
+    for path, image in zip(files, images, strict=True):
+        if image.shape != (camera.height, camera.width):
+            seen = (
+                f"{image.shape[1]}x{image.shape[0]} px, the camera in project.json has {camera.width}x{camera.height}"
+            )
+            raise InputError(path, seen, "give frames of the camera's size, or correct the camera")
+        if image.dtype != first.dtype:
+            seen = f"{image.dtype}, {files[0].name} is {first.dtype}"
+            raise InputError(path, seen, "use one bit depth for all frames")
+
+
+def _check_twice(
+    files: Sequence[Path], images: Sequence[Image], patterns: Sequence[Pattern], lines: tuple[int, int]
+) -> None:
+    """Refuse one image under two patterns: noise makes every exposure another one."""
+    known: dict[int, int] = {}
+    for k, image in enumerate(images):
+        check = zlib.crc32(image.tobytes())
+        other = known.setdefault(check, k)
+        if other == k or np.ptp(image) == 0 or not np.array_equal(image, images[other]):
+            continue
+        shown = [[brightness(patterns[j], np.arange(n)).tobytes() for n in lines] for j in (k, other)]
+        if shown[0] != shown[1]:
+            seen = f"the same image as {files[other].name}, for another pattern"
+            raise InputError(files[k], seen, "record the frame of each pattern")
+
+
+def _verified(plan: Plan, images: Sequence[Image], lines: tuple[int, int], files: Sequence[Path]) -> list[str]:
+    """Say what the checks of a capture find: frames that do not show their patterns, light."""
+    shape = images[0].shape
+    at = sample_grid((shape[0], shape[1]))
+    bare = Plan(plan.name, plan.role, plan.patterns, ())
+    grey = np.array([image[at[0], at[1]] for image in images], np.float64)
+    sampled = summarise(bare, grey, at, (shape[0], shape[1]), 255 if images[0].itemsize == 1 else int(grey.max()))
+    findings: list[Finding] = [*identity(bare, sampled, lines), modulation(bare, sampled), saturation(sampled)]
+    words = []
+    for finding in sorted(findings, key=lambda f: f.level != "bad"):
+        named = ", ".join(files[k].name for k in finding.shots[:3]) if len(finding.shots) <= 3 else ""
+        hint = "; see whether --order content finds another order" if finding.level == "bad" else ""
+        words.append(f"{finding.text}{named and f' [{named}]'}{hint}")
+    return words
+
+
+def _write(target: Path, plan: Plan, files: Sequence[Path], images: Sequence[Image], source: str) -> int:
+    """Write the frames into a folder beside, then move it to its place; give how many were converted."""
+    part = target.with_name(f".{target.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    entries, converted = [], 0
+    try:
+        part.mkdir(parents=True)
+        for k, (path, image, pattern) in enumerate(zip(files, images, plan.patterns, strict=True)):
+            grey = path.suffix.lower() in KEPT and _is_grey(path)
+            entry = f"{k:03d}{path.suffix.lower() if grey else '.png'}"
+            if grey:
+                shutil.copyfile(path, part / entry)
+            else:
+                write_image(part / entry, image)
+                converted += 1
+            entries.append((entry, pattern))
+        extra = {"imported": {"from": source, "files": [path.name for path in files]}}
+        write_capture_json(
+            part, plan.role, entries, testfield=plan.testfield, z_mm=plan.z_mm, angle_deg=plan.angle_deg, extra=extra
+        )
+        part.rename(target)
+    except OSError as error:
+        raise InputError(
+            target, f"cannot be written ({error.strerror})", "make room, or choose another place"
+        ) from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return converted
+
+
+def _is_grey(path: Path) -> bool:
+    """Whether a file's pixels have one channel."""
+    image = cv2.imdecode(np.frombuffer(regular(path).read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+    return image is not None and image.ndim == 2

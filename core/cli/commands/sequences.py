@@ -1,0 +1,71 @@
+"""Sequences: as images to be shown, and frames that came from elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from core.cli.arguments import Commands, Options, chosen_sequence, sequence_argument
+from core.progress import Progress
+
+
+def add(commands: Commands) -> None:
+    """Declare the commands of this group."""
+    sub = commands.add_on_project("patterns", _patterns, "the sequence as images of the projector's size")
+    sub.add_argument("--out", type=Path, required=True, metavar="DIR")
+    sub.add_argument("--linearise", action="store_true", help="undo the projector's response that project.json gives")
+    sequence_argument(sub)
+
+    sub = commands.add("import-frames", _import, "a capture from frames that came from elsewhere")
+    sub.add_argument("folder", type=Path, metavar="FOLDER")
+    sub.add_argument("project", type=Path, metavar="PROJECT")
+    sub.add_argument("name", metavar="NAME")
+    sub.add_argument("--role", required=True, choices=("testfield", "depth", "plane", "object"))
+    sequence_argument(sub)
+    orders = "by the files' names, by the list that names them, or found from the images"
+    sub.add_argument("--order", choices=("name", "list", "content"), help=orders)
+    sub.add_argument("--testfield", metavar="CSV", help="the board, for roles testfield and depth")
+    sub.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
+    sub.add_argument("--angle-deg", type=float, help="angle of the plane-table, for role plane")
+
+
+def _patterns(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline.sequences import write_patterns
+
+    written = write_patterns(
+        options.project, options.out, chosen_sequence(options), linearise=options.linearise, progress=progress
+    )
+    print(f"{written.folder}: {len(written.patterns)} images, {written.sequence}")
+    return {
+        "out": str(written.folder),
+        "frames": len(written.patterns),
+        "sequence": written.sequence,
+        "linearised": written.linearised,
+    }
+
+
+def _import(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline.sequences import import_into
+
+    report = import_into(
+        options.project,
+        options.folder,
+        options.name,
+        options.role,
+        sequence=chosen_sequence(options),
+        order=options.order,
+        testfield=options.testfield,
+        z_mm=options.z_mm,
+        angle_deg=options.angle_deg,
+        progress=progress,
+    )
+    print(report.folder)
+    for words in report.words:
+        print(f"  {words}")
+    return {
+        "capture": str(report.folder),
+        "frames": report.frames,
+        "order": report.order,
+        "files": list(report.files),
+        "findings": list(report.words),
+    }

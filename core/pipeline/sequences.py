@@ -1,0 +1,151 @@
+"""Before and beside stage 1: a sequence as images to be shown, and frames that came from elsewhere."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.atomic import undone_on_failure
+from core.errors import InputError
+from core.model import Project, Role
+from core.patterns import Pattern, SequenceSpec, default_sequence, pattern_image
+from core.progress import SILENT, Progress
+from core.project import read_project, write_image
+from core.project.captures import write_capture_json
+
+if TYPE_CHECKING:
+    from core.capture.importing import ImportReport
+
+
+@dataclass(frozen=True)
+class WrittenPatterns:
+    """The images of a sequence: where they are, how many, and of which."""
+
+    folder: Path
+    patterns: tuple[Pattern, ...]
+    sequence: str
+    linearised: bool
+
+
+def write_patterns(
+    folder: Path,
+    out: Path,
+    sequence: SequenceSpec | None = None,
+    *,
+    linearise: bool = False,
+    progress: Progress = SILENT,
+) -> WrittenPatterns:
+    """Write a project's sequence as numbered PNG of the projector's size, and the capture.json that lists them.
+
+    Parameters
+    ----------
+    folder : Path
+        The project.
+    out : Path
+        New, empty, or holding such images only, which are replaced.
+    sequence : SequenceSpec, optional
+        Without it the project's own, else that of its latest capture, else fringes of grey.
+    linearise : bool
+        Write the levels that make the projector's light what the patterns mean, by its `response` in project.json.
+
+    Raises
+    ------
+    InputError
+        If the place holds anything else, or the response is missing or does not rise.
+    """
+    project = read_project(folder)
+    spec = sequence or shown_sequence(project)
+    spec_device = project.projector
+    size = spec_device.width, spec_device.height
+    patterns = spec.patterns(size)
+    levels = _inverse(project) if linearise else None
+    for path in _stale(Path(out)):
+        path.unlink()
+    digits = max(3, len(str(len(patterns) - 1)))
+    with undone_on_failure(Path(out)):
+        entries = []
+        for k in progress.over(range(len(patterns)), "pattern {}"):
+            name = f"{k:0{digits}d}.png"
+            write_image(Path(out) / name, pattern_png(patterns[k], size, levels), False)
+            entries.append((name, patterns[k]))
+        write_capture_json(Path(out), "object", entries)
+    return WrittenPatterns(Path(out), patterns, spec.words, linearise)
+
+
+def shown_sequence(project: Project) -> SequenceSpec:
+    """Give the sequence of a project: its own, else of its latest capture, else fringes of grey."""
+    from core.capture.importing import sequence_of
+
+    try:
+        return sequence_of(project)
+    except InputError:
+        return default_sequence(grey=True)
+
+
+def pattern_png(
+    pattern: Pattern, size: tuple[int, int], levels: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+) -> NDArray[np.uint8]:
+    """Make the 8-bit image (rows, columns) of a pattern; `levels` are light, rising, and the level that makes it."""
+    light = pattern_image(pattern, *size)
+    return np.rint(255 * (light if levels is None else np.interp(light, *levels))).astype(np.uint8)
+
+
+def _inverse(project: Project) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    where, response = project.path / "project.json", np.array(project.projector.response, np.float64).reshape(-1, 2)
+    if len(response) < 2:
+        raise InputError(where, "gives no response of the projector", "measure it, or leave --linearise out")
+    response = response[np.argsort(response[:, 0], kind="stable")]
+    level, light = response.T
+    light = (light - light[0]) / (light[-1] - light[0]) if light[-1] != light[0] else light
+    if (np.diff(light) <= 0).any() or (np.diff(level) <= 0).any():
+        raise InputError(where, "the projector's response does not rise", "correct it: more level, more light")
+    return light, (level - level[0]) / (level[-1] - level[0])
+
+
+def _stale(out: Path) -> Sequence[Path]:
+    """Give the images of an earlier call; refuse a folder that holds anything else."""
+    if not out.exists():
+        return []
+    if not out.is_dir():
+        raise InputError(out, "is a file", "choose a new or empty folder")
+    held = sorted(out.iterdir())
+    other = [p for p in held if not re.fullmatch(r"\d{3,}\.png|capture\.json", p.name)]
+    if other or (held and not (out / "capture.json").is_file()):
+        raise InputError(out, f"holds {(other or held)[0].name}", "choose a new or empty folder")
+    return held
+
+
+def import_into(
+    folder: Path,
+    frames: Path,
+    name: str,
+    role: Role,
+    *,
+    sequence: SequenceSpec | None = None,
+    order: str | None = None,
+    testfield: str | None = None,
+    z_mm: float | None = None,
+    angle_deg: float | None = None,
+    progress: Progress = SILENT,
+) -> ImportReport:
+    """Make a capture of a project from frames that came from elsewhere, as `core.capture.importing.import_frames`."""
+    from core.capture.importing import import_frames
+
+    return import_frames(
+        read_project(folder),
+        frames,
+        name,
+        role,
+        sequence=sequence,
+        order=order,
+        testfield=testfield,
+        z_mm=z_mm,
+        angle_deg=angle_deg,
+        progress=progress,
+    )

@@ -1,0 +1,211 @@
+"""Frames that came from elsewhere: ordered, checked, copied whole or not at all; and patterns written as images."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from core.capture.importing import import_frames, natural
+from core.cli import main
+from core.decode import decode
+from core.errors import InputError
+from core.model import DeviceSpec
+from core.patterns import axis_of, brightness, parse_sequence, pattern_to_dict
+from core.project import create_project, read_capture, read_project
+
+SIZE = (64, 48)  # of the projector
+CAMERA = (120, 90)
+
+
+def frame(pattern, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """A scene of its own: a board askew with a bump and patches of albedo, lines blurred, noise of one grey value."""
+    y, x = np.mgrid[0 : CAMERA[1], 0 : CAMERA[0]].astype(float)
+    bump = 2.5 * np.exp(-(((x - 70) / 18) ** 2) - ((y - 40) / 15) ** 2)
+    u, v = 1.0 + 0.5 * x + 0.02 * y + bump, 1.5 + 0.49 * y - 0.01 * x
+    axis = axis_of(pattern) or "x"
+    count, place = (SIZE[0], u) if axis == "x" else (SIZE[1], v)
+    fine = np.repeat(brightness(pattern, np.arange(count)), 16)
+    kernel = np.exp(-0.5 * (np.arange(-32, 33) / 8) ** 2)
+    soft = np.convolve(np.pad(fine, 32, mode="edge"), kernel / kernel.sum(), mode="valid")
+    light = np.interp(place, (np.arange(len(fine)) + 0.5) / 16 - 0.5, soft)
+    albedo = 0.6 + 0.4 * ((x // 20 + y // 15) % 2)
+    return np.uint8(np.clip(np.rint(12 + 150 * albedo * light + rng.normal(size=x.shape)), 0, 255))
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    spec = [DeviceSpec(*size, (0.01, 0.01), 12.0) for size in (CAMERA, SIZE)]
+    create_project(tmp_path / "p", "p", spec[0], spec[1], {})
+    return tmp_path / "p"
+
+
+def take(folder: Path, sequence: str, names=lambda k: f"img{k}.png") -> list:
+    """Write the frames of a sequence; names such as img2 and img10 sort wrongly as text."""
+    folder.mkdir()
+    rng = np.random.default_rng(4)
+    patterns = parse_sequence(sequence).patterns(SIZE)
+    for k, pattern in enumerate(patterns):
+        cv2.imwrite(str(folder / names(k)), frame(pattern, rng))
+    return list(patterns)
+
+
+def command(project: Path, tmp_path: Path) -> list[str]:
+    return ["import-frames", str(tmp_path / "in"), str(project), "a", "--role", "object"]
+
+
+def shown(project: Path, name: str) -> list:
+    return [f.pattern for f in read_capture(project / "captures" / name).frames]
+
+
+def test_frames_in_the_order_of_their_names(project: Path, tmp_path: Path) -> None:
+    patterns = take(tmp_path / "in", "gray-sine")
+    code = main(
+        ["import-frames", str(tmp_path / "in"), str(project), "a", "--role", "object", "--sequence", "gray-sine"]
+    )
+    assert code == 0
+    assert shown(project, "a") == patterns
+    assert [p.name for p in read_project(project).captures] == ["a"]
+    first = read_capture(project / "captures" / "a").frames[2].path
+    assert first.read_bytes() == (tmp_path / "in" / "img2.png").read_bytes()
+    assert sorted(["b10", "b9", "B1"], key=lambda n: natural(Path(n))) == ["B1", "b9", "b10"]
+
+
+@pytest.mark.parametrize("sequence", ["gray-sine", "paper"])
+def test_frames_are_recognised_by_content(project: Path, tmp_path: Path, sequence: str) -> None:
+    """Shuffled names: every frame is found by what it shows, and decodes to the coordinates of the scene."""
+    shuffled = np.random.default_rng(9).permutation(200)
+    patterns = take(tmp_path / "in", sequence, lambda k: f"{shuffled[k]:03d}.png")
+    report = import_frames(
+        read_project(project), tmp_path / "in", "c", "object", sequence=parse_sequence(sequence), order="content"
+    )
+    assert list(report.files) == [f"{shuffled[k]:03d}.png" for k in range(len(patterns))]
+    assert shown(project, "c") == patterns
+
+
+def test_a_list_names_the_frames(project: Path, tmp_path: Path) -> None:
+    patterns = take(tmp_path / "in", "gray-sine", lambda k: f"{99 - k}.png")
+    listed = [{"file": f"{99 - k}.png", "pattern": pattern_to_dict(p)} for k, p in enumerate(patterns)]
+    (tmp_path / "list.json").write_text(json.dumps({"frames": listed[::-1]}))
+    report = import_frames(
+        read_project(project), tmp_path / "in", "l", "object", sequence=parse_sequence(str(tmp_path / "list.json"))
+    )
+    assert report.order == "list"
+    assert shown(project, "l") == patterns[::-1]
+    assert len(report.files) == len(patterns)
+
+
+def spoil_count(folder: Path) -> str:
+    (folder / "img3.png").unlink()
+    return "holds 15 images, the sequence has 16 patterns"
+
+
+def spoil_size(folder: Path) -> str:
+    cv2.imwrite(str(folder / "img4.png"), np.zeros((10, 10), np.uint8))
+    return "10x10 px"
+
+
+def spoil_twice(folder: Path) -> str:
+    (folder / "img7.png").write_bytes((folder / "img5.png").read_bytes())
+    return "the same image as img5.png"
+
+
+def spoil_depth(folder: Path) -> str:
+    cv2.imwrite(str(folder / "img6.png"), np.zeros((CAMERA[1], CAMERA[0]), np.uint16))
+    return "uint16"
+
+
+def spoil_file(folder: Path) -> str:
+    (folder / "img6.png").write_bytes((folder / "img6.png").read_bytes()[:90])
+    return "img6.png"
+
+
+@pytest.mark.parametrize("spoil", [spoil_count, spoil_size, spoil_twice, spoil_depth, spoil_file])
+def test_wrong_frames_are_told_in_one_line_and_nothing_is_written(
+    project: Path, tmp_path: Path, spoil, capsys: pytest.CaptureFixture[str]
+) -> None:
+    take(tmp_path / "in", "gray-sine")
+    said = spoil(tmp_path / "in")
+    before = (project / "project.json").read_bytes()
+    arguments = [
+        "import-frames",
+        str(tmp_path / "in"),
+        str(project),
+        "a",
+        "--role",
+        "object",
+        "--sequence",
+        "gray-sine",
+    ]
+    assert main(arguments) == 2
+    message = capsys.readouterr().err
+    assert said in message
+    assert message.count("\n") == 1
+    assert (project / "project.json").read_bytes() == before
+    assert not list((project / "captures").glob("*")) if (project / "captures").exists() else True
+
+
+def test_colour_files_are_converted_and_it_is_said(project: Path, tmp_path: Path) -> None:
+    patterns = take(tmp_path / "in", "gray-sine")
+    for path in (tmp_path / "in").iterdir():
+        grey = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(path), cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
+    report = import_frames(read_project(project), tmp_path / "in", "a", "object", sequence=parse_sequence("gray-sine"))
+    assert report.words[0].startswith(f"{len(patterns)} of {len(patterns)} files were converted")
+    stored = cv2.imread(str(project / "captures" / "a" / "000.png"), cv2.IMREAD_UNCHANGED)
+    assert stored.ndim == 2
+
+
+def test_frames_in_a_wrong_order_are_noticed(project: Path, tmp_path: Path) -> None:
+    take(tmp_path / "in", "paper", lambda k: f"{(k * 7) % 22:03d}.png")
+    report = import_frames(read_project(project), tmp_path / "in", "a", "object", sequence=parse_sequence("paper"))
+    assert any("--order content" in words for words in report.words)
+
+
+def test_without_a_sequence_the_project_must_know_one(project: Path, tmp_path: Path) -> None:
+    take(tmp_path / "in", "gray-sine")
+    with pytest.raises(InputError, match="gives no sequence"):
+        import_frames(read_project(project), tmp_path / "in", "a", "object")
+
+
+def test_patterns_are_written_pixel_for_pixel(project: Path, tmp_path: Path) -> None:
+    """The images decode to their own columns and rows; a second call replaces the first."""
+    out = tmp_path / "out"
+    for sequence in ("gray-inverse", "paper:axes=x"):
+        assert main(["patterns", str(project), "--out", str(out), "--sequence", sequence]) == 0
+    assert main(["patterns", str(project), "--out", str(out), "--sequence", "gray-sine"]) == 0
+    capture = read_capture(out)
+    assert [f.pattern for f in capture.frames] == list(parse_sequence("gray-sine").patterns(SIZE))
+    images = [cv2.imread(str(f.path), cv2.IMREAD_UNCHANGED) for f in capture.frames]
+    assert {i.shape for i in images} == {(SIZE[1], SIZE[0])}
+    assert len(list(out.iterdir())) == len(images) + 1
+    phase = decode([f.pattern for f in capture.frames], images, lines=SIZE)
+    assert np.nanmax(np.abs(phase.u - np.arange(SIZE[0]))) < 0.05
+    assert np.nanmax(np.abs(phase.v - np.arange(SIZE[1])[:, None])) < 0.05
+
+
+def test_patterns_undo_the_response(project: Path, tmp_path: Path) -> None:
+    """A projector whose light is its level squared: written levels are the roots of what is meant."""
+    arguments = ["patterns", str(project), "--out", str(tmp_path / "out"), "--sequence", "gray-sine", "--linearise"]
+    assert main(arguments) == 2  # no response yet
+    data = json.loads((project / "project.json").read_text())
+    data["projector"]["response"] = [[level / 64, 200 * (level / 64) ** 2] for level in range(65)]
+    (project / "project.json").write_text(json.dumps({**data, "version": 2}))
+    assert main(arguments) == 0
+    sine = next(
+        f for f in read_capture(tmp_path / "out").frames if f.pattern.kind == "phase" and axis_of(f.pattern) == "x"
+    )
+    levels = cv2.imread(str(sine.path), cv2.IMREAD_UNCHANGED)[0] / 255
+    # a table of 65 levels, 8 bits: light to half a per cent
+    assert levels**2 == pytest.approx(brightness(sine.pattern, np.arange(SIZE[0])), abs=0.006)
+
+
+def test_a_folder_of_something_else_is_left_alone(project: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.txt").write_text("x")
+    assert main(["patterns", str(project), "--out", str(tmp_path / "out"), "--sequence", "paper"]) == 2
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["thesis.txt"]
