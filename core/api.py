@@ -20,6 +20,7 @@ from core.geometry import (
     Projection,
     distort,
     image_to_pixel,
+    pair_of,
     pixel_to_image,
     project_with_derivatives,
     ray_directions,
@@ -29,9 +30,11 @@ from core.model import (
     AdjustedDevice,
     DeviceSpec,
     Interior,
+    Pair,
     PhaseMap,
     PhotogrammetricCalibration,
     PointCloud,
+    Rig,
     ScaleBar,
     TargetSet,
     Testfield,
@@ -153,7 +156,8 @@ def calibrate_points(
         where = (lit[k, use], sigma_lit[k, use], nothing, nothing[:, 0])
         targets.append(TargetSet(f"position {k + 1}", row[use], col[use], seen[k, use], covariance, *where))
     bar = ScaleBar((0, length[0]), (0, length[1]), length[2], length[3]) if length else None
-    return calibrate_photogrammetric(camera, projector, field, targets, scale=bar, rigid=rigid, progress=progress)[0]
+    rig = Rig({"camera": camera}, {"projector": projector})
+    return calibrate_photogrammetric(rig, field, targets, scale=bar, rigid=rigid, progress=progress)[0]
 
 
 def reconstruct_phase(
@@ -223,17 +227,16 @@ def triangulate(
         axis=-1,
     ).reshape(-1, 4)
     observed = np.concatenate([uv, lines], axis=-1).reshape(-1, 4)
-    S = calibration.covariance if calibration_error else None
+    pair = pair_of(calibration)
+    S = pair.covariance if calibration_error else None
     xyz, covariance = np.empty((len(observed), 3)), np.empty((len(observed), 3, 3))
     for start in range(0, len(observed), _AT_ONCE):
         part = slice(start, start + _AT_ONCE)
-        xyz[part], covariance[part] = _intersected(calibration, observed[part], sigma[part], S)
+        xyz[part], covariance[part] = _intersected(pair, observed[part], sigma[part], S)
     return Points(xyz.reshape(*uv.shape[:-1], 3), covariance.reshape(*uv.shape[:-1], 3, 3))
 
 
-def _intersected(
-    calibration: PhotogrammetricCalibration, observed: Array, sigma: Array, S: Array | None
-) -> tuple[Array, Array]:
+def _intersected(calibration: Pair, observed: Array, sigma: Array, S: Array | None) -> tuple[Array, Array]:
     """Points (n, 3) and covariances (n, 3, 3) of observations (n, 4)."""
     camera, projector, pose = calibration.camera, calibration.projector, calibration.projector_from_camera
     known = np.isfinite(observed)
@@ -272,7 +275,7 @@ def _inverted(N: Array) -> Array:
     return inverse
 
 
-def _approximate(calibration: PhotogrammetricCalibration, observed: Array) -> Array:
+def _approximate(calibration: Pair, observed: Array) -> Array:
     """Points (n, 3) on the cameras' rays, from the projector without its distortion."""
     camera, projector, pose = calibration.camera, calibration.projector, calibration.projector_from_camera
     direction = ray_directions(camera.spec, camera.interior, observed[:, :2])

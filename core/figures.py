@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from core.geometry import lens_of, pair_of
 from core.model import (
-    INTERIOR_NAMES,
     AdjustedDevice,
     Adjustment,
     Calibration,
@@ -26,11 +26,12 @@ from core.model import (
 
 def device_figures(device: AdjustedDevice) -> Figures:
     """Interior orientation with the sigma of each parameter."""
-    figures: Figures = {}
-    for name, value, sigma in zip(INTERIOR_NAMES, device.interior.vector, device.sigma, strict=True):
-        key = name if name.startswith("A") else f"{name}_mm"
+    lens = lens_of(device.interior)
+    figures: Figures = {"model": lens.name}
+    for key, value, sigma in zip(lens.keys, device.interior.vector, device.sigma, strict=True):
         figures[key] = {"value": float(value), "sigma": float(sigma)}
-    figures["r0_mm"] = device.interior.r0_mm
+    if lens.referred is not None:
+        figures["r0_mm"] = device.interior.r0_mm
     figures["residual_rms_um"] = [plain(r) for r in device.residual_rms_um]
     figures["image_points"] = device.image_points
     return figures
@@ -48,6 +49,10 @@ def adjustment_figures(adjustment: Adjustment) -> Figures:
         "image_points": len(adjustment.residuals),
         "object_points": len(adjustment.points_mm),
         "variance_factors": dict(adjustment.variance_factors),
+        "orientations": {
+            name: {"rotation": pose.rotation.tolist(), "translation_mm": pose.translation_mm.tolist()}
+            for name, pose in adjustment.relative.items()
+        },
         "points": {
             name: {"xyz_mm": [float(x) for x in xyz], "sigma_um": [plain(1e3 * math.sqrt(v)) for v in np.diag(cov)]}
             for name, xyz, cov in zip(
@@ -87,7 +92,9 @@ def calibration_figures(calibrations: Mapping[Method, Calibration]) -> Figures:
 
 
 def _photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
-    relative_sigma = np.sqrt(np.diagonal(calibration.covariance)[18:])
+    pair = pair_of(calibration)
+    relative_sigma = np.sqrt(np.diagonal(pair.covariance)[-6:])
+    sigmas = dict(zip(calibration.parameter_names, np.sqrt(np.diagonal(calibration.covariance)), strict=True))
     return {
         "sigma0": calibration.sigma0,
         "stations": calibration.stations,
@@ -96,10 +103,21 @@ def _photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures
         "redundancy": calibration.redundancy,
         "camera": device_figures(calibration.camera),
         "projector": device_figures(calibration.projector),
+        "devices": {name: device_figures(device) for name, device in calibration.devices.items()},
+        "orientations": {
+            name: {
+                "from": known.base,
+                "rotation": known.device_from_base.rotation.tolist(),
+                "translation_mm": known.device_from_base.translation_mm.tolist(),
+                "rotation_sigma_rad": [plain(sigmas[f"{name}.r{axis}"]) for axis in "xyz"],
+                "translation_sigma_mm": [plain(sigmas[f"{name}.t{axis}"]) for axis in "xyz"],
+            }
+            for name, known in calibration.orientations.items()
+        },
         "object_sigma_rms_um": [plain(s) for s in calibration.object_sigma_rms_um],
         "projector_from_camera": {
-            "rotation": calibration.projector_from_camera.rotation.tolist(),
-            "translation_mm": calibration.projector_from_camera.translation_mm.tolist(),
+            "rotation": pair.projector_from_camera.rotation.tolist(),
+            "translation_mm": pair.projector_from_camera.translation_mm.tolist(),
             "rotation_sigma_rad": [plain(s) for s in relative_sigma[:3]],
             "translation_sigma_mm": [plain(s) for s in relative_sigma[3:]],
         },

@@ -19,7 +19,7 @@ ALLOWED = {
     "parallel": set(),
     "compiling": {"errors", "atomic", "progress"},
     "model": {"geometry", "patterns"},  # for type annotations only: see below
-    "geometry": {"model"},
+    "geometry": {"errors", "model"},
     "patterns": {"errors", "fields"},
     "project": GROUND,
     "devices": GROUND | {"project", "bench"},  # the virtual devices switch the bench
@@ -33,7 +33,7 @@ ALLOWED = {
     "checks": GROUND,
     "exchange": GROUND,
     "report": {"errors", "atomic", "progress", "model", "geometry"},
-    "figures": {"model"},
+    "figures": {"geometry", "model"},
     "pipeline": GROUND
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}
     | {"checks", "exchange"},

@@ -17,7 +17,7 @@ from core.calibrate.initial import initial_state
 from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
-from core.calibrate.problem import Problem, State, problem_of, reweighted, station_orientations
+from core.calibrate.problem import Problem, State, interior_of, problem_of, reweighted, station_orientations
 from core.calibrate.robust import misfits, robust_state
 from core.calibrate.selection import adjustable, check_network, selected
 from core.calibrate.snooping import (
@@ -29,10 +29,10 @@ from core.calibrate.snooping import (
     outlier_warning,
     sizes,
 )
-from core.calibrate.weakness import check_estimable, geometry_warnings, singular_error, unsolved_error
+from core.calibrate.weakness import ORIENTATION, check_estimable, geometry_warnings, singular_error, unsolved_error
 from core.errors import AdjustmentError
-from core.geometry import Pose
-from core.model import INTERIOR_NAMES, AdjustedDevice, Adjustment, Interior, Network
+from core.geometry import LENSES, Pose
+from core.model import AdjustedDevice, Adjustment, Network
 from core.progress import SILENT, Progress
 
 Array = NDArray[np.float64]
@@ -251,31 +251,35 @@ def result_of(solved: Solved, warnings: list[str]) -> Adjustment:
         residuals = np.where(problem.root_weight > 0, solved.equations.w / problem.root_weight, np.nan)
     cov = solved.variance * global_cofactors(problem, solved.inverse)
     sigmas = np.sqrt(np.diagonal(cov))
-    devices, names = {}, []
+    devices: dict[str, AdjustedDevice] = {}
+    names: list[str] = []
     for d, name in enumerate(problem.device_names):
         spec = network.devices[name].spec
         own = residuals[problem.device == d] * spec.pitch_mm * 1e3
         rms = [float(np.sqrt(np.mean(c[np.isfinite(c)] ** 2))) if np.isfinite(c).any() else 0.0 for c in own.T]
         devices[name] = AdjustedDevice(
             spec=spec,
-            interior=Interior.from_vector(solved.state.interior[d], float(problem.r0[d])),
-            sigma=sigmas[9 * d : 9 * d + 9],
+            interior=interior_of(problem, solved.state, d),
+            sigma=sigmas[len(names) : len(names) + len(LENSES[spec.model].names)],
             residual_rms_um=(rms[0], rms[1]),
             image_points=len(own),
         )
-        names += [f"{name}.{p}" for p in INTERIOR_NAMES]
+        names += [f"{name}.{p}" for p in LENSES[spec.model].names]
+    point_cov = solved.variance * point_cofactors(problem, solved.inverse)
+    known = network.point_sigma_mm
+    held = np.zeros(network.point_xyz_mm.shape, bool) if known is None else known == 0
     relative = {}
     for d, name in enumerate(problem.device_names):
         if problem.base[d] != d:
             relative[name] = Pose(solved.state.relative_rotation[d], solved.state.relative_shift[d])
-            names += [f"{name}.{p}" for p in ("rx", "ry", "rz", "tx", "ty", "tz")]
+            names += [f"{name}.{p}" for p in ORIENTATION]
     return Adjustment(
         network=network,
         devices=devices,
         station_from_object=station_orientations(problem, solved.state),
         relative=relative,
-        points_mm=solved.state.xyz + problem.origin_mm,
-        point_cov_mm2=solved.variance * point_cofactors(problem, solved.inverse),
+        points_mm=np.where(held, network.point_xyz_mm, solved.state.xyz + problem.origin_mm),
+        point_cov_mm2=np.where(held[:, :, None] | held[:, None, :], 0.0, point_cov),
         residuals=residuals[back],
         redundancy_numbers=solved.redundancy_numbers[back],
         sigma0=float(np.sqrt(solved.variance)),

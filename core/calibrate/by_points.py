@@ -62,12 +62,12 @@ def reduce(problem: Problem, state: State, normals: Normals, damping: float) -> 
 
 def _constraints(problem: Problem, state: State) -> tuple[Array, Array, Array]:
     """F, shape (n, 3, k), the diagonal of E, shape (k,), and h, shape (k,)."""
-    D = datum_columns(state.xyz, problem.defect)
+    D = datum_columns(state.xyz, problem.free_movements)
     slack, h = np.zeros(problem.defect), np.zeros(problem.defect)
-    if problem.scale is not None:
-        w, J = distance_equation(problem, state)
+    for distance in problem.distances:
+        w, J = distance_equation(distance, state)
         row = np.zeros((problem.points, 3))
-        row[problem.scale.start], row[problem.scale.stop] = J, -J
+        row[distance.start], row[distance.stop] = J, -J
         D = np.column_stack([D, row.ravel()])
         slack, h = np.append(slack, 1.0), np.append(h, w)
     return D.reshape(problem.points, 3, -1), slack, h
@@ -81,9 +81,9 @@ def solve(problem: Problem, reduced: Reduced) -> Step:
     whitened = normals.half - normals.root @ dz - (r.bound @ multipliers).reshape(-1, 3)
     dx = np.asarray(np.linalg.solve(normals.lower.transpose(0, 2, 1), whitened[..., None])[..., 0], dtype=np.float64)
     gain = float(normals.b @ dz) + float(np.einsum("est,et,es->", normals.lower, normals.half, dx))
-    if problem.scale is not None:
-        w, J = distance_equation(problem, r.state)
-        gain += w * float(J @ (dx[problem.scale.start] - dx[problem.scale.stop]))
+    for distance in problem.distances:
+        w, J = distance_equation(distance, r.state)
+        gain += w * float(J @ (dx[distance.start] - dx[distance.stop]))
     G = problem.globals
     return Step(dz[:G], dz[G:].reshape(-1, 6), dx, gain)
 

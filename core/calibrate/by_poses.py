@@ -41,9 +41,9 @@ def reduce(problem: Problem, state: State, normals: Normals, damping: float) -> 
     """
     M, right, b, diagonal = normals.M, normals.right.copy(), normals.b.copy(), normals.diagonal.copy()
     G, n = problem.globals, problem.points
-    if problem.scale is not None and n:
-        w, J = distance_equation(problem, state)
-        at = np.concatenate([G + 3 * end + np.arange(3) for end in (problem.scale.start, problem.scale.stop)])
+    for distance in problem.distances if n else ():
+        w, J = distance_equation(distance, state)
+        at = np.concatenate([G + 3 * end + np.arange(3) for end in (distance.start, distance.stop)])
         row = np.concatenate([J, -J])
         M[np.ix_(at, at)] += np.outer(row, row)
         diagonal[at] += row**2
@@ -51,8 +51,8 @@ def reduce(problem: Problem, state: State, normals: Normals, damping: float) -> 
         b[at] += row * w
     M[np.diag_indices(len(b))] += damping * diagonal
     # the mean weight of a point's coordinate
-    kappa = float(np.mean(normals.diagonal[G:])) if n else 0.0
-    D = datum_columns(state.xyz, problem.defect) if n else np.zeros((0, 0))
+    kappa = float(np.median(normals.diagonal[G:])) if n else 0.0
+    D = datum_columns(state.xyz, problem.free_movements) if n else np.zeros((0, 0))
     M[G:, G:] += (kappa * D) @ D.T
     return Reduced(state, normals, factorise(M), right, b, D, kappa)
 

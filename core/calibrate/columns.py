@@ -11,15 +11,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.problem import Problem, never_observed
-from core.geometry import Pose
+from core.calibrate.problem import RELATIVE, Problem, estimated, never_observed
+from core.geometry import Pose, lens_of
 from core.model import Network
 
 Array = NDArray[np.float64]
 
 LEAST_POINTS = 12
 PLAUSIBLE = 1.5  # ratio to the nominal focal length up to which that of the resection is used
-UNOBSERVABLE = {"v": ("y0", "A3", "A4"), "u": ("x0", "A3", "A4")}  # where that coordinate was never observed
+UNOBSERVABLE = {"v": "y0", "u": "x0"}  # with the affine parameters, where that coordinate was never observed
 
 
 def without_unobservable(network: Network) -> tuple[Network, list[str]]:
@@ -27,8 +27,10 @@ def without_unobservable(network: Network) -> tuple[Network, list[str]]:
     devices, warnings = dict(network.devices), []
     for name, coordinate in never_observed(network).items():
         device = devices[name]
-        held = [p for p in UNOBSERVABLE[coordinate] if p in device.estimate]
-        devices[name] = replace(device, estimate=tuple(p for p in device.estimate if p not in held))
+        free = estimated(device)
+        lost = (UNOBSERVABLE[coordinate], *lens_of(device.spec).of_kind("affine"))
+        held = [p for p in lost if p in free]
+        devices[name] = replace(device, estimate=tuple(p for p in free if p not in held))
         axis = "x" if coordinate == "u" else "y"
         warnings.append(
             f"{name}: {coordinate} was never observed: {', '.join([*held, f'and its place along its {axis} axis'])} "
@@ -87,7 +89,7 @@ def resect_columns(
     R = np.array([along, across, view] if axis == 0 else [across, along, view])
     t = np.array([place, 0.0, p[1, 3]] if axis == 0 else [0.0, place, p[1, 3]])
     found = interior.copy()
-    if 1 / PLAUSIBLE < c / interior[0] < PLAUSIBLE and problem.columns[device, 0] >= 0:
+    if 1 / PLAUSIBLE < c / interior[0] < PLAUSIBLE and problem.columns[device, RELATIVE] >= 0:
         found[0] = c
-        found[1 + axis] = principal if problem.columns[device, 1 + axis] >= 0 else 0.0
+        found[1 + axis] = principal if problem.columns[device, RELATIVE + 1 + axis] >= 0 else 0.0
     return Pose(R, t), found

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.equations import Equations
+from core.calibrate.equations import GLOBALS, Equations
 from core.calibrate.normals import Inverse, layout_of
-from core.calibrate.problem import Problem
+from core.calibrate.problem import RELATIVE, Problem
 from core.compiling import njit
 from core.parallel import run_in_bands
 
@@ -35,12 +35,13 @@ def _cofactor_band(  # pragma: no cover  compiled
     out: Array,
 ) -> None:
     width = Q_eliminated.shape[1]
-    local, place = np.empty(21, np.int64), np.empty(21, np.int64)
+    own_columns = columns.shape[1]
+    local, place = np.empty(own_columns + 6, np.int64), np.empty(own_columns + 6, np.int64)
     for o in range(start, stop):
         e, k = own[o] - first_block, 0
-        for j in range(15):
+        for j in range(own_columns):
             if columns[device[o], j] >= 0:
-                local[k], place[k] = j, columns[device[o], j]
+                local[k], place[k] = GLOBALS + j, columns[device[o], j]
                 k += 1
         for j in range(kept_width):
             local[k], place[k] = kept_at + j, n_globals + kept_width * kept[o] + j
@@ -117,11 +118,12 @@ def pose_cofactors(problem: Problem, inverse: Inverse) -> Array:
 
 
 def global_cofactors(problem: Problem, inverse: Inverse) -> Array:
-    """Cofactors of all devices' nine parameters, then of the relative orientations; zero where a parameter is held.
+    """Cofactors of all devices' interior parameters, then of the relative orientations; zero where one is held.
 
-    Shape (k, k) with k = 9 per device and 6 per device held rigidly to another, in the order of `parameter_names`.
+    Shape (k, k), 6 for every device held rigidly to another, in the order of `parameter_names`.
     """
-    columns = np.concatenate([problem.columns[:, :9].ravel(), *(c[9:] for c in problem.columns if c[9] >= 0)])
+    relative = [c[:RELATIVE] for c in problem.columns if c[0] >= 0]
+    columns = np.concatenate([*problem.interior_columns, *relative])
     G = problem.globals
     Q = np.zeros((G + 1, G + 1))
     Q[:G, :G] = inverse.Q[:G, :G]

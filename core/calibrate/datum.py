@@ -5,40 +5,28 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.problem import Problem, State
+from core.calibrate.problem import Problem, State, movements
 
 Array = NDArray[np.float64]
 
 
-def datum_columns(xyz: Array, defect: int) -> Array:
-    """Shifts, turns and (for a defect of 7) the change of scale of points, shape (3n, defect), orthonormal columns.
+def datum_columns(xyz: Array, free: Array) -> Array:
+    """Movements of points that nothing else determines, shape (3n, defect), orthonormal columns.
 
     Parameters
     ----------
     xyz : array, shape (n, 3)
         Points, mm.
-    defect : int
-        7, or 6 where a measured distance gives the scale.
+    free : array, shape (7, defect)
+        Combinations of shifts, turns and change of scale, see `Problem.free_movements`.
 
     Examples
     --------
-    >>> D = datum_columns(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), 7)
+    >>> D = datum_columns(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.eye(7))
     >>> np.allclose(D.T @ D, np.eye(7))
     True
     """
-    return np.linalg.qr(_movements(xyz - xyz.mean(axis=0)))[0][:, :defect]
-
-
-def _movements(xyz: Array) -> Array:
-    """Three shifts, three turns, one change of scale about the origin, as columns, shape (3n, 7)."""
-    H = np.zeros((len(xyz), 3, 7))
-    H[:, :, :3] = np.eye(3)
-    x, y, z = xyz.T
-    H[:, 1, 3], H[:, 2, 3] = -z, y
-    H[:, 0, 4], H[:, 2, 4] = z, -x
-    H[:, 0, 5], H[:, 1, 5] = -y, x
-    H[:, :, 6] = xyz
-    return H.reshape(-1, 7)
+    return np.linalg.qr(movements(xyz - xyz.mean(axis=0)) @ free)[0]
 
 
 def null_space(problem: Problem, state: State) -> Array:
@@ -48,20 +36,24 @@ def null_space(problem: Problem, state: State) -> Array:
     """
     G = problem.globals
     H = np.zeros((G + 3 * problem.points, problem.defect))
-    H[G:] = _movements(state.xyz - state.xyz.mean(axis=0))[:, : problem.defect]
-    if problem.defect == 7:
-        for d, columns in enumerate(problem.columns):
-            for column, length in zip(columns[12:15], state.relative_shift[d], strict=True):
-                if column >= 0:
-                    H[column, 6] = length
+    free = problem.free_movements
+    H[G:] = movements(state.xyz - state.xyz.mean(axis=0)) @ free
+    for d, columns in enumerate(problem.columns):
+        for column, length in zip(columns[3:6], state.relative_shift[d], strict=True):
+            if column >= 0:
+                H[column] = length * free[6]
     return H
 
 
 def aligned(problem: Problem, state: State) -> State:
     """Lay a state onto the approximate points: the similarity (with measured distance: movement) of least squares.
 
+    Where points are known before, it stays where they put it.
+
     Source: Umeyama, *Least-squares estimation of transformation parameters*, IEEE PAMI 13 (1991).
     """
+    if problem.point_weight.any():
+        return state
     target_mean, mean = problem.approximate.mean(axis=0), state.xyz.mean(axis=0)
     target, xyz = problem.approximate - target_mean, state.xyz - mean
     U, S, Vt = np.linalg.svd(target.T @ xyz)

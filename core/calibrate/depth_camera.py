@@ -21,12 +21,14 @@ from scipy.optimize import least_squares
 from core.errors import AdjustmentError
 from core.geometry import (
     Pose,
+    lens_of,
     matrix_from_rotation_vector,
+    nominal,
     project,
     ray_directions,
     rotation_vector_from_matrix,
 )
-from core.model import INTERIOR_NAMES, Array, DeviceSpec, Interior, Ints
+from core.model import Array, DeviceSpec, Interior, Ints
 
 LEAST_TARGETS = 4
 TARGETS_TO_START = 20
@@ -35,6 +37,7 @@ ASSUMED_DISTANCE = 50.0  # focal lengths, where nothing tells the distance: 0.6 
 POORLY_KNOWN = 0.7  # share of the prior sigma above which the observations have hardly spoken
 LEAST_REPEATS = 20
 LEAST_SIGMA_PX = 1e-4
+OUTER = 9  # parameters after the interior: the plate's pose 6, its axis 2 and which way it points
 AXIS_PRIOR_RAD = 0.02  # the plate's axis is perpendicular to the plate as well as one mounts it
 
 
@@ -110,33 +113,21 @@ def _assumed(spec: DeviceSpec, distance_mm: float | None) -> PlateCamera:
         distance_mm = ASSUMED_DISTANCE * spec.nominal_c_mm
         warnings.append(f"the plate's distance is assumed to be {distance_mm:.0f} mm, so X and Y have no true scale")
     pose = Pose(np.eye(3), np.array([0.0, 0.0, -distance_mm]))
-    interior = Interior(spec.nominal_c_mm, r0_mm=spec.zero_radius_mm)
-    return PlateCamera(interior, pose, np.array([0.0, 0.0, 1.0]), float("nan"), tuple(warnings))
+    return PlateCamera(nominal(spec), pose, np.array([0.0, 0.0, 1.0]), float("nan"), tuple(warnings))
 
 
 def _prior_sigmas(spec: DeviceSpec) -> Array:
-    """What one knows of any camera: sigmas of c, x0, y0 (mm), A1..A6."""
-    half = 1.5 * spec.zero_radius_mm  # half the diagonal
-    return np.array(
-        [
-            0.2 * spec.nominal_c_mm,
-            0.05 * half,
-            0.05 * half,
-            0.1 / half**2,  # the radial parameters move the corner by a tenth of its radius
-            0.1 / half**4,
-            0.05,
-            0.02,
-            0.01 / half,
-            0.01 / half,
-        ]
-    )
+    """What one knows of the camera: of any camera, or what was known of this one before."""
+    usual = lens_of(spec).usual_sigma(spec)
+    known = np.array(spec.interior_sigma or (np.inf,) * len(usual))
+    return np.maximum(np.minimum(usual, known), 1e-9 * usual)
 
 
 def _starts(spec: DeviceSpec, planes: Sequence[TargetPlane]) -> list[Array]:
     """Initial parameters: both poses that fit a flat field nearly as well, and the axis either way."""
     most = max(planes, key=lambda plane: len(plane.uv))
-    nominal = Interior(spec.nominal_c_mm, r0_mm=spec.zero_radius_mm)
-    rays = ray_directions(spec, nominal, most.uv)
+    start = nominal(spec)
+    rays = ray_directions(spec, start, most.uv)
     flat = most.xyz_mm * (1.0, 1.0, 0.0)
     image = np.stack([rays[:, 0], -rays[:, 1]], axis=-1)
     try:
@@ -152,7 +143,7 @@ def _starts(spec: DeviceSpec, planes: Sequence[TargetPlane]) -> list[Array]:
         for sign in (1.0, -1.0):
             origin = seen_at - rotation @ np.array([0.0, 0.0, sign * most.z_mm])
             tail = [*rotation_vector_from_matrix(rotation), *origin, 0.0, 0.0, sign]
-            starts.append(np.array([*nominal.vector, *tail]))
+            starts.append(np.array([*start.vector, *tail]))
     return starts
 
 
@@ -161,7 +152,7 @@ class _Solution:
     parameters: Array
     cost: float
     residuals: Array  # of the image coordinates, px
-    interior_sigma: Array  # (9,) posterior
+    interior_sigma: Array  # (k,) posterior
 
 
 def _axis(tangents: Array, sign: float) -> Array:
@@ -170,9 +161,10 @@ def _axis(tangents: Array, sign: float) -> Array:
 
 
 def _unpack(spec: DeviceSpec, parameters: Array) -> tuple[Interior, Pose, Array]:
-    interior = Interior.from_vector(parameters[:9], spec.zero_radius_mm)
-    pose = Pose(matrix_from_rotation_vector(parameters[9:12]), parameters[12:15])
-    return interior, pose, _axis(parameters[15:17], float(parameters[17]))
+    start = nominal(spec)
+    interior = Interior.from_vector(parameters[:-OUTER], start.r0_mm, start.model)
+    turn, shift, axis, sign = np.split(parameters[-OUTER:], [3, 6, 8])
+    return interior, Pose(matrix_from_rotation_vector(turn), shift), _axis(axis, float(sign[0]))
 
 
 def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array) -> _Solution:
@@ -182,10 +174,10 @@ def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array) -> _S
     z = np.concatenate([np.full(len(plane.uv), plane.z_mm) for plane in planes])
     uv = np.concatenate([plane.uv for plane in planes])
     prior = np.append(_prior_sigmas(spec), [AXIS_PRIOR_RAD, AXIS_PRIOR_RAD])
-    nominal = Interior(spec.nominal_c_mm)
-    expected = np.append(nominal.vector, [0.0, 0.0])
-    scale = np.concatenate([prior[:9], np.full(3, 0.01), np.full(3, 10.0), np.full(2, 0.01)])
-    sign = start[17]
+    expected = np.append(nominal(spec).vector, [0.0, 0.0])
+    k = len(expected) - 2
+    scale = np.concatenate([prior[:k], np.full(3, 0.01), np.full(3, 10.0), np.full(2, 0.01)])
+    sign = start[-1]
 
     def misfit(p: Array) -> Array:
         interior, pose, axis = _unpack(spec, np.append(p * scale, sign))
@@ -193,16 +185,16 @@ def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array) -> _S
         return np.asarray(np.nan_to_num(found - uv, nan=1e4))
 
     def residuals(p: Array, own: float, shared: float) -> Array:
-        known = (np.append(p[:9], p[15:17]) * np.append(scale[:9], scale[15:17]) - expected) / prior
+        known = (np.append(p[:k], p[-2:]) * np.append(scale[:k], scale[-2:]) - expected) / prior
         return np.append(_decorrelated(misfit(p), target, own, shared).ravel(), known)
 
-    p, sigmas = start[:17] / scale, (1.0, 0.0)
+    p, sigmas = start[:-1] / scale, (1.0, 0.0)
     for _ in range(3):
         solution = least_squares(residuals, p, args=sigmas, x_scale=1.0, method="lm", max_nfev=4000)
         p = solution.x
         sigmas = _sigmas(misfit(p), target)
     covariance = np.linalg.pinv(solution.jac.T @ solution.jac, hermitian=True)
-    spread = np.sqrt(np.maximum(np.diag(covariance)[:9], 0)) * scale[:9]
+    spread = np.sqrt(np.maximum(np.diag(covariance)[:k], 0)) * scale[:k]
     rest = misfit(p)
     return _Solution(np.append(p * scale, sign), float(np.sum(rest**2)), rest, spread)
 
@@ -243,7 +235,7 @@ def _result(spec: DeviceSpec, planes: Sequence[TargetPlane], best: _Solution) ->
     warnings = []
     poor = best.interior_sigma > POORLY_KNOWN * _prior_sigmas(spec)
     if poor.any():
-        names = ", ".join(name for name, flag in zip(INTERIOR_NAMES, poor, strict=True) if flag)
+        names = ", ".join(name for name, flag in zip(lens_of(spec).names, poor, strict=True) if flag)
         warnings.append(f"the depth plate's targets hardly determine {names}: kept near the nominal camera")
     if len(planes) == 1:
         warnings.append("targets at one plate position only: the axis is taken as perpendicular to the plate")

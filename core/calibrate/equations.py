@@ -1,7 +1,8 @@
-"""The observation equations: collinearity with A1..A6, and their analytic derivatives.
+"""The observation equations: collinearity through the device's lens, and their analytic derivatives.
 
-Per observation the Jacobian has 24 columns: interior orientation 9 (c, x0, y0, A1..A6), relative orientation 6, pose 6,
-point 3. An orientation's six are a rotation vector that turns from the left, ``R <- exp(w) R``, and a shift in mm.
+Per observation the Jacobian has 15 + K columns: pose 6, point 3, relative orientation 6, and the K parameters of the
+largest lens. An orientation's six are a rotation vector that turns from the left, ``R <- exp(w) R``, and a shift in mm.
+The lens A1..A6 is written out here; the images through others come with the unknowns.
 """
 
 from __future__ import annotations
@@ -11,14 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.problem import Observed, Problem, State, Unknowns
+from core.calibrate.problem import Observed, Problem, State, Unknowns, unknowns_of
 from core.compiling import njit
+from core.model import NetworkScale
 from core.parallel import run_in_bands
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-INTERIOR, RELATIVE, POSE, POINT, COLUMNS = 0, 9, 15, 21, 24
+POSE, POINT, GLOBALS, INTERIOR = 0, 6, 9, 15  # where the columns begin; GLOBALS: relative, then interior
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class Equations:
     ----------
     w : array, shape (m, 2)
         Observed minus computed, in units of the observation's sigma.
-    J : array, shape (m, 2, 24)
+    J : array, shape (m, 2, 15 + K)
         Derivatives in the same unit.
     cost : float
         Weighted sum of squares vᵀPv, a measured distance included; infinite where a point lies behind its device.
@@ -40,6 +42,27 @@ class Equations:
     cost: float
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _by_orientations(  # pragma: no cover  compiled
+    J: Array, d2: Array, e2: Array, moved: Array, turned: Array, R: Array, S: Array
+) -> None:
+    """Columns of relative orientation, pose and point from the derivatives d2 by the point in the device frame."""
+    for a in range(2):
+        row = J[a]
+        row[9] = moved[1] * d2[a, 2] - moved[2] * d2[a, 1]
+        row[10] = moved[2] * d2[a, 0] - moved[0] * d2[a, 2]
+        row[11] = moved[0] * d2[a, 1] - moved[1] * d2[a, 0]
+        for j in range(3):
+            row[12 + j] = d2[a, j]
+            e2[a, j] = d2[a, 0] * S[0, j] + d2[a, 1] * S[1, j] + d2[a, 2] * S[2, j]
+        row[0] = turned[1] * e2[a, 2] - turned[2] * e2[a, 1]
+        row[1] = turned[2] * e2[a, 0] - turned[0] * e2[a, 2]
+        row[2] = turned[0] * e2[a, 1] - turned[1] * e2[a, 0]
+        for j in range(3):
+            row[3 + j] = e2[a, j]
+            row[6 + j] = e2[a, 0] * R[0, j] + e2[a, 1] * R[1, j] + e2[a, 2] * R[2, j]
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def equations_band(  # pragma: no cover  compiled
     start: int, stop: int, observed: Observed, unknowns: Unknowns, w: Array, J: Array
@@ -48,8 +71,8 @@ def equations_band(  # pragma: no cover  compiled
 
     A point behind its device has infinite misclosures and no derivatives. An empty J asks for none.
     """
-    device, pose, point, uv, root_weight, raster, r0 = observed
-    interior, relative_rotation, relative_shift, pose_rotation, pose_shift, xyz = unknowns
+    device, pose, point, uv, root_weight, raster, r0, other = observed
+    interior, relative_rotation, relative_shift, pose_rotation, pose_shift, xyz, image, by_xy, by_parameter = unknowns
     d2 = np.empty((2, 3))  # derivative of the image with respect to the point in the device frame
     e2 = np.empty((2, 3))  # the same with respect to the point in the frame of the pose
     turned, placed, moved = np.empty(3), np.empty(3), np.empty(3)
@@ -65,14 +88,27 @@ def equations_band(  # pragma: no cover  compiled
         X, Y, Z = moved[0] + relative_shift[d, 0], moved[1] + relative_shift[d, 1], moved[2] + relative_shift[d, 2]
         if Z >= 0.0:  # behind the device
             w[k, 0] = w[k, 1] = np.inf
-            for j in range(COLUMNS if derive else 0):
+            for j in range(J.shape[2] if derive else 0):
                 J[k, 0, j] = J[k, 1, j] = 0.0
             continue
-        c, x0, y0 = interior[d, 0], interior[d, 1], interior[d, 2]
-        a1, a2, a3 = interior[d, 3], interior[d, 4], interior[d, 5]
-        a4, a5, a6 = interior[d, 6], interior[d, 7], interior[d, 8]
-        k1 = -1.0 / Z
+        c, k1 = interior[d, 0], -1.0 / Z
         x, y = c * X * k1, c * Y * k1
+        if other[d]:
+            w[k, 0] = (uv[o, 0] - image[o, 0] / raster[d, 0] - raster[d, 2]) * root_weight[o, 0]
+            w[k, 1] = (uv[o, 1] - raster[d, 3] + image[o, 1] / raster[d, 1]) * root_weight[o, 1]
+            if derive:
+                su, sv = root_weight[o, 0] / raster[d, 0], -root_weight[o, 1] / raster[d, 1]
+                for j in range(by_parameter.shape[2]):
+                    J[k, 0, INTERIOR + j] = su * by_parameter[o, 0, j]
+                    J[k, 1, INTERIOR + j] = sv * by_parameter[o, 1, j]
+                m00, m01 = su * by_xy[o, 0, 0], su * by_xy[o, 0, 1]
+                m10, m11 = sv * by_xy[o, 1, 0], sv * by_xy[o, 1, 1]
+                d2[0, 0], d2[0, 1], d2[0, 2] = m00 * c * k1, m01 * c * k1, (m00 * x + m01 * y) * k1
+                d2[1, 0], d2[1, 1], d2[1, 2] = m10 * c * k1, m11 * c * k1, (m10 * x + m11 * y) * k1
+                _by_orientations(J[k], d2, e2, moved, turned, R, S)
+            continue
+        x0, y0, a1, a2 = interior[d, 1], interior[d, 2], interior[d, 3], interior[d, 4]
+        a3, a4, a5, a6 = interior[d, 5], interior[d, 6], interior[d, 7], interior[d, 8]
         r2, q2 = x * x + y * y, r0[d] * r0[d]
         dr = a1 * (r2 - q2) + a2 * (r2 * r2 - q2 * q2)
         x1 = x + x * dr + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) + x0
@@ -93,45 +129,38 @@ def equations_band(  # pragma: no cover  compiled
         m00, m01 = t00 * jxx + t01 * jxy, t00 * jxy + t01 * jyy
         m10, m11 = t10 * jxx + t11 * jxy, t10 * jxy + t11 * jyy
         row0, row1 = J[k, 0], J[k, 1]
-        row0[0], row1[0] = (m00 * X + m01 * Y) * k1, (m10 * X + m11 * Y) * k1
-        row0[1], row1[1] = t00, t10
-        row0[2], row1[2] = t01, t11
+        row0[INTERIOR], row1[INTERIOR] = (m00 * X + m01 * Y) * k1, (m10 * X + m11 * Y) * k1
+        row0[INTERIOR + 1], row1[INTERIOR + 1] = t00, t10
+        row0[INTERIOR + 2], row1[INTERIOR + 2] = t01, t11
         radial1, radial2 = r2 - q2, r2 * r2 - q2 * q2
-        row0[3], row1[3] = (t00 * x + t01 * y) * radial1, (t10 * x + t11 * y) * radial1
-        row0[4], row1[4] = (t00 * x + t01 * y) * radial2, (t10 * x + t11 * y) * radial2
-        row0[5], row1[5] = su * x1, -sv * y1
-        row0[6], row1[6] = su * y1, sv * x1
+        row0[INTERIOR + 3], row1[INTERIOR + 3] = (t00 * x + t01 * y) * radial1, (t10 * x + t11 * y) * radial1
+        row0[INTERIOR + 4], row1[INTERIOR + 4] = (t00 * x + t01 * y) * radial2, (t10 * x + t11 * y) * radial2
+        row0[INTERIOR + 5], row1[INTERIOR + 5] = su * x1, -sv * y1
+        row0[INTERIOR + 6], row1[INTERIOR + 6] = su * y1, sv * x1
         fx, fy, f2 = r2 + 2 * x * x, r2 + 2 * y * y, 2 * x * y
-        row0[7], row1[7] = t00 * f2 + t01 * fy, t10 * f2 + t11 * fy
-        row0[8], row1[8] = t00 * fx + t01 * f2, t10 * fx + t11 * f2
+        row0[INTERIOR + 7], row1[INTERIOR + 7] = t00 * f2 + t01 * fy, t10 * f2 + t11 * fy
+        row0[INTERIOR + 8], row1[INTERIOR + 8] = t00 * fx + t01 * f2, t10 * fx + t11 * f2
         d2[0, 0], d2[0, 1], d2[0, 2] = m00 * c * k1, m01 * c * k1, (m00 * x + m01 * y) * k1
         d2[1, 0], d2[1, 1], d2[1, 2] = m10 * c * k1, m11 * c * k1, (m10 * x + m11 * y) * k1
-        for a in range(2):
-            row = J[k, a]
-            row[9] = moved[1] * d2[a, 2] - moved[2] * d2[a, 1]
-            row[10] = moved[2] * d2[a, 0] - moved[0] * d2[a, 2]
-            row[11] = moved[0] * d2[a, 1] - moved[1] * d2[a, 0]
-            for j in range(3):
-                row[12 + j] = d2[a, j]
-                e2[a, j] = d2[a, 0] * S[0, j] + d2[a, 1] * S[1, j] + d2[a, 2] * S[2, j]
-            row[15] = turned[1] * e2[a, 2] - turned[2] * e2[a, 1]
-            row[16] = turned[2] * e2[a, 0] - turned[0] * e2[a, 2]
-            row[17] = turned[0] * e2[a, 1] - turned[1] * e2[a, 0]
-            for j in range(3):
-                row[18 + j] = e2[a, j]
-                row[21 + j] = e2[a, 0] * R[0, j] + e2[a, 1] * R[1, j] + e2[a, 2] * R[2, j]
+        _by_orientations(J[k], d2, e2, moved, turned, R, S)
+
+
+def _room(problem: Problem, rows: int) -> Array:
+    """Room for rows of the Jacobian: zeros where not all devices have the same number of parameters."""
+    shape = (rows, 2, GLOBALS + problem.columns.shape[1])
+    return np.zeros(shape) if problem.other.any() else np.empty(shape)
 
 
 def room_for_block(problem: Problem) -> tuple[Array, Array]:
-    """Give uninitialised w and J for the observations of one eliminated pose or point, whichever has most."""
+    """Give w and J for the observations of one eliminated pose or point, whichever has most."""
     most = int(np.max(np.diff(problem.first)))
-    return np.empty((most, 2)), np.empty((most, 2, COLUMNS))
+    return np.empty((most, 2)), _room(problem, most)
 
 
 def misclosures(problem: Problem, state: State) -> Array:
     """Observed minus computed of a problem at a state in units of sigma, shape (m, 2); infinite behind a device."""
-    w, unused = np.empty((len(problem.point), 2)), np.empty((0, 2, COLUMNS))
-    given = problem.observed, state.unknowns
+    w, unused = np.empty((len(problem.point), 2)), _room(problem, 0)
+    given = problem.observed, unknowns_of(problem, state, derive=False)
     run_in_bands(lambda a, b: equations_band(a, b, *given, w[a:b], unused), len(w), least=8192)
     return w
 
@@ -139,28 +168,30 @@ def misclosures(problem: Problem, state: State) -> Array:
 def linearise(problem: Problem, state: State) -> Equations:
     """Observation equations of a problem at a state."""
     w = np.empty((len(problem.point), 2))
-    J = np.empty((len(w), 2, COLUMNS))
-    given = problem.observed, state.unknowns
+    J = _room(problem, len(w))
+    given = problem.observed, unknowns_of(problem, state)
     run_in_bands(lambda a, b: equations_band(a, b, *given, w[a:b], J[a:b]), len(w), least=4096)
     return Equations(w, J, weighted_squares(problem, state, w))
 
 
-def distance_equation(problem: Problem, state: State) -> tuple[float, Array]:
-    """Misclosure of the measured distance, and its derivative with respect to its first point, whitened.
+def distance_equation(distance: NetworkScale, state: State) -> tuple[float, Array]:
+    """Misclosure of a measured distance, and its derivative with respect to its first point, whitened.
 
     That with respect to the second point has the other sign.
     """
-    assert problem.scale is not None
-    difference = state.xyz[problem.scale.start] - state.xyz[problem.scale.stop]
-    length, sigma = float(np.linalg.norm(difference)), problem.scale.sigma_mm
-    return (problem.scale.length_mm - length) / sigma, difference / (length * sigma)
+    difference = state.xyz[distance.start] - state.xyz[distance.stop]
+    length, sigma = float(np.linalg.norm(difference)), distance.sigma_mm
+    return (distance.length_mm - length) / sigma, difference / (length * sigma)
 
 
 def weighted_squares(problem: Problem, state: State, w: Array) -> float:
-    """vᵀPv of misclosures at a state, a measured distance included; infinite where a point lies behind its device."""
+    """vᵀPv of misclosures at a state, with measured distances and what is known; infinite for a point behind."""
     total = float(np.vdot(w, w))
-    if problem.scale is not None:
-        total += distance_equation(problem, state)[0] ** 2
+    for distance in problem.distances:
+        total += distance_equation(distance, state)[0] ** 2
+    if problem.points_free:
+        total += float(np.sum(problem.point_weight * (state.xyz - problem.approximate) ** 2))
+    total += float(np.sum(problem.interior_weight * (state.interior - problem.interior_known) ** 2))
     return total if np.isfinite(total) else np.inf
 
 
@@ -176,11 +207,11 @@ def _largest(device: Ints, root_weight: Array, J: Array, largest: Array) -> None
             if root_weight[o, a] > 0:
                 unit = 1.0 / root_weight[o, a]
                 for j in range(largest.shape[2]):
-                    largest[device[o], a, j] = max(largest[device[o], a, j], abs(J[o, a, j]) * unit)
+                    largest[device[o], a, j] = max(largest[device[o], a, j], abs(J[o, a, GLOBALS + j]) * unit)
 
 
 def largest_displacements(problem: Problem, equations: Equations) -> Array:
-    """How far in its image each device's global parameters move a point at most, mm per unit, shape (devices, 15)."""
-    largest = np.zeros((len(problem.raster), 2, POSE))
+    """How far in its image each device's global parameters move a point at most, mm per unit, as `columns`."""
+    largest = np.zeros((len(problem.raster), 2, problem.columns.shape[1]))
     _largest(problem.device, problem.root_weight, equations.J, largest)
     return np.asarray(np.max(largest * problem.raster[:, :2, None], axis=1))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from core.calibrate.columns import resect_columns
 from core.calibrate.problem import Problem, State
-from core.calibrate.stations import oriented_stations, resectable
+from core.calibrate.stations import in_own_lenses, oriented_stations, resectable
 from core.errors import AdjustmentError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
 from core.model import Network
@@ -55,7 +55,7 @@ def initial_state(network: Network, problem: Problem) -> State:
         )
     R = np.array([relative.get(d, Pose()).rotation for d in range(len(problem.base))])
     t = np.array([relative.get(d, Pose()).translation_mm for d in range(len(problem.base))])
-    return State(state.interior, R, t, rotation, shift, problem.approximate.copy())
+    return in_own_lenses(network, State(state.interior, R, t, rotation, shift, problem.approximate.copy()))
 
 
 def _relative_orientations(problem: Problem, found: dict[int, Pose]) -> dict[int, Pose]:

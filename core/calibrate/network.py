@@ -7,40 +7,53 @@ from collections.abc import Sequence
 import numpy as np
 
 from core.errors import InputError
-from core.model import DeviceSpec, Network, NetworkDevice, NetworkScale, ScaleBar, TargetSet, Testfield
+from core.model import (
+    Network,
+    NetworkDevice,
+    NetworkScale,
+    Rig,
+    ScaleBar,
+    StationId,
+    TargetId,
+    TargetSet,
+    Testfield,
+)
 
 LEAST_SIGMA_PX = 1e-4  # a sigma told smaller than this is a fault of the measurement, not a weight
 
 
 def network_from_targets(
-    camera: DeviceSpec,
-    projector: DeviceSpec,
+    rig: Rig,
     testfield: Testfield,
     targets: Sequence[TargetSet],
     *,
     scale: ScaleBar | None,
+    lengths: Sequence[ScaleBar] = (),
     rigid: bool = True,
-    use: Sequence[str] = ("camera", "projector"),
+    use: Sequence[str] | None = None,
 ) -> Network:
     """Make the network of a set of captures, in the board's frame.
 
-    The board is what moved: each capture is one pose, seen by camera and projector. The board's true shape is to be
-    estimated, its nominal one serves as approximation and datum.
+    The board is what moved: each capture is one pose, seen by cameras and projectors. The board's true shape is to be
+    estimated, its nominal one serves as approximation and datum. A projector that was matched by several cameras has a
+    station for each: what they say of it are different measurements.
 
     Parameters
     ----------
-    camera, projector : DeviceSpec
+    rig : Rig
     testfield : Testfield
         Nominal targets.
     targets : sequence of TargetSet
-        One per capture; rows with NaN camera coordinates are passed over, a NaN projector coordinate is one not
-        observed.
+        One per capture, camera and projector; rows with NaN camera coordinates are passed over, a NaN projector
+        coordinate is one not observed.
     scale : ScaleBar or None
-        Measured distance between two targets; without it the nominal field gives the scale.
+        Measured distance between two targets; without any the nominal field gives the scale.
+    lengths : sequence of ScaleBar
+        Further ones.
     rigid : bool
-        One orientation of the projector relative to the camera for all captures; otherwise every station is free.
-    use : sequence of str
-        The devices to adjust: "camera", "projector" or both.
+        One orientation of every device relative to the first for all captures; otherwise every station is free.
+    use : sequence of str, optional
+        Names of the devices to adjust, all of them by default.
 
     Raises
     ------
@@ -48,13 +61,18 @@ def network_from_targets(
         If a target or an end of the scale is not in the testfield, or a target appears twice in a capture.
     """
     index = testfield.index()
-    devices = {"camera": camera, "projector": projector}
-    stations: list[tuple[str, str, int]] = []
+    devices = {name: spec for name, spec in rig.devices.items() if use is None or name in use}
+    matched = [(t.capture, name) for t in targets for name in (t.camera, t.projector)]
+    poses: dict[str, int] = {}
+    stations: list[tuple[StationId, int]] = []
     rows: list[tuple[np.ndarray, ...]] = []
     for k, target_set in enumerate(targets):
         point = _points_of(target_set, index)
-        for name in use:
-            if name == "camera":
+        capture = target_set.capture or str(k + 1)
+        for name, other in ((target_set.camera, target_set.projector), (target_set.projector, target_set.camera)):
+            if name not in devices:
+                continue
+            if name == target_set.camera:
                 uv = target_set.camera_uv
                 sigma = np.sqrt(np.diagonal(target_set.camera_cov, axis1=1, axis2=2))
             else:
@@ -62,27 +80,32 @@ def network_from_targets(
             seen = np.isfinite(uv).any(axis=1) & np.isfinite(target_set.camera_uv).all(axis=1)
             if not seen.any():
                 continue
-            pose = k if rigid else len(stations)
+            pose = poses.setdefault(capture, len(poses)) if rigid else len(stations)
             number = np.full(np.count_nonzero(seen), len(stations))
-            stations.append((f"{target_set.capture or k + 1}/{name}", name, pose))
+            several = matched.count((target_set.capture, name)) > 1 and target_set.capture
+            stations.append((StationId(capture, name, other if several else ""), pose))
             rows.append((number, point[seen], uv[seen], np.maximum(sigma[seen], LEAST_SIGMA_PX)))
     if not rows:
         raise InputError("the targets", "hold no measured target", "measure at least two captures of the testfield")
     station, point, uv, sigma = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     used, point = np.unique(point, return_inverse=True)
-    names = [f"{testfield.row[i]}/{testfield.col[i]}" for i in used]
+    ids = tuple(TargetId(int(testfield.row[i]), int(testfield.col[i])) for i in used)
+    places = {int(i): k for k, i in enumerate(used)}
     return Network(
-        devices={name: NetworkDevice(devices[name]) for name in devices if name in use},
-        station_names=tuple(s[0] for s in stations),
-        station_device=tuple(s[1] for s in stations),
-        station_pose=tuple(s[2] for s in stations),
-        point_names=tuple(names),
+        devices={name: NetworkDevice(spec) for name, spec in devices.items()},
+        station_names=tuple(str(s) for s, _ in stations),
+        station_device=tuple(s.device for s, _ in stations),
+        station_pose=tuple(pose for _, pose in stations),
+        station_ids=tuple(s for s, _ in stations),
+        point_names=tuple(map(str, ids)),
+        point_ids=ids,
         point_xyz_mm=np.asarray(testfield.xyz_mm, dtype=np.float64)[used],
         observation_station=station.astype(np.int64),
         observation_point=point.astype(np.int64),
         observation_uv=np.asarray(uv, dtype=np.float64),
         observation_sigma=np.asarray(sigma, dtype=np.float64),
-        scale=_scale(scale, index, {int(i): k for k, i in enumerate(used)}),
+        scale=None if scale is None else _distance(scale, index, places),
+        lengths=tuple(_distance(bar, index, places) for bar in lengths),
     )
 
 
@@ -98,9 +121,7 @@ def _points_of(targets: TargetSet, index: dict[tuple[int, int], int]) -> np.ndar
     return np.array([index[key] for key in keys], dtype=np.int64)
 
 
-def _scale(scale: ScaleBar | None, index: dict[tuple[int, int], int], used: dict[int, int]) -> NetworkScale | None:
-    if scale is None:
-        return None
+def _distance(scale: ScaleBar, index: dict[tuple[int, int], int], used: dict[int, int]) -> NetworkScale:
     ends = []
     for end in (scale.start, scale.stop):
         if end not in index:

@@ -13,8 +13,8 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.equations import POINT, POSE, equations_band, room_for_block
-from core.calibrate.problem import Observed, Problem, State, Unknowns
+from core.calibrate.equations import GLOBALS, POINT, POSE, equations_band, room_for_block
+from core.calibrate.problem import RELATIVE, Observed, Problem, State, Unknowns, unknowns_of
 from core.compiling import inner, njit
 from core.parallel import run_in_bands
 
@@ -144,16 +144,18 @@ def _normals_band(  # pragma: no cover  compiled
     """
     G, width, device = len(N_global), lower.shape[1], observed.device
     with_kept, kept_width = N_kept.shape[0], N_kept.shape[1]
-    local, place = np.empty(21, np.int64), np.empty(15, np.int64)
-    A, S, t = np.empty((2, 21)), np.empty((21, 21)), np.empty(21)
+    own_columns = columns.shape[1]
+    most = own_columns + width
+    local, place = np.empty(most, np.int64), np.empty(own_columns, np.int64)
+    A, S, t = np.empty((2, most)), np.empty((most, most)), np.empty(most)
     for e in range(start, stop):
         equations_band(first[e], first[e + 1], observed, unknowns, w, J)
         o = first[e]
         while o < first[e + 1]:
             d, g = device[o], 0
-            for j in range(15):
+            for j in range(own_columns):
                 if columns[d, j] >= 0:
-                    local[g], place[g] = j, columns[d, j]
+                    local[g], place[g] = GLOBALS + j, columns[d, j]
                     g += 1
             k = g + width
             for s in range(width):
@@ -218,7 +220,10 @@ def assemble(problem: Problem, state: State, damping: float = 0.0) -> Normals:
     lower, root, half = np.zeros((E, width, width)), np.zeros((E, width, U)), np.zeros((E, width))
     M, right, b = np.zeros((U, U)), np.zeros(U), np.zeros(U)
     N_global, N_cross, N_kept = np.zeros((G, G)), np.zeros((n, kept_width, G)), np.zeros((n, kept_width, kept_width))
-    observed, unknowns = problem.observed, state.unknowns
+    observed, unknowns = problem.observed, unknowns_of(problem, state)
+    if problem.points_free:
+        _add_known_points(problem, state, lower, half, N_kept, b[G:])
+    _add_known_interior(problem, state, N_global, b)
     lock = Lock()
     failed: list[int] = []
 
@@ -262,6 +267,28 @@ def assemble(problem: Problem, state: State, damping: float = 0.0) -> Normals:
     at = G + kept_width * np.arange(n)[:, None] + np.arange(kept_width)
     M[at[:, :, None], at[:, None, :]] += N_kept
     return Normals(M, b - right, diagonal, b, lower, root, half)
+
+
+def _add_known_points(problem: Problem, state: State, lower: Array, half: Array, kept: Array, b: Array) -> None:
+    """Begin the points' normals with what is known of them."""
+    if problem.point_weight.any():
+        weight, axis = problem.point_weight, np.arange(3)
+        right = weight * (problem.approximate - state.xyz)
+        blocks = lower if problem.by_points else kept
+        blocks[:, axis, axis] += weight
+        if problem.by_points:
+            half += right
+        else:
+            b += right.ravel()
+
+
+def _add_known_interior(problem: Problem, state: State, N_global: Array, b: Array) -> None:
+    """Begin the globals' normals with what is known of interior orientations."""
+    places = problem.columns[:, RELATIVE:]
+    use = (problem.interior_weight > 0) & (places >= 0)
+    at, weight = places[use], problem.interior_weight[use]
+    N_global[at, at] += weight
+    b[at] += weight * (problem.interior_known - state.interior)[use]
 
 
 @dataclass(frozen=True)

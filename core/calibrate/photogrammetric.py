@@ -1,4 +1,4 @@
-"""Camera and projector calibrated together from the targets of moved boards."""
+"""Cameras and projectors calibrated together from the targets of moved boards."""
 
 from __future__ import annotations
 
@@ -10,21 +10,32 @@ import numpy as np
 from core.calibrate.adjust import result_of, solve_network
 from core.calibrate.network import network_from_targets
 from core.calibrate.options import AdjustOptions
-from core.calibrate.rigid import mean_relative_pose, rigidity_of
+from core.calibrate.problem import base_devices, estimated
+from core.calibrate.rigid import mean_relative_poses, rigidity_of
 from core.errors import AdjustmentError
-from core.model import Adjustment, DeviceSpec, Network, PhotogrammetricCalibration, ScaleBar, TargetSet, Testfield
+from core.geometry.pairs import names_of, orientation_names
+from core.model import (
+    Adjustment,
+    Network,
+    Orientation,
+    PhotogrammetricCalibration,
+    Rig,
+    ScaleBar,
+    TargetSet,
+    Testfield,
+)
 from core.progress import SILENT, Progress
 
 CALIBRATION_OPTIONS = AdjustOptions(variance_components=True, reject_beyond=6.0)
 
 
 def calibrate_photogrammetric(
-    camera: DeviceSpec,
-    projector: DeviceSpec,
+    rig: Rig,
     testfield: Testfield,
     targets: Sequence[TargetSet],
     *,
     scale: ScaleBar | None,
+    lengths: Sequence[ScaleBar] = (),
     rigid: bool = True,
     hold: Sequence[str] = (),
     options: AdjustOptions = CALIBRATION_OPTIONS,
@@ -34,17 +45,19 @@ def calibrate_photogrammetric(
 
     Parameters
     ----------
-    camera, projector : DeviceSpec
-        With nominal focal lengths only.
+    rig : Rig
+        Devices with nominal focal lengths only, or with what is known of them before.
     testfield : Testfield
         Nominal board; its true shape is estimated.
     targets : sequence of TargetSet
-        One per capture of the board.
+        One per capture of the board, camera and projector.
     scale : ScaleBar or None
-        Measured distance on the board; without it the nominal board gives the scale.
+        Measured distance on the board; without any the nominal board gives the scale.
+    lengths : sequence of ScaleBar
+        Further ones.
     rigid : bool
-        True holds the projector fixed to the camera over all captures and says so if it was not; False adjusts all
-        stations freely and returns the weighted mean of the captures' relative orientations.
+        True holds all devices fixed to the first over all captures and says so if they were not; False adjusts all
+        stations freely and returns the weighted means of the captures' relative orientations.
     hold : sequence of str
         Parameters that are not estimated, such as "projector.A3": c stays at its nominal value, all others at zero.
     options : AdjustOptions
@@ -60,21 +73,17 @@ def calibrate_photogrammetric(
     Raises
     ------
     InputError, AdjustmentError
-        As `core.calibrate.adjust`; also if no capture shows targets to both devices.
+        As `core.calibrate.adjust`; also if no captures tie the devices to each other.
     """
-    network = network_from_targets(camera, projector, testfield, targets, scale=scale, rigid=True)
+    network = network_from_targets(rig, testfield, targets, scale=scale, lengths=lengths, rigid=True)
     network = _holding(network, hold)
     groups = dict(zip(network.station_names, network.station_pose, strict=True))
     if not rigid:
         network = replace(network, station_pose=tuple(range(len(network.station_names))))
     solved, warnings = solve_network(network, options, progress.part(0.0, 0.8))
     kept = [groups[name] for name in solved.network.station_names]
-    if len(set(kept)) == len(kept):
-        raise AdjustmentError(
-            "the captures",
-            "none shows enough targets to camera and projector at once",
-            "capture the board where both fields of view overlap",
-        )
+    bases = base_devices(replace(solved.network, station_pose=tuple(kept)))
+    _check_tied(bases)
     if len(kept) - len(set(kept)) > 1:
         progress(0.8, "was the rig rigid?")
         test = rigidity_of(solved, kept, progress.part(0.8, 1.0))
@@ -82,18 +91,21 @@ def calibrate_photogrammetric(
             advice = "" if not rigid else "; adjust with free stations, and mount the devices firmly"
             warnings.append(f"{test}{advice}")
     adjustment = result_of(solved, warnings)
-    names = list(solved.problem.device_names)
+    others = [name for name, base in bases.items() if base != name]
     if rigid:
-        projector_from_camera, covariance = adjustment.relative["projector"], adjustment.parameter_cov
+        poses, covariance = [adjustment.relative[name] for name in others], adjustment.parameter_cov
     else:
-        projector_from_camera, covariance = mean_relative_pose(solved, kept, names.index("projector"))
+        numbers = [list(bases).index(name) for name in others]
+        poses, covariance = mean_relative_poses(solved, kept, numbers)
     object_variance = np.mean(np.diagonal(adjustment.point_cov_mm2, axis1=1, axis2=2), axis=0)
     x, y, z = (float(s) for s in np.sqrt(object_variance) * 1e3)
+    interior_names = [n for name, device in adjustment.devices.items() for n in names_of(name, device)]
     calibration = PhotogrammetricCalibration(
-        camera=adjustment.devices["camera"],
-        projector=adjustment.devices["projector"],
-        projector_from_camera=projector_from_camera,
+        devices=adjustment.devices,
+        cameras=tuple(rig.cameras),
+        orientations={n: Orientation(bases[n], pose) for n, pose in zip(others, poses, strict=True)},
         covariance=covariance,
+        parameter_names=(*interior_names, *(p for name in others for p in orientation_names(name))),
         sigma0=adjustment.sigma0,
         stations=len(kept),
         image_points=len(adjustment.residuals),
@@ -105,9 +117,20 @@ def calibrate_photogrammetric(
     return calibration, adjustment
 
 
+def _check_tied(bases: dict[str, str]) -> None:
+    """See that every device shares captures with another one, so that one rig comes out."""
+    first = next(iter(bases))
+    if loose := [name for name, base in bases.items() if base != bases[first]]:
+        raise AdjustmentError(
+            "the captures",
+            f"none shows enough targets to {first} and {' or '.join(loose)} at once",
+            "capture the board where both fields of view overlap",
+        )
+
+
 def _holding(network: Network, hold: Sequence[str]) -> Network:
     devices = {
-        name: replace(device, estimate=tuple(p for p in device.estimate if f"{name}.{p}" not in hold))
+        name: replace(device, estimate=tuple(p for p in estimated(device) if f"{name}.{p}" not in hold))
         for name, device in network.devices.items()
     }
     return replace(network, devices=devices)

@@ -8,14 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.geometry import Pose, matrix_from_rotation_vector
-from core.model import INTERIOR_NAMES, Network, NetworkScale
+from core.geometry import LENSES, Pose, lens_of, matrix_from_rotation_vector, nominal
+from core.model import DeviceSpec, Interior, Network, NetworkDevice, NetworkScale
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
 MOST_REDUCED = 3000  # unknowns of points that are kept whole; more are eliminated if there are fewer of the poses
+COMPILED = "A1..A6"  # the lens model that the kernels know; any other is worked out before they run
+RELATIVE = 6  # columns of a relative orientation, before those of the interior
+HELD_MM = 1e-6  # sigma of what is held: far below anything observed, far above the rounding of the normals
 
 
 class Observed(NamedTuple):
@@ -28,10 +31,15 @@ class Observed(NamedTuple):
     root_weight: Array
     raster: Array
     r0: Array
+    other: NDArray[np.bool_]
 
 
 class Unknowns(NamedTuple):
-    """Arrays of a `State` as the kernels take them."""
+    """Arrays of a `State` as the kernels take them.
+
+    The last three are of the observations through lenses that the kernels do not know: the image (m, 2), and its
+    derivatives by the collinearity image (m, 2, 2) and by the parameters (m, 2, K); empty where there are none.
+    """
 
     interior: Array
     relative_rotation: Array
@@ -39,6 +47,9 @@ class Unknowns(NamedTuple):
     pose_rotation: Array
     pose_shift: Array
     xyz: Array
+    image: Array
+    by_xy: Array
+    by_parameter: Array
 
 
 @dataclass(frozen=True)
@@ -61,8 +72,11 @@ class Problem:
         Pitch x, y (mm) and the pixel coordinates u, v of the middle of the image.
     r0 : array, shape (devices,)
         Zero crossing of the radial parameters, mm.
-    columns : array, shape (devices, 15)
-        Where each device's nine interior and six relative parameters stand among the global unknowns; -1 if held.
+    specs : tuple of DeviceSpec
+    models : tuple of str
+        Lens model of each device; K is the number of parameters of the largest.
+    columns : array, shape (devices, 6 + K)
+        Where each device's six relative and its interior parameters stand among the global unknowns; -1 if held.
     base : array, shape (devices,)
         The device whose frame each device's relative orientation refers to (itself where it has none).
     by_points : bool
@@ -74,6 +88,11 @@ class Problem:
         Taken off all object coordinates while adjusting, so that large coordinates cost no digits.
     approximate : array, shape (n, 3)
         Approximate points less the origin: the datum.
+    distances : tuple of NetworkScale
+    point_weight : array, shape (n, 3)
+        1 / sigma² of coordinates known before, 0 where not.
+    interior_known, interior_weight : arrays, shape (devices, K)
+        Interior orientation known before and 1 / sigma² of it, 0 where not.
     points_free : bool
         False holds the points where they are.
     """
@@ -87,6 +106,8 @@ class Problem:
     root_weight: Array
     raster: Array
     r0: Array
+    specs: tuple[DeviceSpec, ...]
+    models: tuple[str, ...]
     columns: Ints
     base: Ints
     by_points: bool
@@ -95,13 +116,27 @@ class Problem:
     station_device: Ints
     origin_mm: Array
     approximate: Array
-    scale: NetworkScale | None
+    distances: tuple[NetworkScale, ...]
+    point_weight: Array
+    interior_known: Array
+    interior_weight: Array
     points_free: bool = True
 
     @property
     def observed(self) -> Observed:
         """For the kernels."""
-        return Observed(self.device, self.pose, self.point, self.uv, self.root_weight, self.raster, self.r0)
+        return Observed(self.device, self.pose, self.point, self.uv, self.root_weight, self.raster, self.r0, self.other)
+
+    @property
+    def other(self) -> NDArray[np.bool_]:
+        """Devices whose lens the kernels do not know, shape (devices,)."""
+        return np.array([model != COMPILED for model in self.models])
+
+    @property
+    def interior_columns(self) -> list[Ints]:
+        """Of every device the places of its interior parameters among the globals, shape (k,) each; -1 if held."""
+        sizes = [len(LENSES[model].names) for model in self.models]
+        return [c[RELATIVE : RELATIVE + k] for c, k in zip(self.columns, sizes, strict=True)]
 
     @property
     def poses(self) -> int:
@@ -119,20 +154,46 @@ class Problem:
         return len(self.approximate) if self.points_free else 0
 
     @property
+    def free_movements(self) -> Array:
+        """Combinations of three shifts, three turns and the change of scale that nothing observed or known rules out.
+
+        Shape (7, defect); turns and scale are about the mean of the points.
+        """
+        if not self.points_free:
+            return np.zeros((7, 0))
+        if not self.point_weight.any():
+            return np.eye(7)[:, : 6 if self.distances else 7]
+        local = self.approximate - self.approximate.mean(axis=0)
+        size = max(float(np.abs(local).max()), 1e-12)
+        fixed = movements(local / size)[self.point_weight.ravel() > 0]
+        if self.distances:
+            fixed = np.vstack([fixed, np.eye(7)[6:]])
+        values, rows = np.linalg.svd(np.vstack([fixed, np.zeros((7, 7))]), full_matrices=False)[1:]
+        free = rows[values <= 1e-9 * values[0]].T
+        free[3:] /= size  # turns and scale were of points of size one
+        return np.asarray(free)
+
+    @property
     def defect(self) -> int:
         """Datum directions the observations leave free."""
-        return 0 if not self.points_free else 6 if self.scale is not None else 7
+        return self.free_movements.shape[1]
 
     @property
     def redundancy(self) -> int:
         """Observed values less unknowns, datum constraints counted."""
-        observed = int(np.count_nonzero(self.root_weight)) + (self.scale is not None)
+        observed = int(np.count_nonzero(self.root_weight)) + len(self.distances)
+        if self.points_free:
+            observed += int(np.count_nonzero(self.point_weight))
+        observed += sum(
+            int(np.count_nonzero((places >= 0) & (weight[: len(places)] > 0)))
+            for places, weight in zip(self.interior_columns, self.interior_weight, strict=True)
+        )
         return observed + self.defect - self.globals - 6 * self.poses - 3 * self.points
 
 
 @dataclass(frozen=True)
 class State:
-    """The unknowns: interior (D, 9), relative orientations, poses and points less the problem's origin."""
+    """The unknowns: interior (D, K), relative orientations, poses and points less the problem's origin."""
 
     interior: Array
     relative_rotation: Array
@@ -141,10 +202,53 @@ class State:
     pose_shift: Array
     xyz: Array
 
-    @property
-    def unknowns(self) -> Unknowns:
-        """For the kernels."""
-        return Unknowns(*(np.ascontiguousarray(array) for array in vars(self).values()))
+
+def unknowns_of(problem: Problem, state: State, derive: bool = True) -> Unknowns:
+    """Give a state as the kernels take it, with the images through lenses that they do not know."""
+    arrays = [np.ascontiguousarray(array) for array in vars(state).values()]
+    if not problem.other.any():
+        return _unknowns(arrays, np.empty((0, 2)), np.empty((0, 2, 2)), np.empty((0, 2, 0)))
+    m, K = len(problem.point), state.interior.shape[1]
+    image, by_xy, by_parameter = np.zeros((m, 2)), np.zeros((m, 2, 2)), np.zeros((m, 2, K))
+    for d in np.flatnonzero(problem.other):
+        own = np.flatnonzero(problem.device == d)
+        turned = np.einsum("oij,oj->oi", state.pose_rotation[problem.pose[own]], state.xyz[problem.point[own]])
+        placed = (turned + state.pose_shift[problem.pose[own]]) @ state.relative_rotation[d].T
+        X, Y, Z = (placed + state.relative_shift[d]).T
+        interior, lens = interior_of(problem, state, int(d)), LENSES[problem.models[d]]
+        Z = np.where(Z < 0, Z, -1.0)  # what is behind is told by the kernels
+        xy = np.stack([X, Y], axis=-1) * (-interior.c_mm / Z)[:, None]
+        with np.errstate(all="ignore"):
+            image[own] = lens.distort(interior, xy)
+            if derive:
+                by_xy[own], by_parameter[own, :, : len(lens.names)] = lens.derivatives(interior, xy)
+    return _unknowns(arrays, image, by_xy, by_parameter)
+
+
+def _unknowns(state: list[Array], image: Array, by_xy: Array, by_parameter: Array) -> Unknowns:
+    interior, relative_rotation, relative_shift, pose_rotation, pose_shift, xyz = state
+    return Unknowns(
+        interior, relative_rotation, relative_shift, pose_rotation, pose_shift, xyz, image, by_xy, by_parameter
+    )
+
+
+def interior_of(problem: Problem, state: State, device: int) -> Interior:
+    """Interior orientation of a device at a state."""
+    model = problem.models[device]
+    values = state.interior[device, : len(LENSES[model].names)]
+    return Interior.from_vector(values, float(problem.r0[device]), model)
+
+
+def movements(xyz: Array) -> Array:
+    """Three shifts, three turns, one change of scale about the origin, as columns, shape (3n, 7)."""
+    H = np.zeros((len(xyz), 3, 7))
+    H[:, :, :3] = np.eye(3)
+    x, y, z = xyz.T
+    H[:, 1, 3], H[:, 2, 3] = -z, y
+    H[:, 0, 4], H[:, 2, 4] = z, -x
+    H[:, 0, 5], H[:, 1, 5] = -y, x
+    H[:, :, 6] = xyz
+    return H.reshape(-1, 7)
 
 
 @dataclass(frozen=True)
@@ -214,6 +318,7 @@ def problem_of(network: Network, *, by_points: bool | None = None) -> Problem:
     origin = network.point_xyz_mm.mean(axis=0)
     sigma = np.where(np.isfinite(network.observation_uv), network.observation_sigma, np.inf)
     specs = [network.devices[name].spec for name in names]
+    known, weight = _known_interior(network)
     return Problem(
         device_names=names,
         device=device[order],
@@ -223,7 +328,9 @@ def problem_of(network: Network, *, by_points: bool | None = None) -> Problem:
         uv=np.nan_to_num(network.observation_uv, nan=0.0)[order],
         root_weight=(1.0 / sigma)[order],
         raster=np.array([[*s.pitch_mm, (s.width - 1) / 2, (s.height - 1) / 2] for s in specs]),
-        r0=np.array([s.zero_radius_mm for s in specs]),
+        r0=np.array([nominal(s).r0_mm for s in specs]),
+        specs=tuple(specs),
+        models=tuple(s.model for s in specs),
         columns=columns,
         base=base,
         by_points=by_points,
@@ -232,22 +339,59 @@ def problem_of(network: Network, *, by_points: bool | None = None) -> Problem:
         station_device=station_device,
         origin_mm=origin,
         approximate=network.point_xyz_mm - origin,
-        scale=network.scale,
+        distances=(*((network.scale,) if network.scale is not None else ()), *network.lengths),
+        point_weight=_point_weight(network),
+        interior_known=known,
+        interior_weight=weight,
     )
+
+
+def _point_weight(network: Network) -> Array:
+    if network.point_sigma_mm is None:
+        return np.zeros(network.point_xyz_mm.shape)
+    return np.asarray(np.maximum(network.point_sigma_mm, HELD_MM) ** -2.0)
+
+
+def _known_interior(network: Network) -> tuple[Array, Array]:
+    """Values known before, and 1 / sigma² of them, shape (devices, K); a weight of 0 where not known, or held."""
+    specs = [device.spec for device in network.devices.values()]
+    known = np.zeros((len(specs), most_parameters(network)))
+    weight = np.zeros(known.shape)
+    for d, spec in enumerate(specs):
+        start = nominal(spec).vector
+        known[d, : len(start)] = start
+        if spec.interior_sigma:
+            sigma = np.array(spec.interior_sigma)
+            weight[d, : len(sigma)] = np.where(sigma > 0, np.maximum(sigma, 1e-150) ** -2.0, 0.0)
+    return known, weight
+
+
+def most_parameters(network: Network) -> int:
+    """K: the number of interior parameters of the device that has most."""
+    return max(len(lens_of(device.spec).names) for device in network.devices.values())
+
+
+def estimated(device: NetworkDevice) -> tuple[str, ...]:
+    """Names of a device's parameters that are estimated, in its lens's order."""
+    lens = lens_of(device.spec)
+    wanted = lens.usual if device.estimate is None else device.estimate
+    sigma = device.spec.interior_sigma or (1.0,) * len(lens.names)
+    return tuple(name for name, s in zip(lens.names, sigma, strict=True) if name in wanted and s > 0)
 
 
 def _columns(network: Network, base: Ints, used: set[int]) -> Ints:
     """Places of every device's unknowns among the globals: all interior orientations, then the relative ones."""
-    columns = np.full((len(network.devices), 15), -1, dtype=np.int64)
+    columns = np.full((len(network.devices), RELATIVE + most_parameters(network)), -1, dtype=np.int64)
     wanted = np.zeros(columns.shape, bool)
     for d, device in enumerate(network.devices.values()):
         if d in used:
-            wanted[d, :9] = [p in device.estimate for p in INTERIOR_NAMES]
-            wanted[d, 9:] = base[d] != d
+            names, free = lens_of(device.spec).names, estimated(device)
+            wanted[d, RELATIVE : RELATIVE + len(names)] = [name in free for name in names]
+            wanted[d, :RELATIVE] = base[d] != d
     for name, coordinate in never_observed(network).items():
         # the projection centre along the axis of a coordinate never observed
-        wanted[list(network.devices).index(name), 12 if coordinate == "u" else 13] = False
-    for part in (slice(0, 9), slice(9, 15)):
+        wanted[list(network.devices).index(name), 3 if coordinate == "u" else 4] = False
+    for part in (slice(RELATIVE, None), slice(0, RELATIVE)):
         places = columns[:, part]
         places[wanted[:, part]] = columns.max() + 1 + np.arange(np.count_nonzero(wanted[:, part]))
     return columns
@@ -261,11 +405,12 @@ def moved(problem: Problem, state: State, step: Step) -> State:
         state.relative_shift.copy(),
     )
     for d, columns in enumerate(problem.columns):
-        free = columns[:9] >= 0
-        interior[d, free] += step.z[columns[:9][free]]
-        if columns[9] >= 0:
-            relative_rotation[d] = matrix_from_rotation_vector(step.z[columns[9:12]]) @ relative_rotation[d]
-            relative_shift[d] += np.where(columns[12:15] >= 0, step.z[columns[12:15]], 0.0)
+        places = columns[RELATIVE:]
+        free = places >= 0
+        interior[d, free] += step.z[places[free]]
+        if columns[0] >= 0:
+            relative_rotation[d] = matrix_from_rotation_vector(step.z[columns[:3]]) @ relative_rotation[d]
+            relative_shift[d] += np.where(columns[3:6] >= 0, step.z[columns[3:6]], 0.0)
     turns = _matrices(step.pose[:, :3])
     xyz = state.xyz + step.xyz if problem.points_free else state.xyz
     return State(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from core.calibrate.cholesky import solve_in_place
 from core.calibrate.equations import POSE, equations_band, room_for_block
-from core.calibrate.problem import Observed, Problem, State, Unknowns
+from core.calibrate.problem import Observed, Problem, State, Unknowns, unknowns_of
 from core.compiling import inner, njit
 from core.parallel import run_in_bands
 
@@ -175,7 +175,7 @@ def refined(problem: Problem, state: State) -> tuple[State, Array]:
     """
     state = replace(state, pose_rotation=state.pose_rotation.copy(), pose_shift=state.pose_shift.copy())
     sums = np.empty(problem.poses)
-    given = problem.first, problem.observed, state.unknowns
+    given = problem.first, problem.observed, unknowns_of(problem, state)
     run_in_bands(lambda a, b: _refine_band(a, b, *given, *room_for_block(problem), sums), problem.poses, least=8)
     return state, sums
 

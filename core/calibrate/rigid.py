@@ -18,6 +18,7 @@ from core.calibrate.problem import Problem, State, problem_of
 from core.calibrate.weakness import singular_error, unsolved_error
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
+from core.geometry.pairs import relative_derivatives
 from core.model import Network
 from core.progress import SILENT, Progress
 
@@ -116,8 +117,8 @@ def _solution(network: Network, problem: Problem, state: State, progress: Progre
         raise unsolved_error(network, problem, error) from None
 
 
-def mean_relative_pose(solved: Solved, groups: Sequence[int], device: int) -> tuple[Pose, Array]:
-    """Weighted mean of a free adjustment's relative orientations of one device.
+def mean_relative_poses(solved: Solved, groups: Sequence[int], devices: Sequence[int]) -> tuple[list[Pose], Array]:
+    """Weighted means of a free adjustment's relative orientations of devices.
 
     Parameters
     ----------
@@ -125,41 +126,50 @@ def mean_relative_pose(solved: Solved, groups: Sequence[int], device: int) -> tu
         All stations free.
     groups : sequence of int
         The pose of every station, were the rig rigid.
-    device : int
-        Number of the device; the mean is relative to its base device.
+    devices : sequence of int
+        Numbers of the devices; each mean is relative to its base device.
 
     Returns
     -------
-    other_from_base : Pose
-    covariance : array, shape (9 D + 6, 9 D + 6)
-        Posterior, of all interior orientations (D devices) and the mean's rotation vector (rad, left perturbation)
-        and translation (mm).
+    other_from_base : list of Pose
+    covariance : array
+        Posterior, of all interior orientations and each mean's rotation vector (rad, left perturbation) and
+        translation (mm), in this order.
 
     Notes
     -----
-    Each pose is weighted by the inverse of its own covariance; the mean's covariance is propagated from those of all
+    Each pose is weighted by the inverse of its own covariance; the means' covariance is propagated from those of all
     stations and interior orientations together, correlations included.
     """
     rigid = problem_of(replace(solved.network, station_pose=tuple(groups)))
-    state, G = solved.state, solved.problem.globals
     Q = pose_cofactors(solved.problem, solved.inverse)
+    # all interior parameters (those held have no row) and the means, as functions of globals and poses
+    columns = np.concatenate(solved.problem.interior_columns)
+    L = np.zeros((len(columns) + 6 * len(devices), len(Q)))
+    L[np.flatnonzero(columns >= 0), columns[columns >= 0]] = 1.0
+    means = []
+    for k, device in enumerate(devices):
+        mean, derivative = _weighted_mean(solved, rigid, device, Q)
+        L[len(columns) + 6 * k :][:6] = derivative
+        means.append(mean)
+    return means, solved.variance * (L @ Q @ L.T)
+
+
+def _weighted_mean(solved: Solved, rigid: Problem, device: int, Q: Array) -> tuple[Pose, Array]:
+    """Weighted mean of one device's relative orientations, and its derivatives by globals and poses."""
+    state, G = solved.state, solved.problem.globals
     pairs = _pairs(rigid, device)
     samples = [_relative(state, a, b) for a, b in pairs]
     derivatives = np.zeros((len(pairs), 6, len(Q)))
     for M, (a, b), sample in zip(derivatives, pairs, samples, strict=True):
-        M[:, G + 6 * a :][:, :6], M[:, G + 6 * b :][:, :6] = _relative_derivatives(state, a, sample)
+        M[:, G + 6 * a :][:, :6], M[:, G + 6 * b :][:, :6] = relative_derivatives(state.pose_shift[a], sample)
     weights = np.linalg.inv(derivatives @ Q @ derivatives.transpose(0, 2, 1))
     shares = np.linalg.inv(weights.sum(axis=0)) @ weights
     mean = _plain_mean(samples)
     for _ in range(3):
         step = np.sum([share @ _difference(s, mean) for share, s in zip(shares, samples, strict=True)], axis=0)
         mean = Pose(matrix_from_rotation_vector(step[:3]) @ mean.rotation, mean.translation_mm + step[3:])
-    # all interior parameters (those held have no row) and the mean, as functions of globals and poses
-    columns = solved.problem.columns[:, :9].ravel()
-    L = np.zeros((len(columns) + 6, len(Q)))
-    L[np.flatnonzero(columns >= 0), columns[columns >= 0]] = 1.0
-    L[len(columns) :] = np.sum(shares @ derivatives, axis=0)
-    return mean, solved.variance * (L @ Q @ L.T)
+    return mean, np.sum(shares @ derivatives, axis=0)
 
 
 def _pairs(rigid: Problem, device: int) -> list[tuple[int, int]]:
@@ -178,16 +188,6 @@ def _pairs(rigid: Problem, device: int) -> list[tuple[int, int]]:
 def _relative(state: State, base: int, other: int) -> Pose:
     R = state.pose_rotation[other] @ state.pose_rotation[base].T
     return Pose(R, state.pose_shift[other] - R @ state.pose_shift[base])
-
-
-def _relative_derivatives(state: State, base: int, relative: Pose) -> tuple[Array, Array]:
-    """Derivatives of a relative orientation, shape (6, 6) each, with respect to the base's and the other's."""
-    R, arm = relative.rotation, relative.rotation @ state.pose_shift[base]
-    cross = np.array([[0.0, -arm[2], arm[1]], [arm[2], 0.0, -arm[0]], [-arm[1], arm[0], 0.0]])
-    M_base, M_other = np.zeros((6, 6)), np.eye(6)
-    M_base[:3, :3], M_base[3:, 3:], M_base[3:, :3] = -R, -R, -cross @ R
-    M_other[3:, :3] = cross
-    return M_base, M_other
 
 
 def _plain_mean(samples: Sequence[Pose]) -> Pose:

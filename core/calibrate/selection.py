@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import AdjustmentError, InputError
-from core.model import INTERIOR_NAMES, Network
+from core.geometry import lens_of
+from core.model import Network, NetworkScale
 
 Bools = NDArray[np.bool_]
 
@@ -23,21 +24,25 @@ def selected(network: Network, observations: Bools) -> Network:
     new_station[stations] = np.arange(len(stations))
     new_point = np.full(len(network.point_names), -1)
     new_point[points] = np.arange(len(points))
-    scale = network.scale
-    if scale is not None:
-        ends = int(new_point[scale.start]), int(new_point[scale.stop])
+
+    def carried(distance: NetworkScale) -> NetworkScale:
+        ends = int(new_point[distance.start]), int(new_point[distance.stop])
         if min(ends) < 0:
-            lost = network.point_names[scale.start if ends[0] < 0 else scale.stop]
+            lost = network.point_names[distance.start if ends[0] < 0 else distance.stop]
             raise AdjustmentError(
                 f"point {lost}",
                 "an end of the measured distance is not determined by the images",
                 "observe it in at least two of them, or give another distance",
             )
-        scale = replace(scale, start=ends[0], stop=ends[1])
+        return replace(distance, start=ends[0], stop=ends[1])
+
+    known = network.point_sigma_mm
     return replace(
         network,
         station_names=tuple(network.station_names[s] for s in stations),
         station_device=tuple(network.station_device[s] for s in stations),
+        station_ids=tuple(network.station_ids[s] for s in stations if network.station_ids),
+        point_ids=tuple(network.point_ids[p] for p in points if network.point_ids),
         station_pose=tuple(network.station_pose[s] for s in stations),
         point_names=tuple(network.point_names[p] for p in points),
         point_xyz_mm=network.point_xyz_mm[points],
@@ -45,7 +50,9 @@ def selected(network: Network, observations: Bools) -> Network:
         observation_point=new_point[network.observation_point[observations]],
         observation_uv=network.observation_uv[observations],
         observation_sigma=network.observation_sigma[observations],
-        scale=scale,
+        scale=None if network.scale is None else carried(network.scale),
+        lengths=tuple(carried(distance) for distance in network.lengths),
+        point_sigma_mm=None if known is None else known[points],
     )
 
 
@@ -58,9 +65,10 @@ def check_network(network: Network) -> None:
         Naming the device, station, point or observation.
     """
     for name, device in network.devices.items():
-        unknown = [p for p in device.estimate if p not in INTERIOR_NAMES]
+        names = lens_of(device.spec).names
+        unknown = [p for p in device.estimate or () if p not in names]
         if unknown:
-            raise InputError(f"device {name}", f"estimate names {unknown[0]!r}", f"use {', '.join(INTERIOR_NAMES)}")
+            raise InputError(f"device {name}", f"estimate names {unknown[0]!r}", f"use {', '.join(names)}")
     if len(network.observation_uv) == 0:
         raise InputError("the network", "has no observations", "add image points")
     bad = np.flatnonzero(~np.all(np.isfinite(network.point_xyz_mm), axis=1))
@@ -86,14 +94,17 @@ def check_network(network: Network) -> None:
         raise InputError(
             _observation(network, first), f"has sigma {network.observation_sigma[first].tolist()}", "give a sigma > 0"
         )
-    scale = network.scale
-    if scale is not None and (scale.start == scale.stop or not (scale.length_mm > 0 and scale.sigma_mm > 0)):
-        raise InputError(
-            "the measured distance",
-            f"is {scale.length_mm} mm ± {scale.sigma_mm} mm from {network.point_names[scale.start]} "
-            f"to {network.point_names[scale.stop]}",
-            "give two different points, a length and a sigma above 0",
-        )
+    for distance in (*((network.scale,) if network.scale is not None else ()), *network.lengths):
+        start, stop, length, sigma = distance.start, distance.stop, distance.length_mm, distance.sigma_mm
+        if start == stop or not (length > 0 and sigma > 0):
+            raise InputError(
+                "the measured distance",
+                f"is {length} mm ± {sigma} mm from {network.point_names[start]} to {network.point_names[stop]}",
+                "give two different points, a length and a sigma above 0",
+            )
+    known = network.point_sigma_mm
+    if known is not None and (known.shape != network.point_xyz_mm.shape or not np.all(known >= 0)):
+        raise InputError("the points' sigmas", "are not all 0 or more", "give 0 to hold, infinity where not known")
 
 
 def _observation(network: Network, row: int) -> str:
@@ -152,11 +163,15 @@ def _weak_stations(network: Network) -> NDArray[np.int64]:
 
 
 def _single_ray_points(network: Network) -> NDArray[np.int64]:
-    """Points with fewer than two stations or fewer than three observed coordinates."""
+    """Points with fewer than two stations or fewer than three observed coordinates; what is known of one counts."""
     n = len(network.point_names)
+    if network.point_sigma_mm is not None:
+        known = np.isfinite(network.point_sigma_mm).sum(axis=1)
+    else:
+        known = np.zeros(n, np.int64)
     stations = np.bincount(network.observation_point, minlength=n)
     coordinates = np.bincount(network.observation_point, np.isfinite(network.observation_uv).sum(axis=1), minlength=n)
-    return np.flatnonzero((stations < 2) | (coordinates < 3))
+    return np.flatnonzero(((stations < 2) & (known == 0)) | (coordinates + known < 3))
 
 
 def _check_connected(network: Network) -> None:

@@ -14,11 +14,22 @@ from numpy.typing import NDArray
 from core.calibrate.elimination import reduce, solve
 from core.calibrate.equations import cost_of, misclosures
 from core.calibrate.normals import SingularNormalsError, assemble
-from core.calibrate.problem import Problem, State, moved, problem_of, reweighted
+from core.calibrate.problem import (
+    COMPILED,
+    RELATIVE,
+    Problem,
+    State,
+    estimated,
+    most_parameters,
+    moved,
+    problem_of,
+    reweighted,
+)
 from core.calibrate.refinement import absolute_sums, huber_factors, refined
 from core.calibrate.resection import resect_despite_errors
 from core.errors import AdjustmentError
-from core.model import Network
+from core.geometry import LENSES, fitted, lens_of
+from core.model import DeviceSpec, Interior, Network, NetworkDevice
 
 Array = NDArray[np.float64]
 
@@ -41,10 +52,7 @@ def resectable(network: Network) -> list[int]:
 
 def _single_problem(network: Network, stations: list[int]) -> Problem:
     """Give the problem in which those stations are free, points are held and only main parameters are estimated."""
-    devices = {
-        name: replace(d, estimate=tuple(p for p in d.estimate if p in MAIN_PARAMETERS))
-        for name, d in network.devices.items()
-    }
+    devices = {name: NetworkDevice(*_stand_in(d)) for name, d in network.devices.items()}
     renumber = np.full(len(network.station_names), -1)
     renumber[stations] = np.arange(len(stations))
     use = (renumber[network.observation_station] >= 0) & np.all(np.isfinite(network.observation_uv), axis=1)
@@ -54,14 +62,57 @@ def _single_problem(network: Network, stations: list[int]) -> Problem:
         devices=devices,
         station_names=tuple(network.station_names[s] for s in stations),
         station_device=tuple(network.station_device[s] for s in stations),
+        station_ids=(),
         station_pose=tuple(range(len(stations))),
         observation_station=renumber[network.observation_station[use]],
         observation_point=network.observation_point[use],
         observation_uv=network.observation_uv[use],
         observation_sigma=network.observation_sigma[use],
         scale=None,
+        lengths=(),
     )
     return replace(problem_of(single, by_points=False), points_free=False)
+
+
+def _stand_in(device: NetworkDevice) -> tuple[DeviceSpec, tuple[str, ...]]:
+    """Give a device with the lens that the kernels know, and the main parameters to be estimated: none if known."""
+    spec, free = device.spec, estimated(device)
+    if spec.interior is None:
+        return spec, tuple(p for p in free if p in MAIN_PARAMETERS)
+    interior = spec.interior
+    if interior.model != COMPILED:
+        interior = fitted(spec, interior, COMPILED)[0]
+    plain = replace(spec, interior=interior, interior_sigma=())
+    if np.isfinite(spec.interior_sigma).any() or "c" not in free:
+        return plain, ()
+    bends = bool(lens_of(spec).of_kind("radial")) and any(p in free for p in lens_of(spec).of_kind("radial"))
+    return plain, tuple(p for p in MAIN_PARAMETERS if p in free or (p == "A1" and bends))
+
+
+def in_own_lenses(network: Network, state: State) -> State:
+    """Say approximate interior orientations, shape (D, 9), in each device's own lens model, shape (D, K)."""
+    interior = np.zeros((len(network.devices), most_parameters(network)))
+    for d, device in enumerate(network.devices.values()):
+        spec, k = device.spec, len(lens_of(device.spec).names)
+        found = Interior.from_vector(state.interior[d, : len(LENSES[COMPILED].names)], nominal_r0(spec), COMPILED)
+        if spec.interior is None:
+            interior[d, :k] = found.vector
+            continue
+        known = spec.interior.vector
+        if _stand_in(device)[1] and spec.interior.model == COMPILED:
+            interior[d, :k] = found.vector
+        elif _stand_in(device)[1]:
+            names = lens_of(spec).names
+            said = fitted(spec, found, spec.model)[0].vector
+            interior[d, :k] = [s if n in estimated(device) else v for n, s, v in zip(names, said, known, strict=True)]
+        else:
+            interior[d, :k] = known
+    return replace(state, interior=interior)
+
+
+def nominal_r0(spec: DeviceSpec) -> float:
+    """Zero of the radial parameters where a device is described by the lens that the kernels know."""
+    return spec.interior.r0_mm if spec.interior is not None and spec.model == COMPILED else spec.zero_radius_mm
 
 
 def _thinned(network: Network, use: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -77,14 +128,13 @@ def _thinned(network: Network, use: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def oriented_stations(network: Network, stations: list[int]) -> State:
     """Poses of stations, each free, and main interior parameters, on the approximate points."""
-    specs = [d.spec for d in network.devices.values()]
-    interior = np.array([[s.nominal_c_mm, *([0.0] * 8)] for s in specs])
-    S, D = len(stations), len(specs)
+    S, D = len(stations), len(network.devices)
     if not stations:
         raise AdjustmentError(
             "the network", f"no station sees {LEAST_POINTS} points in both coordinates", "add image points"
         )
     problem = _single_problem(network, stations)
+    interior = problem.interior_known
     one, zero = np.array([np.eye(3)] * D), np.zeros((D, 3))
     state = State(interior, one, zero, np.zeros((S, 3, 3)), np.zeros((S, 3)), problem.approximate)
     candidates = [replace(state, pose_rotation=R, pose_shift=t) for R, t in _candidates(network, problem, stations)]
@@ -111,7 +161,7 @@ def oriented_stations(network: Network, stations: list[int]) -> State:
 def _candidates(network: Network, problem: Problem, stations: list[int]) -> list[tuple[Array, Array]]:
     """Resections of every station with the nominal focal lengths: up to three sets of poses."""
     seen = np.all(problem.root_weight > 0, axis=1)
-    nominal = np.array([d.spec.nominal_c_mm for d in network.devices.values()])[problem.device]
+    nominal = problem.interior_known[problem.device, 0]
     offset = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2]
     tangents = offset / nominal[:, None] * [1, -1]
     lists = []
@@ -144,7 +194,7 @@ def _improved_together(problem: Problem, state: State, nominal: Array, iteration
     radius = np.hypot(problem.raster[:, 0] * problem.raster[:, 2], problem.raster[:, 1] * problem.raster[:, 3])
     sigma = np.full_like(nominal, np.inf)
     sigma[:, 0], sigma[:, 1:3], sigma[:, 3] = PRIOR * nominal[:, 0], PRIOR * radius[:, None], PRIOR / radius**2
-    places, free = problem.columns[:, :9], problem.columns[:, :9] >= 0
+    places, free = problem.columns[:, RELATIVE:], problem.columns[:, RELATIVE:] >= 0
     damping = 1e-3
     for _ in range(iterations):
         w = misclosures(problem, state)

@@ -10,11 +10,12 @@ from core.calibrate.elimination import invert, reduce
 from core.calibrate.equations import Equations, largest_displacements, linearise
 from core.calibrate.iterate import NotConvergedError
 from core.calibrate.normals import Inverse, SingularNormalsError
-from core.calibrate.problem import Problem, State
+from core.calibrate.problem import Problem, State, interior_of
 from core.calibrate.robust import MEDIAN_OF_NORMAL
 from core.calibrate.selection import listed
 from core.errors import AdjustmentError
-from core.model import INTERIOR_NAMES, Network
+from core.geometry import LENSES, Lens, regular
+from core.model import Network
 
 Array = NDArray[np.float64]
 
@@ -28,16 +29,14 @@ LEAST_CONVERGENT = 3
 LEAST_IMAGES = 6  # fewer leave hardly any redundancy to tell a device's parameters from its stations
 CORNER = 0.25  # share of width and of height that makes a corner of the image
 
+ORIENTATION = ("rx", "ry", "rz", "tx", "ty", "tz")
 REMEDIES = {
     "c": "add convergent images (inclined 30° and more) or depth in the field, or hold c",
     "x0": "add images rolled by 90° about the viewing axis and convergent ones, or hold x0",
     "y0": "add images rolled by 90° about the viewing axis and convergent ones, or hold y0",
-    "A1": "fill the images to their edges with points, or hold A1",
-    "A2": "fill the images to their edges with points, or hold A2",
-    "A3": "add images rolled by 90° about the viewing axis, or hold A3",
-    "A4": "add images rolled by 90° about the viewing axis, or hold A4",
-    "A5": "add convergent and rolled images, or hold A5",
-    "A6": "add convergent and rolled images, or hold A6",
+    "radial": "fill the images to their edges with points, or hold {}",
+    "affine": "add images rolled by 90° about the viewing axis, or hold {}",
+    "decentring": "add convergent and rolled images, or hold {}",
     "relative": "add poses that both devices see, at different inclinations",
 }
 
@@ -45,22 +44,24 @@ REMEDIES = {
 def _effects(problem: Problem, equations: Equations) -> tuple[Array, list[str], list[str]]:
     """For each global unknown its largest displacement in the image per unit, as a share of the image's radius.
 
-    Returns the shares, shape (globals,), the names ("cam.c") and the keys of the remedies.
+    Returns the shares, shape (globals,), the names ("cam.c") and the remedies.
     """
     shares = np.zeros(problem.globals)
-    names, keys = [""] * problem.globals, [""] * problem.globals
+    names, remedies = [""] * problem.globals, [""] * problem.globals
     largest = largest_displacements(problem, equations)
     for d, columns in enumerate(problem.columns):
         own = problem.device == d
         if not own.any():
             continue
         radius = float(np.max(np.hypot(*((problem.uv[own] - problem.raster[d, 2:]) * problem.raster[d, :2]).T)))
-        for j, name in enumerate((*INTERIOR_NAMES, "rx", "ry", "rz", "tx", "ty", "tz")):
+        lens = LENSES[problem.models[d]]
+        for j, name in enumerate((*ORIENTATION, *lens.names)):
             if columns[j] >= 0:
                 shares[columns[j]] = largest[d, j] / radius
                 names[columns[j]] = f"{problem.device_names[d]}.{name}"
-                keys[columns[j]] = name if j < 9 else "relative"
-    return shares, names, keys
+                kind = "relative" if j < len(ORIENTATION) else lens.kind_of(name)
+                remedies[columns[j]] = REMEDIES[kind].format(name)
+    return shares, names, remedies
 
 
 def check_estimable(
@@ -88,16 +89,16 @@ def _usual_variance(problem: Problem, equations: Equations) -> float:
 
 
 def _poor_parameters(problem: Problem, equations: Equations, inverse: Inverse, variance: float) -> list[str]:
-    shares, names, keys = _effects(problem, equations)
+    shares, names, remedies = _effects(problem, equations)
     sigma = np.sqrt(variance * np.abs(np.diagonal(inverse.Q)[: problem.globals]))
     effect = sigma * shares
     lost = (effect > HOPELESS) | ~(inverse.strength > LEAST_STRENGTH)
     if lost.any():
         worst = _largest(effect, lost)
         seen = f"sigma {sigma[worst[0]]:.3g} for {names[worst[0]]}"
-        raise _not_estimable([names[k] for k in worst], keys[worst[0]], seen)
+        raise _not_estimable([names[k] for k in worst], remedies[worst[0]], seen)
     poor = _largest(effect, effect > POOR)
-    return [f"weakly determined: {names[k]}, sigma {sigma[k]:.3g}; {REMEDIES[keys[k]]}" for k in poor]
+    return [f"weakly determined: {names[k]}, sigma {sigma[k]:.3g}; {remedies[k]}" for k in poor]
 
 
 def _poor_points(network: Network, problem: Problem, state: State, inverse: Inverse, variance: float) -> list[str]:
@@ -126,10 +127,8 @@ def _largest(effect: Array, chosen: NDArray[np.bool_]) -> list[int]:
     return [k for k in picked if effect[k] >= 0.1 * effect[picked[0]]]
 
 
-def _not_estimable(names: list[str], key: str, seen: str) -> AdjustmentError:
-    return AdjustmentError(
-        "the network", f"{listed(names)} cannot be estimated from these images ({seen})", REMEDIES[key]
-    )
+def _not_estimable(names: list[str], remedy: str, seen: str) -> AdjustmentError:
+    return AdjustmentError("the network", f"{listed(names)} cannot be estimated from these images ({seen})", remedy)
 
 
 def singular_error(network: Network, problem: Problem, state: State, error: SingularNormalsError) -> AdjustmentError:
@@ -140,14 +139,14 @@ def singular_error(network: Network, problem: Problem, state: State, error: Sing
         return _loose_stations(network, problem, [error.block])
     assert error.direction is not None
     G = problem.globals
-    shares, names, keys = _effects(problem, linearise(problem, state))
+    shares, names, remedies = _effects(problem, linearise(problem, state))
     effect = np.abs(error.direction[:G]) * shares
     extent = float(np.linalg.norm(np.ptp(state.xyz, axis=0)))
     width = 6 if problem.by_points else 3
     shift = np.linalg.norm(error.direction[G:].reshape(-1, width)[:, -3:], axis=1) / extent
     if effect.max(initial=0.0) > 0.05 * shift.max(initial=0.0):
         worst = _largest(effect, effect > 0)
-        return _not_estimable([names[k] for k in worst], keys[worst[0]], "the normal equations are singular")
+        return _not_estimable([names[k] for k in worst], remedies[worst[0]], "the normal equations are singular")
     lost = [int(i) for i in np.argsort(-shift) if shift[i] > 0.3 * shift.max()]
     if problem.by_points:
         return _loose_stations(network, problem, lost)
@@ -192,13 +191,16 @@ def geometry_warnings(problem: Problem, state: State) -> list[str]:
     for d, name in enumerate(problem.device_names):
         own = problem.device == d
         poses = np.unique(problem.pose[own])
-        estimated = [p for p, column in zip(INTERIOR_NAMES, problem.columns[d], strict=False) if column >= 0]
+        lens = LENSES[problem.models[d]]
+        estimated = [p for p, column in zip(lens.names, problem.interior_columns[d], strict=True) if column >= 0]
         if len(poses) == 0 or not estimated:
             continue
         R = state.relative_rotation[d] @ state.pose_rotation[poses]
-        found = (_few_images(len(poses)), _no_rolls(R, estimated), _no_convergence(R, estimated))
+        found = (_few_images(len(poses)), _no_rolls(R, estimated, lens), _no_convergence(R, estimated))
         empty = empty_corners(problem.uv[own], 2 * problem.raster[d, 2:] + 1)
-        warnings += [f"{name}: {text}" for text in (*found, _no_points(empty, estimated)) if text]
+        warnings += [
+            f"{name}: {text}" for text in (*found, _no_points(empty, estimated), _folded(problem, state, d)) if text
+        ]
     return warnings
 
 
@@ -208,8 +210,16 @@ def _few_images(count: int) -> str:
     return f"only {count} images: photograph the field at least {LEAST_IMAGES} times, tilted to all sides and rolled"
 
 
-def _no_rolls(R: Array, estimated: list[str]) -> str:
-    weak = [p for p in ("A3", "A4", "x0", "y0") if p in estimated]
+def _folded(problem: Problem, state: State, device: int) -> str:
+    """Say so where the distortion found cannot be inverted all over the image."""
+    spec = problem.specs[device]
+    if regular(spec, interior_of(problem, state, device)):
+        return ""
+    return "its distortion cannot be inverted everywhere in the image: hold the radial parameters of high order"
+
+
+def _no_rolls(R: Array, estimated: list[str], lens: Lens) -> str:
+    weak = [p for p in (*lens.of_kind("affine"), "x0", "y0") if p in estimated]
     if not weak or _roll_concentration(R) <= ROLL_CONCENTRATION:
         return ""
     return (
@@ -271,7 +281,7 @@ def empty_corners(uv: Array, size: Array) -> list[str]:
 
 
 def _no_points(empty: list[str], estimated: list[str]) -> str:
-    weak = [p for p in estimated if p.startswith("A")]
+    weak = [p for p in estimated if p not in ("c", "x0", "y0")]
     if not empty or not weak:
         return ""
     corners = f"{' and '.join(empty)} corner{'s' if len(empty) > 1 else ''}"

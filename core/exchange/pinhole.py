@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from core.errors import InputError
-from core.geometry import Pose, pixel_to_image, ray_directions
+from core.geometry import Pose, calibration_of_pair, pixel_to_image, ray_directions
 from core.geometry.lens import fitted
 from core.model import (
     AdjustedDevice,
@@ -171,7 +171,7 @@ def pair_to_calibration(
     if not (np.isfinite(R).all() and np.abs(R @ R.T - np.eye(3)).max() < 1e-4 and np.linalg.det(R) > 0):
         raise InputError(source, "the rotation from camera to projector is none", "export it again")
     U, _, Vt = np.linalg.svd(R)
-    return PhotogrammetricCalibration(
+    return calibration_of_pair(
         camera=devices[0],
         projector=devices[1],
         projector_from_camera=Pose(U @ Vt, FLIP @ np.asarray(pair.translation_mm, float)),

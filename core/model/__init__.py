@@ -14,18 +14,20 @@ from core.model.calibration import (
     Calibration,
     DepthCalibration,
     Method,
+    Orientation,
+    Pair,
     PhotogrammetricCalibration,
 )
 from core.model.capture import Capture, Frame, Role, Seed
+from core.model.ids import StationId, TargetId
 from core.model.network import Network, NetworkDevice, NetworkScale
 from core.model.phase import PhaseMap
 from core.model.points import PlaneEvaluation, PointCloud
-from core.model.rig import INTERIOR_NAMES, DeviceSpec, Interior, Project, Rig, ScaleBar
+from core.model.rig import DeviceSpec, Interior, Project, Rig, ScaleBar
 from core.model.targets import MissingTarget, TargetSet, Testfield
 from core.model.verdict import LeftOut, Verdict
 
 __all__ = [
-    "INTERIOR_NAMES",
     "AdjustedDevice",
     "Adjustment",
     "Array",
@@ -44,6 +46,8 @@ __all__ = [
     "Network",
     "NetworkDevice",
     "NetworkScale",
+    "Orientation",
+    "Pair",
     "PhaseMap",
     "PhotogrammetricCalibration",
     "PlaneEvaluation",
@@ -53,6 +57,8 @@ __all__ = [
     "Role",
     "ScaleBar",
     "Seed",
+    "StationId",
+    "TargetId",
     "TargetSet",
     "Testfield",
     "Verdict",

@@ -23,7 +23,7 @@ class AdjustedDevice:
 
     spec: DeviceSpec
     interior: Interior
-    sigma: Array  # (9,) of c, x0, y0 (mm), A1..A6; 0 where held fixed
+    sigma: Array  # (k,) of c, x0, y0 (mm) and the additional parameters; 0 where held fixed
     residual_rms_um: tuple[float, float]  # x, y in the image
     image_points: int
 
@@ -52,13 +52,27 @@ class Adjustment:
 
 
 @dataclass(frozen=True)
-class PhotogrammetricCalibration:
-    """Camera and projector as one photogrammetric system."""
+class Orientation:
+    """How a device stands to the one that all others of its rig refer to."""
 
-    camera: AdjustedDevice
-    projector: AdjustedDevice
-    projector_from_camera: Pose
-    covariance: Array  # (24, 24): camera 9, projector 9, rotation vector 3 (rad, left perturbation), translation 3 (mm)
+    base: str
+    device_from_base: Pose
+
+
+@dataclass(frozen=True)
+class PhotogrammetricCalibration:
+    """Cameras and projectors as one photogrammetric system.
+
+    `covariance` (k, k) is of all parameters together, posterior sigma0 applied. `parameter_names` says which: those of
+    every device's lens ("camera.c", ...), then "rx", "ry", "rz" (rotation vector, rad, left perturbation), "tx", "ty",
+    "tz" (mm) of every device that has an orientation. `core.geometry.pair_of` gives one camera with one projector.
+    """
+
+    devices: Mapping[str, AdjustedDevice]
+    cameras: tuple[str, ...]  # which of them are cameras; the others are projectors
+    orientations: Mapping[str, Orientation]  # of all devices but the one they refer to
+    covariance: Array
+    parameter_names: tuple[str, ...]
     sigma0: float
     stations: int
     image_points: int
@@ -68,6 +82,55 @@ class PhotogrammetricCalibration:
     warnings: tuple[str, ...] = ()
     verdict: Verdict | None = None
     left_out: tuple[LeftOut, ...] = ()
+
+    @property
+    def projectors(self) -> tuple[str, ...]:
+        """Names of the projectors."""
+        return tuple(name for name in self.devices if name not in self.cameras)
+
+    @property
+    def camera_name(self) -> str:
+        """The camera meant where none is named: the only one, the one called "camera", else the first."""
+        return "camera" if "camera" in self.cameras else self.cameras[0]
+
+    @property
+    def projector_name(self) -> str:
+        """The projector meant where none is named: the only one, the one called "projector", else the first."""
+        return "projector" if "projector" in self.projectors else self.projectors[0]
+
+    @property
+    def camera(self) -> AdjustedDevice:
+        """The only camera, or the one meant where none is named."""
+        return self.devices[self.camera_name]
+
+    @property
+    def projector(self) -> AdjustedDevice:
+        """The only projector, or the one meant where none is named."""
+        return self.devices[self.projector_name]
+
+    @property
+    def projector_from_camera(self) -> Pose:
+        """How these two stand to each other."""
+        to_projector, to_camera = (self.orientations.get(n) for n in (self.projector_name, self.camera_name))
+        if to_projector is None:
+            assert to_camera is not None, "two devices are oriented to each other"
+            return to_camera.device_from_base.inverse()
+        pose = to_projector.device_from_base
+        return pose if to_camera is None else pose @ to_camera.device_from_base.inverse()
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One camera with one projector of a calibration.
+
+    `covariance` (k, k): the camera's parameters, the projector's, the rotation vector (rad, left perturbation) and the
+    translation (mm) of `projector_from_camera`.
+    """
+
+    camera: AdjustedDevice
+    projector: AdjustedDevice
+    projector_from_camera: Pose
+    covariance: Array
 
 
 @dataclass(frozen=True)

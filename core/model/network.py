@@ -6,15 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from core.model.arrays import Array, Ints
-from core.model.rig import INTERIOR_NAMES, DeviceSpec
+from core.model.ids import StationId, TargetId
+from core.model.rig import DeviceSpec
 
 
 @dataclass(frozen=True)
 class NetworkDevice:
-    """A device of a network and which of its nine parameters are estimated (names of `INTERIOR_NAMES`)."""
+    """A device of a network and which of its parameters are estimated: names of its lens's, None for the usual ones.
+
+    Those that its `spec` knows before with a sigma of 0 are held all the same.
+    """
 
     spec: DeviceSpec
-    estimate: tuple[str, ...] = INTERIOR_NAMES
+    estimate: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -47,3 +51,7 @@ class Network:
     observation_uv: Array  # (m, 2) px or lines; NaN in one coordinate: that one was not observed
     observation_sigma: Array  # (m, 2) px or lines
     scale: NetworkScale | None = None
+    lengths: tuple[NetworkScale, ...] = ()  # further measured distances
+    station_ids: tuple[StationId, ...] = ()  # of every station, where they are captures of a project
+    point_ids: tuple[TargetId, ...] = ()  # of every point, where they are targets of a testfield
+    point_sigma_mm: Array | None = None  # (n, 3) of points known before: 0 held, infinite not known; None for no point

@@ -31,3 +31,5 @@ class PhaseMap:
     flags: NDArray[np.uint8]
     response: Array | None = None
     notes: tuple[str, ...] = ()
+    camera: str = "camera"
+    projector: str = "projector"

@@ -14,8 +14,6 @@ from core.model.arrays import Array
 if TYPE_CHECKING:
     from core.patterns import SequenceSpec
 
-INTERIOR_NAMES = ("c", "x0", "y0", "A1", "A2", "A3", "A4", "A5", "A6")
-
 
 @dataclass(frozen=True)
 class Interior:

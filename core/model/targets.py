@@ -60,6 +60,8 @@ class TargetSet:
     made_from: str = ""
     gradient: Array | None = None
     notes: tuple[str, ...] = ()
+    camera: str = "camera"
+    projector: str = "projector"
 
     @property
     def cov(self) -> Array:

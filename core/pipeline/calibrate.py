@@ -132,11 +132,11 @@ def _calibrate_photogrammetric(
     targets = measured_targets(project, captures, progress.part(0.0, 0.9))
     measured += targets
     calibration, adjustment = calibrate_photogrammetric(
-        project.camera,
-        project.projector,
+        project.rig,
         testfield,
         targets,
         scale=project.scale,
+        lengths=project.lengths,
         rigid=options.rigid,
         hold=options.hold,
         options=replace(CALIBRATION_OPTIONS, reject_beyond=options.reject_beyond),

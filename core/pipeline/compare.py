@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from core.geometry import rotation_vector_from_matrix
-from core.model import INTERIOR_NAMES
+from core.geometry import LENSES, rotation_vector_from_matrix
 from core.pipeline.options import DEVICES
 from core.pipeline.runs import Run
 
@@ -40,13 +39,16 @@ def compare_runs(first: Run, second: Run) -> tuple[Difference, ...]:
     if a is None or b is None:
         return ()
     found = []
-    for device in DEVICES:
-        same_zero = np.isclose(a[device]["r0_mm"], b[device]["r0_mm"], rtol=1e-9)
-        for name in INTERIOR_NAMES:
-            key = name if name.startswith("A") else f"{name}_mm"
-            unit = {"A1": "mm⁻²", "A2": "mm⁻⁴", "A5": "mm⁻¹", "A6": "mm⁻¹"}.get(name, "" if key == name else "mm")
-            one, other = ((float(run[device][key]["value"]), float(run[device][key]["sigma"])) for run in (a, b))
-            found.append(_difference(f"{device} {name}", unit, one, other, bool(same_zero)))
+    first_devices, second_devices = (run.get("devices", run) for run in (a, b))
+    for device in a.get("devices", DEVICES):
+        one, other = first_devices[device], second_devices.get(device)
+        lens = LENSES[one.get("model", "A1..A6")]
+        if other is None or other.get("model", "A1..A6") != lens.name:
+            continue
+        same_zero = np.isclose(one.get("r0_mm", 0.0), other.get("r0_mm", 0.0), rtol=1e-9)
+        for name, key, unit in zip(lens.names, lens.keys, lens.units, strict=True):
+            values = [(float(d[key]["value"]), float(d[key]["sigma"])) for d in (one, other)]
+            found.append(_difference(f"{device} {name}", unit, values[0], values[1], bool(same_zero)))
     return (*found, *_relative(a["projector_from_camera"], b["projector_from_camera"]))
 
 

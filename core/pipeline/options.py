@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from core.errors import InputError
-from core.model import INTERIOR_NAMES, Method, Project
+from core.geometry import lens_of
+from core.model import Method, Project
 
 METHODS: tuple[Method, ...] = ("photogrammetric", "polynomial")
 DEVICES = ("camera", "projector")
@@ -52,8 +53,10 @@ def check_options(project: Project, options: CalibrateOptions) -> None:
             raise InputError(project.path, f"no capture {name!r} to leave out", f"choose among {', '.join(names)}")
     for name in options.hold:
         device, _, parameter = name.partition(".")
-        if device not in DEVICES or parameter not in INTERIOR_NAMES:
-            known = f"camera or projector, a dot, and one of {', '.join(INTERIOR_NAMES)}"
+        spec = project.rig.devices.get(device, project.camera)
+        if device not in project.rig.devices or parameter not in lens_of(spec).names:
+            devices = " or ".join(project.rig.devices)
+            known = f"{devices}, a dot, and one of {', '.join(lens_of(spec).names)}"
             raise InputError("the parameters to hold", f"{name!r} is none", f"give {known}")
     if options.reject_beyond is not None and not options.reject_beyond >= 3:
         seen = f"is {options.reject_beyond:g}, which good observations exceed too"

@@ -18,7 +18,7 @@ from core import model
 from core.atomic import atomic_write
 from core.errors import InputError
 from core.fields import regular
-from core.geometry import Pose
+from core.geometry import Pose, calibration_of_pair
 
 T = TypeVar("T")
 VERSION = 1
@@ -93,4 +93,7 @@ def _unpack(tree: Any, arrays: dict[str, Any]) -> Any:
         return Path(tree["path"])
     if "map" in tree:
         return {k: _unpack(v, arrays) for k, v in tree["map"].items()}
-    return _CLASSES[tree["class"]](**{k: _unpack(v, arrays) for k, v in tree["fields"].items()})
+    fields = {k: _unpack(v, arrays) for k, v in tree["fields"].items()}
+    if tree["class"] == "PhotogrammetricCalibration" and "camera" in fields:
+        return calibration_of_pair(**fields)  # as it was written before there were rigs of more than two
+    return _CLASSES[tree["class"]](**fields)

@@ -227,8 +227,12 @@ def read_testfield(path: Path) -> Testfield:
     )
 
 
-def read_table(path: Path, columns: Sequence[str], texts: Sequence[str] = ()) -> list[Fields]:
+def read_table(
+    path: Path, columns: Sequence[str], texts: Sequence[str] = (), optional: Sequence[str] = ()
+) -> list[Fields]:
     """Read a CSV file with a header; `#` starts a comment; all columns are numbers but those named in `texts`.
+
+    Those named in `optional` may be missing, or empty in a row.
 
     Raises
     ------
@@ -266,6 +270,8 @@ def read_table(path: Path, columns: Sequence[str], texts: Sequence[str] = ()) ->
         for name in columns:
             cell = record.get(name, "")
             values[name] = cell or None if name in texts else _number(cell, name, where)
+        for name in optional:
+            values[name] = _number(record[name], name, where) if record.get(name) else None
         table.append(Fields(values, where))
     return table
 

@@ -9,13 +9,14 @@ import numpy as np
 from core.atomic import atomic_write, write_json
 from core.errors import InputError
 from core.fields import Fields
-from core.model import INTERIOR_NAMES, Network, NetworkDevice, NetworkScale
+from core.geometry import lens_of
+from core.model import Network, NetworkDevice, NetworkScale
 from core.project.captures import VERSION, read_document, read_table
 from core.project.rigs import device_to_dict, read_device
 
 
 def read_network(folder: Path) -> Network:
-    """Read network.json, points.csv and observations.csv; every station is free.
+    """Read network.json, points.csv and observations.csv; every station is free unless devices are rigid.
 
     Raises
     ------
@@ -31,13 +32,16 @@ def read_network(folder: Path) -> Network:
     if not devices or not stations:
         raise InputError(folder / "network.json", "no devices or no stations", "list at least one of each")
     names: dict[str, int] = {}
-    xyz = []
-    for row in read_table(folder / "points.csv", ("point", "x_mm", "y_mm", "z_mm"), texts=("point",)):
+    xyz, known = [], []
+    sigmas = tuple(f"sigma_{axis}_mm" for axis in "xyz")
+    columns: tuple[str, ...] = ("point", "x_mm", "y_mm", "z_mm")
+    for row in read_table(folder / "points.csv", columns, texts=("point",), optional=sigmas):
         name = row.text("point")
         if name in names:
             raise InputError(row.where, f"point {name!r} is there already", "remove one of the two")
         names[name] = len(names)
         xyz.append([row.real(f"{axis}_mm") for axis in "xyz"])
+        known.append([row.real(column, least=0.0, default=np.inf) for column in sigmas])
     index = {name: i for i, name in enumerate(stations)}
     station, point, uv, sigma = [], [], [], []
     seen: set[tuple[int, int]] = set()
@@ -52,18 +56,13 @@ def read_network(folder: Path) -> Network:
         point.append(pair[1])
         uv.append([row.real("u"), row.real("v")])
         sigma.append([row.real("sigma_px", above=0.0)] * 2)
-    scale = None
-    if fields.data.get("scale") is not None:
-        bar = fields.nested("scale")
-        start, stop = _known(bar, "from", names, "points.csv"), _known(bar, "to", names, "points.csv")
-        if start == stop:
-            raise bar.refuse("to", bar.data["to"], "name two different points")
-        scale = NetworkScale(start, stop, bar.real("length_mm", 0.0), bar.real("sigma_mm", 0.0))
+    scale = _distance(fields.nested("scale"), names) if fields.data.get("scale") is not None else None
+    lengths = fields.items("lengths") if fields.data.get("lengths") is not None else []
     return Network(
         devices,
         tuple(stations),
         tuple(stations.values()),
-        tuple(range(len(stations))),
+        _rigid_groups(fields, stations),
         tuple(names),
         np.array(xyz),
         np.array(station, np.int64),
@@ -71,40 +70,117 @@ def read_network(folder: Path) -> Network:
         np.array(uv),
         np.array(sigma),
         scale,
+        tuple(
+            _distance(Fields.of(item, f"{fields.where}: lengths, entry {i}"), names) for i, item in enumerate(lengths)
+        ),
+        point_sigma_mm=np.array(known) if np.isfinite(known).any() else None,
     )
+
+
+def _distance(bar: Fields, names: dict[str, int]) -> NetworkScale:
+    start, stop = _known(bar, "from", names, "points.csv"), _known(bar, "to", names, "points.csv")
+    if start == stop:
+        raise bar.refuse("to", bar.data["to"], "name two different points")
+    return NetworkScale(start, stop, bar.real("length_mm", 0.0), bar.real("sigma_mm", 0.0))
 
 
 def write_network(folder: Path, network: Network) -> None:
     """Write a network as three files (each with one sigma for u and v: their quadratic mean)."""
     folder = Path(folder)
-    points = ["point,x_mm,y_mm,z_mm"]
-    for name, xyz in zip(network.point_names, network.point_xyz_mm, strict=True):
-        points.append(",".join([name, *(f"{x:.10g}" for x in xyz)]))
+    known = network.point_sigma_mm
+    points = ["point,x_mm,y_mm,z_mm" + ("" if known is None else ",sigma_x_mm,sigma_y_mm,sigma_z_mm")]
+    for i, (name, xyz) in enumerate(zip(network.point_names, network.point_xyz_mm, strict=True)):
+        sigmas = [] if known is None else [f"{s:.10g}" if np.isfinite(s) else "" for s in known[i]]
+        points.append(",".join([name, *(f"{x:.10g}" for x in xyz), *sigmas]))
     lines = ["station,point,u,v,sigma_px"]
     sigma = np.sqrt(np.mean(network.observation_sigma**2, axis=1))
     for s, p, uv, sd in zip(
         network.observation_station, network.observation_point, network.observation_uv, sigma, strict=True
     ):
         lines.append(f"{network.station_names[s]},{network.point_names[p]},{uv[0]:.10g},{uv[1]:.10g},{sd:.10g}")
-    for name, rows in (("points.csv", points), ("observations.csv", lines)):
-        with atomic_write(folder / name) as file:
+    for file_name, rows in (("points.csv", points), ("observations.csv", lines)):
+        with atomic_write(folder / file_name) as file:
             file.write(("\n".join(rows) + "\n").encode())
-    data: dict[str, object] = {"format": "stripe-network", "version": VERSION}
-    data["devices"] = {n: {**device_to_dict(d.spec), "estimate": list(d.estimate)} for n, d in network.devices.items()}
-    data["stations"] = {n: {"device": d} for n, d in zip(network.station_names, network.station_device, strict=True)}
+    rigid = len(set(network.station_pose)) < len(network.station_pose)
+    plain = known is None and not rigid and all(d.spec.interior is None for d in network.devices.values())
+    data: dict[str, object] = {"format": "stripe-network", "version": VERSION if plain else 2}
+    data["devices"] = {name: _device_to_dict(name, network, rigid) for name in network.devices}
+    stations: dict[str, dict[str, object]] = {}
+    for name, device, pose in zip(network.station_names, network.station_device, network.station_pose, strict=True):
+        stations[name] = {"device": device, **({"pose": str(pose)} if rigid else {})}
+    data["stations"] = stations
     if network.scale is not None:
-        bar = network.scale
-        ends = {"from": network.point_names[bar.start], "to": network.point_names[bar.stop]}
-        data["scale"] = {**ends, "length_mm": bar.length_mm, "sigma_mm": bar.sigma_mm}
+        data["scale"] = _distance_to_dict(network, network.scale)
+    if network.lengths:
+        data["lengths"] = [_distance_to_dict(network, bar) for bar in network.lengths]
     write_json(folder / "network.json", data)
 
 
+def _device_to_dict(name: str, network: Network, rigid: bool) -> dict[str, object]:
+    device = network.devices[name]
+    data = device_to_dict(device.spec)
+    if device.estimate is not None:
+        data["estimate"] = list(device.estimate)
+    first = next(iter(network.devices))
+    return {**data, "rigid_with": first} if rigid and name != first else data
+
+
+def _distance_to_dict(network: Network, bar: NetworkScale) -> dict[str, object]:
+    ends = {"from": network.point_names[bar.start], "to": network.point_names[bar.stop]}
+    return {**ends, "length_mm": bar.length_mm, "sigma_mm": bar.sigma_mm}
+
+
 def _device(fields: Fields) -> NetworkDevice:
-    estimate = tuple(fields.items("estimate")) if "estimate" in fields.data else INTERIOR_NAMES
+    spec = read_device(fields)
+    names = lens_of(spec).names
+    if "estimate" not in fields.data:
+        return NetworkDevice(spec)
+    estimate = tuple(fields.items("estimate"))
     for name in estimate:
-        if name not in INTERIOR_NAMES:
-            raise fields.refuse("estimate", name, f"choose among {', '.join(INTERIOR_NAMES)}")
-    return NetworkDevice(read_device(fields), tuple(n for n in INTERIOR_NAMES if n in estimate))
+        if name not in names:
+            raise fields.refuse("estimate", name, f"choose among {', '.join(names)}")
+    return NetworkDevice(spec, tuple(n for n in names if n in estimate))
+
+
+def _rigid_groups(fields: Fields, stations: dict[str, str]) -> tuple[int, ...]:
+    """Number the poses: stations of devices held to each other share one.
+
+    Those that name the same "pose" do, or without any name the first, the second ... of each device.
+
+    Raises
+    ------
+    InputError
+        If a device is held to one that is not there, or what belongs together cannot be told.
+    """
+    devices, held = fields.nested("devices"), {}
+    for name in devices.data:
+        held[name] = devices.nested(name).text("rigid_with", default=None, among=list(devices.data))
+        if held[name] == name:
+            raise devices.nested(name).refuse("rigid_with", name, "name another device")
+    if not any(held.values()):
+        return tuple(range(len(stations)))
+
+    def chief(name: str) -> str:
+        seen = [name]
+        while (other := held[seen[-1]]) is not None and other not in seen:
+            seen.append(other)
+        return min(seen) if other is not None else seen[-1]
+
+    poses = {n: fields.nested("stations").nested(n).text("pose", default=None) for n in stations}
+    counts: dict[str, int] = {}
+    keys: list[object] = []
+    for name, device in stations.items():
+        counts[device] = counts.get(device, 0) + 1
+        alone = held[device] is None and device not in held.values()
+        keys.append(name if alone else (chief(device), poses[name] or counts[device]))
+    if not any(poses.values()):
+        for name, other in held.items():
+            if other is not None and counts.get(name) != counts.get(other):
+                seen = f"{counts.get(name, 0)} stations of {name}, {counts.get(other, 0)} of {other}"
+                remedy = 'give every station a "pose": the same text where they were taken at once'
+                raise InputError(fields.where, f"{name} is rigid with {other}, but there are {seen}", remedy)
+    numbers: dict[object, int] = {}
+    return tuple(numbers.setdefault(key, len(numbers)) for key in keys)
 
 
 def _known(row: Fields, key: str, names: dict[str, int], file: str) -> int:

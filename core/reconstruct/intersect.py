@@ -15,8 +15,10 @@ import numpy as np
 
 from core.compiling import inner, njit
 from core.errors import InputError
-from core.model import PhaseMap, PhotogrammetricCalibration, PointCloud
+from core.model import Pair, PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
+from core.reconstruct.other_lenses import solve_rows
+from core.reconstruct.pairs import pair_for
 from core.reconstruct.rays import flat
 from core.reconstruct.system import System, prepare, sigma_table
 
@@ -26,14 +28,14 @@ LEAST_VARIANCE = 1e-8  # lines², so that a sigma of 0 has a weight
 WEAK_AXIS = 0.1  # an axis with less than this share of the other's depth resolution cannot serve alone
 
 
-def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> PointCloud:
+def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -> PointCloud:
     """Intersect all pixels of a phase map.
 
     Parameters
     ----------
     phase : PhaseMap
-        Shape (H, W), with u, v or both.
-    calibration : PhotogrammetricCalibration
+        Shape (H, W), with u, v or both; of which camera and projector, it says itself.
+    calibration : PhotogrammetricCalibration or Pair
 
     Returns
     -------
@@ -51,7 +53,8 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> Point
     the other one takes part where it is valid too. The calibration's part of the sigma is interpolated between nodes
     and taken for equal weights of u and v.
     """
-    system = prepare(calibration)
+    pair = pair_for(phase, calibration)
+    system = prepare(pair)
     lead, other = _axes(phase, system)
     coordinates = {"u": (phase.u, phase.sigma_u, system.line_u), "v": (phase.v, phase.sigma_v, system.line_v)}
     first, first_sigma, first_line = coordinates[lead]
@@ -60,10 +63,17 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> Point
     xyz = np.empty((height, width, 3), np.float32)
     sigma = np.empty((height, width, 3), np.float32)
     sigma_depth = np.empty((height, width), np.float32)
-    table = sigma_table(calibration, lead + (other or ""))
-    device = (*system.matrix.ravel().tolist(), *system.vector.tolist(), *system.radial)
+    table = sigma_table(pair, lead + (other or ""))
+    device = (*system.matrix.ravel().tolist(), *system.vector.tolist(), *(system.radial or (0.0,) * 5))
 
     def band(start: int, stop: int) -> None:
+        if system.radial is None:
+            _finish_rows(
+                *solve_rows(system, coordinates[lead], coordinates[other] if other else None, lead, start, stop),
+                flat(system.rays), device, table.nodes, table.step, table.per_q,
+                flat(xyz), flat(sigma), sigma_depth, start, stop,
+            )  # fmt: skip
+            return
         _intersect_rows(
             first, first_sigma, first_line, second, second_sigma, second_line, other is not None,
             flat(system.rays), device, table.nodes, table.step, table.per_q,
@@ -241,6 +251,26 @@ def _intersect_rows(  # type: ignore[no-untyped-def]
             a, b = j * step, min((j + 1) * step, width)
             _end(
                 rays[r, 2 * a : 2 * b], q[a:b], sigma_q[a:b], last[a:b], device[11], W[a:b],
+                nodes[j], nodes[j + 1], 1.0 / step, per_q,
+                xyz[r, 3 * a : 3 * b], sigma[r, 3 * a : 3 * b], sigma_depth[r, a:b],
+            )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _finish_rows(  # type: ignore[no-untyped-def]
+    q, sigma_q, last, W, rays, device, table, step, per_q, xyz, sigma, sigma_depth, start, stop
+):
+    """Points and sigmas of rows start to stop - 1 from inverse depths found elsewhere."""
+    height, width = xyz.shape[0], q.shape[1]
+    for r in range(start, stop):
+        k = r - start
+        at = r * (table.shape[0] - 1) / max(height - 1, 1)
+        i = min(int(at), table.shape[0] - 2)
+        nodes = (1 - (at - i)) * table[i] + (at - i) * table[i + 1]
+        for j in range(nodes.shape[0] - 1):
+            a, b = j * step, min((j + 1) * step, width)
+            _end(
+                rays[r, 2 * a : 2 * b], q[k, a:b], sigma_q[k, a:b], last[k, a:b], device[11], W[k, a:b],
                 nodes[j], nodes[j + 1], 1.0 / step, per_q,
                 xyz[r, 3 * a : 3 * b], sigma[r, 3 * a : 3 * b], sigma_depth[r, a:b],
             )  # fmt: skip

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
+from core.geometry import Pose, lens_of, matrix_from_rotation_vector, project, ray_directions
 from core.model import Array, DeviceSpec, Interior
 
-PARAMETERS = 24
 NODES = 25  # rows, and about as many columns
 LANES = 4  # columns between nodes are a multiple: what a processor works on at once
 DEGREE = 4
@@ -73,8 +72,8 @@ def make_table(devices: Devices, covariance: Array, axes: str) -> SigmaTable:
     Parameters
     ----------
     devices : Devices
-    covariance : array, shape (24, 24)
-        In the order of `PhotogrammetricCalibration.covariance`.
+    covariance : array, shape (k, k)
+        In the order of `Pair.covariance`.
     axes : str
         The observed projector coordinates; they count with equal weight.
     """
@@ -118,7 +117,7 @@ def _projected(devices: Devices, rays: Array, q: Array) -> Array:
 def _pinhole(devices: Devices, rays: Array, tried: Array) -> Array:
     """The same without distortion, whose polynomials fold back into the raster far outside of it."""
     spec, interior = devices.projector
-    plain = replace(interior, a=(0.0, 0.0, interior.a[2], interior.a[3], 0.0, 0.0))
+    plain = lens_of(interior).plain(interior)
     q = np.broadcast_to(tried, (*rays.shape[:2], len(tried)))
     return _projected(replace(devices, projector=(spec, plain)), rays, q)
 
@@ -166,14 +165,16 @@ def _variance(devices: Devices, uv: Array, q: Array, covariance: Array, weights:
 
 
 def _moved(devices: Devices, parameter: int, step: float) -> Devices:
-    """Change one of the 24 parameters in the order of `PhotogrammetricCalibration.covariance`."""
-    change = np.zeros(PARAMETERS)
-    change[parameter] = step
+    """Change one of the parameters in the order of `Pair.covariance`."""
     (camera, inner), (projector, outer), pose = devices.camera, devices.projector, devices.projector_from_camera
+    k, m = len(inner.vector), len(outer.vector)
+    change = np.zeros(k + m + 6)
+    change[parameter] = step
+    of_camera, of_projector, turn, shift = np.split(change, [k, k + m, k + m + 3])
     return Devices(
-        (camera, Interior.from_vector(inner.vector + change[:9], inner.r0_mm)),
-        (projector, Interior.from_vector(outer.vector + change[9:18], outer.r0_mm)),
-        Pose(matrix_from_rotation_vector(change[18:21]) @ pose.rotation, pose.translation_mm + change[21:24]),
+        (camera, Interior.from_vector(inner.vector + of_camera, inner.r0_mm, inner.model)),
+        (projector, Interior.from_vector(outer.vector + of_projector, outer.r0_mm, outer.model)),
+        Pose(matrix_from_rotation_vector(turn) @ pose.rotation, pose.translation_mm + shift),
     )
 
 

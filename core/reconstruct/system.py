@@ -12,10 +12,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from core.geometry import Pose
-from core.model import Array, DeviceSpec, Floats, Interior, PhotogrammetricCalibration
+from core.geometry import Pose, image_to_pixel, lens_of
+from core.model import Array, DeviceSpec, Floats, Interior, Pair
 from core.reconstruct.rays import camera_rays
 from core.reconstruct.sigma_table import Devices, SigmaTable, depth_slopes, make_table
+
+COMPILED = "A1..A6"  # the lens model of the projector that the kernel knows
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,8 @@ class System:
         Viewing directions of the camera's pixels, see `camera_rays`.
     matrix, vector : arrays, shape (3, 3) and (3,)
         M and m of the module's text.
-    radial : tuple
-        (A1, A2, A5, A6, -A1 r0² - A2 r0⁴) of the projector.
+    radial : tuple or None
+        (A1, A2, A5, A6, -A1 r0² - A2 r0⁴) of the projector; None for another lens model than A1..A6.
     line_u, line_v : tuples
         (k0, kx, ky): the projector coordinate is k0 + kx x' + ky y', with (x', y') the image after radial and
         decentring parameters, without principal point; affine parameters, principal point and pitch are in the three.
@@ -40,21 +42,22 @@ class System:
     rays: Floats
     matrix: Array
     vector: Array
-    radial: tuple[float, float, float, float, float]
+    radial: tuple[float, float, float, float, float] | None
     line_u: tuple[float, float, float]
     line_v: tuple[float, float, float]
     slopes: tuple[float, float]
+    devices: Devices
 
 
 Key = tuple[DeviceSpec, Interior, DeviceSpec, Interior, bytes, bytes]  # an array cannot be the key of a cache
 
 
-def prepare(calibration: PhotogrammetricCalibration) -> System:
+def prepare(calibration: Pair) -> System:
     """Prepare a calibration; the last two are remembered."""
     return _prepare(_key(calibration))
 
 
-def sigma_table(calibration: PhotogrammetricCalibration, axes: str) -> SigmaTable:
+def sigma_table(calibration: Pair, axes: str) -> SigmaTable:
     """Give the table of what the covariance does to points, for the observed axes.
 
     `axes` is "u", "v" or "uv", in any order; the last four tables are remembered.
@@ -62,7 +65,7 @@ def sigma_table(calibration: PhotogrammetricCalibration, axes: str) -> SigmaTabl
     return _table(_key(calibration), np.ascontiguousarray(calibration.covariance, np.float64).tobytes(), axes)
 
 
-def _key(calibration: PhotogrammetricCalibration) -> Key:
+def _key(calibration: Pair) -> Key:
     camera, projector, pose = calibration.camera, calibration.projector, calibration.projector_from_camera
     turn, shift = (np.ascontiguousarray(a, np.float64).tobytes() for a in (pose.rotation, pose.translation_mm))
     return camera.spec, camera.interior, projector.spec, projector.interior, turn, shift
@@ -83,17 +86,24 @@ def _table(key: Key, covariance: bytes, axes: str) -> SigmaTable:
 def _prepare(key: Key) -> System:
     devices = _devices(key)
     spec, interior = devices.projector
-    a1, a2, a3, a4, a5, a6 = interior.a
-    r02 = interior.r0_mm**2
-    affine = np.array([[1 + a3, a4], [a4, 1 - a3]]) / np.array([[spec.pitch_mm[0]], [-spec.pitch_mm[1]]])
-    zero = affine @ (interior.x0_mm, interior.y0_mm) + ((spec.width - 1) / 2, (spec.height - 1) / 2)
+    lens = lens_of(interior)
+    # without what bends straight lines a lens is an affine map of the collinearity image
+    plain = lens.plain(interior)
+    at_zero, by_xy = image_to_pixel(spec, lens.distort(plain, np.zeros(2))), lens.derivatives(plain, np.zeros(2))[0]
+    affine = by_xy / np.array([[spec.pitch_mm[0]], [-spec.pitch_mm[1]]])
+    zero, radial = at_zero, None
+    if lens.name == COMPILED:
+        a1, a2, _, _, a5, a6 = interior.a
+        r02 = interior.r0_mm**2
+        radial = (a1, a2, a5, a6, -a1 * r02 - a2 * r02 * r02)
     K = np.array([interior.c_mm, interior.c_mm, -1.0])
     return System(
         rays=camera_rays(*devices.camera),
         matrix=K[:, None] * devices.projector_from_camera.rotation,
         vector=K * devices.projector_from_camera.translation_mm,
-        radial=(a1, a2, a5, a6, -a1 * r02 - a2 * r02 * r02),
+        radial=radial,
         line_u=(float(zero[0]), float(affine[0, 0]), float(affine[0, 1])),
         line_v=(float(zero[1]), float(affine[1, 0]), float(affine[1, 1])),
         slopes=depth_slopes(devices),
+        devices=devices,
     )

@@ -114,11 +114,13 @@ def calibrated_devices(data: ReportData) -> list[CalibratedDevice]:
     Those of the photogrammetric calibration if there is one, else those of the adjustment.
     """
     if data.photogrammetric is not None:
-        pair = data.photogrammetric
-        return [
-            CalibratedDevice("camera", "camera", pair.camera),
-            CalibratedDevice("projector", "projector", pair.projector),
-        ]
+        found = data.photogrammetric
+        kinds: dict[str, Kind] = {}  # of devices that are the only one of theirs
+        if len(found.cameras) == 1:
+            kinds[found.cameras[0]] = "camera"
+        if len(found.projectors) == 1:
+            kinds[found.projectors[0]] = "projector"
+        return [CalibratedDevice(name, kinds.get(name), device) for name, device in found.devices.items()]
     devices = data.adjustment.devices if data.adjustment is not None else {}
     return [CalibratedDevice(name, kind_of_device(name), device) for name, device in devices.items()]
 

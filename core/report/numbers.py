@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from core.model import INTERIOR_NAMES, AdjustedDevice, DepthCalibration, PlaneEvaluation
+from core.geometry import at_radius, lens_of, pair_of
+from core.model import AdjustedDevice, DepthCalibration, PlaneEvaluation
 from core.report.data import CalibratedDevice, ReportData, calibrated_devices, side_by_side
-from core.report.interior import KEYS, at_radius, interior_from_mapping
+from core.report.interior import interior_from_mapping
 from core.report.published import Published, published_names, read_published
 from core.report.table import Cell, Number, Table
-
-UNITS = ("mm", "mm", "mm", "mm⁻²", "mm⁻⁴", "", "", "mm⁻¹", "mm⁻¹")
 
 
 def published_of(data: ReportData) -> Published | None:
@@ -33,18 +32,20 @@ def interior_tables(data: ReportData, published: Published | None) -> list[Table
 
 
 def true_parameters(truth: Mapping[str, Any] | None, device: CalibratedDevice) -> np.ndarray | None:
-    """True (c, x0, y0, A1..A6), shape (9,), referred to the r0 of the adjusted device; None where not known."""
+    """True parameters, shape (k,), referred to the r0 of the adjusted device; None where not known."""
     entry = (truth or {}).get(device.kind or "") or (truth or {}).get(device.name)
     if not isinstance(entry, Mapping):
         return None
     interior = interior_from_mapping(entry)
+    if interior.model != device.device.interior.model:
+        return None
     if np.isfinite(interior.r0_mm) and np.all(np.isfinite(interior.vector)):
         interior = at_radius(interior, device.device.interior.r0_mm)
     return interior.vector
 
 
 def normalised_errors(device: AdjustedDevice, truth: np.ndarray) -> np.ndarray:
-    """(value - true) / sigma of the nine parameters, NaN where a parameter was held fixed or its truth is not known."""
+    """(value - true) / sigma of the parameters, NaN where a parameter was held fixed or its truth is not known."""
     sigma = np.where(device.sigma > 0, device.sigma, np.nan)
     return np.asarray((device.interior.vector - truth) / sigma)
 
@@ -52,26 +53,28 @@ def normalised_errors(device: AdjustedDevice, truth: np.ndarray) -> np.ndarray:
 def _interior_table(
     number: str, calibrated: CalibratedDevice, published: Published | None, truth: np.ndarray | None
 ) -> Table:
-    device = calibrated.device
+    device, lens = calibrated.device, lens_of(calibrated.device.interior)
     columns = ["parameter", "value", "σ", *(["published"] if published else [])]
     columns += ["true", "(value - true)/σ"] if truth is not None else []
-    errors = normalised_errors(device, truth) if truth is not None else np.full(9, np.nan)
+    errors = normalised_errors(device, truth) if truth is not None else np.full(len(lens.names), np.nan)
     rows: list[tuple[Cell, ...]] = []
-    for i, name in enumerate(INTERIOR_NAMES):
+    for i, (name, unit) in enumerate(zip(lens.names, lens.units, strict=True)):
         spec, sigma_spec = (".6f", ".6f") if i < 3 else ("E6", "E2")
         sigma = "held fixed" if device.sigma[i] == 0 else Number(float(device.sigma[i]), sigma_spec)
-        row: list[Cell] = [f"{name} [{UNITS[i]}]" if UNITS[i] else name]
+        row: list[Cell] = [f"{name} [{unit}]" if unit else name]
         row += [Number(float(device.interior.vector[i]), spec), sigma]
         if published:
-            row.append(_known(published.parameter(calibrated.kind, KEYS[i]), spec))
+            row.append(_known(published.parameter(calibrated.kind, lens.keys[i]), spec))
         if truth is not None:
             row += [_known(float(truth[i]), spec), _known(float(errors[i]), "+.2f")]
         rows.append(tuple(row))
-    rows.append(("r0 [mm]", Number(device.interior.r0_mm, ".6f"), *[None] * (len(columns) - 2)))
-    central = at_radius(device.interior, 0.0).c_mm
-    notes = [
-        f"c holds for the radius r0 at which the radial terms vanish; referred to r0 = 0 it is {central:.6f} mm.",
-    ]
+    notes = []
+    if lens.referred is not None:
+        rows.append(("r0 [mm]", Number(device.interior.r0_mm, ".6f"), *[None] * (len(columns) - 2)))
+        central = at_radius(device.interior, 0.0).c_mm
+        notes.append(
+            f"c holds for the radius r0 at which the radial terms vanish; referred to r0 = 0 it is {central:.6f} mm."
+        )
     if published:
         notes.append(f"Published: {published.name}; its sigmas and its r0 are not known here.")
     if truth is not None:
@@ -144,15 +147,20 @@ def _relative_orientation(data: ReportData) -> Iterable[tuple[str, str, Number]]
     """Base and convergence of projector and camera, the base with its sigma."""
     if data.photogrammetric is None:
         return
-    pose = data.photogrammetric.projector_from_camera
-    t = pose.translation_mm
-    base = float(np.linalg.norm(t))
-    yield "base camera to projector", "mm", Number(base, ".3f")
-    covariance = data.photogrammetric.covariance
-    if covariance.shape == (24, 24) and base > 0:
-        yield "σ of the base", "mm", Number(float(np.sqrt(t @ covariance[21:, 21:] @ t)) / base, ".4f")
-    angle = np.degrees(np.arccos(np.clip(pose.rotation[2, 2], -1, 1)))
-    yield "angle between the viewing axes", "°", Number(float(angle), ".3f")
+    found = data.photogrammetric
+    several = len(found.devices) > 2
+    for camera in found.cameras:
+        for projector in found.projectors:
+            pair, of = pair_of(found, camera, projector), f" {camera} to {projector}"
+            t = pair.projector_from_camera.translation_mm
+            base = float(np.linalg.norm(t))
+            yield f"base{of}" if several else "base camera to projector", "mm", Number(base, ".3f")
+            if base > 0:
+                sigma = float(np.sqrt(abs(t @ pair.covariance[-3:, -3:] @ t))) / base
+                yield f"σ of the base{of if several else ''}", "mm", Number(sigma, ".4f")
+            cosine = min(max(float(pair.projector_from_camera.rotation[2, 2]), -1.0), 1.0)
+            name = f"angle of the viewing axes{of}" if several else "angle between the viewing axes"
+            yield name, "°", Number(float(np.degrees(np.arccos(cosine))), ".3f")
 
 
 def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published | None) -> Table:

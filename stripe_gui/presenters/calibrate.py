@@ -14,6 +14,8 @@ from core.model import (
     DepthCalibration,
     PhotogrammetricCalibration,
     PlaneEvaluation,
+    StationId,
+    TargetId,
     Verdict,
 )
 from core.pipeline import METHODS
@@ -41,6 +43,8 @@ class DeviceResiduals:
     residual: Array  # (n, 2) observed minus computed, px or lines
     station: tuple[str, ...]  # of every image point
     point: tuple[str, ...]
+    station_id: tuple[StationId, ...]  # the same, empty where they are none of a project's
+    point_id: tuple[TargetId, ...]
     redundancy: Array  # (n, 2)
 
     def describe(self, index: int) -> str:
@@ -52,15 +56,13 @@ class DeviceResiduals:
 
     def capture(self, index: int) -> str:
         """Give the capture that an image point was measured in."""
-        return self.station[index].partition("/")[0]
+        return self.station_id[index].capture if self.station_id else self.station[index]
 
     def target(self, index: int) -> tuple[int, int] | None:
         """Give the target (row, col) that an image point shows, if its point is named so."""
-        row, _, col = self.point[index].partition("/")
-        try:
-            return int(row), int(col)
-        except ValueError:
+        if not self.point_id:
             return None
+        return self.point_id[index].row, self.point_id[index].col
 
 
 @dataclass(frozen=True)
@@ -182,6 +184,8 @@ def residual_sets(adjustment: Adjustment) -> tuple[DeviceResiduals, ...]:
                 adjustment.residuals[rows],
                 tuple(map(str, stations[rows])),
                 tuple(map(str, points[rows])),
+                tuple(network.station_ids[network.observation_station[i]] for i in rows if network.station_ids),
+                tuple(network.point_ids[network.observation_point[i]] for i in rows if network.point_ids),
                 adjustment.redundancy_numbers[rows],
             )
         )

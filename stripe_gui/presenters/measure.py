@@ -60,20 +60,16 @@ def targets_of(folder: ProjectFolder, name: str) -> TargetSet | None:
 
 
 def _from_network(network: Network, name: str) -> TargetSet | None:
-    """Take a capture's targets out of an adjusted network: stations are "CAPTURE/DEVICE", points "ROW/COL"."""
-    stations = [f"{name}/{device}" for device in ("camera", "projector")]
-    if stations[0] not in network.station_names:
+    """Take a capture's targets out of an adjusted network: those of its first two stations, camera and projector."""
+    own = [s for s, station in enumerate(network.station_ids) if station.capture == name]
+    if not own:
         return None
-    rows = {}
-    for station in stations:
-        at = network.station_names.index(station) if station in network.station_names else -1
-        rows[station] = np.flatnonzero(network.observation_station == at)
-    seen = rows[stations[0]]
+    seen, matched = (np.flatnonzero(network.observation_station == s) for s in (*own, -1)[:2])
     points = network.observation_point[seen]
-    projector = {int(network.observation_point[i]): i for i in rows[stations[1]]}
+    projector = {int(network.observation_point[i]): i for i in matched}
     other = np.array([projector.get(int(p), -1) for p in points], dtype=np.int64)
     lit = (other >= 0)[:, None]
-    identity = np.array([[int(x) for x in network.point_names[p].split("/")] for p in points]).reshape(-1, 2)
+    identity = np.array([[network.point_ids[p].row, network.point_ids[p].col] for p in points]).reshape(-1, 2)
     n = len(seen)
     return TargetSet(
         capture=name,

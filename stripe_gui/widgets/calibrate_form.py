@@ -16,11 +16,13 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from core.model import INTERIOR_NAMES
+from core.geometry import LENSES
 from core.pipeline import CalibrateOptions
 from core.pipeline.options import DEVICES
 from stripe_gui.presenters.work import CalibrateChoice
 from stripe_gui.widgets.layout import boxed, column, label, row
+
+NAMES = LENSES["A1..A6"].names
 
 
 class CalibrateForm(QWidget):
@@ -85,7 +87,7 @@ class CalibrateForm(QWidget):
         self.limit.setSuffix(" σ")
         self.limit.setAccessibleName(self.tr("Limit of gross errors"))
         self.parameters = {
-            f"{device}.{name}": QCheckBox(name) for device in DEVICES for name in INTERIOR_NAMES
+            f"{device}.{name}": QCheckBox(name) for device in DEVICES for name in NAMES
         }  # ticked: estimated
         self.degree = QComboBox()
         for degree in (1, 2, 3, 4, 5):
@@ -120,12 +122,12 @@ class CalibrateForm(QWidget):
         words = {"camera": self.tr("Camera"), "projector": self.tr("Projector")}
         for i, device in enumerate(DEVICES):
             grid.addWidget(label(words[device], "muted"), i, 0)
-            for j, name in enumerate(INTERIOR_NAMES):
+            for j, name in enumerate(NAMES):
                 box = self.parameters[f"{device}.{name}"]
                 text = self.tr("{device}: estimate {name}")
                 box.setAccessibleName(text.format(name=name, device=words[device]))
                 grid.addWidget(box, i, j + 1)
-        grid.setColumnStretch(len(INTERIOR_NAMES) + 1, 1)
+        grid.setColumnStretch(len(NAMES) + 1, 1)
         self._held = _small()
         return column(label(self.tr("Parameters to estimate")), boxed(grid), self._held, spacing=5)
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from core.geometry import Pose, matrix_from_rotation_vector
-from core.model import INTERIOR_NAMES, Network
+from core.geometry import LENSES, Pose, matrix_from_rotation_vector
+from core.model import Network
 from tests.core.calibrate.conftest import CAMERA_TRUTH, PROJECTOR_TRUTH, Simulated, simulated_network
 
 SIGMA_PX = 0.02
@@ -46,7 +46,7 @@ def task(poses: int) -> Task:
         sigma_px={"camera": SIGMA_PX, "projector": SIGMA_PX},
         camera_truth=devices[0],
         projector_truth=devices[1],
-        estimate=tuple(name for name in INTERIOR_NAMES if name != "A4"),
+        estimate=tuple(name for name in LENSES["A1..A6"].names if name != "A4"),
     )
     return Task(simulated, _arrays(simulated))
 

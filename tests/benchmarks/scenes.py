@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from core.bench import experiment
-from core.geometry import project, ray_directions
+from core.geometry import calibration_of_pair, project, ray_directions
 from core.model import (
     AdjustedDevice,
     DeviceSpec,
@@ -98,7 +98,7 @@ def rig(width: int, height: int) -> PhotogrammetricCalibration:
         for spec, o in ((camera, inner), (e.projector, e.projector_interior))
     ]
     covariance = np.diag(np.r_[[1e-6] * 3, [1e-12] * 6, [1e-4] * 3, [1e-14] * 6, [1e-10] * 3, [1e-4] * 3])
-    return PhotogrammetricCalibration(
+    return calibration_of_pair(
         *devices, e.projector_from_camera, covariance, 1.0, 40, 6656, 247, 12000, (1.0, 1.0, 1.0)
     )
 

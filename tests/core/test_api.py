@@ -8,8 +8,8 @@ import pytest
 
 import core
 from core.errors import InputError
-from core.geometry import Pose, matrix_from_rotation_vector
-from core.model import AdjustedDevice, DeviceSpec, Interior, PhotogrammetricCalibration
+from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector
+from core.model import AdjustedDevice, DeviceSpec, Interior
 from core.patterns import gray_and_phase, pattern_image, pattern_to_dict
 
 FLIP = np.diag([1.0, -1.0, -1.0])
@@ -57,7 +57,7 @@ def calibration(covariance=None):
         return AdjustedDevice(*truth, np.zeros(9), (0.0, 0.0), 0)
 
     cov = np.zeros((24, 24)) if covariance is None else covariance
-    return PhotogrammetricCalibration(
+    return calibration_of_pair(
         device(CAMERA_TRUTH), device(PROJECTOR_TRUTH), PROJECTOR_FROM_CAMERA, cov, 1.0, 0, 0, 0, 0, (0.0, 0.0, 0.0)
     )
 
@@ -156,7 +156,7 @@ def test_what_the_calibration_is_unsure_of_goes_into_the_covariance(points):
     for _ in range(3000):
         e = rng.normal(size=24) * sigma
         R = matrix_from_rotation_vector(e[18:21]) @ PROJECTOR_FROM_CAMERA.rotation
-        other = PhotogrammetricCalibration(
+        other = calibration_of_pair(
             AdjustedDevice(CAMERA, Interior.from_vector(truth.camera.interior.vector + e[:9], 0.0), e[:9], (0, 0), 0),
             AdjustedDevice(
                 PROJECTOR, Interior.from_vector(truth.projector.interior.vector + e[9:18], 0.0), e[:9], (0, 0), 0

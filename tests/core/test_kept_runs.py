@@ -12,8 +12,8 @@ import pytest
 
 from core.cli import main
 from core.errors import Cancelled, InputError
-from core.geometry import matrix_from_rotation_vector
-from core.model import INTERIOR_NAMES, Adjustment, PhotogrammetricCalibration
+from core.geometry import LENSES, matrix_from_rotation_vector
+from core.model import Adjustment, PhotogrammetricCalibration
 from core.pipeline import (
     CalibrateOptions,
     Run,
@@ -232,7 +232,7 @@ def run_with(number: int, c_mm: float, sigma: float, turn: np.ndarray, shift: np
     """A run with just the figures that are compared."""
 
     def device(first: float) -> dict:
-        keys = [n if n.startswith("A") else f"{n}_mm" for n in INTERIOR_NAMES]
+        keys = [n if n.startswith("A") else f"{n}_mm" for n in LENSES["A1..A6"].names]
         values = {key: {"value": 0.0, "sigma": 0.0} for key in keys}
         return {**values, "c_mm": {"value": first, "sigma": sigma}, "r0_mm": 2.5}
 

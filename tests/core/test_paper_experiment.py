@@ -15,7 +15,15 @@ from scipy.ndimage import binary_dilation
 from core.bench import Experiment, true_targets, truth_maps
 from core.bench.scenarios import experiment as build_experiment
 from core.evaluate import evaluate_plane
-from core.model import PhaseMap, PhotogrammetricCalibration, PlaneEvaluation, PointCloud, Project, TargetSet
+from core.model import (
+    Orientation,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    PlaneEvaluation,
+    PointCloud,
+    Project,
+    TargetSet,
+)
 from core.pipeline import (
     calibrate_project,
     captures_of,
@@ -57,9 +65,11 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     assert isinstance(found, PhotogrammetricCalibration)
     true = replace(
         found,
-        camera=replace(found.camera, interior=truth.rig.camera_interior),
-        projector=replace(found.projector, interior=truth.rig.projector_interior),
-        projector_from_camera=truth.rig.projector_from_camera,
+        devices={
+            "camera": replace(found.camera, interior=truth.rig.camera_interior),
+            "projector": replace(found.projector, interior=truth.rig.projector_interior),
+        },
+        orientations={"projector": Orientation("camera", truth.rig.projector_from_camera)},
     )
     planes = {capture.name: phase for capture, phase in phase_maps(project, captures_of(project, "plane"))}
     clouds = {name: reconstruct(phase, calibrations["polynomial"]) for name, phase in planes.items()}

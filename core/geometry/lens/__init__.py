@@ -70,6 +70,12 @@ def regular(spec: DeviceSpec, interior: Interior) -> bool:
     return bool(np.all(np.linalg.det(J) > 0))
 
 
+def at_radius(interior: Interior, r0_mm: float) -> Interior:
+    """Give the same imaging with the radial terms' zero crossing at another radius, where the model has one."""
+    referred = LENSES[interior.model].referred
+    return interior if referred is None else referred(interior, r0_mm)
+
+
 def fitted(spec: DeviceSpec, interior: Interior, model: str) -> tuple[Interior, float]:
     """Say the same by another lens model, as nearly as it can.
 
@@ -109,6 +115,7 @@ __all__ = [
     "MAIN",
     "Lens",
     "Parameter",
+    "at_radius",
     "distort",
     "fitted",
     "lens_of",

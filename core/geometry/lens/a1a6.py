@@ -91,6 +91,34 @@ def _usual_sigma(spec: DeviceSpec) -> Array:
     return np.array([*main, *radial, 0.05, 0.02, 0.01 / half, 0.01 / half])
 
 
+def _referred(interior: Interior, r0_mm: float) -> Interior:
+    """Give the same imaging with the radial terms' zero crossing at another radius.
+
+    Notes
+    -----
+    Image coordinates scale with c, so a change of r0 leaves ``c (1 - A1 r0² - A2 r0⁴)``, ``c³ A1``, ``c⁵ A2``,
+    ``c² A5`` and ``c² A6`` alone. c follows from the first by Newton's method.
+
+    Examples
+    --------
+    >>> moved = _referred(Interior(12.0, a=(-6e-4, 0, 0, 0, 0, 0), r0_mm=2.5), 0.0)
+    >>> round(moved.c_mm, 6)  # 12 (1 + 6e-4 · 2.5²)
+    12.045
+    """
+    if interior.r0_mm == r0_mm:
+        return interior
+    a1, a2, a3, a4, a5, a6 = interior.a
+    c, old2, new2 = interior.c_mm, interior.r0_mm**2, r0_mm**2
+    central = c * (1 - a1 * old2 - a2 * old2**2)
+    k1, k2 = a1 * c**3, a2 * c**5
+    new = central
+    for _ in range(20):
+        f = new - k1 * new2 / new**2 - k2 * new2**2 / new**4 - central
+        new -= f / (1 + 2 * k1 * new2 / new**3 + 4 * k2 * new2**2 / new**5)
+    s = c / new
+    return Interior(new, interior.x0_mm, interior.y0_mm, (a1 * s**3, a2 * s**5, a3, a4, a5 * s**2, a6 * s**2), r0_mm)
+
+
 LENS = Lens(
     name="A1..A6",
     additional=(
@@ -104,5 +132,6 @@ LENS = Lens(
     distort=_distort,
     derivatives=_derivatives,
     undistort=_undistort,
+    referred=_referred,
     usual_sigma=_usual_sigma,
 )

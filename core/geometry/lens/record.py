@@ -47,6 +47,8 @@ class Lens:
         collinearity image, and by all parameters for a point that stands still (xy moves with c).
     undistort : callable or None
         ``(interior, measured, tolerance_mm) -> xy``, NaN where it cannot be inverted; None for Newton's method.
+    referred : callable or None
+        ``(interior, r0_mm) -> interior``: the same imaging with the radial terms' zero elsewhere; None without r0.
     usual_sigma : callable
         ``(spec) -> (k,)``: what one knows of any device's parameters, c included.
     """
@@ -57,6 +59,7 @@ class Lens:
     derivatives: Callable[[Interior, Array], tuple[Array, Array]]
     usual_sigma: Callable[[DeviceSpec], Array]
     undistort: Callable[[Interior, Array, float], Array] | None = None
+    referred: Callable[[Interior, float], Interior] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

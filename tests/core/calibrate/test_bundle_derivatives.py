@@ -6,8 +6,8 @@ import pytest
 from core.calibrate.equations import linearise
 from core.calibrate.initial import initial_state
 from core.calibrate.problem import Step, moved, problem_of
-from core.geometry import Pose, project
-from core.model import INTERIOR_NAMES, Interior
+from core.geometry import LENSES, Pose, project
+from core.model import Interior
 
 STEPS = {"c": 1e-3, "x0": 1e-3, "y0": 1e-3, "A1": 1e-6, "A2": 1e-8, "A3": 1e-5, "A4": 1e-5, "A5": 1e-6, "A6": 1e-6}
 
@@ -46,22 +46,23 @@ def unit_steps(problem):
     """Every unknown's step: its column in the Jacobian, the devices or poses it belongs to, and the step."""
     G, P, n = problem.globals, problem.poses, problem.points
     for d, columns in enumerate(problem.columns):
-        for j in range(15):
+        for j in range(6 + len(LENSES[problem.models[d]].names)):
             if columns[j] >= 0:
-                h = STEPS[INTERIOR_NAMES[j]] if j < 9 else 1e-5 if j < 12 else 1e-2
-                h *= 0.01 if d and 3 <= j < 9 and j not in (5, 6) else 1  # the projector's image is ten times larger
+                name = LENSES[problem.models[d]].names[j - 6] if j >= 6 else ""
+                h = STEPS[name] if name else 1e-5 if j < 3 else 1e-2
+                h *= 0.01 if d and name in ("A1", "A2", "A5", "A6") else 1  # the projector's image is ten times larger
                 z = np.zeros(G)
                 z[columns[j]] = h
-                yield j, problem.device == d, h, Step(z, np.zeros((P, 6)), np.zeros((n, 3)), 0.0)
+                yield 9 + j, problem.device == d, h, Step(z, np.zeros((P, 6)), np.zeros((n, 3)), 0.0)
     for j in range(6):
         h = 1e-5 if j < 3 else 1e-2
         pose = np.zeros((P, 6))
         pose[1, j] = h
-        yield 15 + j, problem.pose == 1, h, Step(np.zeros(G), pose, np.zeros((n, 3)), 0.0)
+        yield j, problem.pose == 1, h, Step(np.zeros(G), pose, np.zeros((n, 3)), 0.0)
     for j in range(3):
         xyz = np.zeros((n, 3))
         xyz[7, j] = 1e-2
-        yield 21 + j, problem.point == 7, 1e-2, Step(np.zeros(G), np.zeros((P, 6)), xyz, 0.0)
+        yield 6 + j, problem.point == 7, 1e-2, Step(np.zeros(G), np.zeros((P, 6)), xyz, 0.0)
 
 
 def negative(step):

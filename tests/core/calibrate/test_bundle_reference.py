@@ -13,9 +13,10 @@ from core.calibrate.elimination import invert
 from core.calibrate.equations import linearise
 from core.calibrate.initial import initial_state
 from core.calibrate.iterate import iterate
+from core.calibrate.problem import estimated as names_estimated
 from core.calibrate.problem import problem_of
-from core.geometry import Pose, matrix_from_rotation_vector, project, rotation_vector_from_matrix
-from core.model import INTERIOR_NAMES, Interior
+from core.geometry import LENSES, Pose, matrix_from_rotation_vector, project, rotation_vector_from_matrix
+from core.model import Interior
 
 # units in which the unknowns of the reference are of size one, for the differences
 UNITS = np.array([1e-2, 1e-2, 1e-2, 1e-5, 1e-7, 1e-4, 1e-4, 1e-5, 1e-5])
@@ -46,7 +47,8 @@ class Reference:
         return np.concatenate([*[UNITS] * len(self.names), moves, np.full(3 * self.n, 1e-2)])
 
     def free(self):
-        estimated = [p in d.estimate for d in self.network.devices.values() for p in INTERIOR_NAMES]
+        names = LENSES["A1..A6"].names
+        estimated = [p in names_estimated(d) for d in self.network.devices.values() for p in names]
         return np.array(estimated + [True] * (len(self.start()) - len(estimated)))
 
     def observations(self, x):

@@ -19,14 +19,14 @@ def dense_normals(problem, state, damping):
     G, P, n = problem.globals, problem.poses, problem.points
     rows = np.arange(len(equations.w))
     A = np.zeros((len(rows), 2, G + 3 * n + 6 * P))
-    for j in range(15):
+    for j in range(problem.columns.shape[1]):
         place = problem.columns[problem.device, j]
-        A[rows[place >= 0], :, place[place >= 0]] = equations.J[place >= 0, :, j]
+        A[rows[place >= 0], :, place[place >= 0]] = equations.J[place >= 0, :, 9 + j]
     point_at, pose_at = (G + 6 * P, G) if problem.by_points else (G, G + 3 * n)
     for j in range(6):
-        A[rows, :, pose_at + 6 * problem.pose + j] = equations.J[:, :, 15 + j]
+        A[rows, :, pose_at + 6 * problem.pose + j] = equations.J[:, :, j]
     for j in range(3):
-        A[rows, :, point_at + 3 * problem.point + j] = equations.J[:, :, 21 + j]
+        A[rows, :, point_at + 3 * problem.point + j] = equations.J[:, :, 6 + j]
     A, kept = A.reshape(-1, A.shape[2]), G + (6 * P if problem.by_points else 3 * n)
     N = A.T @ A
     own = np.arange(kept, len(N))

@@ -8,7 +8,7 @@ import pytest
 from core.calibrate import adjust, calibrate_photogrammetric, network_from_targets, rigidity_test
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, project, rotation_vector_from_matrix
-from core.model import ScaleBar, TargetSet, Testfield
+from core.model import Rig, ScaleBar, TargetSet, Testfield
 
 ROWS, COLS = 6, 8
 
@@ -103,13 +103,14 @@ def target_sets(simulated):
 @pytest.fixture
 def measured(simulate):
     simulated = simulate(poses=10, rows=ROWS, cols=COLS)
-    specs = [simulated.network.devices[name].spec for name in ("camera", "projector")]
-    return simulated, specs, *target_sets(simulated)
+    specs = {name: simulated.network.devices[name].spec for name in ("camera", "projector")}
+    rig = Rig({"camera": specs["camera"]}, {"projector": specs["projector"]})
+    return simulated, rig, *target_sets(simulated)
 
 
 def test_network_of_targets_holds_every_measured_coordinate(measured):
-    simulated, specs, field, sets, bar = measured
-    network = network_from_targets(*specs, field, sets, scale=bar)
+    simulated, rig, field, sets, bar = measured
+    network = network_from_targets(rig, field, sets, scale=bar)
     expected = simulated.network.observation_uv
     in_camera = {(s.capture, int(r), int(c)) for s in sets for r, c in zip(s.row, s.col, strict=True)}
     assert len(network.observation_uv) <= len(expected)
@@ -117,14 +118,14 @@ def test_network_of_targets_holds_every_measured_coordinate(measured):
     camera = np.array([d == "camera" for d in network.station_device])[network.observation_station]
     assert np.count_nonzero(camera) == len(in_camera)
     assert network.point_names[network.scale.start] == f"{bar.start[0]}/{bar.start[1]}"
-    free = network_from_targets(*specs, field, sets, scale=bar, rigid=False)
+    free = network_from_targets(rig, field, sets, scale=bar, rigid=False)
     assert len(set(free.station_pose)) == len(free.station_names) == 20
 
 
 @pytest.mark.parametrize("rigid", [True, False])
 def test_calibration_finds_both_devices_and_their_relative_orientation(measured, rigid):
-    simulated, specs, field, sets, bar = measured
-    calibration, adjustment = calibrate_photogrammetric(*specs, field, sets, scale=bar, rigid=rigid)
+    simulated, rig, field, sets, bar = measured
+    calibration, adjustment = calibrate_photogrammetric(rig, field, sets, scale=bar, rigid=rigid)
     found, true = calibration.projector_from_camera, simulated.projector_from_camera
     error = np.concatenate(
         [
@@ -144,9 +145,9 @@ def test_calibration_finds_both_devices_and_their_relative_orientation(measured,
 
 
 def test_free_stations_give_the_relative_orientation_of_the_rigid_rig_and_no_smaller_sigma(measured):
-    _, specs, field, sets, bar = measured
-    rigid, _ = calibrate_photogrammetric(*specs, field, sets, scale=bar)
-    free, _ = calibrate_photogrammetric(*specs, field, sets, scale=bar, rigid=False)
+    _, rig, field, sets, bar = measured
+    rigid, _ = calibrate_photogrammetric(rig, field, sets, scale=bar)
+    free, _ = calibrate_photogrammetric(rig, field, sets, scale=bar, rigid=False)
     ratio = np.sqrt(np.diagonal(free.covariance) / np.diagonal(rigid.covariance))
     assert np.all(ratio > 0.97)  # the variance factors of the two differ by a few per cent
     # of ten poses; without one common roll and scale the projector's A4 and A3 lose most
@@ -155,38 +156,38 @@ def test_free_stations_give_the_relative_orientation_of_the_rigid_rig_and_no_sma
 
 
 def test_a_loose_rig_is_said_in_the_calibration(loose, simulate, measured):
-    simulated, specs, *_ = measured
+    simulated, rig, *_ = measured
     field, sets, bar = target_sets(replace(simulated, network=loose(0.5)))
-    calibration, _ = calibrate_photogrammetric(*specs, field, sets, scale=bar)
+    calibration, _ = calibrate_photogrammetric(rig, field, sets, scale=bar)
     assert any("not rigid" in w for w in calibration.warnings)
 
 
 def test_captures_without_projector_coordinates_are_refused(measured):
-    _, specs, field, sets, bar = measured
+    _, rig, field, sets, bar = measured
     blind = [replace(s, projector_uv=s.projector_uv * np.nan) for s in sets]
     with pytest.raises(AdjustmentError, match="camera and projector at once"):
-        calibrate_photogrammetric(*specs, field, blind, scale=bar)
+        calibrate_photogrammetric(rig, field, blind, scale=bar)
 
 
 def test_one_device_alone_can_be_adjusted_from_targets(measured):
-    simulated, specs, field, sets, bar = measured
+    simulated, rig, field, sets, bar = measured
     for name in ("camera", "projector"):
-        network = network_from_targets(*specs, field, sets, scale=bar, use=(name,))
+        network = network_from_targets(rig, field, sets, scale=bar, use=(name,))
         device = adjust(network).devices[name]
         error = (device.interior.vector - simulated.interior[name].vector) / device.sigma
         assert np.abs(error).max() < 4
 
 
 def test_bad_targets_are_refused_by_name(measured):
-    _, specs, field, sets, bar = measured
+    _, rig, field, sets, bar = measured
     twice = replace(sets[0], row=np.full_like(sets[0].row, 1), col=np.full_like(sets[0].col, 1))
     with pytest.raises(InputError, match=r"testfield-01.*\(1, 1\) twice"):
-        network_from_targets(*specs, field, [twice], scale=bar)
+        network_from_targets(rig, field, [twice], scale=bar)
     strange = replace(sets[0], row=sets[0].row + 90)
     with pytest.raises(InputError, match=r"testfield-01.*has target"):
-        network_from_targets(*specs, field, [strange], scale=bar)
+        network_from_targets(rig, field, [strange], scale=bar)
     with pytest.raises(InputError, match=r"scale.*\(99, 0\)"):
-        network_from_targets(*specs, field, sets, scale=replace(bar, start=(99, 0)))
+        network_from_targets(rig, field, sets, scale=replace(bar, start=(99, 0)))
 
 
 def test_relative_orientation_of_a_rig_scales_with_a_free_network(simulate):

@@ -15,7 +15,7 @@ import scipy.io
 
 from core.errors import InputError
 from core.exchange import FORMATS, fit_pair, pair_to_calibration
-from core.geometry import Pose, matrix_from_rotation_vector, project
+from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector, project
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhotogrammetricCalibration
 
 CAMERA = DeviceSpec(748, 576, (0.008, 0.008), 12.0)
@@ -37,7 +37,7 @@ def device(spec: DeviceSpec, interior: Interior) -> AdjustedDevice:
 def calibration() -> PhotogrammetricCalibration:
     pose = Pose(matrix_from_rotation_vector([0.01, -0.42, 0.02]), np.array([-244.0, 3.0, -52.0]))
     pair = device(CAMERA, INTERIORS[0]), device(PROJECTOR, INTERIORS[1])
-    return PhotogrammetricCalibration(*pair, pose, np.zeros((24, 24)), 1.0, 0, 0, 0, 0, (0.0, 0.0, 0.0))
+    return calibration_of_pair(*pair, pose, np.zeros((24, 24)), 1.0, 0, 0, 0, 0, (0.0, 0.0, 0.0))
 
 
 @pytest.fixture
@@ -196,7 +196,7 @@ def test_a_lens_that_the_format_cannot_hold_is_refused(calibration) -> None:
     import dataclasses
 
     bent = dataclasses.replace(INTERIORS[0], a=(-6e-3, 3e-4, -0.0143, 0.02, -0.12e-3, -0.75e-4))  # 1 degree of shear
-    wrong = dataclasses.replace(calibration, camera=device(CAMERA, bent))
+    wrong = dataclasses.replace(calibration, devices={**calibration.devices, "camera": device(CAMERA, bent)})
     with pytest.raises(InputError, match=r"px r\.m\.s\."):
         fit_pair(wrong, FORMATS["kalibr"].free)
 

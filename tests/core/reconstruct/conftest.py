@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from core.geometry import Pose, project, ray_directions
+from core.geometry import Pose, calibration_of_pair, project, ray_directions
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PhotogrammetricCalibration
 
 CAMERA = DeviceSpec(94, 72, (0.064, 0.064), 12.0)
@@ -83,7 +83,7 @@ def make_rig() -> Callable[..., Rig]:
             AdjustedDevice(spec, o, np.zeros(9), (0.0, 0.0), 0) for spec, o in ((CAMERA, interior), (PROJECTOR, lamp))
         ]
         cov = np.zeros((24, 24)) if covariance is None else covariance
-        return Rig(PhotogrammetricCalibration(*devices, looking_at_600(place), cov, 1.0, 0, 0, 0, 0, (0.0, 0.0, 0.0)))
+        return Rig(calibration_of_pair(*devices, looking_at_600(place), cov))
 
     return make
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from core.errors import InputError
-from core.geometry import Pose, matrix_from_rotation_vector
+from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector
 from core.model import Interior, PhaseMap, PhotogrammetricCalibration
 from core.reconstruct import reconstruct
 
@@ -165,7 +165,7 @@ def _wrong(c: PhotogrammetricCalibration, change: np.ndarray) -> Photogrammetric
         matrix_from_rotation_vector(change[18:21]) @ c.projector_from_camera.rotation,
         c.projector_from_camera.translation_mm + change[21:],
     )
-    return replace(c, camera=cam, projector=proj, projector_from_camera=pose, covariance=np.zeros((24, 24)))
+    return calibration_of_pair(cam, proj, pose, np.zeros((24, 24)))
 
 
 def test_errors_of_the_calibration_scatter_the_points_as_their_sigma_says(make_rig, without) -> None:

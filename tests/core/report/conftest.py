@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.geometry import Pose, matrix_from_axis_angle
+from core.geometry import LENSES, Pose, calibration_of_pair, matrix_from_axis_angle
 from core.model import (
-    INTERIOR_NAMES,
     AdjustedDevice,
     Adjustment,
     DepthCalibration,
@@ -15,7 +14,6 @@ from core.model import (
     Interior,
     Network,
     NetworkDevice,
-    PhotogrammetricCalibration,
     PlaneEvaluation,
     Project,
     Rig,
@@ -53,7 +51,7 @@ def adjustment():
     station, point = (a.ravel() for a in np.mgrid[: len(stations), : len(points)])
     uv = rng.uniform(20, 550, (len(station), 2))
     residuals = rng.normal(0, 0.05, uv.shape)
-    names = tuple(f"{d}.{n}" for d in ("camera", "projector") for n in INTERIOR_NAMES)
+    names = tuple(f"{d}.{n}" for d in ("camera", "projector") for n in LENSES["A1..A6"].names)
     names += tuple(f"projector.{n}" for n in ("rx", "ry", "rz", "tx", "ty", "tz"))
     sigma = np.concatenate([CAMERA_SIGMA, PROJECTOR_SIGMA, np.full(3, 2e-4), np.full(3, 0.05)])
     correlation = np.eye(24)
@@ -100,7 +98,7 @@ def photogrammetric(adjustment):
     tilt = Pose(matrix_from_axis_angle([0, 1, 0], np.radians(25)), np.array([-240.0, 0, -70.0]))
     covariance = np.zeros((24, 24))
     covariance[21:, 21:] = np.eye(3) * 0.05**2
-    return PhotogrammetricCalibration(
+    return calibration_of_pair(
         camera=adjustment.devices["camera"],
         projector=adjustment.devices["projector"],
         projector_from_camera=tilt,

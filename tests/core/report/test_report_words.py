@@ -79,7 +79,9 @@ def test_figures_that_do_not_exist_are_dashes(data, evaluations):
     nothing = dataclasses.replace(evaluations[0], n=0, rms_mm=float("nan"), max_mm=float("nan"))
     changed = dataclasses.replace(
         data,
-        photogrammetric=dataclasses.replace(data.photogrammetric, camera=camera, sigma0=float("nan")),
+        photogrammetric=dataclasses.replace(
+            data.photogrammetric, devices={**data.photogrammetric.devices, "camera": camera}, sigma0=float("nan")
+        ),
         evaluations=(nothing,),
     )
     text = " ".join(summary(changed).findings)

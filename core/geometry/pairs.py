@@ -1,0 +1,121 @@
+"""One camera with one projector, taken out of a calibration of many devices with all that is known of both."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import InputError
+from core.geometry.lens import lens_of
+from core.geometry.rotation import Pose
+from core.model import AdjustedDevice, Orientation, Pair, PhotogrammetricCalibration
+
+Array = NDArray[np.float64]
+
+ORIENTATION = ("rx", "ry", "rz", "tx", "ty", "tz")
+
+
+def names_of(name: str, device: AdjustedDevice) -> tuple[str, ...]:
+    """Names of a device's interior parameters in a covariance, such as "camera.c"."""
+    return tuple(f"{name}.{p}" for p in lens_of(device.interior).names)
+
+
+def orientation_names(name: str) -> tuple[str, ...]:
+    """Names of a device's orientation in a covariance, such as "projector.rx"."""
+    return tuple(f"{name}.{p}" for p in ORIENTATION)
+
+
+def relative_derivatives(base_shift: Array, relative: Pose) -> tuple[Array, Array]:
+    """How an orientation ``other_from_base`` follows from those of both to a third frame.
+
+    Parameters
+    ----------
+    base_shift : array, shape (3,)
+        Translation of ``base_from_third``, mm.
+    relative : Pose
+        ``other_from_base``.
+
+    Returns
+    -------
+    by_base, by_other : arrays, shape (6, 6)
+        Rotation vectors turn from the left.
+    """
+    R, arm = relative.rotation, relative.rotation @ base_shift
+    cross = np.array([[0.0, -arm[2], arm[1]], [arm[2], 0.0, -arm[0]], [-arm[1], arm[0], 0.0]])
+    M_base, M_other = np.zeros((6, 6)), np.eye(6)
+    M_base[:3, :3], M_base[3:, 3:], M_base[3:, :3] = -R, -R, -cross @ R
+    M_other[3:, :3] = cross
+    return M_base, M_other
+
+
+def pair_of(calibration: PhotogrammetricCalibration | Pair, camera: str = "", projector: str = "") -> Pair:
+    """Take one camera and one projector out of a calibration, those meant where none is named.
+
+    Raises
+    ------
+    InputError
+        If the calibration has no such device, or the two were not tied to each other.
+    """
+    if isinstance(calibration, Pair):
+        return calibration
+    camera, projector = camera or calibration.camera_name, projector or calibration.projector_name
+    for name in (camera, projector):
+        if name not in calibration.devices:
+            raise InputError("calibration", f"has no device {name!r}", f"it knows {', '.join(calibration.devices)}")
+    to_camera, to_projector = (calibration.orientations.get(name) for name in (camera, projector))
+    bases = {camera if to_camera is None else to_camera.base, projector if to_projector is None else to_projector.base}
+    if len(bases) > 1:
+        raise InputError(
+            "calibration",
+            f"{camera} and {projector} were not tied to each other",
+            "capture the board where both see it, and calibrate again",
+        )
+    camera_from_base = Pose() if to_camera is None else to_camera.device_from_base
+    projector_from_base = Pose() if to_projector is None else to_projector.device_from_base
+    relative = projector_from_base @ camera_from_base.inverse()
+    place = {name: i for i, name in enumerate(calibration.parameter_names)}
+    devices = calibration.devices[camera], calibration.devices[projector]
+    own = [*names_of(camera, devices[0]), *names_of(projector, devices[1])]
+    L = np.zeros((len(own) + 6, len(place)))
+    L[np.arange(len(own)), [place[name] for name in own]] = 1.0
+    by_camera, by_projector = relative_derivatives(camera_from_base.translation_mm, relative)
+    for name, known, M in ((camera, to_camera, by_camera), (projector, to_projector, by_projector)):
+        if known is not None:
+            L[len(own) :, [place[n] for n in orientation_names(name)]] = M
+    return Pair(devices[0], devices[1], relative, L @ calibration.covariance @ L.T)
+
+
+def calibration_of_pair(
+    camera: AdjustedDevice,
+    projector: AdjustedDevice,
+    projector_from_camera: Pose,
+    covariance: Array,
+    sigma0: float = 1.0,
+    stations: int = 0,
+    image_points: int = 0,
+    object_points: int = 0,
+    redundancy: int = 0,
+    object_sigma_rms_um: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    warnings: tuple[str, ...] = (),
+    **more: Any,
+) -> PhotogrammetricCalibration:
+    """Make the calibration of one camera and one projector; `covariance` is that of a `Pair`."""
+    devices = {"camera": camera, "projector": projector}
+    names = [n for name, device in devices.items() for n in names_of(name, device)]
+    return PhotogrammetricCalibration(
+        devices=devices,
+        cameras=("camera",),
+        orientations={"projector": Orientation("camera", projector_from_camera)},
+        covariance=covariance,
+        parameter_names=(*names, *orientation_names("projector")),
+        sigma0=sigma0,
+        stations=stations,
+        image_points=image_points,
+        object_points=object_points,
+        redundancy=redundancy,
+        object_sigma_rms_um=object_sigma_rms_um,
+        warnings=warnings,
+        **more,
+    )
