@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from core.pipeline import decode_capture as decode_capture
     from core.pipeline import evaluate_project as evaluate_project
     from core.pipeline import measure_project as measure_project
+    from core.pipeline import orient_capture as orient_capture
     from core.pipeline import print_testfield as print_testfield
     from core.pipeline import reconstruct_capture as reconstruct_capture
     from core.pipeline import report_project as report_project
@@ -84,6 +85,7 @@ _HOME = {
         "decode_capture",
         "evaluate_project",
         "measure_project",
+        "orient_capture",
         "print_testfield",
         "reconstruct_capture",
         "report_project",

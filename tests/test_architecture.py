@@ -32,11 +32,12 @@ ALLOWED = {
     "evaluate": GROUND,
     "checks": GROUND,
     "exchange": GROUND,
+    "orient": GROUND,
     "report": {"errors", "atomic", "progress", "model", "geometry"},
     "figures": {"geometry", "model"},
     "pipeline": GROUND
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}
-    | {"checks", "exchange"},
+    | {"checks", "exchange", "orient"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "api": GROUND | {"decode", "calibrate", "reconstruct"},
     "demo": {"errors", "progress", "model", "patterns", "figures", "pipeline", "report"},

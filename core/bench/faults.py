@@ -88,6 +88,13 @@ def _out_of_focus(rig: Rig) -> Rig:
     return replace(rig, lens=replace(rig.lens, blur_px=1.5), lcd=replace(rig.lcd, blur_lines=1.6 * rig.lcd.blur_lines))
 
 
+def _knocked(rig: Rig) -> Rig:
+    turn, shift = matrix_from_rotation_vector([0.2e-3, 0.3e-3, 0.15e-3]), np.array([0.0, 0.07, 0.07])
+    pose = rig.projector_from_camera
+    R = pose.rotation @ turn.T
+    return replace(rig, projector_from_camera=Pose(R, -R @ (pose.origin_mm + shift)))
+
+
 def _one_lost(frames: int) -> list[int]:
     lost = frames // 3
     return [*range(lost), *range(lost + 1, frames), frames - 1]
@@ -109,6 +116,7 @@ FAULTS = {
     "specks": Fault("bright and dark specks on the board", scene=_specks),
     "reflections": Fault("glints that saturate", scene=_glints),
     "ambient-drift": Fault("the light of the room grows to four times", room=lambda part: 1 + 3 * part),
+    "knocked": Fault("the projector has turned by 0.4 mrad and shifted by 0.1 mm", rig=_knocked),
     "lamp-drift": Fault("the lamp fades by 8 % during the sequence", lamp=lambda part: 1 - 0.08 * part),
 }
 

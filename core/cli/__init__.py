@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from core.cli.arguments import Commands, Parser, Version
-from core.cli.commands import exchange, experiment, many, recording, results, road, sequences
+from core.cli.commands import exchange, experiment, many, recording, results, road, sequences, watching
 from core.cli.console import Console
 from core.errors import Cancelled, StripeError
 from core.progress import Progress
 
-GROUPS = (experiment, recording, sequences, road, results, many, exchange)
+GROUPS = (experiment, recording, sequences, road, results, watching, many, exchange)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

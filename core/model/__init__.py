@@ -21,6 +21,7 @@ from core.model.calibration import (
 from core.model.capture import Capture, Frame, Role, Seed
 from core.model.ids import StationId, TargetId
 from core.model.network import Network, NetworkDevice, NetworkScale
+from core.model.orientation import RigMotion
 from core.model.phase import PhaseMap
 from core.model.points import PlaneEvaluation, PointCloud
 from core.model.rig import DeviceSpec, Interior, Project, Rig, ScaleBar
@@ -54,6 +55,7 @@ __all__ = [
     "PointCloud",
     "Project",
     "Rig",
+    "RigMotion",
     "Role",
     "ScaleBar",
     "Seed",

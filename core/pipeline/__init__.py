@@ -18,6 +18,7 @@ from core.pipeline.folders import captures_of, find_capture, result_path
 from core.pipeline.guessing import accept_guesses, guess_picks
 from core.pipeline.measure import measure_project
 from core.pipeline.options import METHODS, CalibrateOptions
+from core.pipeline.orient import motion_figures, motion_words, orient_capture
 from core.pipeline.preflight import preflight_rig
 from core.pipeline.reconstruct import check_cloud, reconstruct_capture, write_cloud
 from core.pipeline.report import (
@@ -71,6 +72,9 @@ __all__ = [
     "load_sign_off",
     "make_current",
     "measure_project",
+    "motion_figures",
+    "motion_words",
+    "orient_capture",
     "phase_maps",
     "preflight_rig",
     "print_testfield",

@@ -6,18 +6,28 @@ from pathlib import Path
 
 from core.atomic import check_place
 from core.errors import InputError
-from core.model import Method, PhaseMap, PointCloud, Project
+from core.model import Method, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import decode_images
 from core.pipeline.folders import find_capture
+from core.pipeline.orient import oriented
 from core.progress import SILENT, Progress
 from core.project import atomic_write, iterate_images
 
 
 def reconstruct_capture(
-    project: Project, name: str, method: Method | None = None, extrapolate: bool = False, progress: Progress = SILENT
+    project: Project,
+    name: str,
+    method: Method | None = None,
+    extrapolate: bool = False,
+    progress: Progress = SILENT,
+    *,
+    orient: bool = False,
 ) -> tuple[PhaseMap, PointCloud]:
-    """Reconstruct one capture (by its name or its folder) with one calibration, the photogrammetric one by default."""
+    """Reconstruct one capture (by its name or its folder) with one calibration, the photogrammetric one by default.
+
+    With `orient` the projector stands where `orient_capture(..., correct=True)` found it.
+    """
     from core.reconstruct import reconstruct
 
     calibrations = load_calibrations(project)
@@ -27,9 +37,14 @@ def reconstruct_capture(
             project.path, f"no {chosen} calibration", f"run `stripe-core calibrate --method {chosen}` first"
         )
     capture = find_capture(project, name)
+    calibration = calibrations[chosen]
+    if orient:
+        if not isinstance(calibration, PhotogrammetricCalibration):
+            raise InputError("--orient", f"does not go with the {chosen} method", "leave one of the two out")
+        calibration = oriented(project, capture.name, calibration)
     images = list(iterate_images(capture, project.camera))
     phase = decode_images(capture, images, project, progress.part(0.0, 0.5))
-    cloud = reconstruct(phase, calibrations[chosen], extrapolate=extrapolate, progress=progress.part(0.5, 1.0))
+    cloud = reconstruct(phase, calibration, extrapolate=extrapolate, progress=progress.part(0.5, 1.0))
     return phase, cloud
 
 

@@ -38,6 +38,7 @@ def add(commands: Commands) -> None:
     sub = commands.add_on_project("reconstruct", _reconstruct, "points in the camera's frame")
     sub.add_argument("capture", metavar="CAPTURE")
     sub.add_argument("--method", choices=("photogrammetric", "polynomial"))
+    sub.add_argument("--orient", action="store_true", help="with the orientation that `orient --correct` kept")
     sub.add_argument("--extrapolate", action="store_true", help="polynomial: beyond the calibrated depths too")
     sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="npz ply stl obj glb pcd xyz e57 las")
 
@@ -128,7 +129,9 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
 
     check_cloud(options.out)
     project = read_project(options.project)
-    phase, cloud = reconstruct_capture(project, options.capture, options.method, options.extrapolate, progress)
+    phase, cloud = reconstruct_capture(
+        project, options.capture, options.method, options.extrapolate, progress, orient=options.orient
+    )
     points = write_cloud(options.out, phase, cloud)
     print(f"{options.out}: {points} points")
     return {"points": points, "out": str(options.out)}

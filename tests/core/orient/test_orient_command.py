@@ -1,0 +1,78 @@
+"""`stripe-core orient` on the virtual bench: a projector that was knocked after its calibration."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core.bench.experiment import Experiment
+from core.bench.scenarios import experiment
+from core.cli import main
+from core.project import write_capture
+
+
+@pytest.fixture(scope="module")
+def bench() -> Experiment:
+    return experiment("quick", seed=3)  # as the project of the fixtures
+
+
+def run(*arguments: object, tmp_path: Path) -> dict[str, Any]:
+    out = tmp_path / "figures.json"
+    assert main([*(str(a) for a in arguments), "--json", str(out)]) == 0
+    return json.loads(out.read_text())
+
+
+def knocked(bench: Experiment, project: Path) -> Path:
+    """A plane captured after the projector was knocked."""
+    folder = project / "captures" / "knocked"
+    frames = bench.take(bench.shot("plane+15"), ["knocked"])
+    write_capture(folder, "plane", frames, angle_deg=15.0)
+    return folder
+
+
+def plane_error_mm(cloud: Path, truth: list[float]) -> float:
+    xyz = np.load(cloud)["xyz"]
+    points = xyz[np.isfinite(xyz).all(axis=-1)]
+    return float(np.median(points @ truth[:3] - truth[3]))
+
+
+def test_a_knocked_projector_is_told_and_depth_is_corrected(
+    calibrated: Path, bench: Experiment, tmp_path: Path, quick_truth: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = knocked(bench, calibrated)
+    still = run("orient", calibrated, "plane+15", tmp_path=tmp_path)
+    assert not still["moved"]
+    found = run("orient", calibrated, folder, "--correct", tmp_path=tmp_path)
+    assert found["moved"]
+    assert found["p"] < 1e-6
+    assert "the projector has moved" in capsys.readouterr().out
+    turn = np.abs(np.array(found["rotation_urad"]) - [200, 300, 150])
+    assert (turn < 5 * np.array(found["sigma_urad"])).all()  # three normal deviates, and a bench that is not a formula
+    assert found["unobserved"] == ["base length", "c"]
+    true_plane = quick_truth["captures"]["plane+15"]["plane"]
+    errors = []
+    for options in ([], ["--orient"]):
+        out = tmp_path / f"points{len(options)}.npz"
+        assert main(["reconstruct", str(calibrated), str(folder), "--out", str(out), *options]) == 0
+        errors.append(abs(plane_error_mm(out, true_plane)))
+    assert errors[0] > 0.3  # 0.3 mrad about Y alone is 0.5 mm of depth at 600 mm and a base of 250 mm
+    assert errors[1] < 0.1 * errors[0]
+
+
+def test_a_correction_of_another_calibration_is_refused(
+    calibrated: Path, bench: Experiment, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = knocked(bench, calibrated)
+    points = tmp_path / "points.npz"
+    command = ["reconstruct", str(calibrated), str(folder), "--orient", "--out", str(points)]
+    assert main(command) == 2
+    assert "orient" in capsys.readouterr().err
+    assert main(["orient", str(calibrated), str(folder), "--correct"]) == 0
+    assert main(["calibrate", str(calibrated), "--method", "photogrammetric", "--hold", "camera.A3"]) == 0
+    assert main(command) == 2
+    assert "another calibration" in capsys.readouterr().err
+    assert not points.exists()

@@ -1,0 +1,171 @@
+"""Has the projector moved? Against captures of a known surface in closed form, with noise of known size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from core.errors import InputError
+from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
+from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PhotogrammetricCalibration
+from core.orient import OrientOptions, corrected_calibration, find_motion
+
+Array = NDArray[np.float64]
+
+CAMERA = DeviceSpec(187, 144, (0.032, 0.032), 12.0)  # the reference camera's field with pixels of four times the size
+PROJECTOR = DeviceSpec(640, 640, (0.09, 0.09), 182.0)
+TURN = matrix_from_rotation_vector([0.0, np.arctan(250 / 600), 0.0])
+POSE = Pose(TURN.T, -TURN.T @ np.array([250.0, 0.0, 0.0]))
+SIGMA = 0.035  # lines, of the reference rig
+
+
+def device(spec: DeviceSpec, *values: float) -> AdjustedDevice:
+    interior = Interior.from_vector(np.array(values), spec.zero_radius_mm)
+    return AdjustedDevice(spec, interior, np.zeros(9), (0.0, 0.0), 1)
+
+
+TRUE = PhotogrammetricCalibration(
+    device(CAMERA, 12.1, 0.03, -0.02, -1e-3, 2e-6, 1e-4, -5e-5, 1e-5, -2e-5),
+    device(PROJECTOR, 181.9, 0.3, -0.5, 1e-6, 0, 2e-4, -1e-4, 1e-6, 2e-6),
+    POSE,
+    np.zeros((24, 24)),
+    1.0, 40, 6000, 247, 5000, (1.0, 1.0, 1.0),
+)  # fmt: skip
+
+# standard deviations a bundle of the reference experiment gives, correlations left out
+SIGMAS = np.array(
+    [1e-3, 2e-3, 2e-3, 2e-6, 5e-8, 2e-5, 2e-5, 2e-6, 2e-6, 0.02, 0.05, 0.05, 1e-8, 1e-12, 2e-5, 2e-5, 2e-7, 2e-7]
+    + [3e-5] * 3
+    + [0.01] * 3
+)
+
+
+def surface(rays: Array) -> Array:
+    """Depth along -Z of a plate with a hill."""
+    return 620 - 40 * np.exp(-((rays[..., 0] - 0.02) ** 2 + (rays[..., 1] + 0.03) ** 2) / 0.01)
+
+
+def captured(rig: PhotogrammetricCalibration, rng: np.random.Generator, sigma: float = SIGMA) -> PhaseMap:
+    """What a perfect decoder finds on the surface, with white noise."""
+    pixels = np.stack(np.meshgrid(np.arange(CAMERA.width), np.arange(CAMERA.height)), axis=-1)
+    rays = ray_directions(CAMERA, rig.camera.interior, pixels)
+    uv = project(PROJECTOR, rig.projector.interior, rays * surface(rays)[..., None], rig.projector_from_camera)
+    lit = np.all((uv > 0) & (uv < 639), axis=-1)
+    noisy = (uv + rng.normal(0.0, sigma, uv.shape)).astype(np.float32)
+    noisy[~lit] = np.nan
+    s = np.where(lit, sigma, np.nan).astype(np.float32)
+    nothing = np.zeros(s.shape, np.float32)
+    return PhaseMap(noisy[..., 0], noisy[..., 1], s, s, nothing, nothing, nothing.astype(np.uint8))
+
+
+def turned(rig: PhotogrammetricCalibration, rotation: Array, shift: Array) -> PhotogrammetricCalibration:
+    """The rig with its projector moved in the camera's frame."""
+    pose = rig.projector_from_camera
+    R = pose.rotation @ matrix_from_rotation_vector(rotation).T
+    return replace(rig, projector_from_camera=Pose(R, -R @ (pose.origin_mm + shift)))
+
+
+def mistaken(rng: np.random.Generator) -> PhotogrammetricCalibration:
+    """A calibration of the true rig with errors of the size that it states."""
+    error = rng.normal(0.0, SIGMAS)
+    devices = [
+        replace(d, interior=Interior.from_vector(d.interior.vector + part, d.interior.r0_mm))
+        for d, part in zip((TRUE.camera, TRUE.projector), np.split(error[:18], 2), strict=True)
+    ]
+    pose = Pose(matrix_from_rotation_vector(error[18:21]) @ POSE.rotation, POSE.translation_mm + error[21:])
+    return replace(
+        TRUE, camera=devices[0], projector=devices[1], projector_from_camera=pose, covariance=np.diag(SIGMAS**2)
+    )
+
+
+@pytest.mark.parametrize(
+    ("rotation", "shift"),
+    [
+        ([0, 0, 2e-5], [0, 0, 0]),
+        ([0, 2e-4, 0], [0, 0, 0]),
+        ([2e-5, 0, 0], [0, 0, 0]),
+        ([2e-4, 3e-4, 1.5e-4], [0, 0.07, 0.07]),
+    ],
+)
+def test_a_projector_that_moved_is_told_and_found(rotation: list[float], shift: list[float]) -> None:
+    now = turned(TRUE, np.array(rotation), np.array(shift))
+    motion = find_motion(captured(now, np.random.default_rng(1)), TRUE)
+    assert motion.moved
+    error = np.concatenate([motion.rotation_rad - rotation, motion.shift_mm - shift])
+    sigma = np.sqrt(np.diagonal(motion.covariance))
+    seen = [0, 1, 2, 4, 5]  # the base runs along X
+    assert np.abs(error[seen] / sigma[seen]).max() < 4.0  # five normal deviates: 3e-4
+    assert motion.shift_mm[0] == pytest.approx(0.0, abs=1e-9)
+    assert motion.corrected_rms == pytest.approx(1.0, abs=0.05)  # 20,000 pixels
+
+
+def test_an_unmoved_rig_is_called_moved_as_rarely_as_stated() -> None:
+    rng = np.random.default_rng(2)
+    few = OrientOptions(most_pixels=2000, rounds=1)
+    p = np.array([find_motion(captured(TRUE, rng), mistaken(rng), options=few).p for _ in range(80)])
+    # the p-values of a true hypothesis are uniform: binomial counts at three levels, four standard deviations wide
+    for level in (0.05, 0.2, 0.5):
+        assert abs(np.mean(p < level) - level) < 4 * np.sqrt(level * (1 - level) / len(p))
+
+
+def test_the_corrected_orientation_is_as_good_as_its_covariance_says() -> None:
+    rng = np.random.default_rng(3)
+    squared, depth = [], []
+    prior = OrientOptions(most_pixels=2000, rotation_prior_rad=1.0, shift_prior_mm=1e3)
+    pixel = np.array([[90.0, 70.0]])
+    for _ in range(40):
+        calibration = mistaken(rng)
+        rotation, shift = rng.normal(0, 2e-4, 3), np.array([0.0, *rng.normal(0, 0.1, 2)])
+        now = turned(TRUE, rotation, shift)
+        motion = find_motion(captured(now, rng), calibration, options=prior)
+        error = np.concatenate([motion.rotation_rad - rotation, (motion.shift_mm - shift)])[[0, 1, 2, 4, 5]]
+        part = motion.covariance[np.ix_([0, 1, 2, 4, 5], [0, 1, 2, 4, 5])]
+        squared.append(error @ np.linalg.solve(part, error))
+        corrected = corrected_calibration(calibration, motion)
+        assert np.linalg.eigvalsh(corrected.covariance / np.outer(SIGMAS, SIGMAS)).min() > -1e-6
+        depth.append(_depth_error(corrected, now, pixel))
+    # chi-squared of 5, mean of 40: standard deviation sqrt(10 / 40)
+    assert abs(np.mean(squared) - 5.0) < 4 * np.sqrt(10 / 40)
+    assert 0.6 < np.sqrt(np.mean(np.square(depth))) < 1.4  # 40 normal deviates: 1 +- 0.11, three and a half of them
+
+
+def _depth_error(corrected: PhotogrammetricCalibration, true: PhotogrammetricCalibration, pixel: Array) -> float:
+    """Error of one point's depth by its own sigma, the calibration's part alone."""
+    from core.reconstruct import reconstruct
+
+    rays = ray_directions(CAMERA, true.camera.interior, pixel)
+    point = rays * surface(rays)[..., None]
+    uv = project(PROJECTOR, true.projector.interior, point, true.projector_from_camera)[0]
+    plane = np.full((CAMERA.height, CAMERA.width), np.nan, np.float32)
+    u, v, s = plane.copy(), plane.copy(), plane.copy()
+    r, c = int(pixel[0, 1]), int(pixel[0, 0])
+    u[r, c], v[r, c], s[r, c] = uv[0], uv[1], 1e-4
+    cloud = reconstruct(PhaseMap(u, v, s, s, plane, plane, np.zeros(plane.shape, np.uint8)), corrected)
+    assert cloud.sigma_mm is not None
+    return float((cloud.xyz_mm[r, c, 2] - point[0, 2]) / cloud.sigma_mm[r, c, 2])
+
+
+def test_what_cannot_be_seen_is_not_made_up() -> None:
+    stretched = turned(TRUE, np.zeros(3), 0.05 * POSE.origin_mm / np.linalg.norm(POSE.origin_mm))
+    motion = find_motion(captured(stretched, np.random.default_rng(4)), TRUE)
+    assert not motion.moved  # a longer base fits every residual
+    assert "base length" in motion.unobserved
+
+
+def test_wrong_words_do_not_pull_the_rig() -> None:
+    rng = np.random.default_rng(5)
+    phase = captured(TRUE, rng)
+    wrong = rng.random(phase.u.shape) < 0.02
+    u = np.where(wrong, phase.u + 4, phase.u).astype(np.float32)
+    v = np.where(wrong, phase.v + 4, phase.v).astype(np.float32)
+    motion = find_motion(replace(phase, u=u, v=v), TRUE)
+    assert np.abs(motion.rotation_rad).max() < 3e-5
+
+
+def test_one_axis_tells_nothing() -> None:
+    phase = captured(TRUE, np.random.default_rng(6))
+    with pytest.raises(InputError, match="both projector coordinates"):
+        find_motion(replace(phase, v=np.full_like(phase.v, np.nan)), TRUE)
