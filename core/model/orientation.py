@@ -30,6 +30,7 @@ class RigMotion:
     noise: Array  # (6, 6)
     by_calibration: Array  # (6, k)
     depth_change_mm: float  # median over the pixels, corrected less calibrated
+    depth_sigma_mm: float  # of that change
     pixels: int
     residual_rms: float  # of the epipolar residuals, in their own sigmas, before correction
     corrected_rms: float  # and after it

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ HUBER = 2.0  # standard deviations beyond which a residual counts less
 GROSS = 25.0  # and beyond which it is no measurement: a wrong word, or two surfaces in one pixel
 TILES = 400  # lie on the object: residuals of one may hang together
 FEWEST_TILES, FEWEST_PIXELS = 30, 500
+FOOTPRINT_PX2 = 0.2  # about what lenses and pixels have
+FREE = 1e-6
 SOME = 1500  # pixels by which the calibration's own uncertainty is carried over
 
 
@@ -77,48 +79,54 @@ def find_motion(
 
     Notes
     -----
-    The estimate is by Huber's weights, with drifts of the given size as observations. Its covariance has two parts: the
-    noise, from the scatter of the scores of image tiles, so that noise may hang together within a tile (the sandwich
-    form of White, doi:10.2307/1912934), and what the calibration's errors do. The test is Wald's, of no movement, on
-    the estimate without the drifts.
+    The estimate is by Huber's weights, with drifts of the given size as observations; the pixels' footprint, which
+    draws coordinates to the brighter side, is estimated with it. Its covariance has two parts: the noise, from the
+    scatter of the scores of image tiles, so that noise may hang together within a tile (the sandwich form of White,
+    doi:10.2307/1912934), and what the calibration's errors do. The test is Wald's, of no movement, on the estimate
+    without the drifts.
     """
     sight = _sight(phase, calibration.camera, capture, options.most_pixels)
     pose, projector = calibration.projector_from_camera, calibration.projector
     sight, start = _checked(sight, epipolar_residuals(sight, projector, pose), capture)
     tiles = np.unique(sight.at, return_inverse=True)[1]
     basis = _basis(pose)
-    prior = np.diag([options.rotation_prior_rad**-2.0] * 3 + [options.shift_prior_mm**-2.0] * 2)
-    x, now = np.zeros(5), start
+    prior = np.diag([options.rotation_prior_rad**-2.0] * 3 + [options.shift_prior_mm**-2.0] * 2 + [FOOTPRINT_PX2**-2.0])
+    x, now = np.zeros(6), start
     for i in range(options.rounds):
         progress(0.2 + 0.6 * i / options.rounds, "turning the projector")
         progress.check()
-        x = x + _step(now.e, now.A @ basis, prior, x)
-        now = epipolar_residuals(sight, projector, _moved(pose, basis @ x))
-    A = now.A @ basis
-    weight = _weights(now.e)
-    information, scatter = (A * weight[:, None]).T @ A, _scatter(A * (weight * now.e)[:, None], tiles)
-    G = _carried(sight, calibration, A, weight)
+        x = x + _step(now.e - x[5] * now.pulled, _columns(now, basis), prior, x)
+        now = epipolar_residuals(sight, projector, _moved(pose, basis @ x[:5]))
+    A, e = _columns(now, basis), now.e - x[5] * now.pulled
+    weight = _weights(e)
+    information, scatter = (A * weight[:, None]).T @ A, _scatter(A * (weight * e)[:, None], tiles)
+    lax = prior * FREE  # next to nothing: a prior would make slight movements slighter
+    lax[5, 5] = prior[5, 5]
+    G = _carried(sight, calibration, A, weight, lax)
     C = calibration.covariance
-    free = np.linalg.inv(information)  # without the prior, which would make slight movements slighter
-    shown = x + free @ (A.T @ (weight * now.e))
-    p = _significance(shown, free @ scatter @ free + G @ C @ G.T, int(tiles.max()) + 1)
+    free = np.linalg.inv(information + lax)
+    shown = x + free @ (A.T @ (weight * e) - lax @ x)
+    p = _significance(shown[:5], (free @ (scatter + lax) @ free + G @ C @ G.T)[:5, :5], int(tiles.max()) + 1)
     inverse = np.linalg.inv(information + prior)
-    noise, by_calibration = basis @ (inverse @ (scatter + prior) @ inverse) @ basis.T, basis @ G
-    rotation, shift = np.split(basis @ x, 2)
+    noise = basis @ (inverse @ (scatter + prior) @ inverse)[:5, :5] @ basis.T
+    by_calibration = basis @ G[:5]
+    motion_cov = noise + by_calibration @ C @ by_calibration.T
+    rotation, shift = np.split(basis @ x[:5], 2)
     return RigMotion(
         capture=capture,
         moved=bool(p < options.significance),
         p=p,
         rotation_rad=rotation,
         shift_mm=shift,
-        covariance=noise + by_calibration @ C @ by_calibration.T,
+        covariance=motion_cov,
         noise=noise,
         by_calibration=by_calibration,
         depth_change_mm=float(np.median(1 / start.q - 1 / now.q)),
+        depth_sigma_mm=_depth_sigma(sight, projector, _moved(pose, basis @ x[:5]), motion_cov),
         pixels=len(sight.at),
         residual_rms=_spread(start.e),
-        corrected_rms=_spread(now.e),
-        projector_from_camera=_moved(pose, basis @ x),
+        corrected_rms=_spread(e),
+        projector_from_camera=_moved(pose, basis @ x[:5]),
     )
 
 
@@ -155,7 +163,17 @@ def _sight(phase: PhaseMap, camera: AdjustedDevice, capture: str, most: int) -> 
     pixels = np.stack([columns, rows], axis=1).astype(np.float64)
     uv = np.stack([phase.u[rows, columns], phase.v[rows, columns]], axis=1).astype(np.float64)
     sigma = np.stack([phase.sigma_u[rows, columns], phase.sigma_v[rows, columns]], axis=1).astype(np.float64)
-    return Sight(at, pixels, ray_directions(camera.spec, camera.interior, pixels), uv, sigma)
+    return Sight(
+        at, pixels, ray_directions(camera.spec, camera.interior, pixels), uv, sigma, _pull(phase, rows, columns)
+    )
+
+
+def _pull(phase: PhaseMap, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
+    """How a change of reflectance draws the coordinates, (n, 2) lines a px²: ``grad(u) . grad(image) / image``."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        brightness = [g / phase.image for g in np.gradient(phase.image)]
+        pull = [sum(g * b for g, b in zip(np.gradient(place), brightness, strict=True)) for place in (phase.u, phase.v)]
+    return np.nan_to_num(np.stack([p[rows, columns] for p in pull], axis=1).astype(np.float64), posinf=0, neginf=0)
 
 
 def _checked(sight: Sight, found: Residuals, capture: str) -> tuple[Sight, Residuals]:
@@ -169,7 +187,7 @@ def _checked(sight: Sight, found: Residuals, capture: str) -> tuple[Sight, Resid
             f"{int(kept.sum())} pixels have both projector coordinates",
             "capture an object that fills more of the field, with columns and rows",
         )
-    return sight.only(kept), Residuals(found.e[kept], found.A[kept], found.q[kept])
+    return sight.only(kept), Residuals(*(getattr(found, f.name)[kept] for f in fields(Residuals)))
 
 
 def _basis(pose: Pose) -> Array:
@@ -179,6 +197,23 @@ def _basis(pose: Pose) -> Array:
     basis = np.zeros((6, 5))
     basis[:3, :3], basis[3:, 3:] = np.eye(3), across
     return basis
+
+
+def _depth_sigma(sight: Sight, projector: AdjustedDevice, pose: Pose, covariance: Array) -> float:
+    """Standard deviation of the median depth that the uncertain movement leaves, in mm."""
+    few = sight.only(slice(None, None, max(1, len(sight.at) // SOME)))
+    ends = []
+    for k in range(6):
+        step = np.zeros(6)
+        step[k] = 1e-5 if k < 3 else 1e-2
+        q = [epipolar_residuals(few, projector, _moved(pose, sign * step)).q for sign in (1, -1)]
+        ends.append(float(np.median(1 / q[0] - 1 / q[1])) / (2 * step[k]))
+    return float(np.sqrt(np.array(ends) @ covariance @ np.array(ends)))
+
+
+def _columns(now: Residuals, basis: Array) -> Array:
+    """What the residuals change with: the five elements, and the footprint of the pixels."""
+    return np.column_stack([now.A @ basis, now.pulled])
 
 
 def _moved(pose: Pose, motion: Array) -> Pose:
@@ -205,7 +240,7 @@ def _step(e: Array, A: Array, prior: Array, x: Array) -> Array:
     step: Array = np.zeros(A.shape[1])
     for _ in range(8):
         weighted = A * _weights(e - A @ step)[:, None]
-        new: Array = np.linalg.solve(weighted.T @ A + prior, weighted.T @ e - prior @ x)
+        new = np.asarray(np.linalg.solve(weighted.T @ A + prior, weighted.T @ e - prior @ x), np.float64)
         done = np.abs(new - step).max() < 1e-9
         step = new
         if done:
@@ -220,8 +255,8 @@ def _scatter(scores: Array, tiles: NDArray[np.int64]) -> Array:
     return np.asarray(sums.T @ sums * count / max(count - scores.shape[1], 1))
 
 
-def _carried(sight: Sight, calibration: PhotogrammetricCalibration, A: Array, weight: Array) -> Array:
-    """What errors of the calibration's parameters are taken for, shape (5, k): the movement that explains them best."""
+def _carried(sight: Sight, calibration: PhotogrammetricCalibration, A: Array, weight: Array, lax: Array) -> Array:
+    """What errors of the calibration's parameters are taken for, shape (6, k): the movement that explains them best."""
     sigma = np.sqrt(np.diagonal(calibration.covariance))
     every = slice(None, None, max(1, len(sight.at) // SOME))
     few, by_parameters = sight.only(every), np.zeros((len(A[every]), len(sigma)))
@@ -234,7 +269,8 @@ def _carried(sight: Sight, calibration: PhotogrammetricCalibration, A: Array, we
             ends.append(epipolar_residuals(seen, moved.projector, moved.projector_from_camera).e)
         by_parameters[:, k] = (ends[0] - ends[1]) / (2 * sigma[k])
     weighted = A[every] * weight[every, None]
-    return np.asarray(np.linalg.solve(weighted.T @ A[every], weighted.T @ by_parameters))
+    part = len(A[every]) / len(A)
+    return np.asarray(np.linalg.solve(weighted.T @ A[every] + part * lax, weighted.T @ by_parameters))
 
 
 def _perturbed(calibration: PhotogrammetricCalibration, parameter: int, step: float) -> PhotogrammetricCalibration:

@@ -34,6 +34,9 @@ class Sight:
         Directions in the camera's frame, Z = -1.
     uv, sigma : array, shape (n, 2)
         Projector coordinates in lines.
+    pull : array, shape (n, 2)
+        Where reflectance changes within a pixel's footprint its coordinate is drawn to the brighter side: by this, in
+        lines, for a footprint of 1 px² (variance).
     """
 
     at: NDArray[np.int64]
@@ -41,6 +44,7 @@ class Sight:
     rays: Array
     uv: Array
     sigma: Array
+    pull: Array
 
     def only(self, chosen: NDArray[np.bool_] | slice) -> Sight:
         """Give some of the pixels."""
@@ -57,12 +61,15 @@ class Residuals:
         Observed less computed, in standard deviations.
     A : array, shape (n, 6)
         Change of the computed value with the projector's rotation vector (rad) and centre (mm) in the camera's frame.
+    pulled : array, shape (n,)
+        Change of the observed value with the footprint, by px².
     q : array, shape (n,)
         Inverse depths, 1/mm.
     """
 
     e: Array
     A: Array
+    pulled: Array
     q: Array
 
 
@@ -92,7 +99,7 @@ def epipolar_residuals(sight: Sight, projector: AdjustedDevice, projector_from_c
     seen = sight.rays - q[:, None] * centre
     # the projector turned by a small vector w looks along R (1 - [w]x): R (d - q p) changes by -R (w x (d - q p))
     A = np.concatenate([-np.cross(seen, normal), -q[:, None] * normal], axis=1)
-    return Residuals(np.sum(across * rest, axis=1), A, q)
+    return Residuals(np.sum(across * rest, axis=1), A, np.sum(across * weight * sight.pull, axis=1), q)
 
 
 def _depths(sight: Sight, projector: AdjustedDevice, towards: Array, base: Array) -> Array:

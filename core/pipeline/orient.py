@@ -82,6 +82,7 @@ def motion_figures(motion: RigMotion) -> Figures:
         "sigma_mm": [float(x) for x in sigma[3:]],
         "unobserved": list(motion.unobserved),
         "depth_change_mm": motion.depth_change_mm,
+        "depth_sigma_mm": motion.depth_sigma_mm,
         "pixels": motion.pixels,
         "residual_rms": motion.residual_rms,
         "corrected_rms": motion.corrected_rms,
@@ -104,7 +105,7 @@ def motion_words(motion: RigMotion) -> list[str]:
         f"{motion.capture}: the projector has moved against the camera (p = {motion.p:.2g}, {motion.pixels} pixels)",
         f"turned, µrad: {three('rotation_urad', 'sigma_urad')}",
         f"shifted across the base, µm: {three('shift_mm', 'sigma_mm', 1e3)}",
-        f"depth changes by {motion.depth_change_mm:+.3f} mm (median over the pixels)",
+        f"depth changes by {motion.depth_change_mm:+.3f} ± {motion.depth_sigma_mm:.3f} mm (median over the pixels)",
         f"shape is corrected; not seen: {', '.join(motion.unobserved)}, so scale and distance are not",
     ]
 
