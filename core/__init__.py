@@ -36,8 +36,9 @@ From arrays, without files: `decode_frames`, `calibrate_points`, `reconstruct_ph
 `undistort_image`, all in `core.api`.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from core.lazy import attach
 
 if TYPE_CHECKING:
     from core.api import Points as Points
@@ -67,53 +68,24 @@ if TYPE_CHECKING:
 
     __version__: str
 
-_HOME = {
-    "core.api": (
-        "Points",
-        "calibrate_points",
-        "decode_frames",
-        "project_points",
-        "reconstruct_phase",
-        "triangulate",
-        "undistort_image",
-    ),
-    "core.pipeline": (
-        "CalibrateOptions",
-        "adjust_network",
-        "calibrate_project",
-        "capture_into",
-        "decode_capture",
-        "evaluate_project",
-        "measure_project",
-        "orient_capture",
-        "print_testfield",
-        "reconstruct_capture",
-        "report_project",
-        "simulate_project",
-    ),
-    "core.project": ("read_capture", "read_network", "read_project"),
-    "core.progress": ("Progress",),
-    "core.errors": ("StripeError",),
+_HOMES = {
+    "core.api": "Points calibrate_points decode_frames project_points reconstruct_phase triangulate undistort_image",
+    "core.pipeline": "CalibrateOptions adjust_network calibrate_project capture_into decode_capture evaluate_project"
+    " measure_project orient_capture print_testfield reconstruct_capture report_project simulate_project",
+    "core.project": "read_capture read_network read_project",
+    "core.progress": "Progress",
+    "core.errors": "StripeError",
 }
-_ROOM = {name: room for room, names in _HOME.items() for name in names}
-__all__ = ["__version__", *_ROOM]
-
-
 if not TYPE_CHECKING:  # else every name would be right
+    _find, _listed, _names = attach(__name__, _HOMES)
+    __all__ = ["__version__", *_names]
 
     def __getattr__(name: str) -> Any:
-        """Import a public name when it is first asked for, so that importing the package costs nothing."""
-        if name == "__version__":
-            from importlib.metadata import version
+        if name != "__version__":
+            return _find(name)
+        from importlib.metadata import version
 
-            value: Any = version("stripe-workbench")
-        elif name in _ROOM:
-            value = getattr(import_module(_ROOM[name]), name)
-        else:
-            raise AttributeError(f"module 'core' has no attribute {name!r}")
-        globals()[name] = value
-        return value
+        return globals().setdefault(name, version("stripe-workbench"))
 
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    def __dir__() -> list[str]:
+        return [*_listed(), "__version__"]

@@ -26,10 +26,12 @@ from typing import Any
 
 import numba
 import numpy as np
+from llvmlite.binding import add_symbol
 from numba.core import types
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import nrt
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
@@ -86,16 +88,17 @@ class _KernelCache(NullCache):
         return folder / f"{self._kernel.py_func.__module__}.{self._kernel.py_func.__name__}-{name}.kernel"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        target_context.refresh()
         entry = self._entry(sig, target_context.codegen())
         try:
             if entry is not None:
+                _offer_runtime()
                 found = CompileResult._rebuild(target_context, *pickle.loads(entry.read_bytes()))
                 if time.time() - entry.stat().st_mtime > 86400:
                     os.utime(entry)  # what is in use stays
                 return found
         except Exception:  # absent, cut off, or written by something else: compiled anew
             pass
+        target_context.refresh()
         announce("compiling for this processor, once")
         return None
 
@@ -109,6 +112,16 @@ class _KernelCache(NullCache):
                 file.write(dumps(data._reduce()))
         except (OSError, StripeError):  # a full disk takes nothing from the result
             pass
+
+
+@cache
+def _offer_runtime() -> None:
+    """Name to LLVM what compiled code asks of numba's runtime.
+
+    numba itself loads a kernel only when the whole compiler is ready to work, which takes half a second.
+    """
+    for name, address in nrt._nrt.c_helpers.items():
+        add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
 
 def content(kernel: Any) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Signal
 
@@ -11,9 +10,6 @@ from core.errors import InputError
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
 from stripe_gui.presenters.status import StageStatus, stage_statuses
 from stripe_gui.settings import Settings
-
-if TYPE_CHECKING:
-    from core.evaluate import Line
 
 
 class Session(QObject):
@@ -32,7 +28,6 @@ class Session(QObject):
         self._folder: ProjectFolder | None = None
         self._capture = ""
         self._target: tuple[int, int] | None = None
-        self.line: Line | None = None  # of the profiles; None: across the middle
         self._statuses: dict[str, StageStatus] = {}
 
     @property
@@ -62,7 +57,7 @@ class Session(QObject):
         path = path.parent if path.name == "project.json" else path
         folder = ProjectFolder(path.resolve())
         statuses = stage_statuses(folder)
-        self._folder, self._statuses, self.line = folder, statuses, None
+        self._folder, self._statuses = folder, statuses
         names = [c.name for c in folder.project.captures]
         self._capture = names[0] if names else ""
         self.settings.add_recent(folder.path)
@@ -110,10 +105,6 @@ class Session(QObject):
         if name != self._capture:
             self._capture = name
             self.capture_changed.emit(name)
-
-    def keep_line(self, line: Line) -> None:
-        """Remember the line along which profiles are read."""
-        self.line = line
 
     def take_target(self) -> tuple[int, int] | None:
         """Give the target to point at, once."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -10,13 +11,26 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-GROUND = {"errors", "atomic", "progress", "fields", "parallel", "compiling", "model", "geometry", "patterns"}
+GROUND = {
+    "errors",
+    "atomic",
+    "progress",
+    "fields",
+    "parallel",
+    "compiling",
+    "numerics",
+    "model",
+    "geometry",
+    "patterns",
+}
 ALLOWED = {
     "errors": set(),
     "atomic": {"errors"},
     "progress": {"errors"},
     "fields": {"errors"},
     "parallel": set(),
+    "numerics": set(),
+    "lazy": set(),
     "compiling": {"errors", "atomic", "progress"},
     "model": {"geometry", "patterns"},  # for type annotations only: see below
     "geometry": {"errors", "model"},
@@ -37,7 +51,7 @@ ALLOWED = {
     "figures": {"geometry", "model"},
     "pipeline": GROUND
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}
-    | {"checks", "exchange", "orient"},
+    | {"lazy", "checks", "exchange", "orient"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "api": GROUND | {"decode", "calibrate", "reconstruct"},
     "demo": {"errors", "progress", "model", "patterns", "figures", "pipeline", "report"},
@@ -97,6 +111,19 @@ def test_every_kernel_is_kept_by_the_content_of_what_it_is_made_from() -> None:
                 path
             )
             assert not strange, f"{path}: take njit and inner from core.compiling"
+
+
+@pytest.mark.parametrize("package", ["core", "core.pipeline"])
+def test_a_lazy_package_says_the_same_to_type_checkers(package: str) -> None:
+    module = importlib.import_module(package)
+    told = {
+        (node.module, alias.name)
+        for node in ast.walk(ast.parse(Path(module.__file__ or "").read_text()))
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+        if alias.asname == alias.name
+    }
+    assert told == {(home, name) for home, names in module._HOMES.items() for name in names.split()}
 
 
 def test_the_core_names_no_window_toolkit() -> None:

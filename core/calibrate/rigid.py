@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtri
 
 from core.calibrate.adjust import Solved, solve_network, weighted_problem
 from core.calibrate.covariance import pose_cofactors
@@ -20,6 +19,7 @@ from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
 from core.geometry.pairs import relative_derivatives
 from core.model import Network
+from core.numerics import fisher_limit
 from core.progress import SILENT, Progress
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILE
     deviations = np.concatenate([_deviations(rigid, free_solution.state, d) for d in range(len(rigid.base))])
     return RigidityTest(
         statistic=(rigid_cost - free_solution.cost) / constraints / variance,
-        critical=float(fdtri(constraints, free.redundancy, 1 - ERROR_LEVEL)),
+        critical=fisher_limit(constraints, free.redundancy, ERROR_LEVEL),
         drift_sigmas=float(np.sqrt(excess / variance / (2 * len(rigid.point)))),
         shift_rms_mm=float(np.sqrt(np.mean(np.sum(deviations[:, 3:] ** 2, axis=1)))),
         turn_rms_mrad=1e3 * float(np.sqrt(np.mean(np.sum(deviations[:, :3] ** 2, axis=1)))),

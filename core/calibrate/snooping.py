@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from core.calibrate.equations import Equations
 from core.calibrate.problem import Problem, State
 from core.calibrate.robust import MEDIAN_OF_NORMAL, misfits
 from core.errors import AdjustmentError
 from core.model import Network
+from core.numerics import normal_limit
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -41,7 +41,7 @@ def normalised_residuals(problem: Problem, equations: Equations, numbers: Array)
 
 def critical_value(observations: int) -> float:
     """Normalised residual that good observations exceed once in `1 / ERROR_LEVEL` adjustments of this size."""
-    return float(-ndtri(ERROR_LEVEL / (2 * max(observations, 1))))
+    return normal_limit(ERROR_LEVEL / (2 * max(observations, 1)))
 
 
 def _limit(problem: Problem) -> float:

@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.spatial import cKDTree
-from scipy.special import chdtri
 
 from core.checks.concern import LEVEL, Concern
 from core.geometry.lens import lens_of
 from core.model import AdjustedDevice, Adjustment, Array
+from core.numerics import chi_square_limit, nearest
 
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
@@ -63,7 +62,7 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
     """H0: residuals are at most `DOUBTFUL_RATIO` times what the sigmas given allow."""
     concerns = []
     for name, (factor, redundancy) in factors(adjustment).items():
-        critical = DOUBTFUL_RATIO**2 * float(chdtri(redundancy, LEVEL)) / redundancy
+        critical = DOUBTFUL_RATIO**2 * chi_square_limit(redundancy, LEVEL) / redundancy
         if factor <= critical:
             continue
         ratio = float(np.sqrt(factor))
@@ -103,7 +102,7 @@ def _systematic(adjustment: Adjustment) -> list[Concern]:
             own = own[np.isfinite(w[own]).all(axis=1)]
             if len(own) < 8:
                 continue
-            near = cKDTree(network.observation_uv[own]).query(network.observation_uv[own], k=2)[1][:, 1]
+            near = nearest(network.observation_uv[own], 2)[:, 1]
             products.append(w[own] * w[own][near])
             squares.append(w[own] ** 2)
         if not products:

@@ -8,7 +8,6 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
-from numba.np.arrayobj import make_array, populate_array
 
 from core.compiling import njit
 from core.decode.tables import TOGETHER
@@ -38,6 +37,8 @@ def _greys(kind: types.Integer, size: int) -> Any:
         array = types.Array(kind, 1, "C")
 
         def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            from numba.np.arrayobj import make_array, populate_array  # the compiler's: a kernel that is kept needs none
+
             made = make_array(array)(context, builder)
             item = context.get_constant(types.intp, size)
             data = builder.inttoptr(arguments[0], context.get_data_type(kind).as_pointer())

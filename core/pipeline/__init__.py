@@ -9,87 +9,81 @@ captures and from ``results/`` in the project, and writes its own result there. 
 succeeded.
 """
 
-from core.pipeline.calibrate import adjust_network, calibrate_project, load_calibrations
-from core.pipeline.capture import capture_into, check_scenario, simulate_project
-from core.pipeline.compare import Difference, compare_runs
-from core.pipeline.decode import decode_capture, phase_maps, read_phase, write_phase
-from core.pipeline.evaluate import evaluate_project, load_evaluation
-from core.pipeline.folders import captures_of, find_capture, result_path
-from core.pipeline.guessing import accept_guesses, guess_picks
-from core.pipeline.measure import measure_project
-from core.pipeline.options import METHODS, CalibrateOptions
-from core.pipeline.orient import motion_figures, motion_words, orient_capture
-from core.pipeline.preflight import preflight_rig
-from core.pipeline.reconstruct import check_cloud, reconstruct_capture, write_cloud
-from core.pipeline.report import (
-    failed_verdicts,
-    load_sign_off,
-    report_data,
-    report_project,
-    result_tables,
-    save_sign_off,
-)
-from core.pipeline.runs import Run, current_runs, delete_run, list_runs, make_current, rename_run
-from core.pipeline.signing import sign_evaluation, sign_project
-from core.pipeline.tables import (
-    export_deviations,
-    export_profiles,
-    export_report,
-    export_tables,
-    kept_evaluation,
-    read_profiles,
-)
-from core.pipeline.testfield import print_testfield
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "METHODS",
-    "CalibrateOptions",
-    "Difference",
-    "Run",
-    "accept_guesses",
-    "adjust_network",
-    "calibrate_project",
-    "capture_into",
-    "captures_of",
-    "check_cloud",
-    "check_scenario",
-    "compare_runs",
-    "current_runs",
-    "decode_capture",
-    "delete_run",
-    "evaluate_project",
-    "export_deviations",
-    "export_profiles",
-    "export_report",
-    "export_tables",
-    "failed_verdicts",
-    "find_capture",
-    "guess_picks",
-    "kept_evaluation",
-    "list_runs",
-    "load_calibrations",
-    "load_evaluation",
-    "load_sign_off",
-    "make_current",
-    "measure_project",
-    "motion_figures",
-    "motion_words",
-    "orient_capture",
-    "phase_maps",
-    "preflight_rig",
-    "print_testfield",
-    "read_phase",
-    "read_profiles",
-    "reconstruct_capture",
-    "rename_run",
-    "report_data",
-    "report_project",
-    "result_path",
-    "result_tables",
-    "save_sign_off",
-    "sign_evaluation",
-    "sign_project",
-    "simulate_project",
-    "write_cloud",
-    "write_phase",
-]
+from core.lazy import attach
+
+if TYPE_CHECKING:
+    from core.pipeline.calibrate import adjust_network as adjust_network
+    from core.pipeline.calibrate import calibrate_project as calibrate_project
+    from core.pipeline.calibrate import load_calibrations as load_calibrations
+    from core.pipeline.capture import capture_into as capture_into
+    from core.pipeline.capture import check_scenario as check_scenario
+    from core.pipeline.capture import simulate_project as simulate_project
+    from core.pipeline.compare import Difference as Difference
+    from core.pipeline.compare import compare_runs as compare_runs
+    from core.pipeline.decode import decode_capture as decode_capture
+    from core.pipeline.decode import phase_maps as phase_maps
+    from core.pipeline.decode import read_phase as read_phase
+    from core.pipeline.decode import write_phase as write_phase
+    from core.pipeline.evaluate import evaluate_project as evaluate_project
+    from core.pipeline.evaluate import load_evaluation as load_evaluation
+    from core.pipeline.folders import captures_of as captures_of
+    from core.pipeline.folders import find_capture as find_capture
+    from core.pipeline.folders import result_path as result_path
+    from core.pipeline.guessing import accept_guesses as accept_guesses
+    from core.pipeline.guessing import guess_picks as guess_picks
+    from core.pipeline.measure import measure_project as measure_project
+    from core.pipeline.options import METHODS as METHODS
+    from core.pipeline.options import CalibrateOptions as CalibrateOptions
+    from core.pipeline.orient import motion_figures as motion_figures
+    from core.pipeline.orient import motion_words as motion_words
+    from core.pipeline.orient import orient_capture as orient_capture
+    from core.pipeline.preflight import preflight_rig as preflight_rig
+    from core.pipeline.reconstruct import check_cloud as check_cloud
+    from core.pipeline.reconstruct import reconstruct_capture as reconstruct_capture
+    from core.pipeline.reconstruct import write_cloud as write_cloud
+    from core.pipeline.report import failed_verdicts as failed_verdicts
+    from core.pipeline.report import load_sign_off as load_sign_off
+    from core.pipeline.report import report_data as report_data
+    from core.pipeline.report import report_project as report_project
+    from core.pipeline.report import result_tables as result_tables
+    from core.pipeline.report import save_sign_off as save_sign_off
+    from core.pipeline.runs import Run as Run
+    from core.pipeline.runs import current_runs as current_runs
+    from core.pipeline.runs import delete_run as delete_run
+    from core.pipeline.runs import list_runs as list_runs
+    from core.pipeline.runs import make_current as make_current
+    from core.pipeline.runs import rename_run as rename_run
+    from core.pipeline.signing import sign_evaluation as sign_evaluation
+    from core.pipeline.signing import sign_project as sign_project
+    from core.pipeline.tables import export_deviations as export_deviations
+    from core.pipeline.tables import export_profiles as export_profiles
+    from core.pipeline.tables import export_report as export_report
+    from core.pipeline.tables import export_tables as export_tables
+    from core.pipeline.tables import kept_evaluation as kept_evaluation
+    from core.pipeline.tables import read_profiles as read_profiles
+    from core.pipeline.testfield import print_testfield as print_testfield
+
+_HOMES = {
+    "core.pipeline.calibrate": "adjust_network calibrate_project load_calibrations",
+    "core.pipeline.capture": "capture_into check_scenario simulate_project",
+    "core.pipeline.compare": "Difference compare_runs",
+    "core.pipeline.decode": "decode_capture phase_maps read_phase write_phase",
+    "core.pipeline.evaluate": "evaluate_project load_evaluation",
+    "core.pipeline.folders": "captures_of find_capture result_path",
+    "core.pipeline.guessing": "accept_guesses guess_picks",
+    "core.pipeline.measure": "measure_project",
+    "core.pipeline.options": "METHODS CalibrateOptions",
+    "core.pipeline.orient": "motion_figures motion_words orient_capture",
+    "core.pipeline.preflight": "preflight_rig",
+    "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",
+    "core.pipeline.report": "failed_verdicts load_sign_off report_data report_project result_tables save_sign_off",
+    "core.pipeline.runs": "Run current_runs delete_run list_runs make_current rename_run",
+    "core.pipeline.signing": "sign_evaluation sign_project",
+    "core.pipeline.tables": "export_deviations export_profiles export_report export_tables kept_evaluation"
+    " read_profiles",
+    "core.pipeline.testfield": "print_testfield",
+}
+if not TYPE_CHECKING:  # else every name would be right
+    __getattr__, __dir__, __all__ = attach(__name__, _HOMES)

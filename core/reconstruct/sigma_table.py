@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from core.geometry import Pose, lens_of, matrix_from_rotation_vector, project, ray_directions
 from core.model import Array, DeviceSpec, Interior
+from core.numerics import nearest
 
 NODES = 25  # rows, and about as many columns
 LANES = 4  # columns between nodes are a multiple: what a processor works on at once
@@ -183,5 +183,7 @@ def _filled(nodes: Array) -> Array:
     known = np.isfinite(nodes).all(axis=-1)
     if known.all() or not known.any():
         return nodes
-    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.asarray(nodes[tuple(nearest)])
+    filled, there = nodes.copy(), np.argwhere(known)
+    missing = np.argwhere(~known)
+    filled[~known] = nodes[tuple(there[nearest(there, of=missing)[:, 0]].T)]
+    return filled
