@@ -18,10 +18,10 @@ PICTURES = {
     "new-project": "new-project-rig",
     "capture": "capture-wizard-picture",
     "decode": "decode-v",
-    "measure": "pick-targets",
-    "calibrate": "calibrate-wizard-results-residuals",
+    "measure": "measure-targets",
+    "calibrate": "calibrate-results-residuals",
     "reconstruct": "reconstruct-height",
-    "evaluate": "plane-table-maps",
+    "evaluate": "evaluate-maps",
     "report": "report",
 }  # chapter of the help -> page and part, as the tour names them
 COLOURS = 128  # enough for the window's few tints, and a quarter of the size

@@ -23,10 +23,6 @@ def menu_titles() -> dict[str, str]:
         "go": translate("Menus", "&Go"),
         "run": translate("Menus", "&Run"),
         "capture": translate("Menus", "&Capture"),
-        "measure": translate("Menus", "&Measure"),
-        "calibrate": translate("Menus", "C&alibrate"),
-        "evaluate": translate("Menus", "&Evaluate"),
-        "tools": translate("Menus", "&Tools"),
         "view": translate("Menus", "&View"),
         "help": translate("Menus", "&Help"),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Signal
 
@@ -10,6 +11,9 @@ from core.errors import InputError
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
 from stripe_gui.presenters.status import StageStatus, stage_statuses
 from stripe_gui.settings import Settings
+
+if TYPE_CHECKING:
+    from core.evaluate import Line
 
 
 class Session(QObject):
@@ -28,6 +32,7 @@ class Session(QObject):
         self._folder: ProjectFolder | None = None
         self._capture = ""
         self._target: tuple[int, int] | None = None
+        self.line: Line | None = None  # of the profiles; None: across the middle
         self._statuses: dict[str, StageStatus] = {}
 
     @property
@@ -57,7 +62,7 @@ class Session(QObject):
         path = path.parent if path.name == "project.json" else path
         folder = ProjectFolder(path.resolve())
         statuses = stage_statuses(folder)
-        self._folder, self._statuses = folder, statuses
+        self._folder, self._statuses, self.line = folder, statuses, None
         names = [c.name for c in folder.project.captures]
         self._capture = names[0] if names else ""
         self.settings.add_recent(folder.path)
@@ -105,6 +110,10 @@ class Session(QObject):
         if name != self._capture:
             self._capture = name
             self.capture_changed.emit(name)
+
+    def keep_line(self, line: Line) -> None:
+        """Remember the line along which profiles are read."""
+        self.line = line
 
     def take_target(self) -> tuple[int, int] | None:
         """Give the target to point at, once."""

@@ -15,13 +15,20 @@ LOW, UNSURE, DISAGREEMENT = INT(Flag.LOW_MODULATION), INT(Flag.UNSURE), INT(Flag
 
 TWO_PI = F(2 * np.pi)
 SIGMAS = F(4.5)  # a step that rounds is trusted when this many of its standard deviations stay below half a cycle
+EVIDENCE = F(20)  # twice the logarithm of how much likelier than the second the best place must be
+FITTING = F(25)  # chi squared of the phases at the best place
 GATE = F(0.4)  # cycles: phases that differ by more contradict each other
 SAME = F(0.02)  # cycles²: less does not tell the two ends of the longest beat apart
 
 
 @part
-def fit_phases(table, source, limits, count, parts, turns, variance, modulation, flags):  # type: ignore[no-untyped-def]
-    """Phase (turns), its variance (turns²) and modulation of every period; the finest period's modulation is kept."""
+def fit_phases(  # type: ignore[no-untyped-def]
+    table, source, limits, count, parts, turns, variance, means, amplitudes, modulation, flags
+):
+    """Phase (turns), its variance (turns²) and modulation of every period; the finest period's modulation is kept.
+
+    Where all periods are to be fitted together, their means and amplitudes are kept too.
+    """
     covariance, dark, shot, floor = table.covariance, limits.dark, limits.shot, limits.floor
     dimmest, least = limits.modulation, limits.snr * limits.snr * TWO_PI * TWO_PI
     for j in range(len(covariance)):
@@ -41,6 +48,10 @@ def fit_phases(table, source, limits, count, parts, turns, variance, modulation,
                 modulation[i] = amplitude
             weak = (not v * least <= ONE) or amplitude < dimmest
             flags[i] |= LOW if weak else NONE
+        if len(table.joint) > 0:
+            for i in range(count):
+                c, s = cosine[i], sine[i]
+                means[j, i], amplitudes[j, i] = mean[i], np.sqrt(c * c + s * s)
         if len(table.bend) > 0:
             _straighten(table.bend, j, count, turn, var)
 
@@ -84,6 +95,39 @@ def unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ig
                 flags[i] |= DISAGREEMENT if abs(d) > GATE else NONE
         if s == 0 and len(steps) > 1:
             _choose_end(table, turns, noise, count, place, flags)
+    if table.start != CODE and len(table.period) > 1:
+        for i in range(count):
+            if flags[i] != NONE and flags[i] & ~(UNSURE | DISAGREEMENT) == NONE:
+                place[i], flags[i] = _search(table, turns, variance, i, place[i], flags[i])
+
+
+@part
+def _search(table, turns, variance, i, place, flag):  # type: ignore[no-untyped-def]
+    """The likeliest place of one pixel on the projector, of all that its surest phase allows; and if it clearly is."""
+    periods, lines = table.period, table.lines
+    surest, least = 0, F(np.inf)
+    for j in range(len(periods)):
+        spread = periods[j] * periods[j] * variance[j, i]
+        surest, least = (j, spread) if spread < least else (surest, least)
+    period = periods[surest]
+    first = (turns[surest, i] - np.floor(turns[surest, i])) * period - HALF - period
+    best, second, found = F(1e9), F(1e9), place
+    for k in range(INT(lines / period) + 3):
+        u = first + F(k) * period
+        square, moment, weights = F(0), F(0), TINY
+        for j in range(len(periods)):
+            d = periods[j] * turn_of(turns[j, i] - (u + HALF) / periods[j])
+            weight = ONE / (periods[j] * periods[j] * variance[j, i] + TINY)
+            square += weight * d * d
+            moment += weight * d
+            weights += weight
+        shift = moment / weights
+        cost = square - moment * shift
+        if u + shift >= -HALF and u + shift <= lines - HALF:
+            second = min(second, max(cost, best))
+            best, found = (cost, u + shift) if cost < best else (best, found)
+    clear = best < FITTING and second - best > EVIDENCE
+    return (found, NONE) if clear else (place, flag)
 
 
 @part

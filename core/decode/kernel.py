@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from core.decode.compiled import HALF, INT, NONE, ONE, TILE, F, brightest, fast, fill, part, weighted_sum
 from core.decode.doubt import settle
 from core.decode.fringes import fit_phases, unwrap, weigh
+from core.decode.joint import join
 from core.decode.options import Flag
 from core.decode.tables import CODE, NOTHING, SWEEP, AxisTable, Shorts, Singles
 from core.decode.words import contrast_of, locate, read_bits
@@ -25,9 +26,9 @@ AXIS = INT(1)  # the bit of axis x
 class Scratch(NamedTuple):
     """Memory of one thread for a tile of pixels; arrays of several quantities a pixel hold them one after the other.
 
-    `rows` (8, TILE) and `integers` (3, TILE) are for any use; `phases` (2, periods, TILE) are turns and variance,
-    `parts` the mean, cosine and sine part of one period; `widths`, `edges`, `octets` and `masks` serve `read_bits`, and
-    `soft` holds the bits of one pixel.
+    `rows` (8, TILE) and `integers` (3, TILE) are for any use; `phases` (4, periods, TILE) are turns, variance, mean and
+    amplitude, `parts` the mean, cosine and sine part of one period; `widths`, `edges`, `octets` and `masks` serve
+    `read_bits`, and `soft` holds the bits of one pixel.
     """
 
     rows: Singles
@@ -48,7 +49,7 @@ def scratch_for(tables: tuple[AxisTable, AxisTable]) -> Scratch:
     return Scratch(
         rows=np.empty((8, TILE), F),
         integers=np.empty((3, TILE), INT),
-        phases=np.empty((2, periods, TILE), F),
+        phases=np.empty((4, periods, TILE), F),
         parts=np.empty(3 * TILE, F),
         widths=np.empty(2 * TILE, F),
         edges=np.empty(5 * TILE, np.uint8),
@@ -113,7 +114,7 @@ def decode_pixels(  # type: ignore[no-untyped-def]
     threshold, contrast, u, s = rows[0], rows[1], rows[2], rows[3]
     m, least, one, two = rows[4], rows[5], rows[6], rows[7]
     every, flag, doubtful = integers[0], integers[1], integers[2]
-    turns, variance = scratch.phases[0], scratch.phases[1]
+    turns, variance, means, amplitudes = scratch.phases[0], scratch.phases[1], scratch.phases[2], scratch.phases[3]
     word, unsure, near = masks[:TILE], masks[TILE : 2 * TILE], masks[2 * TILE :]
     at_rim = 0
     for first in range(start, stop, TILE):
@@ -135,13 +136,17 @@ def decode_pixels(  # type: ignore[no-untyped-def]
             for i in range(count):
                 flag[i] = SATURATED if one[i] >= saturation else NONE
             fill(m, 0, count, F(0))
-            fit_phases(table, source, limits, count, scratch.parts, turns, variance, m, flag)
+            fit_phases(table, source, limits, count, scratch.parts, turns, variance, means, amplitudes, m, flag)
+            if table.start != CODE:
+                join(table, limits, count, turns, variance, means, amplitudes, one, two, False)
             fill(u, 0, count, HALF * (table.lines - ONE))
             if table.start == CODE:
                 weighted_sum(table.rows, 0, source, count, threshold)
                 weighted_sum(table.rows, 1, source, count, contrast)
                 if table.lift != F(0):
                     _lift(table.lift, table.contrast_lift, m, count, threshold, contrast)
+                both = table.has_contrast and table.lift == F(0)
+                join(table, limits, count, turns, variance, means, amplitudes, threshold, contrast, both)
                 contrast_of(table, source, limits, count, threshold, contrast, m, one, two, s, flag)
                 read_bits(table, source, limits, count, threshold, contrast, one, scratch, masks)
                 locate(table, turns, variance, word, unsure, near, count, u, one, doubtful)

@@ -30,12 +30,13 @@ FEWEST = 100  # pixels, fewer tell nothing
 ROUNDS = 12
 STEP = 1e-3  # of a parameter, for differences
 LARGEST = 0.5  # change of a parameter in one round
-MISFIT = 0.01  # part of a pixel's light by which fringes may differ from the model without noise
+MISFIT = 0.005  # part of a pixel's light by which fringes may differ from the model without noise
 FIELD = 0.03  # the same for whole fields and bits, whose scattered light is another
 BLUR = -0.8, 0.7  # logarithm of the blur's variance (lines²): what is usual, and how much rigs differ
 HARMONICS = 12  # of a wave that count
 OUTLIER = 9.0  # mean square of a pixel's residuals from which it counts less
 HALFWAY = 0.15  # part of a bit's light beyond which it is at an edge
+STEEP = 1.5  # squared slope of the straightening from which all periods are fitted together
 DIM = 0.1  # part of the brightest pixels' modulation that one must have
 LEAST = 1.0  # grey value, modulation
 SIGNIFICANT = 30.0  # twice the logarithm of the likelihood by which a curve must explain more than a straight line
@@ -356,7 +357,26 @@ def straighten(tables: tuple[AxisTable, AxisTable], r: Response, frames: SortedF
         bends = table.bend.copy() if len(table.bend) else np.repeat(STRAIGHT[None], len(table.period), axis=0)
         bends[wave.number] = [straight, np.clip(slope, 1 / STEEPEST, STEEPEST) ** 2, unsure]
         out[wave.axis] = table._replace(bend=bends)
+    for axis, table in enumerate(out):
+        mine = [wave for wave in sine_waves(frames) if wave.axis == axis]
+        if len(mine) == len(table.period) > 0 and table.bend[:, 1].max() > STEEP:
+            out[axis] = table._replace(joint=np.array([_shape(wave, r) for wave in mine], np.float32))
     return _lift(out[0], r, frames), _lift(out[1], r, frames)
+
+
+def _shape(wave: Wave, r: Response) -> Array:
+    """What mean and amplitude of the steps are over the phase: see `AxisTable.joint`; shape (5, GRID)."""
+    shown = waves(wave.frames.patterns, wave.frames.period, r.table)[:, : HARMONICS + 1]
+    shown = shown * dimming(wave.frames.period, r.blur[wave.axis])[: HARMONICS + 1]
+    both = both_sides(np.array([shown.mean(axis=0)]))[0], wave.both @ both_sides(shown)
+    turns = (np.arange(GRID) + 0.5) / GRID - 0.5
+    places = np.exp(2j * np.pi * np.outer(turns, np.arange(-HARMONICS, HARMONICS + 1)))
+    slopes = 2j * np.pi * np.arange(-HARMONICS, HARMONICS + 1)
+    mean, first = places @ both[0], places @ both[1]
+    mean_slope, first_slope = places @ (slopes * both[0]), places @ (slopes * both[1])
+    along = first / np.abs(first)
+    change = first_slope * along.conj()
+    return np.array([mean.real, np.abs(first), mean_slope.real, change.real, change.imag])
 
 
 def _lift(table: AxisTable, r: Response, frames: SortedFrames) -> AxisTable:

@@ -76,6 +76,9 @@ class AxisTable(NamedTuple):
     threshold is added, `spread` is its variance per frame's variance, `fading` its contrast relative to the coarse
     bits; `least_contrast` is the least contrast as a part of the threshold. Of a sweep: frames, centres, how far
     around the brightest the light is counted, and the standard deviation (lines) that its discrete lines cause.
+    `joint` (J, 5, places of a turn), where bent waves are worth it, are the mean of the steps and the amplitude of
+    their first harmonic over the phase, as parts of full light, the changes of both by the phase (turns), and the
+    amplitude times the change of the measured phase; `mean_cofactor` (J,) is the mean's.
     `lift` and `contrast_lift` times the modulation are added to the code's threshold and half contrast: where these
     come from the mean of sine steps, a projector's response puts that off the middle.
     """
@@ -91,6 +94,8 @@ class AxisTable(NamedTuple):
     covariance: Singles
     period: Singles
     bend: Singles
+    joint: Singles
+    mean_cofactor: Singles
     rim: np.float32
     steps: Singles
     step_period: Singles
@@ -273,6 +278,8 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         covariance=np.array([fit.cofactors for fit in fits], np.float32).reshape(-1, 3),
         period=np.array([phase.period for phase in axis.phases][: len(fits)], np.float32),
         bend=np.zeros((0, 3, 1), np.float32),
+        joint=np.zeros((0, 5, 1), np.float32),
+        mean_cofactor=np.array([fit.solution[0] @ fit.solution[0] for fit in fits], np.float32),
         rim=np.float32(max(1.0, RIM * min(phase.period for phase in axis.phases)) if fits else 0),
         steps=steps,
         step_period=step_period,

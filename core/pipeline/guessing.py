@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.model import Array, Capture, DeviceSpec, Project, Seed
-from core.patterns import White
+from core.patterns import level_of
 from core.pipeline.folders import captures_of
 from core.pipeline.measure import BOARDS, Side, sides_of
 from core.progress import SILENT, Progress
@@ -19,7 +19,7 @@ Guesses = tuple[tuple[Seed, ...], ...]
 
 def lit_frame_of(capture: Capture) -> int:
     """Give the number of the frame in which the board is lit evenly: the white one, else the first."""
-    white = (i for i, frame in enumerate(capture.frames) if isinstance(frame.pattern, White))
+    white = (i for i, frame in enumerate(capture.frames) if level_of(frame.pattern) == 1)
     return next(white, 0)
 
 

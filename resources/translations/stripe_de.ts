@@ -164,22 +164,6 @@
         <translation>Vorführversuch</translation>
     </message>
     <message>
-        <source>&amp;Calibration…</source>
-        <translation>&amp;Kalibrierung …</translation>
-    </message>
-    <message>
-        <source>Calibrate step by step: options, captures, convergence, results, kept runs.</source>
-        <translation>Schritt für Schritt kalibrieren: Einstellungen, Aufnahmen, Konvergenz, Ergebnisse, aufbewahrte Läufe.</translation>
-    </message>
-    <message>
-        <source>&amp;Plane-table…</source>
-        <translation>&amp;Planplatte …</translation>
-    </message>
-    <message>
-        <source>Judge planes step by step: maps, profiles, distribution, Table 3, sign-off.</source>
-        <translation>Ebenen Schritt für Schritt beurteilen: Karten, Profile, Verteilung, Tabelle 3, Freigabe.</translation>
-    </message>
-    <message>
         <source>&amp;New project…</source>
         <translation>&amp;Neues Projekt …</translation>
     </message>
@@ -194,14 +178,6 @@
     <message>
         <source>Write the project&apos;s testfield as PDF or SVG at true size.</source>
         <translation>Das Testfeld des Projekts maßhaltig als PDF oder SVG schreiben.</translation>
-    </message>
-    <message>
-        <source>&amp;Pick targets</source>
-        <translation>&amp;Marken anwählen</translation>
-    </message>
-    <message>
-        <source>Pick four targets in each image of a board; all others follow.</source>
-        <translation>In jedem Bild einer Tafel vier Marken anwählen; alle anderen folgen daraus.</translation>
     </message>
     <message>
         <source>&amp;New capture…</source>
@@ -451,22 +427,6 @@
         <source>Held: {names}. c stays nominal, others zero; the residuals take what they would explain.</source>
         <translation>Festgehalten: {names}. c bleibt beim Nennwert, die anderen null; was sie erklären würden, geht in die Verbesserungen.</translation>
     </message>
-    <message>
-        <source>without {names}</source>
-        <translation>ohne {names}</translation>
-    </message>
-    <message>
-        <source>{names} held</source>
-        <translation>{names} festgehalten</translation>
-    </message>
-    <message>
-        <source>gross errors kept</source>
-        <translation>grobe Fehler behalten</translation>
-    </message>
-    <message>
-        <source>As in the run in use: {words}. The wizard changes it.</source>
-        <translation>Wie im verwendeten Lauf: {words}. Der Assistent ändert es.</translation>
-    </message>
 </context>
 <context>
     <name>CalibratePage</name>
@@ -483,12 +443,56 @@
         <translation>Im Hintergrund dekodieren, messen und kalibrieren (F5).</translation>
     </message>
     <message>
-        <source>Options</source>
-        <translation>Einstellungen</translation>
+        <source>Method</source>
+        <translation>Verfahren</translation>
     </message>
     <message>
-        <source>Calibrated: {names}.</source>
-        <translation>Kalibriert: {names}.</translation>
+        <source>Captures</source>
+        <translation>Aufnahmen</translation>
+    </message>
+    <message>
+        <source>Run</source>
+        <translation>Lauf</translation>
+    </message>
+    <message>
+        <source>Results</source>
+        <translation>Ergebnisse</translation>
+    </message>
+    <message>
+        <source>Runs</source>
+        <translation>Läufe</translation>
+    </message>
+    <message>
+        <source>Take back</source>
+        <translation>Zurücknehmen</translation>
+    </message>
+    <message>
+        <source>Run again</source>
+        <translation>Noch einmal rechnen</translation>
+    </message>
+    <message>
+        <source>{n} testfields</source>
+        <translation>{n} Testfelder</translation>
+    </message>
+    <message>
+        <source>{n} plates</source>
+        <translation>{n} Platten</translation>
+    </message>
+    <message>
+        <source>{what}; {options}. Unchanged captures are not measured again.</source>
+        <translation>{what}; {options}. Unverändertes wird nicht neu gemessen.</translation>
+    </message>
+    <message>
+        <source>Excluded: {names}.</source>
+        <translation>Ausgeschlossen: {names}.</translation>
+    </message>
+    <message>
+        <source>Left out: {names}.</source>
+        <translation>Weggelassen: {names}.</translation>
+    </message>
+    <message>
+        <source>Run again to see what that changes.</source>
+        <translation>Noch einmal rechnen zeigt, was das ändert.</translation>
     </message>
     <message>
         <source>No calibration yet: {reason}.</source>
@@ -548,81 +552,6 @@
     <message>
         <source>Convergence, weighted sum of squares: {steps}</source>
         <translation>Konvergenz, gewichtete Quadratsumme: {steps}</translation>
-    </message>
-</context>
-<context>
-    <name>CalibrationWizard</name>
-    <message>
-        <source>Calibration</source>
-        <translation>Kalibrierung</translation>
-    </message>
-    <message>
-        <source>Choose, run, look at what came out, exclude what is wrong, run again and compare.</source>
-        <translation>Wählen, rechnen, das Ergebnis ansehen, Falsches ausschließen, noch einmal rechnen und vergleichen.</translation>
-    </message>
-    <message>
-        <source>Done</source>
-        <translation>Fertig</translation>
-    </message>
-    <message>
-        <source>Method</source>
-        <translation>Verfahren</translation>
-    </message>
-    <message>
-        <source>Captures</source>
-        <translation>Aufnahmen</translation>
-    </message>
-    <message>
-        <source>Run</source>
-        <translation>Lauf</translation>
-    </message>
-    <message>
-        <source>Results</source>
-        <translation>Ergebnisse</translation>
-    </message>
-    <message>
-        <source>Runs</source>
-        <translation>Läufe</translation>
-    </message>
-    <message>
-        <source>Take back</source>
-        <translation>Zurücknehmen</translation>
-    </message>
-    <message>
-        <source>Run again</source>
-        <translation>Noch einmal rechnen</translation>
-    </message>
-    <message>
-        <source>{n} testfields</source>
-        <translation>{n} Testfelder</translation>
-    </message>
-    <message>
-        <source>{n} plates</source>
-        <translation>{n} Platten</translation>
-    </message>
-    <message>
-        <source>{what}; {options}. Unchanged captures are not measured again.</source>
-        <translation>{what}; {options}. Unverändertes wird nicht neu gemessen.</translation>
-    </message>
-    <message>
-        <source>The calibration is running.</source>
-        <translation>Die Kalibrierung läuft.</translation>
-    </message>
-    <message>
-        <source>Run the calibration first.</source>
-        <translation>Zuerst die Kalibrierung rechnen.</translation>
-    </message>
-    <message>
-        <source>Excluded: {names}.</source>
-        <translation>Ausgeschlossen: {names}.</translation>
-    </message>
-    <message>
-        <source>Left out: {names}.</source>
-        <translation>Weggelassen: {names}.</translation>
-    </message>
-    <message>
-        <source>Run again to see what that changes.</source>
-        <translation>Noch einmal rechnen zeigt, was das ändert.</translation>
     </message>
 </context>
 <context>
@@ -1545,18 +1474,6 @@
         <translation>Wie weit die Punkte der Planplatte von der ausgeglichenen Ebene abliegen.</translation>
     </message>
     <message>
-        <source>Judge every plane capture by every calibration (F5).</source>
-        <translation>Jede Planplattenaufnahme mit jeder Kalibrierung beurteilen (F5).</translation>
-    </message>
-    <message>
-        <source>Results of the evaluation</source>
-        <translation>Ergebnisse der Beurteilung</translation>
-    </message>
-    <message>
-        <source>Histograms of the deviations</source>
-        <translation>Histogramme der Abweichungen</translation>
-    </message>
-    <message>
         <source>Deviations from the plane-table</source>
         <translation>Abweichungen von der Planplatte</translation>
     </message>
@@ -1565,8 +1482,28 @@
         <translation>Karten</translation>
     </message>
     <message>
-        <source>Histograms</source>
-        <translation>Histogramme</translation>
+        <source>Judge the ticked planes by the ticked calibrations (F5).</source>
+        <translation>Die angekreuzten Ebenen mit den angekreuzten Kalibrierungen beurteilen (F5).</translation>
+    </message>
+    <message>
+        <source>Planes</source>
+        <translation>Ebenen</translation>
+    </message>
+    <message>
+        <source>Calibrations</source>
+        <translation>Kalibrierungen</translation>
+    </message>
+    <message>
+        <source>Choose</source>
+        <translation>Wählen</translation>
+    </message>
+    <message>
+        <source>Profile</source>
+        <translation>Profil</translation>
+    </message>
+    <message>
+        <source>Histogram</source>
+        <translation>Histogramm</translation>
     </message>
     <message>
         <source>Table 3</source>
@@ -1577,8 +1514,36 @@
         <translation>{n} Ebenen beurteilt.</translation>
     </message>
     <message>
+        <source>{n} planes by {m} calibrations: </source>
+        <translation>{n} Ebenen mit {m} Kalibrierungen: </translation>
+    </message>
+    <message>
+        <source>evaluated.</source>
+        <translation>beurteilt.</translation>
+    </message>
+    <message>
+        <source>not evaluated yet.</source>
+        <translation>noch nicht beurteilt.</translation>
+    </message>
+    <message>
         <source>This evaluation is out of date: {reason}.</source>
         <translation>Diese Beurteilung ist veraltet: {reason}.</translation>
+    </message>
+    <message>
+        <source>Capture planes first: captures of the role plane-table.</source>
+        <translation>Zuerst Ebenen aufnehmen: Aufnahmen der Rolle Planplatte.</translation>
+    </message>
+    <message>
+        <source>Calibrate first.</source>
+        <translation>Zuerst kalibrieren.</translation>
+    </message>
+    <message>
+        <source>Tick a plane.</source>
+        <translation>Eine Ebene ankreuzen.</translation>
+    </message>
+    <message>
+        <source>Tick a calibration.</source>
+        <translation>Eine Kalibrierung ankreuzen.</translation>
     </message>
     <message>
         <source>Not evaluated yet: {reason}.</source>
@@ -1654,7 +1619,7 @@
     </message>
 </context>
 <context>
-    <name>HistogramStep</name>
+    <name>HistogramPart</name>
     <message>
         <source>Plane of the histogram</source>
         <translation>Ebene des Histogramms</translation>
@@ -1666,6 +1631,10 @@
     <message>
         <source>Plane</source>
         <translation>Ebene</translation>
+    </message>
+    <message>
+        <source>all planes</source>
+        <translation>alle Ebenen</translation>
     </message>
     <message>
         <source>normal, {rms:.4f} mm</source>
@@ -1822,48 +1791,12 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
 <context>
     <name>Measure</name>
     <message>
-        <source>row</source>
-        <translation>Zeile</translation>
-    </message>
-    <message>
-        <source>column</source>
-        <translation>Spalte</translation>
-    </message>
-    <message>
         <source>u projector [lines]</source>
         <translation>u Projektor [Linien]</translation>
     </message>
     <message>
         <source>v projector [lines]</source>
         <translation>v Projektor [Linien]</translation>
-    </message>
-    <message>
-        <source>why it is missing</source>
-        <translation>warum sie fehlt</translation>
-    </message>
-    <message>
-        <source>{n} measured</source>
-        <translation>{n} gemessen</translation>
-    </message>
-    <message>
-        <source>, σ {s:.3f} px</source>
-        <translation>, σ {s:.3f} px</translation>
-    </message>
-    <message>
-        <source>; none missing</source>
-        <translation>; keine fehlt</translation>
-    </message>
-    <message>
-        <source>; {m} missing: {kinds}</source>
-        <translation>; {m} fehlen: {kinds}</translation>
-    </message>
-    <message>
-        <source>{n} targets picked, not measured yet</source>
-        <translation>{n} Marken angewählt, noch nicht gemessen</translation>
-    </message>
-    <message>
-        <source>no targets picked yet</source>
-        <translation>noch keine Marken angewählt</translation>
     </message>
 </context>
 <context>
@@ -1873,24 +1806,24 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Messen</translation>
     </message>
     <message>
-        <source>Where the targets of the testfield are, in the image of the camera and of the projector.</source>
-        <translation>Wo die Zielmarken des Testfelds liegen, im Bild der Kamera und des Projektors.</translation>
+        <source>Four dots in each image say where all others are.</source>
+        <translation>Vier Punkte in jedem Bild sagen, wo alle anderen sind.</translation>
     </message>
     <message>
-        <source>Testfield with its targets</source>
-        <translation>Testfeld mit seinen Zielmarken</translation>
+        <source>Undo</source>
+        <translation>Rückgängig</translation>
     </message>
     <message>
-        <source>+ measured   □ picked   ◇ missing</source>
-        <translation>+ gemessen   □ angewählt   ◇ fehlt</translation>
+        <source>Take the last change back, in whichever image it was made (Ctrl+Z)</source>
+        <translation>Die letzte Änderung zurücknehmen, in welchem Bild sie auch geschah (Strg+Z)</translation>
     </message>
     <message>
-        <source>Measured targets</source>
-        <translation>Gemessene Marken</translation>
+        <source>Redo</source>
+        <translation>Wiederholen</translation>
     </message>
     <message>
-        <source>Missing targets</source>
-        <translation>Fehlende Marken</translation>
+        <source>Make it again (Ctrl+Shift+Z)</source>
+        <translation>Sie wieder ausführen (Strg+Umschalt+Z)</translation>
     </message>
     <message>
         <source>Measure all</source>
@@ -1901,28 +1834,32 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Die Zielmarken aller Aufnahmen mit angewählten Marken messen (F5).</translation>
     </message>
     <message>
-        <source>Whole image</source>
-        <translation>Ganzes Bild</translation>
+        <source>Accept and measure</source>
+        <translation>Annehmen und messen</translation>
     </message>
     <message>
-        <source>Boards</source>
-        <translation>Tafeln</translation>
+        <source>no board</source>
+        <translation>keine Tafel</translation>
+    </message>
+    <message>
+        <source>Capture a testfield first; its board must be named in capture.json.</source>
+        <translation>Zuerst ein Testfeld aufnehmen; seine Tafel muss in capture.json genannt sein.</translation>
+    </message>
+    <message>
+        <source>Space</source>
+        <translation>Leertaste</translation>
+    </message>
+    <message>
+        <source>Enter</source>
+        <translation>Eingabe</translation>
+    </message>
+    <message>
+        <source>There is no dot under the cross hairs; Shift+Space picks all the same.</source>
+        <translation>Unter dem Fadenkreuz ist kein Punkt; Umschalt+Leertaste wählt trotzdem an.</translation>
     </message>
     <message>
         <source>{n} targets in {m} captures.</source>
         <translation>{n} Zielmarken in {m} Aufnahmen.</translation>
-    </message>
-    <message>
-        <source>No board yet: capture the testfield, or a plate, first.</source>
-        <translation>Noch keine Tafel: zuerst das Testfeld oder eine Platte aufnehmen.</translation>
-    </message>
-    <message>
-        <source>Measured ({n})</source>
-        <translation>Gemessen ({n})</translation>
-    </message>
-    <message>
-        <source>Missing ({n})</source>
-        <translation>Fehlend ({n})</translation>
     </message>
 </context>
 <context>
@@ -1946,22 +1883,6 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>&amp;Capture</source>
         <translation>Auf&amp;nehmen</translation>
-    </message>
-    <message>
-        <source>&amp;Measure</source>
-        <translation>&amp;Messen</translation>
-    </message>
-    <message>
-        <source>C&amp;alibrate</source>
-        <translation>&amp;Kalibrieren</translation>
-    </message>
-    <message>
-        <source>&amp;Evaluate</source>
-        <translation>&amp;Beurteilen</translation>
-    </message>
-    <message>
-        <source>&amp;Tools</source>
-        <translation>&amp;Werkzeuge</translation>
     </message>
     <message>
         <source>&amp;View</source>
@@ -2244,57 +2165,6 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
-    <name>PickPage</name>
-    <message>
-        <source>Pick targets</source>
-        <translation>Marken anwählen</translation>
-    </message>
-    <message>
-        <source>Four dots in each image say where all others are.</source>
-        <translation>Vier Punkte in jedem Bild sagen, wo alle anderen sind.</translation>
-    </message>
-    <message>
-        <source>Undo</source>
-        <translation>Rückgängig</translation>
-    </message>
-    <message>
-        <source>Take the last change back, in whichever image it was made (Ctrl+Z)</source>
-        <translation>Die letzte Änderung zurücknehmen, in welchem Bild sie auch geschah (Strg+Z)</translation>
-    </message>
-    <message>
-        <source>Redo</source>
-        <translation>Wiederholen</translation>
-    </message>
-    <message>
-        <source>Make it again (Ctrl+Shift+Z)</source>
-        <translation>Sie wieder ausführen (Strg+Umschalt+Z)</translation>
-    </message>
-    <message>
-        <source>Accept and measure</source>
-        <translation>Annehmen und messen</translation>
-    </message>
-    <message>
-        <source>no board</source>
-        <translation>keine Tafel</translation>
-    </message>
-    <message>
-        <source>Capture a testfield first; its board must be named in capture.json.</source>
-        <translation>Zuerst ein Testfeld aufnehmen; seine Tafel muss in capture.json genannt sein.</translation>
-    </message>
-    <message>
-        <source>Space</source>
-        <translation>Leertaste</translation>
-    </message>
-    <message>
-        <source>Enter</source>
-        <translation>Eingabe</translation>
-    </message>
-    <message>
-        <source>There is no dot under the cross hairs; Shift+Space picks all the same.</source>
-        <translation>Unter dem Fadenkreuz ist kein Punkt; Umschalt+Leertaste wählt trotzdem an.</translation>
-    </message>
-</context>
-<context>
     <name>Picking</name>
     <message>
         <source>row</source>
@@ -2377,8 +2247,8 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Nächstes Bild</translation>
     </message>
     <message>
-        <source>All picked: close</source>
-        <translation>Alle fertig: schließen</translation>
+        <source>All picked: calibrate</source>
+        <translation>Alle fertig: kalibrieren</translation>
     </message>
     <message>
         <source>Target {k} of {n}: {target}. Click its dot, or bring the cross hairs there and press Space.</source>
@@ -2527,109 +2397,6 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
-    <name>PlaneTableWizard</name>
-    <message>
-        <source>Plane-table</source>
-        <translation>Planplatte</translation>
-    </message>
-    <message>
-        <source>Judge the sensor by planes: choose, evaluate, look, sign off.</source>
-        <translation>Den Sensor an Ebenen beurteilen: wählen, beurteilen, ansehen, freigeben.</translation>
-    </message>
-    <message>
-        <source>Write report</source>
-        <translation>Bericht schreiben</translation>
-    </message>
-    <message>
-        <source>Evaluate</source>
-        <translation>Beurteilen</translation>
-    </message>
-    <message>
-        <source>Judge the ticked planes by the ticked calibrations (F5).</source>
-        <translation>Die angekreuzten Ebenen mit den angekreuzten Kalibrierungen beurteilen (F5).</translation>
-    </message>
-    <message>
-        <source>Planes</source>
-        <translation>Ebenen</translation>
-    </message>
-    <message>
-        <source>Calibrations</source>
-        <translation>Kalibrierungen</translation>
-    </message>
-    <message>
-        <source>Deviations from the plane-table</source>
-        <translation>Abweichungen von der Planplatte</translation>
-    </message>
-    <message>
-        <source>Choose</source>
-        <translation>Wählen</translation>
-    </message>
-    <message>
-        <source>Maps</source>
-        <translation>Karten</translation>
-    </message>
-    <message>
-        <source>Profile</source>
-        <translation>Profil</translation>
-    </message>
-    <message>
-        <source>Histogram</source>
-        <translation>Histogramm</translation>
-    </message>
-    <message>
-        <source>Table 3</source>
-        <translation>Tabelle 3</translation>
-    </message>
-    <message>
-        <source>Sign off</source>
-        <translation>Freigeben</translation>
-    </message>
-    <message>
-        <source>Export the plane-table into a folder</source>
-        <translation>Die Planplatte in einen Ordner ausgeben</translation>
-    </message>
-    <message>
-        <source>{n} files written to {folder}.</source>
-        <translation>{n} Dateien nach {folder} geschrieben.</translation>
-    </message>
-    <message>
-        <source>The report is written: HTML and PDF.</source>
-        <translation>Der Bericht ist geschrieben: HTML und PDF.</translation>
-    </message>
-    <message>
-        <source>{n} planes by {m} calibrations: </source>
-        <translation>{n} Ebenen mit {m} Kalibrierungen: </translation>
-    </message>
-    <message>
-        <source>evaluated.</source>
-        <translation>beurteilt.</translation>
-    </message>
-    <message>
-        <source>not evaluated yet.</source>
-        <translation>noch nicht beurteilt.</translation>
-    </message>
-    <message>
-        <source>Capture planes first: captures of the role plane-table.</source>
-        <translation>Zuerst Ebenen aufnehmen: Aufnahmen der Rolle Planplatte.</translation>
-    </message>
-    <message>
-        <source>Calibrate first.</source>
-        <translation>Zuerst kalibrieren.</translation>
-    </message>
-    <message>
-        <source>Tick a plane.</source>
-        <translation>Eine Ebene ankreuzen.</translation>
-    </message>
-    <message>
-        <source>Tick a calibration.</source>
-        <translation>Eine Kalibrierung ankreuzen.</translation>
-    </message>
-    <message>
-        <source>Evaluate these first (F5).</source>
-        <translation>Diese zuerst beurteilen (F5).</translation>
-    </message>
-</context>
-<context>
     <name>PointMap</name>
     <message>
         <source>Direction of the sigma</source>
@@ -2669,7 +2436,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
-    <name>ProfileStep</name>
+    <name>ProfilePart</name>
     <message>
         <source>Plane</source>
         <translation>Ebene</translation>
@@ -2820,12 +2587,12 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Alle Tabellen und Bilder in einer HTML-Datei und einem PDF, fertig zur Unterschrift.</translation>
     </message>
     <message>
-        <source>Write report</source>
-        <translation>Bericht schreiben</translation>
+        <source>Choose a folder for the ticked files.</source>
+        <translation>Einen Ordner für die angekreuzten Dateien wählen.</translation>
     </message>
     <message>
-        <source>Evaluate the planes and write HTML and PDF (F5).</source>
-        <translation>Die Ebenen beurteilen und HTML und PDF schreiben (F5).</translation>
+        <source>Write report</source>
+        <translation>Bericht schreiben</translation>
     </message>
     <message>
         <source>Files</source>
@@ -2844,12 +2611,28 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Ausgeben …</translation>
     </message>
     <message>
-        <source>Copy HTML and PDF, and the tables as CSV, into a folder.</source>
-        <translation>HTML und PDF, und die Tabellen als CSV, in einen Ordner kopieren.</translation>
+        <source>Sign if a name is given, and write HTML and PDF (F5).</source>
+        <translation>Freigeben, wenn ein Name dasteht, und HTML und PDF schreiben (F5).</translation>
     </message>
     <message>
         <source>What it says</source>
         <translation>Was darin steht</translation>
+    </message>
+    <message>
+        <source>Report: HTML and PDF</source>
+        <translation>Bericht: HTML und PDF</translation>
+    </message>
+    <message>
+        <source>All tables as CSV</source>
+        <translation>Alle Tabellen als CSV</translation>
+    </message>
+    <message>
+        <source>Profiles along the line as CSV</source>
+        <translation>Profile längs der Linie als CSV</translation>
+    </message>
+    <message>
+        <source>Deviations of every pixel as CSV</source>
+        <translation>Abweichungen jedes Pixels als CSV</translation>
     </message>
     <message>
         <source>Export the report into a folder</source>
@@ -3041,15 +2824,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
-    <name>RunStep</name>
-    <message>
-        <source>Calibrate</source>
-        <translation>Kalibrieren</translation>
-    </message>
-    <message>
-        <source>Calibrate in the background (F5).</source>
-        <translation>Im Hintergrund kalibrieren (F5).</translation>
-    </message>
+    <name>RunPart</name>
     <message>
         <source>Cancel</source>
         <translation>Abbrechen</translation>
@@ -3158,8 +2933,8 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Aufnahmen</translation>
     </message>
     <message>
-        <source>excluded</source>
-        <translation>ausgeschlossen</translation>
+        <source>left out</source>
+        <translation>weggelassen</translation>
     </message>
     <message>
         <source>options</source>
@@ -3199,7 +2974,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
-    <name>RunsStep</name>
+    <name>RunsPart</name>
     <message>
         <source>Kept runs</source>
         <translation>Aufbewahrte Läufe</translation>
@@ -3347,7 +3122,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
-    <name>SignOffStep</name>
+    <name>SignOffForm</name>
     <message>
         <source>Judge against a tolerance</source>
         <translation>Gegen eine Toleranz beurteilen</translation>
@@ -3373,30 +3148,6 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Ergebnis</translation>
     </message>
     <message>
-        <source>Report: HTML and PDF</source>
-        <translation>Bericht: HTML und PDF</translation>
-    </message>
-    <message>
-        <source>Table 3 as CSV</source>
-        <translation>Tabelle 3 als CSV</translation>
-    </message>
-    <message>
-        <source>Profiles along the line as CSV</source>
-        <translation>Profile längs der Linie als CSV</translation>
-    </message>
-    <message>
-        <source>Deviations of every pixel as CSV</source>
-        <translation>Abweichungen jedes Pixels als CSV</translation>
-    </message>
-    <message>
-        <source>Export…</source>
-        <translation>Ausgeben …</translation>
-    </message>
-    <message>
-        <source>Choose a folder for these files.</source>
-        <translation>Einen Ordner für diese Dateien wählen.</translation>
-    </message>
-    <message>
         <source>Sign-off</source>
         <translation>Freigabe</translation>
     </message>
@@ -3419,10 +3170,6 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>without a name the report is not signed</source>
         <translation>ohne Namen keine Freigabe</translation>
-    </message>
-    <message>
-        <source>Files</source>
-        <translation>Dateien</translation>
     </message>
 </context>
 <context>

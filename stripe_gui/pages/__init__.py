@@ -1,4 +1,4 @@
-"""The pages of the window, one a file, made when they are first shown.
+"""The pages of the window, one view a stage, made when they are first shown.
 
 A new page: a subclass of `Page` in its own file, and a line in `PAGES`. Wizards are pages too.
 """
@@ -17,13 +17,10 @@ PAGES = {
     "new-project": ("wizards.new_project.wizard", "NewProjectWizard"),
     "capture": ("pages.capture_page", "CapturePage"),
     "decode": ("pages.decode_page", "DecodePage"),
-    "measure": ("pages.measure_page", "MeasurePage"),
-    "pick": ("wizards.picking.page", "PickPage"),
-    "calibrate": ("pages.calibrate_page", "CalibratePage"),
-    "calibrate-wizard": ("wizards.calibration.wizard", "CalibrationWizard"),
+    "measure": ("pages.measure.page", "MeasurePage"),
+    "calibrate": ("pages.calibrate.page", "CalibratePage"),
     "reconstruct": ("pages.reconstruct_page", "ReconstructPage"),
-    "evaluate": ("pages.evaluate_page", "EvaluatePage"),
-    "plane-table": ("wizards.plane_table.wizard", "PlaneTableWizard"),
+    "evaluate": ("pages.evaluate.page", "EvaluatePage"),
     "report": ("pages.report_page", "ReportPage"),
     "capture-wizard": ("wizards.capture.wizard", "CaptureWizard"),
 }  # id of the page -> module below stripe_gui, class

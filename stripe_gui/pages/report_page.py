@@ -1,4 +1,4 @@
-"""The report: what it says, writing it, opening and exporting it."""
+"""The report: sign-off, writing it, what it says, opening it and handing it over."""
 
 from __future__ import annotations
 
@@ -6,19 +6,21 @@ from pathlib import Path
 
 from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QWidget
 
-from core.pipeline import export_report
 from stripe_gui.pages.page import Page
-from stripe_gui.presenters.report import ReportView, load_report
+from stripe_gui.presenters.report import ReportView, Wishes, export_files, load_report, write_signed_report
 from stripe_gui.presenters.status import State
-from stripe_gui.presenters.work import write_report
-from stripe_gui.widgets.layout import button, card, label, row, scrolled
+from stripe_gui.widgets.layout import card, column, label, row, scrolled
+from stripe_gui.widgets.sign_off import SignOffForm
+from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.workbench import Workbench
+
+WIDTH = 400  # px of what is typed and ticked
 
 
 class ReportPage(Page):
-    """The summary of the results, and the files made of them."""
+    """To the left who signs and which files are wanted; to the right what the report says."""
 
     id = stage = "report"
 
@@ -27,30 +29,45 @@ class ReportPage(Page):
             bench, self.tr("Report"), self.tr("All tables and figures in one HTML file and one PDF, ready to sign off.")
         )
         self._view: ReportView | None = None
+        self._signed_in: Path | None = None  # the project whose sign-off is shown
+        self.html_button = self.add_button(self.tr("Open HTML"), lambda: self._open("html"), "report")
+        self.pdf_button = self.add_button(self.tr("Open PDF"), lambda: self._open("pdf"), "report")
+        self.export_button = self.add_button(self.tr("Export…"), self.export, "export")
+        self.export_button.setToolTip(self.tr("Choose a folder for the ticked files."))
         self.run_button = self.add_button(self.tr("Write report"), self.run, "run", primary=True)
-        self.run_button.setToolTip(self.tr("Evaluate the planes and write HTML and PDF (F5)."))
-        files, layout = card(self.tr("Files"))
-        self.files = label("", wrap=True)
-        self.html_button = button(self.tr("Open HTML"), lambda: self._open(self._view.html), "report")
-        self.pdf_button = button(self.tr("Open PDF"), lambda: self._open(self._view.pdf), "report")
-        self.export_button = button(self.tr("Export…"), self.export, "export")
-        self.export_button.setToolTip(self.tr("Copy HTML and PDF, and the tables as CSV, into a folder."))
-        layout.addWidget(self.files)
-        layout.addLayout(row(self.html_button, self.pdf_button, self.export_button, None))
-        self.body.addWidget(files)
+        self.run_button.setToolTip(self.tr("Sign if a name is given, and write HTML and PDF (F5)."))
+        self.signing = SignOffForm()
+        left = QWidget()
+        left.setLayout(column(self.signing, self._files_card(), None))
+        scroll = scrolled(left, across=False)
+        scroll.setFixedWidth(WIDTH)
+        self.verdicts = VerdictList()
         frame, self._sentences = card(self.tr("What it says"))
         frame.layout().setSpacing(10)
         inner = QWidget()
-        outer = QVBoxLayout(inner)
-        outer.setContentsMargins(0, 0, 0, 0)
-        outer.addWidget(frame)
-        outer.addStretch(1)
-        self.body.addWidget(scrolled(inner), 1)
+        inner.setLayout(column(self.verdicts, frame, None))
+        self.body.addLayout(row(scroll, scrolled(inner)), 1)
         self.sentences: list[str] = []
 
+    def _files_card(self) -> QWidget:
+        frame, layout = card(self.tr("Files"))
+        self.files = label("", wrap=True)
+        self.wanted = {
+            "report": QCheckBox(self.tr("Report: HTML and PDF")),
+            "tables": QCheckBox(self.tr("All tables as CSV")),
+            "profiles": QCheckBox(self.tr("Profiles along the line as CSV")),
+            "deviations": QCheckBox(self.tr("Deviations of every pixel as CSV")),
+        }
+        layout.addWidget(self.files)
+        for name, box in self.wanted.items():
+            box.setChecked(getattr(Wishes, name))
+            layout.addWidget(box)
+        return frame
+
     def run(self) -> None:
-        """Write the report in the background."""
-        self.bench.run_stage("report", write_report, on_done=self._told)
+        """Sign and write the report in the background."""
+        self._remember()
+        self.bench.run_stage("report", write_signed_report, self.signing.sign_off(), on_done=self._told)
 
     def can_run(self) -> bool:
         """Say whether there is anything to report."""
@@ -60,17 +77,27 @@ class ReportPage(Page):
         return any(folder.result_file(f"{m}.npz").exists() for m in ("photogrammetric", "polynomial"))
 
     def export(self) -> None:
-        """Ask for a folder and copy the report there, with its tables."""
+        """Ask for a folder and write the chosen files there."""
         out = self.bench.dialogs.open_folder(self, self.tr("Export the report into a folder"), Path.home())
         if out is None:
             return
-        files = self.bench.guarded(export_report, self.session.folder.project, out)
-        if files is not None:
-            self.bench.notify("success", self.tr("{n} files written to {folder}.").format(n=len(files), folder=out))
+        self._remember()
+        done = self.tr("{n} files written to {folder}.")
+        wishes = Wishes(**{name: box.isChecked() for name, box in self.wanted.items()})
+        self.bench.run_stage(
+            "report",
+            export_files,
+            self.signing.sign_off(),
+            self.session.line,
+            wishes,
+            out,
+            on_done=lambda files: self.bench.notify("success", done.format(n=len(files), folder=out)),
+        )
 
     def refresh(self) -> None:
         """Sum up the results there are."""
         self.run_button.setEnabled(self.can_run())
+        self.export_button.setEnabled(self.can_run())
         if self.session.is_open:
             self.bench.views.run(
                 "report",
@@ -81,10 +108,16 @@ class ReportPage(Page):
             )
 
     def _show(self, view: ReportView) -> None:
-        self._view = view
+        before, self._view = self._view, view
         self.html_button.setEnabled(view.html is not None)
         self.pdf_button.setEnabled(view.pdf is not None)
-        self.export_button.setEnabled(view.html is not None and view.pdf is not None)
+        self.signing.show_evaluations(view.evaluations)
+        folder = self.session.folder
+        if folder is not None and (
+            before is None or folder.path != self._signed_in or view.sign_off != before.sign_off
+        ):
+            self._signed_in = folder.path
+            self.signing.fill(view.sign_off, self.bench.settings.text("instrument"))
         status = self.session.statuses.get("report")
         if view.html is None:
             text = self.tr("Not written yet.")
@@ -94,6 +127,7 @@ class ReportPage(Page):
                 text += " " + self.tr("Out of date: {reason}.").format(reason=status.reason)
         self.files.setText(text)
         found = view.summary
+        self.verdicts.show_verdicts({name: v for name, v in found.verdicts if v.state != "passed"})
         sentences = [
             *found.findings,
             *(f"⚠ {text}" for text in found.warnings),
@@ -111,7 +145,13 @@ class ReportPage(Page):
         for text in sentences or [self.tr("There are no results yet.")]:
             self._sentences.addWidget(label(text, wrap=True))
 
-    def _open(self, path: Path | None) -> None:
+    def _remember(self) -> None:
+        signed = self.signing.sign_off()
+        if signed is not None:
+            self.bench.settings.set("instrument", signed.instrument)
+
+    def _open(self, kind: str) -> None:
+        path: Path | None = getattr(self._view, kind, None)
         if path is not None:
             QDesktopServices.openUrl(QUrl.fromLocalFile(str(path)))
 

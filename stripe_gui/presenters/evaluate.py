@@ -8,7 +8,7 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.evaluate import Profile, points_on_plane, read_profile, share_within
-from core.model import DeviceSpec, PlaneEvaluation
+from core.model import DeviceSpec, PlaneEvaluation, Verdict
 from core.progress import SILENT, Progress
 from core.report import CHAPTERS, ReportData, Table
 from stripe_gui.presenters.folder import ProjectFolder
@@ -28,6 +28,7 @@ class EvaluationView:
     limit_mm: float
     table: Table
     camera: DeviceSpec
+    verdicts: dict[str, Verdict]  # by plane and method, those that are not passed
 
     @property
     def methods(self) -> list[str]:
@@ -63,7 +64,14 @@ def load_evaluation(folder: ProjectFolder, progress: Progress = SILENT) -> Evalu
     if not evaluations:
         return None
     (table,) = CHAPTERS["planes"].tables(ReportData(folder.project, evaluations=evaluations))
-    return EvaluationView(evaluations, colour_limit_mm(evaluations), table, folder.project.camera)
+    return EvaluationView(
+        evaluations, colour_limit_mm(evaluations), table, folder.project.camera, _verdicts(evaluations)
+    )
+
+
+def _verdicts(evaluations: tuple[PlaneEvaluation, ...]) -> dict[str, Verdict]:
+    judged = [(f"{plane_name(e)}, {method_name(e.method)}", e.verdict) for e in evaluations]
+    return {name: verdict for name, verdict in judged if verdict is not None and verdict.state != "passed"}
 
 
 def plane_name(evaluation: PlaneEvaluation) -> str:

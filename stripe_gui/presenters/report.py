@@ -5,12 +5,30 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from core import pipeline
+from core.errors import InputError
+from core.model import PlaneEvaluation, Project
 from core.pipeline import load_sign_off
 from core.progress import SILENT, Progress
-from core.report import Summary, summary
+from core.report import ReportPaths, SignOff, Summary, summary
 from stripe_gui.presenters.calibrate import gather
 from stripe_gui.presenters.folder import ProjectFolder, written_ns
+from stripe_gui.presenters.status import State, stage_statuses
+
+if TYPE_CHECKING:
+    from core.evaluate import Line
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """Which files the operator wants."""
+
+    report: bool = True
+    tables: bool = True
+    profiles: bool = True
+    deviations: bool = False
 
 
 @dataclass(frozen=True)
@@ -18,6 +36,8 @@ class ReportView:
     """The summary of the results there are, and the report's files; a file is None where it is not written."""
 
     summary: Summary
+    evaluations: tuple[PlaneEvaluation, ...]
+    sign_off: SignOff | None
     html: Path | None
     pdf: Path | None
     written: str
@@ -38,4 +58,54 @@ def load_report(folder: ProjectFolder, progress: Progress = SILENT) -> ReportVie
     html, pdf = (file if file.is_file() else None for file in files)
     at = written_ns(html) if html else None
     written = f"{datetime.fromtimestamp(at / 1e9):%Y-%m-%d %H:%M}" if at else ""
-    return ReportView(summary(data), html, pdf, written)
+    return ReportView(summary(data), data.evaluations, data.sign_off, html, pdf, written)
+
+
+def write_signed_report(
+    project: Project, sign_off: SignOff | None, out: Path | None = None, progress: Progress = SILENT
+) -> ReportPaths:
+    """Sign the evaluation, or withdraw the sign-off, and write the report into the project or a folder.
+
+    Planes are evaluated anew where that is out of date; nobody signs figures before he has seen them.
+
+    Raises
+    ------
+    InputError
+        If an evaluation that is out of date is to be signed.
+    """
+    status = stage_statuses(ProjectFolder(project.path))["evaluate"]
+    current = status.state is State.DONE
+    if sign_off is not None and not current:
+        raise InputError("sign-off", f"the evaluation is not up to date: {status.reason}", "evaluate, look, then sign")
+    evaluations = pipeline.load_evaluation(project) if current else None
+    pipeline.sign_project(project, sign_off, evaluations)
+    return pipeline.report_project(project, out, progress, evaluations=evaluations)
+
+
+def export_files(
+    project: Project,
+    sign_off: SignOff | None,
+    line: Line | None,
+    wishes: Wishes,
+    out: Path,
+    progress: Progress = SILENT,
+) -> list[Path]:
+    """Write what is wished for into a folder; give the files.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written to.
+    """
+    files: list[Path] = []
+    if wishes.report:
+        paths = write_signed_report(project, sign_off, out, progress.part(0.0, 0.5))
+        files += [paths.html, paths.pdf]
+    evaluations = pipeline.kept_evaluation(project)
+    if wishes.tables:
+        files += pipeline.export_tables(project, out, evaluations)
+    if wishes.profiles:
+        files += pipeline.export_profiles(project, evaluations, out, line)
+    if wishes.deviations:
+        files += pipeline.export_deviations(project, evaluations, out, progress=progress.part(0.5, 1.0))
+    return files

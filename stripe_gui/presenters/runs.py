@@ -65,7 +65,7 @@ def runs_table(runs: Sequence[Run], current: Mapping[Method, int]) -> Table:
         translate("Runs", "points [µm]"),
         translate("Runs", "depth [mm]"),
         translate("Runs", "captures"),
-        translate("Runs", "excluded"),
+        translate("Runs", "left out"),
         translate("Runs", "options"),
         translate("Runs", "made"),
     )
@@ -86,10 +86,18 @@ def _row(run: Run, current: Mapping[Method, int]) -> tuple[Cell, ...]:
         _rms(network.get("object_sigma_rms_um")),
         _number(depth.get("residual_rms_mm"), ".4f"),
         Number(sum(len(names) for names in run.captures.values()), "d"),
-        Number(sum(len(targets) for targets in run.excluded.values()), "d"),
+        Number(_left_out(run), "d"),
         options_words(run.options, run.methods),
         made_at(run),
     )
+
+
+def _left_out(run: Run) -> int:
+    """Count the points that took no part, whoever left them out: the operator, or the adjustment as gross errors."""
+    told = [entry for figures in run.figures.values() for entry in figures.get("left_out", ())]
+    if told:
+        return sum(int(entry["points"]) for entry in told)
+    return sum(len(targets) for targets in run.excluded.values())
 
 
 def _in_use(methods: Sequence[Method]) -> str:

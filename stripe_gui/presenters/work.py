@@ -13,9 +13,8 @@ from core.model import Calibration, Method, PhaseMap, PlaneEvaluation, Project, 
 from core.pipeline import CalibrateOptions
 from core.progress import SILENT, Progress
 from core.project import write_json
-from core.report import ReportPaths
 from stripe_gui.presenters.folder import ProjectFolder
-from stripe_gui.presenters.status import State, decoded_captures, stage_statuses
+from stripe_gui.presenters.status import decoded_captures
 
 
 def decode_all(project: Project, progress: Progress = SILENT) -> int:
@@ -91,13 +90,6 @@ def evaluate(
 ) -> tuple[PlaneEvaluation, ...]:
     """Judge plane captures by calibrations, all of either unless some are named."""
     return pipeline.evaluate_project(project, progress, captures=captures, methods=methods)
-
-
-def write_report(project: Project, progress: Progress = SILENT) -> ReportPaths:
-    """Write the report into the project; its planes are evaluated anew where that is out of date."""
-    current = stage_statuses(ProjectFolder(project.path))["evaluate"].state is State.DONE
-    evaluations = pipeline.load_evaluation(project) if current else None
-    return pipeline.report_project(project, progress=progress, evaluations=evaluations)
 
 
 def decode_one(folder: Path, progress: Progress = SILENT) -> PhaseMap:

@@ -26,45 +26,32 @@ NAMES = LENSES["A1..A6"].names
 
 
 class CalibrateForm(QWidget):
-    """Method and options; the form in `detail` also offers what is seldom changed."""
+    """Method and options."""
 
     changed = Signal()
 
-    def __init__(self, *, detail: bool) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self._detail = detail
         self._base = CalibrateOptions()
         self._consequences: dict[QWidget, QLabel] = {}
         self._make_fields()
         methods = self._block(self.tr("Method"), self.method)
-        network = [self._block("", self.rigid)]
-        if detail:
-            network += [self._block("", self.reject, self.limit), self._parameters()]
-        else:
-            for widget in (self.reject, self.limit, *self.parameters.values()):
-                widget.setParent(self)
-                widget.hide()
+        network = [self._block("", self.rigid), self._block("", self.reject, self.limit), self._parameters()]
         depth = [
             self._block(self.tr("Depth as a function of the phase"), self.degree),
             self._block(self.tr("Low-pass of the depth calibration"), self.low_pass),
         ]
-        self.also = label("", "muted", wrap=True)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(14)
         layout.addLayout(methods)
-        if detail:
-            left = column(label(self.tr("Photogrammetric"), "heading"), *network, None, spacing=14)
-            right = column(label(self.tr("Polynomial depth"), "heading"), *depth, None, spacing=14)
-            self._halves = row(left, right, spacing=36)
-            self._halves.setStretch(0, 3)
-            self._halves.setStretch(1, 2)
-            layout.addSpacing(4)
-            layout.addLayout(self._halves)
-        else:
-            for block in (*network, *depth):
-                layout.addLayout(block)
-        layout.addWidget(self.also)
+        left = column(label(self.tr("Photogrammetric"), "heading"), *network, None, spacing=14)
+        right = column(label(self.tr("Polynomial depth"), "heading"), *depth, None, spacing=14)
+        self._halves = row(left, right, spacing=36)
+        self._halves.setStretch(0, 3)
+        self._halves.setStretch(1, 2)
+        layout.addSpacing(4)
+        layout.addLayout(self._halves)
         layout.addStretch(1)
         self.set_choice(CalibrateChoice())
 
@@ -136,13 +123,14 @@ class CalibrateForm(QWidget):
     def choice(self) -> CalibrateChoice:
         """Give what is chosen."""
         degree, low_pass_px = self.degree.currentData(), self.low_pass.value()
-        options = replace(self._base, rigid=self.rigid.isChecked(), degree=degree, low_pass_px=low_pass_px)
-        if self._detail:
-            options = replace(
-                options,
-                hold=tuple(name for name, box in self.parameters.items() if not box.isChecked()),
-                reject_beyond=self.limit.value() if self.reject.isChecked() else None,
-            )
+        options = replace(
+            self._base,
+            rigid=self.rigid.isChecked(),
+            degree=degree,
+            low_pass_px=low_pass_px,
+            hold=tuple(name for name, box in self.parameters.items() if not box.isChecked()),
+            reject_beyond=self.limit.value() if self.reject.isChecked() else None,
+        )
         return CalibrateChoice(self.method.currentData(), options)
 
     def set_choice(self, choice: CalibrateChoice) -> None:
@@ -173,10 +161,7 @@ class CalibrateForm(QWidget):
         for widget, text in self._texts().items():
             if widget in self._consequences:
                 self._consequences[widget].setText(text)
-        if self._detail:
-            self._held.setText(self._held_words())
-        self.also.setText(self._kept_words())
-        self.also.setVisible(bool(self.also.text()) and not self._detail)
+        self._held.setText(self._held_words())
         self.changed.emit()
 
     # ------------------------------------------------------------------------------------------------------------ words
@@ -220,18 +205,6 @@ class CalibrateForm(QWidget):
             return self.tr("All are estimated: right where the images are rolled, convergent and filled to the edges.")
         text = self.tr("Held: {names}. c stays nominal, others zero; the residuals take what they would explain.")
         return text.format(names=", ".join(held))
-
-    def _kept_words(self) -> str:
-        """Say what is chosen elsewhere and counts here too."""
-        words = []
-        if self._base.without:
-            words.append(self.tr("without {names}").format(names=", ".join(self._base.without)))
-        if self._base.hold:
-            words.append(self.tr("{names} held").format(names=", ".join(self._base.hold)))
-        if self._base.reject_beyond is None:
-            words.append(self.tr("gross errors kept"))
-        text = self.tr("As in the run in use: {words}. The wizard changes it.")
-        return text.format(words="; ".join(words)) if words else ""
 
 
 def _small() -> QLabel:

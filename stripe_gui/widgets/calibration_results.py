@@ -22,7 +22,7 @@ from stripe_gui.workbench import Workbench
 class CalibrationResults(QWidget):
     """Tabs over one calibration; what a tab shows is computed when it comes to the front."""
 
-    def __init__(self, bench: Workbench, *, excluding: bool = False) -> None:
+    def __init__(self, bench: Workbench) -> None:
         super().__init__()
         self._view: CalibrationView | None = None
         self._due: set[int] = set()
@@ -36,7 +36,7 @@ class CalibrationResults(QWidget):
         self._warnings = QVBoxLayout()
         self._warnings.setSpacing(10)
         self._warnings.setContentsMargins(0, 12, 12, 12)
-        self.residuals = ResidualView(bench, excluding=excluding)
+        self.residuals = ResidualView(bench)
         self.coverage = CoverageView()
         self.correlations = CorrelationView()
         self.points = PointMap()

@@ -16,19 +16,12 @@ from stripe_gui.workbench import Workbench
 
 
 class ResidualView(QWidget):
-    """Residual vectors of camera and projector side by side.
-
-    Parameters
-    ----------
-    bench : Workbench
-    excluding : bool
-        Offer to exclude the chosen target, or the whole capture it is in.
-    """
+    """Residual vectors of camera and projector side by side; the chosen target, or its capture, can be excluded."""
 
     target_unwanted = Signal(str, int, int)  # capture, row, col
     capture_unwanted = Signal(str)
 
-    def __init__(self, bench: Workbench, *, excluding: bool = False) -> None:
+    def __init__(self, bench: Workbench) -> None:
         super().__init__()
         self._bench = bench
         self._sets: tuple[DeviceResiduals, ...] = ()
@@ -55,9 +48,6 @@ class ResidualView(QWidget):
         layout.addLayout(row(label(self.tr("Captures")), self.stations, None, buttons))
         layout.addLayout(self._plots, 1)
         layout.addWidget(self.picked)
-        if not excluding:
-            self.exclude.hide()
-            self.leave_out.hide()
 
     def show_residuals(self, sets: tuple[DeviceResiduals, ...]) -> None:
         """Show the residuals of all devices."""
@@ -115,7 +105,7 @@ class ResidualView(QWidget):
 
     def _open(self) -> None:
         self._bench.session.choose_capture(self._capture(), self._target())
-        self._bench.show_page("pick")
+        self._bench.show_page("measure")
 
     def _exclude(self) -> None:
         if (target := self._target()) is not None:

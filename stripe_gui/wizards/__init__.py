@@ -1,4 +1,4 @@
-"""Guided work that takes several steps: one wizard a file or folder, over Qt-free functions of `presenters`.
+"""Guided work that is a sequence of steps: one wizard a file or folder, over Qt-free functions of `presenters`.
 
 A wizard is a page of the window (`wizard.Wizard`, with a line in `pages.PAGES`). It offers its actions in a function
 ``actions() -> list[Action]`` of its module; naming the module in `WIZARDS` puts them into the menus, the shortcuts and
@@ -12,7 +12,7 @@ from importlib import import_module
 from stripe_gui.actions import Action
 
 # modules below stripe_gui.wizards
-WIZARDS: tuple[str, ...] = ("new_project", "picking", "calibration", "plane_table", "capture")
+WIZARDS: tuple[str, ...] = ("new_project", "capture")
 
 
 def wizard_actions() -> list[Action]:

@@ -28,15 +28,26 @@ def test_missing_targets_are_listed_with_reasons_and_pointed_at(page, finished_p
     kept = json.loads((finished_project / "results" / "targets.json").read_text())["captures"]
     missing = next(c for c in kept if c["capture"] == "depth-01")["missing"]
     assert missing
-    assert f"({len(missing)})" in page.tabs.tabText(1)
-    rows = page.missing_table.model.table.rows
+    shown = page.side.targets.model.table.rows
+    rows = [row for row in shown if row[3] is None]  # no coordinates
     assert [(r[0].value, r[1].value, r[2]) for r in rows] == [(m["row"], m["col"], m["reason"]) for m in missing]
     targets = true_targets(finished_project, "depth-01", "plate.csv")
-    for i, m in enumerate(missing):
-        page.missing_table.choose_row(i)
-        at = np.ravel(page.chosen.getData())
+    for m in missing:
+        page.side.targets.choose_row(page._shown.targets.index((m["row"], m["col"])))
         # carried on by a pose and one radial parameter from the measured ones: the lens has five parameters more
-        assert np.hypot(*(at - targets[m["row"], m["col"]])) < 2.0
+        assert np.hypot(*(page.image.cursor_at - targets[m["row"], m["col"]])) < 2.0
+
+
+def test_measured_targets_are_listed_with_their_coordinates(page, finished_project: Path) -> None:
+    kept = json.loads((finished_project / "results" / "targets.json").read_text())["captures"]
+    targets = next(c for c in kept if c["capture"] == "depth-01")["targets"]
+    rows = {(r[0].value, r[1].value): r for r in page.side.targets.model.table.rows}
+    for t in targets:
+        u, v, _, up, vp = (cell.value for cell in rows[t["row"], t["col"]][3:])
+        assert [u, v] == pytest.approx([t["u"], t["v"]])
+        assert [up, vp] == pytest.approx(
+            [np.nan if t[k] is None else t[k] for k in ("projector_u", "projector_v")], nan_ok=True
+        )
 
 
 def test_an_excluded_target_is_listed_as_such(page, window, qtbot, finished_project: Path) -> None:
@@ -46,8 +57,7 @@ def test_an_excluded_target_is_listed_as_such(page, window, qtbot, finished_proj
     window.bench.session.choose_capture("testfield-02")
     window.bench.refresh()
     idle(window, qtbot)
-    assert [row[2] for row in page.missing_table.model.table.rows] == ["excluded by the operator"]
-    assert "1 excluded by the operator" in page.state.text()
+    assert [row[2] for row in page.side.targets.model.table.rows if row[3] is None] == ["excluded by the operator"]
 
 
 def test_measuring_one_image_does_not_make_the_stage_done(project: Path) -> None:

@@ -107,13 +107,13 @@ def test_decoding_everything_marks_the_stage_done(open_window, window, project: 
 
 def test_measuring_shows_targets_and_points_at_the_chosen_one(open_window, window, project: Path, qtbot) -> None:
     page = open_window(project, "measure")
-    assert len(page.picks.getData()[0]) == 4
+    assert len(page._shown.marks.picks) == 4
     click(page.run_button, qtbot)
     idle(window, qtbot)
     assert window.bench.session.statuses["measure"].state is State.DONE
-    assert len(page.measured.getData()[0]) > 50
-    page.table.choose_row(7)
-    assert len(page.chosen.getData()[0]) == 1
+    assert len(page._shown.marks.measured) > 50
+    page.side.targets.choose_row(7)
+    assert page.model.target == page._shown.targets[7]
 
 
 def test_from_calibrating_to_the_exported_report(
@@ -131,6 +131,7 @@ def test_from_calibrating_to_the_exported_report(
     assert {s.state for s in window.bench.session.statuses.values()} == {State.DONE}
     answers.path = tmp_path / "out"
     click(window.page.export_button, qtbot)
+    idle(window, qtbot)
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert {"report.html", "report.pdf", "table-1a.csv", "table-2.csv", "table-3.csv"} <= names
     assert [n.kind for n in notices] == ["success"] * len(notices)
@@ -148,12 +149,13 @@ def test_the_options_explain_their_consequences(open_window, recorded: Path) -> 
 
 def test_a_residual_leads_to_its_image(open_window, window, finished: Path, qtbot) -> None:
     page = open_window(finished, "calibrate")
+    assert page.step.name == "results"  # there are some: they are what is looked at first
     page.results.tabs.setCurrentIndex(1)
     page.results.residuals._pick(0, 3)
     assert "µm" in page.results.residuals.picked.text()
     capture = page.results.residuals._capture()
     click(page.results.residuals.open_image, qtbot)
-    assert window.page.id == "pick"
+    assert window.page.id == "measure"
     assert window.bench.session.capture_name == capture
 
 

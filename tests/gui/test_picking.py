@@ -28,7 +28,7 @@ class Operator:
     def __init__(self, window, qtbot, folder: Path) -> None:
         self.window, self.qtbot, self.folder, self.keys = window, qtbot, folder, 0
         window.open_path(folder)
-        window.show_page("pick")
+        window.show_page("measure")
         self.page = window.page
         self.wait()
 
@@ -98,10 +98,10 @@ def test_eight_images_from_scratch_by_keys_alone(operator: Operator, window, rec
             assert operator.keys - before < 4
         operator.press(Key.Key_Return)  # accept the guess
         operator.wait()
-        operator.press(Key.Key_Return)  # next image, or close
+        operator.press(Key.Key_Return)  # next image, or on to calibrating
         operator.wait()
         per_image.append(operator.keys - before)
-    assert window.page.id == "measure"
+    assert window.page.id == "calibrate"
     assert window.bench.session.statuses["measure"].state is State.DONE
     # an operator who needs a second for a key and five to look: 20 images in well under five minutes
     assert len(per_image) == 8

@@ -11,8 +11,8 @@ import pytest
 from core.errors import InputError
 from core.model import Capture, DeviceSpec, Seed
 from core.project import kept_picks, read_capture, read_project
-from stripe_gui.wizards.picking.model import Measurement, Picking, corner_targets
-from stripe_gui.wizards.picking.view import NextStep, next_step, picking_view, state_text
+from stripe_gui.pages.measure.model import Measurement, Picking, corner_targets
+from stripe_gui.pages.measure.view import NextStep, next_step, picking_view, state_text
 
 CORNERS = ((0, 0), (0, 8), (6, 8), (6, 0))
 

@@ -6,9 +6,9 @@ import numpy as np
 import pyqtgraph as pg
 
 from stripe_gui import theme
+from stripe_gui.pages.measure.view import Marks
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.symbols import cross_hairs, plus
-from stripe_gui.wizards.picking.view import Marks
 
 
 class MarksOverlay:

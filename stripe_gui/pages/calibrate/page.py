@@ -1,4 +1,4 @@
-"""The calibration wizard's page: five steps from the options to kept runs side by side."""
+"""Calibrating, on one page: what is chosen, which captures take part, the run, its results, kept runs side by side."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from core.errors import StripeError
 from core.model import Method
+from stripe_gui.pages.calibrate.captures import CaptureChoice
+from stripe_gui.pages.calibrate.run import RunPart
+from stripe_gui.pages.calibrate.runs import RunsPart
+from stripe_gui.pages.parts_page import Part, PartsPage
 from stripe_gui.presenters.calibrate import calibration_view, choice_of, exclude_targets, restore_targets
 from stripe_gui.presenters.contributions import Contribution, contributions
 from stripe_gui.presenters.runs import options_words
-from stripe_gui.presenters.status import method_name
+from stripe_gui.presenters.status import State, method_name
 from stripe_gui.presenters.work import CalibrateChoice, calibrate
 from stripe_gui.widgets.calibrate_form import CalibrateForm
 from stripe_gui.widgets.calibration_results import CalibrationResults
 from stripe_gui.widgets.layout import button, card, label, row, scrolled
-from stripe_gui.wizards.calibration.captures import CaptureChoice
-from stripe_gui.wizards.calibration.run import RunStep
-from stripe_gui.wizards.calibration.runs import RunsStep
-from stripe_gui.wizards.wizard import Wizard
 from stripe_gui.workbench import Workbench
 
 ROOM_FOR_TWO = 1000  # the two halves of the first step stand side by side from this width on
@@ -34,40 +34,36 @@ METHODS: dict[str, tuple[Method, ...]] = {
 }
 
 
-class CalibrationWizard(Wizard):
+class CalibratePage(PartsPage):
     """Method, captures, run, results, runs."""
 
-    id, stage = "calibrate-wizard", "calibrate"
+    id = stage = "calibrate"
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
             bench,
-            self.tr("Calibration"),
-            self.tr("Choose, run, look at what came out, exclude what is wrong, run again and compare."),
-            last=self.tr("Done"),
+            self.tr("Calibrate"),
+            self.tr("Interior and relative orientation of camera and projector, and how well they are known."),
         )
         self._project: Path | None = None
         self._excluded: list[tuple[str, tuple[int, int]]] = []  # since the last run
-        self.form = CalibrateForm(detail=True)
+        self.run_button = self.add_button(self.tr("Calibrate"), self.run, "run", primary=True)
+        self.run_button.setToolTip(self.tr("Decode, measure and calibrate in the background (F5)."))
+        self.state = label("", "muted", wrap=True)
+        self.body.insertWidget(0, self.state)
+        self.form = CalibrateForm()
         self.captures = CaptureChoice()
-        self.run_step = RunStep()
-        self.results = CalibrationResults(bench, excluding=True)
-        self.runs = RunsStep(bench)
+        self.run_part = RunPart()
+        self.results = CalibrationResults(bench)
+        self.runs = RunsPart(bench)
         self.add_step("method", self.tr("Method"), self._scrolled(self.form))
-        self.add_step(
-            "captures",
-            self.tr("Captures"),
-            self.captures,
-            enter=self._look_at_captures,
-            missing=lambda: self.captures.missing(self.form.method.currentData()),
-        )
-        self.add_step("run", self.tr("Run"), self.run_step, enter=self._plan, missing=self._not_calibrated)
+        self.add_step("captures", self.tr("Captures"), self.captures, enter=self._look_at_captures)
+        self.add_step("run", self.tr("Run"), self.run_part, enter=self._plan)
         self.add_step("results", self.tr("Results"), self._results_body(), enter=self._show_results)
         self.add_step("runs", self.tr("Runs"), self.runs, enter=self.runs.show_runs)
-        self.form.changed.connect(self.update_steps)
-        self.captures.changed.connect(self.update_steps)
+        self.form.changed.connect(self._chosen)
+        self.captures.changed.connect(self._chosen)
         self.captures.restore_wanted.connect(self._restore_all)
-        self.run_step.start_wanted.connect(self.run)
         self.results.residuals.target_unwanted.connect(self.exclude)
         self.results.residuals.capture_unwanted.connect(self.leave_out)
         self.start()
@@ -117,10 +113,22 @@ class CalibrationWizard(Wizard):
             self.form.set_choice(choice)
             self.captures.show_captures(())
             self.captures.set_without(choice.options.without)
-            self.start()
+            self.go_to("results" if self._calibrated() else "method")
         self._look_at_captures()
         self.step.enter()
-        self.update_steps()
+        self._chosen()
+
+    def _chosen(self) -> None:
+        """Say where the stage stands, or what a run would lack."""
+        self.run_button.setEnabled(self.can_run())
+        status, missing = self.session.statuses.get("calibrate"), self.captures.missing(self.choice().method)
+        if missing or status is None or status.state is State.DONE:
+            self.state.setText(missing)
+        elif self._calibrated():
+            self.state.setText(self.tr("This calibration is out of date: {reason}.").format(reason=status.reason))
+        else:
+            self.state.setText(self.tr("No calibration yet: {reason}.").format(reason=status.reason))
+        self.state.setVisible(bool(self.state.text()))
 
     def _look_at_captures(self) -> None:
         folder = self.session.folder
@@ -136,7 +144,7 @@ class CalibrationWizard(Wizard):
     def _captures_known(self, found: tuple[Contribution, ...]) -> None:
         self.captures.show_captures(found)
         self._plan()
-        self.update_steps()
+        self._chosen()
 
     def _restore_all(self, name: str) -> None:
         entry = self.session.folder.entry(name)
@@ -150,7 +158,7 @@ class CalibrationWizard(Wizard):
     def can_run(self) -> bool:
         """Say whether there are captures to calibrate from, and nothing runs."""
         folder = self.session.folder
-        if folder is None or self.run_step.running:
+        if folder is None or self.run_part.running:
             return False
         return any(e.role == "depth" or e.capture.seeds for e in folder.of_role("testfield", "depth"))
 
@@ -163,8 +171,8 @@ class CalibrationWizard(Wizard):
             return
         job = self.bench.run_stage("calibrate", calibrate, self.choice(), on_done=self._done)
         if job is not None:
-            self.run_step.follow(job)
-            job.ended.connect(self.update_steps)
+            self.run_part.follow(job)
+            job.ended.connect(self._chosen)
             self.go_to("run")
 
     def _done(self, _calibrations: dict[Method, Any]) -> None:
@@ -185,14 +193,11 @@ class CalibrationWizard(Wizard):
         parts = [f"{method_name(m)} ({counts[m].format(n=len(used[m]))})" for m in methods]
         text = self.tr("{what}; {options}. Unchanged captures are not measured again.")
         words = text.format(what=" + ".join(parts), options=options_words(choice.options, methods))
-        self.run_step.show_plan(words[0].upper() + words[1:] if parts else "", bool(parts) and self.can_run())
+        self.run_part.show_plan(words[0].upper() + words[1:] if parts else "")
 
-    def _not_calibrated(self) -> str:
-        if self.run_step.running:
-            return self.tr("The calibration is running.")
+    def _calibrated(self) -> bool:
         folder = self.session.folder
-        there = folder is not None and any(folder.result_file(f"{m}.npz").exists() for m in METHODS["all"])
-        return "" if there else self.tr("Run the calibration first.")
+        return folder is not None and any(folder.result_file(f"{m}.npz").exists() for m in METHODS["all"])
 
     # ---------------------------------------------------------------------------------------------------------- results
 
@@ -205,7 +210,9 @@ class CalibrationWizard(Wizard):
         except StripeError as error:
             self.bench.report_error(error)
             return
-        self.results.show_calibration(view)
+        self.results.setVisible(bool(view.tables))
+        if view.tables:
+            self.results.show_calibration(view)
         self._tell_pending()
 
     def exclude(self, capture: str, row_: int, col: int) -> None:
@@ -253,13 +260,6 @@ class CalibrationWizard(Wizard):
         self._pending.setVisible(bool(words))
         self.again_button.setEnabled(self.can_run())
 
-    def parts(self) -> Iterator[str]:
-        """Bring each step that can be reached to the front, and name it; the results with all their tabs."""
-        for step in self.steps:
-            if not self.go_to(step.name):
-                break
-            if step.name == "results":
-                yield from (f"-results{part}" for part in self.results.parts())
-            else:
-                yield f"-{step.name}"
-        self.start()
+    def inner_parts(self, part: Part) -> Iterator[str]:
+        """Bring the tabs of the results to the front."""
+        yield from self.results.parts() if part.name == "results" and not self.results.isHidden() else ("",)

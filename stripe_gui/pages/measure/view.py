@@ -14,11 +14,13 @@ from core.measure import measured_view, predicted_view
 from core.measure.view import View
 from core.model import Array, DeviceSpec, TargetSet
 from core.report import Number, Table
+from core.report.table import Cell
+from stripe_gui.pages.measure.model import Measurement, Picking, Target
 from stripe_gui.presenters.words import sentence
-from stripe_gui.wizards.picking.model import Measurement, Picking, Target
 
 translate = QCoreApplication.translate
 NOTHING = np.zeros((0, 2))
+NO_VALUES: tuple[Cell, ...] = (None,) * 5
 VECTOR_SHARE = 1 / 40  # of the image's width that an average residual vector covers
 
 
@@ -154,6 +156,11 @@ def _rows(
         translate("Picking", "row"),
         translate("Picking", "col"),
         translate("Picking", "what became of it"),
+        "u [px]",
+        "v [px]",
+        "σ [px]",
+        translate("Measure", "u projector [lines]"),
+        translate("Measure", "v projector [lines]"),
     )
     told: dict[Target, str] = {}
     if targets is not None:
@@ -163,8 +170,20 @@ def _rows(
     if targets is not None:
         measured = translate("Picking", "measured")
         told |= {t: measured for t in zip(targets.row.tolist(), targets.col.tolist(), strict=True) if t not in told}
-    rows = tuple((Number(r, "d"), Number(c, "d"), text) for (r, c), text in told.items())
+    values = _values(targets) if targets is not None else {}
+    rows = tuple((Number(t[0], "d"), Number(t[1], "d"), text, *values.get(t, NO_VALUES)) for t, text in told.items())
     return tuple(told), Table("", columns, rows)
+
+
+def _values(targets: TargetSet) -> dict[Target, tuple[Cell, ...]]:
+    """Give what was measured of every target: camera coordinates, their sigma, projector coordinates."""
+    sigma = np.sqrt(np.einsum("nii->n", targets.camera_cov) / 2)
+    columns = (*targets.camera_uv.T, sigma, *targets.projector_uv.T)
+    specs = (".3f", ".3f", ".4f", ".3f", ".3f")
+    return {
+        (int(r), int(c)): tuple(Number(float(x[i]), spec) for x, spec in zip(columns, specs, strict=True))
+        for i, (r, c) in enumerate(zip(targets.row, targets.col, strict=True))
+    }
 
 
 def _legend(model: Picking, marks: Marks, measurement: Measurement | None) -> str:
@@ -211,7 +230,7 @@ def question(model: Picking, view: PickingView, step: NextStep) -> tuple[str, st
         NextStep.GUESS: translate("Picking", "Accept the guess"),
         NextStep.ACCEPT: translate("Picking", "Accept and measure"),
         NextStep.NEXT: translate("Picking", "Next image"),
-        NextStep.DONE: translate("Picking", "All picked: close"),
+        NextStep.DONE: translate("Picking", "All picked: calibrate"),
     }[step]
     if view.problem:
         return view.problem, does

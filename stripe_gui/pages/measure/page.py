@@ -1,4 +1,4 @@
-"""The picking page: image by image, four targets each, by mouse or keys; measuring goes on behind it."""
+"""The measure page: image by image, four targets each, by mouse or keys; measuring goes on behind it."""
 
 from __future__ import annotations
 
@@ -8,33 +8,34 @@ from functools import partial
 import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QKeySequence, QShortcut
+from PySide6.QtWidgets import QSplitter
 
-from core.model import Capture
+from core.model import Capture, TargetSet
+from stripe_gui.pages.measure.background import Background
+from stripe_gui.pages.measure.image import ImagePanel
+from stripe_gui.pages.measure.keys import ImageKeys
+from stripe_gui.pages.measure.model import Picking, Target
+from stripe_gui.pages.measure.side import SidePanel
+from stripe_gui.pages.measure.view import NextStep, PickingView, next_step, picking_view, question
+from stripe_gui.pages.measure.work import Kept, boards, snapped
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.capture import FrameView
 from stripe_gui.presenters.measure import lit_frame
-from stripe_gui.widgets.layout import row
-from stripe_gui.wizards.picking.background import Background
-from stripe_gui.wizards.picking.image import ImagePanel
-from stripe_gui.wizards.picking.keys import ImageKeys
-from stripe_gui.wizards.picking.model import Picking, Target
-from stripe_gui.wizards.picking.side import SidePanel
-from stripe_gui.wizards.picking.view import NextStep, PickingView, next_step, picking_view, question
-from stripe_gui.wizards.picking.work import Kept, boards, snapped
+from stripe_gui.presenters.work import measure
 from stripe_gui.workbench import Workbench
 
 Modifier = Qt.KeyboardModifier
 
 
-class PickPage(Page):
+class MeasurePage(Page):
     """The image in the middle; to the right the map of the field, the loupe, and the images and targets as lists."""
 
-    id, stage, undoes = "pick", "measure", True
+    id, stage, undoes = "measure", "measure", True
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
             bench,
-            self.tr("Pick targets"),
+            self.tr("Measure"),
             self.tr("Four dots in each image say where all others are."),
         )
         self.model: Picking | None = None
@@ -51,10 +52,19 @@ class PickPage(Page):
         self.redo_button = self.add_button("", self.redo, "redo")
         self.redo_button.setAccessibleName(self.tr("Redo"))
         self.redo_button.setToolTip(self.tr("Make it again (Ctrl+Shift+Z)"))
+        self.run_button = self.add_button(self.tr("Measure all"), self.run, "run")
+        self.run_button.setToolTip(self.tr("Measure the targets of all captures that have picks (F5)."))
         self.primary = self.add_button(self.tr("Accept and measure"), self.advance, "next", primary=True)
         self.image, self.side = ImagePanel(self.exclude), SidePanel()
         self.view, self.marks = self.image.view, self.image.marks
-        self.body.addLayout(row(self.image, self.side, spacing=14), 1)
+        split = QSplitter(Qt.Orientation.Horizontal)  # the lists may be drawn wider to see all columns
+        split.addWidget(self.image)
+        split.addWidget(self.side)
+        split.setStretchFactor(0, 1)
+        split.setStretchFactor(1, 0)
+        split.setChildrenCollapsible(False)
+        split.setHandleWidth(14)
+        self.body.addWidget(split, 1)
         self.setFocusProxy(self.view.canvas)
 
     def _connect(self) -> None:
@@ -96,6 +106,7 @@ class PickPage(Page):
 
     def refresh(self) -> None:
         """Show the project as it is now; picks that others changed are taken over."""
+        self.run_button.setEnabled(self.can_run())
         folder = self.session.folder
         captures = boards(folder.captures()) if folder else []
         target = self.session.take_target()  # another page may ask to look at one
@@ -332,7 +343,7 @@ class PickPage(Page):
         if step is NextStep.PICK:
             self.pick()
         elif step is NextStep.DONE:
-            self.bench.show_page("measure")
+            self.bench.show_page("calibrate")
         elif step is NextStep.NEXT:
             self.go_to(model.next_due() or 0)
         else:
@@ -340,6 +351,19 @@ class PickPage(Page):
                 self._change(model.take, model.guess)
             if model.complete:
                 self._measure()
+
+    def run(self) -> None:
+        """Measure all boards that have picks, where that is not done."""
+        self.bench.run_stage("measure", measure, on_done=self._told)
+
+    def can_run(self) -> bool:
+        """Say whether any board has picks."""
+        folder = self.session.folder
+        return folder is not None and any(e.capture.seeds for e in folder.of_role("testfield", "depth") if e.capture)
+
+    def _told(self, targets: tuple[TargetSet, ...]) -> None:
+        count = sum(len(t.row) for t in targets)
+        self.bench.notify("success", self.tr("{n} targets in {m} captures.").format(n=count, m=len(targets)))
 
     def _measure(self) -> None:
         if self.model is not None and self.background is not None:

@@ -15,7 +15,7 @@ from stripe_gui.widgets.result_table import EMPTY, ResultTable
 from stripe_gui.workbench import Workbench
 
 
-class RunsStep(QWidget):
+class RunsPart(QWidget):
     """The runs above, the comparison below."""
 
     changed = Signal()  # another run is in use, one was renamed or deleted

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QProgressBar, QVBoxLayout, QWidget
 
 from stripe_gui.jobs import Job, JobState
@@ -11,17 +10,13 @@ from stripe_gui.widgets.convergence_plot import ConvergencePlot
 from stripe_gui.widgets.layout import button, card, label, row
 
 
-class RunStep(QWidget):
-    """Start, progress, convergence, cancel."""
-
-    start_wanted = Signal()
+class RunPart(QWidget):
+    """Progress, convergence, cancel."""
 
     def __init__(self) -> None:
         super().__init__()
         self._job: Job | None = None
         self.plan = label("", wrap=True)
-        self.start_button = button(self.tr("Calibrate"), self.start_wanted.emit, "run")
-        self.start_button.setToolTip(self.tr("Calibrate in the background (F5)."))
         self.cancel_button = button(self.tr("Cancel"), self._cancel, "stop")
         self.bar = QProgressBar()
         self.bar.setRange(0, 1000)
@@ -30,7 +25,7 @@ class RunStep(QWidget):
         self.state = label(" ", "muted", wrap=True)
         self.convergence = ConvergencePlot()
         frame, inside = card()
-        inside.addLayout(row(self.plan, self.start_button, self.cancel_button))
+        inside.addLayout(row(self.plan, self.cancel_button))
         inside.itemAt(0).layout().setStretch(0, 1)
         inside.addWidget(self.bar)
         inside.addWidget(self.state)
@@ -48,10 +43,9 @@ class RunStep(QWidget):
         """Whether the calibration is under way."""
         return self._job is not None and self._job.active
 
-    def show_plan(self, words: str, startable: bool) -> None:
+    def show_plan(self, words: str) -> None:
         """Say what a start would do."""
         self.plan.setText(words)
-        self.start_button.setEnabled(startable and not self.running)
 
     def follow(self, job: Job) -> None:
         """Show a run from its start to its end."""
@@ -71,7 +65,6 @@ class RunStep(QWidget):
         job = self._job
         running = self.running
         self.cancel_button.setEnabled(running and not job.stopping)
-        self.start_button.setEnabled(not running)
         self.bar.setValue(round(1000 * job.fraction) if running else 0)
         self.state.setText(self._words(job))
 

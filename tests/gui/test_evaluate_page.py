@@ -1,4 +1,4 @@
-"""The plane-table wizard, from a calibrated project to the signed report and the exported files."""
+"""The plane-table, from a calibrated project to the signed report and the exported files."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from pypdf import PdfReader
 from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtWidgets import QToolButton
 
 from core.pipeline import load_evaluation, load_sign_off
 from core.project import read_project
@@ -17,7 +18,6 @@ from stripe_gui.presenters.status import State
 from tests.gui.hands import click, idle
 
 LEFT = Qt.MouseButton.LeftButton
-CTRL_SHIFT = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
 
 
 @pytest.fixture
@@ -29,17 +29,13 @@ def calibrated(finished_project: Path) -> Path:
 
 
 @pytest.fixture
-def wizard(window, qtbot):
-    """Open the wizard on a project."""
+def open_page(window, qtbot):
+    """Open the page of a stage on a project."""
 
-    def opened(folder: Path):
-        assert window.open_path(folder)
-        window.show_page("evaluate")
+    def opened(folder: Path | None, stage: str = "evaluate"):
+        assert folder is None or window.open_path(folder)
+        window.show_page(stage)
         idle(window, qtbot)
-        with qtbot.waitActive(window):
-            qtbot.keyClick(window, Qt.Key.Key_L, CTRL_SHIFT)
-        idle(window, qtbot)
-        assert window.page.id == "plane-table"
         return window.page
 
     return opened
@@ -51,47 +47,51 @@ def values(path: Path) -> tuple[list[str], np.ndarray]:
 
 
 def test_from_the_calibrations_to_signed_pdf_and_csv(
-    wizard, window, answers, notices, calibrated, tmp_path, qtbot
+    open_page, window, answers, notices, calibrated, tmp_path, qtbot
 ) -> None:
-    page = wizard(calibrated)
-    assert not page.next_button.isEnabled()
+    page = open_page(calibrated)
     assert "not evaluated" in page.planes.item(0).text()
     click(page.run_button, qtbot)
     idle(window, qtbot)
-    for step in ("maps", "profile", "histogram", "table", "sign-off"):
-        click(page.next_button, qtbot)
-        assert page.step.name == step
+    for name in ("maps", "profile", "histogram", "table"):
+        click(page.findChild(QToolButton, f"step.{name}"), qtbot)
+        assert page.step.name == name
+    page = open_page(None, "report")
     qtbot.keyClicks(page.signing.operator, "A. Operator")
     qtbot.keyClicks(page.signing.instrument, "Rig 7")
     page.signing.with_tolerance.click()
     page.signing.limit.setValue(0.5)
-    assert page.signing.verdict.text().startswith("✓ Passed")
-    page.signing.deviations.click()
+    assert [box.verdict.state for box in page.signing.verdict.boxes] == ["passed"]
+    page.signing.limit.setValue(0.001)
+    assert [box.verdict.state for box in page.signing.verdict.boxes] == ["failed"]
+    page.signing.limit.setValue(0.5)
+    page.wanted["deviations"].click()
     answers.path = tmp_path / "out"
-    click(page.signing.export_button, qtbot)
+    click(page.export_button, qtbot)
     idle(window, qtbot)
     names = {p.name for p in answers.path.iterdir()}
     assert {"report.html", "report.pdf", "table-3.csv", "profile-plane+00.csv"} <= names
     assert "deviations-plane+15-polynomial.csv" in names
     text = " ".join("".join(p.extract_text() for p in PdfReader(answers.path / "report.pdf").pages).split())
     assert "Signed off by A. Operator" in text
-    click(page.next_button, qtbot)
+    click(page.run_button, qtbot)
     idle(window, qtbot)
-    assert window.page.id == "report"
     assert window.page.sentences[0].startswith("Signed off by A. Operator")
     assert {s.state for s in window.bench.session.statuses.values()} == {State.DONE}
     assert [n.kind for n in notices] == ["success"] * len(notices)
 
 
-def test_exported_deviations_are_those_of_the_evaluation(wizard, window, answers, calibrated, tmp_path, qtbot) -> None:
-    page = wizard(calibrated)
+def test_exported_deviations_are_those_of_the_evaluation(
+    open_page, window, answers, calibrated, tmp_path, qtbot
+) -> None:
+    page = open_page(calibrated)
     click(page.run_button, qtbot)
     idle(window, qtbot)
-    assert page.go_to("sign-off")
-    page.signing.report.click()
-    page.signing.deviations.click()
+    page = open_page(None, "report")
+    page.wanted["report"].click()
+    page.wanted["deviations"].click()
     answers.path = tmp_path / "out"
-    click(page.signing.export_button, qtbot)
+    click(page.export_button, qtbot)
     idle(window, qtbot)
     for e in load_evaluation(read_project(calibrated)):
         head, found = values(tmp_path / "out" / f"deviations-{e.capture}-{e.method}.csv")
@@ -104,8 +104,8 @@ def test_exported_deviations_are_those_of_the_evaluation(wizard, window, answers
         assert np.sqrt(np.mean(found[:, 6] ** 2)) == pytest.approx(1000 * e.predicted_rms_mm, rel=1e-3)
 
 
-def test_only_what_is_ticked_is_evaluated_and_reported(wizard, window, calibrated, qtbot) -> None:
-    page = wizard(calibrated)
+def test_only_what_is_ticked_is_evaluated_and_reported(open_page, window, calibrated, qtbot) -> None:
+    page = open_page(calibrated)
     page.planes.setFocus()
     page.planes.setCurrentRow(1)
     qtbot.keyClick(page.planes, Qt.Key.Key_Space)
@@ -116,29 +116,26 @@ def test_only_what_is_ticked_is_evaluated_and_reported(wizard, window, calibrate
     idle(window, qtbot)
     planes = json.loads((calibrated / "results" / "evaluation.json").read_text())["planes"]
     assert [(p["capture"], p["method"]) for p in planes] == [("plane+00", "photogrammetric")]
-    assert page.go_to("sign-off")
-    click(page.next_button, qtbot)
+    click(open_page(None, "report").run_button, qtbot)
     idle(window, qtbot)
     html = (calibrated / "results" / "report" / "report.html").read_text()
     assert "plane+00" in html
     assert "plane+15" not in html
-    window.show_page("plane-table")
-    idle(window, qtbot)
-    assert window.page._missing() == ""  # what is ticked is still what is evaluated
+    assert open_page(None)._evaluated()  # what is ticked is still what is evaluated
 
 
-def test_unticking_everything_says_what_is_missing(wizard, calibrated, qtbot) -> None:
-    page = wizard(calibrated)
+def test_unticking_everything_says_what_is_missing(open_page, calibrated, qtbot) -> None:
+    page = open_page(calibrated)
     for row in range(page.planes.count()):
         page.planes.item(row).setCheckState(Qt.CheckState.Unchecked)
-    assert page._why.text() == "Tick a plane."
+    assert page.chosen.text() == "Tick a plane."
     assert not page.run_button.isEnabled()
 
 
-def test_cancelling_the_evaluation_leaves_the_one_before(wizard, window, finished_project, qtbot) -> None:
+def test_cancelling_the_evaluation_leaves_the_one_before(open_page, window, finished_project, qtbot) -> None:
     file = finished_project / "results" / "evaluation.npz"
     before = file.read_bytes()
-    page = wizard(finished_project)
+    page = open_page(finished_project)
     click(page.run_button, qtbot)
     qtbot.waitUntil(lambda: window.bench.jobs.running is not None)
     qtbot.mouseClick(window.job_bar.cancel, LEFT)
@@ -146,10 +143,10 @@ def test_cancelling_the_evaluation_leaves_the_one_before(wizard, window, finishe
     assert file.read_bytes() == before
 
 
-def test_the_cursor_reads_the_same_place_in_every_method(wizard, window, finished, qtbot) -> None:
-    page = wizard(finished)
+def test_the_cursor_reads_the_same_place_in_every_method(open_page, window, finished, qtbot) -> None:
+    page = open_page(finished)
     assert page.go_to("maps")
-    maps = page.maps
+    maps = page.deviations
     u, v = np.argwhere(np.isfinite(maps.maps[-1].image))[0][::-1] + 20
     first = maps.maps[0].canvas
     at = first.mapFromScene(first.box.mapViewToScene(QPointF(float(u), float(v))))
@@ -169,18 +166,18 @@ def test_the_cursor_reads_the_same_place_in_every_method(wizard, window, finishe
     assert f"photogrammetric {value:+.1f} µm" in maps.readout.text() or np.isnan(value)
 
 
-def test_the_scale_is_one_for_all_maps_and_follows_the_operator(wizard, finished, qtbot) -> None:
-    page = wizard(finished)
+def test_the_scale_is_one_for_all_maps_and_follows_the_operator(open_page, finished, qtbot) -> None:
+    page = open_page(finished)
     assert page.go_to("maps")
-    page.maps.limit.setValue(0.05)
-    levels = {tuple(m.image_item.levels) for m in (*page.maps.maps, *page.profile.maps.maps)}
+    page.deviations.limit.setValue(0.05)
+    levels = {tuple(m.image_item.levels) for m in (*page.deviations.maps, *page.profile.maps.maps)}
     assert levels == {(-0.05, 0.05)}
-    click(page.maps.automatic, qtbot)
-    assert page.maps.limit.value() == pytest.approx(page._view.limit_mm)
+    click(page.deviations.automatic, qtbot)
+    assert page.deviations.limit.value() == pytest.approx(page._view.limit_mm)
 
 
-def test_a_line_is_drawn_by_mouse_and_moved_by_keys(wizard, window, finished, qtbot) -> None:
-    page = wizard(finished)
+def test_a_line_is_drawn_by_mouse_and_moved_by_keys(open_page, window, finished, qtbot) -> None:
+    page = open_page(finished)
     assert page.go_to("profile")
     canvas = page.profile.maps.maps[0].canvas
     places = [canvas.mapFromScene(canvas.box.mapViewToScene(QPointF(u, v))) for u, v in ((60.0, 60.0), (180.0, 100.0))]
@@ -205,11 +202,10 @@ def test_a_line_is_drawn_by_mouse_and_moved_by_keys(wizard, window, finished, qt
     assert all(np.isfinite(curve.band).any() for curve in curves)
 
 
-def test_a_sign_off_lapses_with_other_figures(wizard, window, finished_project, qtbot) -> None:
-    page = wizard(finished_project)
-    assert page.go_to("sign-off")
+def test_a_sign_off_lapses_with_other_figures(open_page, window, finished_project, qtbot) -> None:
+    page = open_page(finished_project, "report")
     qtbot.keyClicks(page.signing.operator, "A. Operator")
-    click(page.next_button, qtbot)
+    click(page.run_button, qtbot)
     idle(window, qtbot)
     project = read_project(finished_project)
     evaluations = load_evaluation(project)
@@ -217,13 +213,13 @@ def test_a_sign_off_lapses_with_other_figures(wizard, window, finished_project, 
     assert load_sign_off(project, evaluations[1:]) is None
 
 
-def test_a_damaged_sign_off_is_told(wizard, window, notices, finished_project) -> None:
+def test_a_damaged_sign_off_is_told(open_page, window, notices, finished_project) -> None:
     (finished_project / "results" / "sign-off.json").write_text("{")
-    wizard(finished_project)
+    open_page(finished_project, "report")
     assert any(n.kind == "error" and "sign-off.json" in n.happened for n in notices)
 
 
-def test_without_planes_or_calibrations_the_wizard_says_what_to_do_first(wizard, project: Path) -> None:
-    page = wizard(project)
-    assert page._why.text() == "Calibrate first."
+def test_without_planes_or_calibrations_the_page_says_what_to_do_first(open_page, project: Path) -> None:
+    page = open_page(project)
+    assert page.chosen.text() == "Calibrate first."
     assert not page.run_button.isEnabled()

@@ -1,25 +1,20 @@
-"""What the plane-table wizard offers, and what it writes."""
+"""What there is to judge, and by what."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication
 
 from core import pipeline
-from core.model import Project
 from core.pipeline import METHODS
-from core.progress import SILENT, Progress
-from core.report import ReportPaths, SignOff, table_file, write_table_csv
-from stripe_gui.presenters.evaluate import EvaluationView, Pair, angle_text
+from stripe_gui.presenters.evaluate import EvaluationView, angle_text
 from stripe_gui.presenters.folder import ProjectFolder, written_ns
 from stripe_gui.presenters.status import StageStatus, State, method_name
 
 translate = QCoreApplication.translate
-UM = 1000.0
 
 
 @dataclass(frozen=True)
@@ -29,16 +24,6 @@ class Choice:
     name: str
     title: str
     state: str
-
-
-@dataclass(frozen=True)
-class Wishes:
-    """Which files the operator wants."""
-
-    report: bool = True
-    table: bool = True
-    profiles: bool = True
-    deviations: bool = False
 
 
 def plane_choices(folder: ProjectFolder) -> list[Choice]:
@@ -95,44 +80,6 @@ def is_evaluated(
     inputs += [written_ns(folder.result_file(f"{method}.npz")) or 0 for method in methods]
     made = {(e.capture, e.method) for e in view.evaluations if e.camera is not None}
     return made == {(c, m) for c in captures for m in methods} and max(inputs, default=0) <= at
-
-
-def write_signed_report(project: Project, sign_off: SignOff | None, progress: Progress = SILENT) -> ReportPaths:
-    """Sign the project's evaluation and write the report into the project."""
-    evaluations = pipeline.load_evaluation(project)
-    pipeline.sign_project(project, sign_off, evaluations)
-    return pipeline.report_project(project, progress=progress, evaluations=evaluations)
-
-
-def export_files(
-    project: Project,
-    view: EvaluationView,
-    sign_off: SignOff | None,
-    line: tuple[Pair, Pair],
-    wishes: Wishes,
-    out: Path,
-    progress: Progress = SILENT,
-) -> list[Path]:
-    """Write what is wished for into a folder; give the files.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to.
-    """
-    pipeline.sign_project(project, sign_off, view.evaluations)
-    files: list[Path] = []
-    if wishes.table:
-        files.append(out / table_file(view.table))
-        write_table_csv(files[-1], view.table)
-    if wishes.profiles:
-        files += pipeline.export_profiles(project, view.evaluations, out, line)
-    if wishes.deviations:
-        files += pipeline.export_deviations(project, view.evaluations, out, progress=progress.part(0.0, 0.5))
-    if wishes.report:
-        paths = pipeline.report_project(project, out, progress.part(0.5, 1.0), evaluations=view.evaluations)
-        files += [paths.html, paths.pdf]
-    return files
 
 
 def _when(at_ns: int) -> str:

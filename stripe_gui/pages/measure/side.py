@@ -9,12 +9,12 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QListWidget, QListWidgetItem, QTabWidget, QWidget
 
 from stripe_gui.assets import icon
+from stripe_gui.pages.measure.model import Picking
+from stripe_gui.pages.measure.view import PickingView, state_text
 from stripe_gui.widgets.field_map import FieldMap, MapState
 from stripe_gui.widgets.layout import boxed, column
 from stripe_gui.widgets.loupe import Loupe
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
-from stripe_gui.wizards.picking.model import Picking
-from stripe_gui.wizards.picking.view import PickingView, state_text
 
 WIDTH = 272
 
@@ -29,7 +29,7 @@ class SidePanel(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setFixedWidth(WIDTH)
+        self.setMinimumWidth(WIDTH)
         self.map, self.loupe = FieldMap(), Loupe()
         self.images = QListWidget()
         self.images.setAccessibleName(self.tr("Images"))

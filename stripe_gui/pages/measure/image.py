@@ -8,10 +8,10 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
 
 from core.model import DeviceSpec
+from stripe_gui.pages.measure.marks import MarksOverlay
 from stripe_gui.presenters.capture import FrameView
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import button, column, label, row
-from stripe_gui.wizards.picking.marks import MarksOverlay
 
 REACH_PX = 12  # on the screen: how far beside a dot a click may be
 

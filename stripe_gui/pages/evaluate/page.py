@@ -1,68 +1,60 @@
-"""The plane-table wizard: from plane captures and calibrations to a report that is signed off."""
+"""The plane-table on one page: what is judged, signed deviation maps, profiles, histograms, Table 3."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from core.pipeline import load_sign_off
+from stripe_gui.pages.evaluate.choices import calibration_choices, is_evaluated, plane_choices
+from stripe_gui.pages.evaluate.parts import CheckList, HistogramPart, ProfilePart, choose_body
+from stripe_gui.pages.parts_page import PartsPage
 from stripe_gui.presenters.evaluate import EvaluationView, load_evaluation
+from stripe_gui.presenters.status import State
 from stripe_gui.presenters.work import evaluate
 from stripe_gui.widgets.deviation_maps import DeviationMaps
-from stripe_gui.widgets.job_bar import JobBar
 from stripe_gui.widgets.layout import boxed, column, label
-from stripe_gui.widgets.result_table import ResultTable
-from stripe_gui.wizards.plane_table.model import (
-    calibration_choices,
-    export_files,
-    is_evaluated,
-    plane_choices,
-    write_signed_report,
-)
-from stripe_gui.wizards.plane_table.steps import CheckList, HistogramStep, ProfileStep, SignOffStep, choose_body
-from stripe_gui.wizards.wizard import Wizard
+from stripe_gui.widgets.result_table import EMPTY, ResultTable
+from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.workbench import Workbench
 
 
-class PlaneTableWizard(Wizard):
-    """Six steps: choose and evaluate, maps, profile, histogram, Table 3, sign-off."""
+class EvaluatePage(PartsPage):
+    """Planes and calibrations to tick, then maps, profile, histogram and Table 3 of the evaluation there is."""
 
-    id = "plane-table"
-    stage = "evaluate"
+    id = stage = "evaluate"
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
             bench,
-            self.tr("Plane-table"),
-            self.tr("Judge the sensor by planes: choose, evaluate, look, sign off."),
-            last=self.tr("Write report"),
+            self.tr("Evaluate"),
+            self.tr("How far the points of the plane-table lie from the plane fitted to them."),
         )
         self._view: EvaluationView | None = None
-        self.run_button = self.add_button(self.tr("Evaluate"), self.run, "run")
+        self.run_button = self.add_button(self.tr("Evaluate"), self.run, "run", primary=True)
         self.run_button.setToolTip(self.tr("Judge the ticked planes by the ticked calibrations (F5)."))
+        self.state = label("", "muted", wrap=True)
+        self.verdicts = VerdictList()
+        self.body.insertWidget(0, self.state)
+        self.body.insertWidget(1, self.verdicts)
         self.planes = CheckList(self.tr("Planes"))
         self.calibrations = CheckList(self.tr("Calibrations"))
         for found in (self.planes, self.calibrations):
             found.ticked.connect(self._choice_changed)
-        self.state = label("", "muted", wrap=True)
-        self.maps = DeviationMaps()
-        maps = boxed(column(self.maps))
+        self.chosen = label("", "muted", wrap=True)
+        self.deviations = DeviationMaps()
+        maps = boxed(column(self.deviations))
         maps.layout().setContentsMargins(0, 8, 0, 0)
-        self.profile = ProfileStep()
-        self.maps.limit.valueChanged.connect(self.profile.maps.limit.setValue)
-        self.profile.maps.limit.valueChanged.connect(self.maps.limit.setValue)
-        self.histogram = HistogramStep()
+        self.profile = ProfilePart()
+        self.profile.line_changed.connect(bench.session.keep_line)
+        self.deviations.limit.valueChanged.connect(self.profile.maps.limit.setValue)
+        self.profile.maps.limit.valueChanged.connect(self.deviations.limit.setValue)
+        self.histogram = HistogramPart()
         self.table = ResultTable(self.tr("Deviations from the plane-table"))
         table = boxed(column(self.table))
         table.layout().setContentsMargins(0, 8, 0, 0)
-        self.signing = SignOffStep()
-        self.signing.export_wanted.connect(self.export)
-        body = choose_body(self.planes, self.calibrations, self.state, JobBar(bench.jobs))
+        body = choose_body(self.planes, self.calibrations, self.chosen)
         self.add_step("choose", self.tr("Choose"), body, missing=self._missing)
         self.add_step("maps", self.tr("Maps"), maps)
         self.add_step("profile", self.tr("Profile"), self.profile)
         self.add_step("histogram", self.tr("Histogram"), self.histogram)
         self.add_step("table", self.tr("Table 3"), table)
-        self.add_step("sign-off", self.tr("Sign off"), self.signing)
         bench.session.project_changed.connect(self._forget)
 
     def refresh(self) -> None:
@@ -85,78 +77,61 @@ class PlaneTableWizard(Wizard):
         """Evaluate what is ticked, in the background."""
         if self.can_run():
             self.bench.run_stage(
-                "evaluate", evaluate, captures=self.planes.chosen(), methods=self.calibrations.chosen()
+                "evaluate",
+                evaluate,
+                captures=self.planes.chosen(),
+                methods=self.calibrations.chosen(),
+                on_done=self._told,
             )
 
     def can_run(self) -> bool:
         """Say whether a plane and a calibration are ticked."""
         return self.session.is_open and bool(self.planes.chosen() and self.calibrations.chosen())
 
-    def export(self) -> None:
-        """Ask for a folder and write the chosen files there."""
-        out = self.bench.dialogs.open_folder(self, self.tr("Export the plane-table into a folder"), Path.home())
-        if out is None or self._view is None:
-            return
-        self._remember()
-        done = self.tr("{n} files written to {folder}.")
-        self.bench.run_stage(
-            "report",
-            export_files,
-            self._view,
-            self.signing.sign_off(),
-            self.profile.line,
-            self.signing.wishes(),
-            out,
-            on_done=lambda files: self.bench.notify("success", done.format(n=len(files), folder=out)),
-        )
-
-    def finish(self) -> None:
-        """Sign off, write the report and go to its page."""
-        self._remember()
-
-        def done(_: object) -> None:
-            self.bench.notify("success", self.tr("The report is written: HTML and PDF."))
-            self.bench.show_page("report")
-
-        self.bench.run_stage("report", write_signed_report, self.signing.sign_off(), on_done=done)
+    def _told(self, evaluations: tuple) -> None:
+        captures = len({e.capture for e in evaluations})
+        if self.step.name == "choose" and self._view is not None:
+            self.go_to("maps")
+        self.bench.notify("success", self.tr("{n} planes evaluated.").format(n=captures))
 
     def _take(self, view: EvaluationView | None) -> None:
         if view is not None and (self._view is None or view.evaluations is not self._view.evaluations):
-            first = self._view is None
-            self._view = view
-            for part in (self.maps, self.profile, self.histogram, self.signing):
+            first, self._view = self._view is None, view
+            for part in (self.deviations, self.profile, self.histogram):
                 part.show_view(view)
             self.table.show_table(view.table)
-            if first:
-                self._fill()
+            self.verdicts.show_verdicts(view.verdicts)
+            if first and self.step.name == "choose":
+                self.go_to("maps")
         elif view is None:
             self._view = None
+            self.table.show_table(EMPTY)
+            self.verdicts.show_verdicts({})
+            self.start()
         self._choice_changed()
-
-    def _fill(self) -> None:
-        signed = self.bench.guarded(load_sign_off, self.session.folder.project, self._view.evaluations)
-        self.signing.fill(signed, self.bench.settings.text("instrument"))
-
-    def _remember(self) -> None:
-        signed = self.signing.sign_off()
-        if signed is not None:
-            self.bench.settings.set("instrument", signed.instrument)
 
     def _forget(self) -> None:
         """Another project: begin anew."""
         self._view = None
         self.planes.clear()
         self.calibrations.clear()
+        self.verdicts.show_verdicts({})
         self.start()
 
     def _choice_changed(self) -> None:
+        """Say what is ticked, and where the stage stands."""
         planes, methods = len(self.planes.chosen()), len(self.calibrations.chosen())
+        text = self._missing()
         if planes and methods:
             text = self.tr("{n} planes by {m} calibrations: ").format(n=planes, m=methods)
             text += self.tr("evaluated.") if self._evaluated() else self.tr("not evaluated yet.")
-        else:
-            text = ""
-        self.state.setText(text)
+        self.chosen.setText(text)
+        status = self.session.statuses.get("evaluate")
+        told = self.tr("Not evaluated yet: {reason}.")
+        if self._view is not None:
+            told = self.tr("This evaluation is out of date: {reason}.")
+        self.state.setText(told.format(reason=status.reason if status else ""))
+        self.state.setVisible(status is not None and status.state is not State.DONE)
         self.run_button.setEnabled(self.can_run())
         self.update_steps()
 
@@ -171,6 +146,7 @@ class PlaneTableWizard(Wizard):
             return self.tr("Calibrate first.")
         if not self.planes.chosen():
             return self.tr("Tick a plane.")
-        if not self.calibrations.chosen():
-            return self.tr("Tick a calibration.")
-        return "" if self._evaluated() else self.tr("Evaluate these first (F5).")
+        return "" if self.calibrations.chosen() else self.tr("Tick a calibration.")
+
+    def _reach(self) -> int:
+        return len(self.steps) - 1 if self._view is not None else 0

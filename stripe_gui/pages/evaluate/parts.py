@@ -1,25 +1,20 @@
-"""The bodies of the plane-table wizard's steps."""
+"""The bodies of the evaluate page's parts."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import date
 
 import numpy as np
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
-    QCheckBox,
     QComboBox,
-    QDoubleSpinBox,
-    QFormLayout,
-    QLineEdit,
     QListWidget,
     QListWidgetItem,
     QWidget,
 )
 
 from core.evaluate import line_across
-from core.report import SignOff, Tolerance, verdict
+from stripe_gui.pages.evaluate.choices import Choice
 from stripe_gui.presenters.evaluate import (
     EvaluationView,
     distribution_text,
@@ -30,12 +25,12 @@ from stripe_gui.presenters.evaluate import (
 from stripe_gui.presenters.status import method_name
 from stripe_gui.widgets.deviation_maps import DeviationMaps
 from stripe_gui.widgets.histogram import Histogram
-from stripe_gui.widgets.layout import SPACE, boxed, button, card, column, label, row
+from stripe_gui.widgets.layout import boxed, button, column, label, row
 from stripe_gui.widgets.line_tool import LineTool
 from stripe_gui.widgets.plot import Curve, Plot
-from stripe_gui.wizards.plane_table.model import UM, Choice, Wishes
 
 NAME = Qt.ItemDataRole.UserRole
+UM = 1000.0
 
 
 class CheckList(QListWidget):
@@ -81,19 +76,23 @@ class PlaneChoice(QComboBox):
         self.setAccessibleName(name)
         self.setMinimumWidth(180)
 
-    def show_view(self, view: EvaluationView) -> None:
-        """Offer the planes of an evaluation; the one chosen stays."""
+    def show_view(self, view: EvaluationView, all_words: str = "") -> None:
+        """Offer the planes of an evaluation, and all together where there are words for it; the one chosen stays."""
         before = self.currentData()
         self.blockSignals(True)
         self.clear()
         for capture in view.captures:
             self.addItem(plane_name(view.by_method(capture)[0]), capture)
+        if all_words:
+            self.addItem(all_words, "")
         self.setCurrentIndex(max(self.findData(before), 0))
         self.blockSignals(False)
 
 
-class ProfileStep(QWidget):
+class ProfilePart(QWidget):
     """One plane's maps with a line over them, and the deviations along it."""
+
+    line_changed = Signal(object)  # its ends
 
     def __init__(self) -> None:
         super().__init__()
@@ -154,6 +153,7 @@ class ProfileStep(QWidget):
         (u0, v0), (u1, v1) = self.line
         if self._view is None or np.hypot(u1 - u0, v1 - v0) < 1:
             return
+        self.line_changed.emit(self.line)
         found = profiles(self._view, self.plane.currentData(), *self.line)
         curves, reach, longest = [], 1.0, 1.0
         for i, (method, line) in enumerate(found.items()):
@@ -173,7 +173,7 @@ class ProfileStep(QWidget):
         self.plot.set_curves(curves, (0.0, longest), (-1.1 * reach, 1.1 * reach), said)
 
 
-class HistogramStep(QWidget):
+class HistogramPart(QWidget):
     """The distribution of a plane's deviations against the normal one."""
 
     def __init__(self) -> None:
@@ -192,158 +192,34 @@ class HistogramStep(QWidget):
     def show_view(self, view: EvaluationView) -> None:
         """Show an evaluation."""
         self._view = view
-        self.plane.show_view(view)
+        self.plane.show_view(view, self.tr("all planes"))
         self._show_plane()
 
     def _show_plane(self) -> None:
-        if self._view is None or self.plane.currentData() is None:
+        view, plane = self._view, self.plane.currentData()
+        if view is None or plane is None:
             return
-        own = self._view.by_method(self.plane.currentData())
+        if not plane:
+            ordered = sorted(view.evaluations, key=lambda e: view.captures.index(e.capture))
+            series = [(f"{e.capture}, {method_name(e.method)}", e.deviation_mm) for e in ordered]
+            self.histogram.set_values(series, view.limit_mm)
+            self.shares.setText("\n".join(distribution_text(view, capture) for capture in view.captures))
+            return
+        own = view.by_method(plane)
         series = [(method_name(e.method), e.deviation_mm) for e in own]
         normal = [(self.tr("normal, {rms:.4f} mm").format(rms=e.rms_mm), e.rms_mm) for e in own]
         self.histogram.set_values(series, 4 * max(e.rms_mm for e in own) or 1.0, 81, normal=normal)
-        self.shares.setText(distribution_text(self._view, self.plane.currentData()))
+        self.shares.setText(distribution_text(view, plane))
 
 
-class SignOffStep(QWidget):
-    """Who signs, against which tolerance, and which files to export."""
-
-    changed = Signal()
-    export_wanted = Signal()
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._view: EvaluationView | None = None
-        self.operator, self.instrument, self.date, self.remark = (QLineEdit() for _ in range(4))
-        self.with_tolerance = QCheckBox(self.tr("Judge against a tolerance"))
-        self.limit = QDoubleSpinBox()
-        self.limit.setDecimals(4)
-        self.limit.setRange(0.001, 100.0)
-        self.limit.setSingleStep(0.005)
-        self.limit.setValue(0.05)
-        self.limit.setSuffix(" mm")
-        self.limit.setAccessibleName(self.tr("Tolerance"))
-        self.of = QComboBox()
-        self.of.setAccessibleName(self.tr("Figure that the tolerance limits"))
-        self.of.addItem(self.tr("r.m.s. deviation"), "rms")
-        self.of.addItem(self.tr("largest deviation"), "max")
-        self.verdict = label(" ", wrap=True)
-        self.verdict.setAccessibleName(self.tr("Result"))
-        self.report, self.table, self.profiles, self.deviations = (
-            QCheckBox(text)
-            for text in (
-                self.tr("Report: HTML and PDF"),
-                self.tr("Table 3 as CSV"),
-                self.tr("Profiles along the line as CSV"),
-                self.tr("Deviations of every pixel as CSV"),
-            )
-        )
-        for box in (self.report, self.table, self.profiles):
-            box.setChecked(True)
-        self.export_button = button(self.tr("Export…"), self.export_wanted.emit, "export")
-        self.export_button.setToolTip(self.tr("Choose a folder for these files."))
-        self._lay_out()
-        for field in (self.operator, self.instrument, self.date, self.remark):
-            field.textChanged.connect(self._judge)
-        self.with_tolerance.toggled.connect(self._judge)
-        self.limit.valueChanged.connect(self._judge)
-        self.of.currentIndexChanged.connect(self._judge)
-
-    def _lay_out(self) -> None:
-        signing, layout = card(self.tr("Sign-off"))
-        form = QFormLayout()
-        form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-        form.setHorizontalSpacing(SPACE)
-        fields = (
-            (self.tr("Operator"), self.operator),
-            (self.tr("Instrument"), self.instrument),
-            (self.tr("Date"), self.date),
-            (self.tr("Remark"), self.remark),
-        )
-        for text, field in fields:
-            field.setAccessibleName(text)
-            form.addRow(label(text), field)
-        self.operator.setPlaceholderText(self.tr("without a name the report is not signed"))
-        layout.addLayout(form)
-        layout.addWidget(self.with_tolerance)
-        layout.addLayout(row(self.limit, self.of, None))
-        layout.addWidget(self.verdict)
-        layout.addStretch(1)
-        files, layout = card(self.tr("Files"))
-        for box in (self.report, self.table, self.profiles, self.deviations):
-            layout.addWidget(box)
-        layout.addLayout(row(self.export_button, None))
-        layout.addStretch(1)
-        files.setMaximumWidth(330)
-        outer = row(signing, files)
-        outer.setContentsMargins(0, 8, 0, 0)
-        self.setLayout(outer)
-
-    def show_view(self, view: EvaluationView) -> None:
-        """Judge an evaluation."""
-        self._view = view
-        self._judge()
-
-    def fill(self, sign_off: SignOff | None, instrument: str) -> None:
-        """Show the sign-off there is, or the instrument typed last time with today's date."""
-        today = f"{date.today():%Y-%m-%d}"
-        shown = sign_off or SignOff("", instrument, date=today)
-        self.operator.setText(shown.operator)
-        self.instrument.setText(shown.instrument)
-        self.date.setText(shown.date)
-        self.remark.setText(shown.remark)
-        self.with_tolerance.setChecked(shown.tolerance is not None)
-        if shown.tolerance is not None:
-            self.limit.setValue(shown.tolerance.limit_mm)
-            self.of.setCurrentIndex(self.of.findData(shown.tolerance.of))
-        self._judge()
-
-    def sign_off(self) -> SignOff | None:
-        """Give what was typed; None without a name."""
-        name = self.operator.text().strip()
-        if not name:
-            return None
-        return SignOff(
-            operator=name,
-            instrument=self.instrument.text().strip(),
-            remark=self.remark.text().strip(),
-            date=self.date.text().strip(),
-            tolerance=self.tolerance(),
-            despite=self.remark.text().strip(),  # where a verdict failed, the remark must say why it is signed
-        )
-
-    def tolerance(self) -> Tolerance | None:
-        """Give the tolerance, if there is to be one."""
-        return Tolerance(self.limit.value(), self.of.currentData()) if self.with_tolerance.isChecked() else None
-
-    def wishes(self) -> Wishes:
-        """Give the files wanted."""
-        boxes = (self.report, self.table, self.profiles, self.deviations)
-        return Wishes(*(box.isChecked() for box in boxes))
-
-    def _judge(self) -> None:
-        wanted = self.with_tolerance.isChecked()
-        self.limit.setEnabled(wanted)
-        self.of.setEnabled(wanted)
-        tolerance = self.tolerance()
-        if tolerance is None or self._view is None:
-            self.verdict.setText(" ")
-        else:
-            found = verdict(self._view.evaluations, tolerance)
-            self.verdict.setText(f"{'✓' if found.passed else '✗'} {found.text}")
-        self.changed.emit()
-
-
-def choose_body(planes: CheckList, calibrations: CheckList, state: QWidget, work: QWidget) -> QWidget:
-    """Lay out the step that chooses."""
+def choose_body(planes: CheckList, calibrations: CheckList, state: QWidget) -> QWidget:
+    """Lay out the part that chooses."""
     lists = row(
         boxed(column(label(planes.accessibleName(), "heading"), planes, spacing=8)),
         boxed(column(label(calibrations.accessibleName(), "heading"), calibrations, spacing=8)),
         spacing=20,
     )
-    below = row(state, work)
-    below.setStretchFactor(state, 1)
-    layout = column(lists, below)
+    layout = column(lists, state)
     layout.setContentsMargins(0, 8, 0, 0)
     body = QWidget()
     body.setLayout(layout)

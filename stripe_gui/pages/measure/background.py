@@ -12,9 +12,9 @@ from core.errors import StripeError
 from core.model import Capture, PhaseMap, Project, TargetSet
 from core.pipeline.picking import current_targets, measure_one
 from stripe_gui.jobs import Failure, JobQueue
+from stripe_gui.pages.measure.model import Measurement, Picking, Picks
+from stripe_gui.pages.measure.work import Kept, Look, decode_board, look_at, signature
 from stripe_gui.presenters.failures import describe
-from stripe_gui.wizards.picking.model import Measurement, Picking, Picks
-from stripe_gui.wizards.picking.work import Kept, Look, decode_board, look_at, signature
 from stripe_gui.workbench import Workbench
 
 

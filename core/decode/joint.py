@@ -1,0 +1,85 @@
+"""All periods of an axis fitted together: their waves stand on the same light, through the same gain.
+
+Where a response bends waves of few steps, the phase of a period alone is nearly flat at some places, and says little
+there. But then the mean of the steps and the amplitude change with the phase, and how much light there is at all is
+known from the other periods, or from white and black. Three steps with a power law of 2.2 come so to the noise of a
+straight response.
+"""
+
+from __future__ import annotations
+
+from core.decode.compiled import HALF, INT, ONE, TINY, F, part
+
+TOLERANCE = F(0.005)  # part of the gain by which mean and amplitude may differ from the model without noise
+FIELDS = F(0.02)  # part of the light of white and black by which that of the fringes may differ
+MOST = F(0.125)  # turns: a change by more is none of noise
+SIGMAS = F(5)  # nor one by so many standard deviations of the phase before
+
+
+@part
+def join(  # type: ignore[no-untyped-def]
+    table, limits, count, turns, variance, means, amplitudes, threshold, contrast, known
+):
+    """Sharpen the phases (turns) of all periods by what their means and amplitudes tell, and their variances.
+
+    Unknown are ambient light b, gain s and the phases: mean = b + s m(phase), amplitude = s r(phase), and the phase as
+    measured. The phases are eliminated. `known` says that threshold and contrast are those of white and black.
+    """
+    joint, bend, covariance, cofactors = table.joint, table.bend, table.covariance, table.mean_cofactor
+    if len(joint) == 0:
+        return
+    periods, grid = len(joint), joint.shape[2]
+    dark, shot, floor = limits.dark, limits.shot, limits.floor
+    for i in range(count):
+        light, parts = F(0), TINY
+        for j in range(periods):
+            at = min(max(INT((turns[j, i] - _whole(turns[j, i]) + HALF) * F(grid)), 0), grid - 1)
+            light += amplitudes[j, i]
+            parts += joint[j, 1, at]
+        gain = light / parts
+        slack = TOLERANCE * TOLERANCE * gain * gain
+        bb, bs, ss, rb, rs = F(0), F(0), F(0), F(0), F(0)
+        if known:
+            spread = max(dark + shot * threshold[i], floor) + FIELDS * FIELDS * gain * gain
+            weight, low, high = ONE / spread, threshold[i] - contrast[i], threshold[i] + contrast[i]
+            bb, bs, ss, rb, rs = F(2) * weight, weight, weight, weight * (low + high), weight * high
+        for j in range(periods):
+            at = min(max(INT((turns[j, i] - _whole(turns[j, i]) + HALF) * F(grid)), 0), grid - 1)
+            m, r, m1, r1, t1 = joint[j, 0, at], joint[j, 1, at], joint[j, 2, at], joint[j, 3, at], joint[j, 4, at]
+            noise = max(dark + shot * means[j, i], floor)
+            across = ONE / (noise * covariance[j, 0] + TINY)
+            wm, wa = ONE / (noise * cofactors[j] + slack), ONE / (noise * covariance[j, 0] + slack)
+            g1, g2 = gain * m1 * wm, gain * r1 * wa
+            d = gain * gain * (m1 * m1 * wm + r1 * r1 * wa + t1 * t1 * across) + TINY
+            w11, w12, w22 = wm - g1 * g1 / d, -g1 * g2 / d, wa - g2 * g2 / d
+            one, two = w11 * means[j, i] + w12 * amplitudes[j, i], w12 * means[j, i] + w22 * amplitudes[j, i]
+            bb += w11
+            bs += w11 * m + w12 * r
+            ss += w11 * m * m + F(2) * w12 * m * r + w22 * r * r
+            rb += one
+            rs += m * one + r * two
+        det = bb * ss - bs * bs
+        if not det > F(1e-6) * bb * ss:
+            continue
+        qbb, qbs, qss = ss / det, -bs / det, bb / det
+        b, s = qbb * rb + qbs * rs, qbs * rb + qss * rs
+        for j in range(periods):
+            at = min(max(INT((turns[j, i] - _whole(turns[j, i]) + HALF) * F(grid)), 0), grid - 1)
+            m, r, m1, r1, t1 = joint[j, 0, at], joint[j, 1, at], joint[j, 2, at], joint[j, 3, at], joint[j, 4, at]
+            noise = max(dark + shot * means[j, i], floor)
+            across = ONE / (noise * covariance[j, 0] + TINY)
+            wm, wa = ONE / (noise * cofactors[j] + slack), ONE / (noise * covariance[j, 0] + slack)
+            g1, g2 = gain * m1 * wm, gain * r1 * wa
+            d = gain * gain * (m1 * m1 * wm + r1 * r1 * wa + t1 * t1 * across) + TINY
+            shift = (g1 * (means[j, i] - b - s * m) + g2 * (amplitudes[j, i] - s * r)) / d
+            h1, h2 = g1 / d, (g1 * m + g2 * r) / d
+            var = ONE / d + h1 * h1 * qbb + F(2) * h1 * h2 * qbs + h2 * h2 * qss + bend[j, 2, at]
+            if abs(shift) < MOST and shift * shift < SIGMAS * SIGMAS * variance[j, i] and var < variance[j, i]:
+                turns[j, i] += shift
+                variance[j, i] = var
+
+
+@part
+def _whole(turns):  # type: ignore[no-untyped-def]
+    """The whole turns of a phase that straightening may have carried beyond half a turn."""
+    return ONE if turns >= HALF else (-ONE if turns < -HALF else F(0))

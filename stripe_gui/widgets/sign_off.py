@@ -1,0 +1,107 @@
+"""Who signs, against which tolerance, and whether the planes stay within it."""
+
+from __future__ import annotations
+
+from datetime import date
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QFormLayout, QLineEdit, QWidget
+
+from core.model import PlaneEvaluation, Verdict
+from core.report import SignOff, Tolerance, verdict
+from stripe_gui.widgets.layout import SPACE, card, column, label, row
+from stripe_gui.widgets.verdict import VerdictList
+
+
+class SignOffForm(QWidget):
+    """The fields of a sign-off; with a tolerance it says at once whether the planes pass."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._evaluations: tuple[PlaneEvaluation, ...] = ()
+        self.operator, self.instrument, self.date, self.remark = (QLineEdit() for _ in range(4))
+        self.with_tolerance = QCheckBox(self.tr("Judge against a tolerance"))
+        self.limit = QDoubleSpinBox()
+        self.limit.setDecimals(4)
+        self.limit.setRange(0.001, 100.0)
+        self.limit.setSingleStep(0.005)
+        self.limit.setValue(0.05)
+        self.limit.setSuffix(" mm")
+        self.limit.setAccessibleName(self.tr("Tolerance"))
+        self.of = QComboBox()
+        self.of.setAccessibleName(self.tr("Figure that the tolerance limits"))
+        self.of.addItem(self.tr("r.m.s. deviation"), "rms")
+        self.of.addItem(self.tr("largest deviation"), "max")
+        self.verdict = VerdictList()
+        self.verdict.setAccessibleName(self.tr("Result"))
+        signing, layout = card(self.tr("Sign-off"))
+        form = QFormLayout()
+        form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+        form.setHorizontalSpacing(SPACE)
+        for text, field in (
+            (self.tr("Operator"), self.operator),
+            (self.tr("Instrument"), self.instrument),
+            (self.tr("Date"), self.date),
+            (self.tr("Remark"), self.remark),
+        ):
+            field.setAccessibleName(text)
+            form.addRow(label(text), field)
+        self.operator.setPlaceholderText(self.tr("without a name the report is not signed"))
+        layout.addLayout(form)
+        layout.addWidget(self.with_tolerance)
+        layout.addLayout(row(self.limit, self.of, None))
+        layout.addWidget(self.verdict)
+        self.setLayout(column(signing))
+        self.with_tolerance.toggled.connect(self._judge)
+        self.limit.valueChanged.connect(self._judge)
+        self.of.currentIndexChanged.connect(self._judge)
+        self._judge()
+
+    def show_evaluations(self, evaluations: tuple[PlaneEvaluation, ...]) -> None:
+        """Judge an evaluation; without one there is nothing to sign."""
+        self._evaluations = evaluations
+        self.setEnabled(bool(evaluations))
+        self._judge()
+
+    def fill(self, sign_off: SignOff | None, instrument: str) -> None:
+        """Show the sign-off there is, or the instrument typed last time with today's date."""
+        shown = sign_off or SignOff("", instrument, date=f"{date.today():%Y-%m-%d}")
+        self.operator.setText(shown.operator)
+        self.instrument.setText(shown.instrument)
+        self.date.setText(shown.date)
+        self.remark.setText(shown.remark)
+        self.with_tolerance.setChecked(shown.tolerance is not None)
+        if shown.tolerance is not None:
+            self.limit.setValue(shown.tolerance.limit_mm)
+            self.of.setCurrentIndex(self.of.findData(shown.tolerance.of))
+        self._judge()
+
+    def sign_off(self) -> SignOff | None:
+        """Give what was typed; None without a name, or without anything to sign."""
+        name = self.operator.text().strip()
+        if not name or not self._evaluations:
+            return None
+        remark = self.remark.text().strip()
+        return SignOff(
+            operator=name,
+            instrument=self.instrument.text().strip(),
+            remark=remark,
+            date=self.date.text().strip(),
+            tolerance=self.tolerance(),
+            despite=remark,  # where a verdict failed, the remark must say why it is signed
+        )
+
+    def tolerance(self) -> Tolerance | None:
+        """Give the tolerance, if there is to be one."""
+        return Tolerance(self.limit.value(), self.of.currentData()) if self.with_tolerance.isChecked() else None
+
+    def _judge(self) -> None:
+        tolerance = self.tolerance()
+        self.limit.setEnabled(tolerance is not None)
+        self.of.setEnabled(tolerance is not None)
+        found: dict[str, Verdict] = {}
+        if tolerance is not None and self._evaluations:
+            judged = verdict(self._evaluations, tolerance)
+            text = judged.text.partition(": ")[2] or judged.text
+            found[self.tr("Tolerance")] = Verdict("passed" if judged.passed else "failed", (text,))
+        self.verdict.show_verdicts(found)
