@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import os
 import shutil
+import socket
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from core.errors import InputError, StripeError
 
+PART = ".part"  # ends the name of what is being written
 # what no other name or folder on that disk would mend
 _DISK = {getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO") if hasattr(errno, name)}
+
+
+def _nothing(path: Path) -> None:
+    pass
+
+
+hooks: tuple[Callable[[Path], None], Callable[[Path], None]] = _nothing, _nothing  # before and after a file is written
 
 
 @contextmanager
@@ -42,8 +53,9 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
         return
     try:
         path = Path(os.path.realpath(path))  # a link stays one
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        hooks[0](path)
+        make_folder(path.parent, durable)
+        handle, name = tempfile.mkstemp(prefix=part_prefix(path.name), suffix=PART, dir=path.parent)
     except OSError as error:
         raise _unwritable(path, error) from error
     part = Path(name)
@@ -59,7 +71,8 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
         except OSError as error:
             raise InputError(path, f"cannot be replaced ({error.strerror})", "move what is there away") from error
         if durable:
-            _flush_folder(path.parent)
+            flush_folder(path.parent)
+        hooks[1](path)
     finally:
         part.unlink(missing_ok=True)
 
@@ -74,6 +87,7 @@ def check_place(path: Path) -> None:
     """
     if os.path.isdir(path):
         raise InputError(path, "is a folder", "give the name of a file")
+    hooks[0](path)
     if _is_stream(path):
         return
     try:
@@ -82,6 +96,75 @@ def check_place(path: Path) -> None:
             pass
     except OSError as error:
         raise _unwritable(path, error) from error
+
+
+def make_folder(folder: Path, durable: bool = True) -> None:
+    """Make a folder and those above it; `durable` so that a power cut cannot lose them any more."""
+    new = [folder]
+    while not new[-1].exists() and new[-1].parent != new[-1]:
+        new.append(new[-1].parent)
+    folder.mkdir(parents=True, exist_ok=True)
+    for parent in new[:0:-1] if durable else ():
+        flush_folder(parent)
+
+
+def flush_folder(folder: Path) -> None:
+    """Flush the names in a folder to the disk."""
+    if os.name != "posix":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def part_prefix(name: str) -> str:
+    """Begin the name of a file that is being written: it says for which file, and by which process of which machine."""
+    return f".{name[:60]}.{os.getpid()}@{_machine()}."
+
+
+@cache
+def _machine() -> str:
+    return hashlib.sha256(socket.gethostname().encode()).hexdigest()[:6]
+
+
+def is_leftover(path: Path) -> bool:
+    """Whether a file that was being written belongs to a process that is not there any more.
+
+    Of another machine's files nothing is known: they are none. Files and folders of earlier versions, which name no
+    machine, are leftovers.
+    """
+    if not path.name.endswith(PART) or not path.name.startswith("."):
+        return False
+    pid, _, machine = next((p for p in path.name.split(".")[::-1] if "@" in p), "").partition("@")
+    if not pid.isdigit():
+        return True
+    if machine != _machine() or int(pid) == os.getpid():
+        return False
+    try:
+        os.kill(int(pid), 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        return False
+    return False
+
+
+def sweep(folder: Path) -> list[Path]:
+    """Remove what killed programs left in a folder while they were writing; give what went."""
+    gone = []
+    try:
+        names = [entry for entry in os.scandir(folder) if entry.name.endswith(PART)]
+    except OSError:
+        return []
+    for entry in names:
+        path = Path(entry.path)
+        if is_leftover(path):
+            with suppress(OSError):
+                shutil.rmtree(path) if entry.is_dir(follow_symlinks=False) else path.unlink()
+                gone.append(path)
+    return gone
 
 
 def write_json(path: Path, value: Any) -> None:
@@ -135,13 +218,3 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
-
-
-def _flush_folder(folder: Path) -> None:
-    if os.name != "posix":
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -10,7 +10,6 @@ Workers on other machines must see the project and OUT under the same paths.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -30,12 +29,14 @@ from core.pipeline import (
     load_calibrations,
     phase_maps,
     read_phase,
-    result_path,
     write_cloud,
     write_phase,
 )
+from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
+from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
 from core.project import read_capture, save_archive, write_json
+from core.project.contents import Contents, contents_of, hash_value
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -63,9 +64,9 @@ class Job:
     steps : tuple of str
         What to do, in the order of `STEPS`.
     inputs : mapping
-        For every step, a digest of the files it is made from as they were when the batch began.
-    changed_ns : tuple of int
-        When the calibrations were written: a worker reads them again when they changed.
+        For every step, a sign of what it is made from as that was when the batch began.
+    calibrations : tuple
+        The calibrations and their hashes: a worker reads them again when they changed.
     threads : int
         How many threads a kernel may use.
     """
@@ -75,7 +76,7 @@ class Job:
     out: Path
     steps: tuple[Step, ...]
     inputs: Mapping[Step, str]
-    changed_ns: tuple[int, ...] = ()
+    calibrations: tuple[tuple[str, str | None], ...] = ()
     threads: int = 1
 
 
@@ -191,12 +192,11 @@ def _prepare(
     folders = [find_capture(project, name).path for name in names] if names else list(project.captures)
     if not folders:
         raise InputError(project.path, "the project has no captures", "record some first")
-    calibrations: list[Path] = []
+    calibrations: dict[str, str | None] = {}
     if set(steps) & {"reconstruct", "evaluate"}:
         load_calibrations(project)
-        methods: tuple[Method, ...] = ("photogrammetric", "polynomial")
-        calibrations = [p for m in methods if (p := result_path(project, f"{m}.npz")).exists()]
-    changed_ns = tuple(path.stat().st_mtime_ns for path in calibrations)
+        calibrations = calibration_hashes(project)
+    contents = contents_of(project.path)
     outcomes: dict[str, Outcome] = {}
     jobs = []
     for i, folder in enumerate(folders):
@@ -206,34 +206,31 @@ def _prepare(
             raise InputError("captures", f"two are called {name!r}", "run them in two batches with an OUT of their own")
         try:
             capture = read_capture(folder.resolve(), project)
-            inputs = _inputs(project, capture, calibrations)
-        except (InputError, OSError) as error:
+            inputs = _inputs(project, capture, calibrations, contents)
+        except InputError as error:
             outcomes[name] = Outcome(name, "failed", error=str(error))
             continue
         todo = tuple(step for step in steps if step != "evaluate" or capture.role == "plane")
-        job = Job(project, capture, out / name, todo, inputs, changed_ns)
+        job = Job(project, capture, out / name, todo, inputs, tuple(calibrations.items()))
         ready = _ready(job)
         left = all(step in ready for step in todo)
         outcomes[name] = Outcome(name, "left", figures=ready) if left else Outcome(name)
         if not left:
             jobs.append(job)
+    contents.keep()
     return outcomes, jobs
 
 
-def _inputs(project: Project, capture: Capture, calibrations: Iterable[Path]) -> dict[Step, str]:
-    """Digest what the steps are made from: the rig, and names, sizes and times of the files."""
-    digest = hashlib.sha256(f"{project.camera} {project.projector}".encode())
-
-    def add(path: Path) -> None:
-        seen = path.stat()
-        digest.update(f"{path.name} {seen.st_size} {seen.st_mtime_ns}\n".encode())
-
-    for path in (capture.path / "capture.json", *(frame.path for frame in capture.frames)):
-        add(path)
-    frames = digest.hexdigest()
-    for path in calibrations:
-        add(path)
-    return {"decode": frames, "reconstruct": digest.hexdigest(), "evaluate": digest.hexdigest()}
+def _inputs(
+    project: Project, capture: Capture, calibrations: Mapping[str, str | None], contents: Contents
+) -> dict[Step, str]:
+    """Sign what each step is made from, as the stages of a project record it."""
+    contents.learn(frame.path for frame in capture.frames)
+    return {
+        "decode": hash_value(decoded_from(project, capture, contents)),
+        "reconstruct": hash_value(reconstructed_from(project, capture, calibrations, contents)),
+        "evaluate": hash_value(evaluated_from(project, [capture], calibrations, contents=contents)),
+    }
 
 
 def _ready(job: Job) -> Figures:
@@ -280,7 +277,7 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
     from core.evaluate import evaluate_plane
     from core.reconstruct import reconstruct
 
-    calibrations = _calibrations(job.project, job.changed_ns)
+    calibrations = _calibrations(job.project, job.calibrations)
     if step == "reconstruct":
         method, calibration = next(iter(calibrations.items()))
         return {"method": method, "points": write_cloud(path, phase, reconstruct(phase, calibration))}
@@ -294,7 +291,7 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
 
 
 @lru_cache(maxsize=1)
-def _calibrations(project: Project, changed_ns: tuple[int, ...]) -> dict[Method, Calibration]:
+def _calibrations(project: Project, hashes: tuple[tuple[str, str | None], ...]) -> dict[Method, Calibration]:
     return load_calibrations(project)
 
 

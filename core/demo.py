@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,17 +9,18 @@ from core.figures import calibration_figures, evaluation_figures
 from core.model import Figures
 from core.patterns import SequenceSpec
 from core.pipeline import (
-    calibrate_project,
     check_scenario,
+    load_calibrations,
     load_evaluation,
-    report_project,
+    result_path,
     result_tables,
     simulate_project,
+    update_project,
 )
 from core.progress import SILENT, Progress
+from core.project import read_project
+from core.project.made import note_made, read_made
 from core.report import ReportPaths
-
-MARK = ".stripe-demo"  # a folder with this file was made by the demo and may be made anew
 
 
 @dataclass(frozen=True)
@@ -43,18 +42,32 @@ def run_demo(
 ) -> Demo:
     """Simulate, calibrate both ways, evaluate and report, in a new folder or that of an earlier demo.
 
+    What an earlier demo wrote is replaced; one that was stopped goes on where it was.
+
     Raises
     ------
     InputError
-        If the folder holds anything else.
+        If the folder holds what somebody added or changed, by name; nothing has been touched then.
     """
     check_scenario(scenario, seed)  # refuses what it does not know before the earlier demo goes
-    if os.path.isfile(out / MARK):
-        shutil.rmtree(out)
-    project = simulate_project(out, scenario, seed, progress.part(0.0, 0.6), sequence=sequence)
-    (out / MARK).touch()
-    calibrations = calibrate_project(project, progress=progress.part(0.6, 0.85))
-    report = report_project(project, progress=progress.part(0.85, 1.0))
-    evaluations = load_evaluation(project)
+    made = read_made(out)
+    if made.get("demo") == "simulated" and (made.get("scenario"), made.get("seed"), made.get("sequence")) == (
+        scenario,
+        seed,
+        str(sequence),
+    ):
+        project = read_project(out)
+    else:
+        project = simulate_project(out, scenario, seed, progress.part(0.0, 0.6), sequence=sequence)
+        note_made(out, {**_facts(out), "demo": "simulated"})
+    update_project(project, progress.part(0.6, 1.0))
+    note_made(out, {**_facts(out), "demo": "complete"})
+    calibrations, evaluations = load_calibrations(project), load_evaluation(project)
+    report = ReportPaths(*(result_path(project, f"report/report.{kind}") for kind in ("html", "pdf")))
     figures = {**calibration_figures(calibrations), **evaluation_figures(evaluations)}
     return Demo(result_tables(project, evaluations), figures, report)
+
+
+def _facts(out: Path) -> Figures:
+    made = read_made(out)
+    return {key: made[key] for key in ("scenario", "seed", "sequence", "captures")}

@@ -37,6 +37,10 @@ class InputError(StripeError):
     exit_code = 2
 
 
+class BusyError(StripeError):
+    """A project that another program is writing into."""
+
+
 class DecodeError(StripeError):
     """Frames from which no absolute coordinate follows."""
 

@@ -54,7 +54,7 @@ ALLOWED = {
     | {"lazy", "checks", "exchange", "orient"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "api": GROUND | {"decode", "calibrate", "reconstruct"},
-    "demo": {"errors", "progress", "model", "patterns", "figures", "pipeline", "report"},
+    "demo": {"errors", "progress", "model", "patterns", "figures", "project", "pipeline", "report"},
     "cli": {"errors", "atomic", "progress", "patterns", "figures", "project", "pipeline", "batch", "demo"},
     "__main__": {"cli"},
 }

@@ -9,16 +9,16 @@ import os
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Any
 
-from core.cli.arguments import Commands, Parser, Version
-from core.cli.commands import exchange, experiment, many, recording, results, road, sequences, watching
+from core.cli.arguments import Commands, Parser, Version, write_figures
+from core.cli.commands import exchange, experiment, many, recording, results, road, sequences, state, watching
 from core.cli.console import Console
 from core.errors import Cancelled, StripeError
 from core.progress import Progress
 
-GROUPS = (experiment, recording, sequences, road, results, watching, many, exchange)
+GROUPS = (experiment, recording, sequences, road, results, state, watching, many, exchange)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -31,10 +31,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = parser().parse_args(arguments)
         if options.json not in (None, "-"):
             _check_json(options.json)
-        figures = options.run(options, Progress(console.report))
+        with _guarded(getattr(options, "out", None)):
+            figures = options.run(options, Progress(console.report))
         console.clear()
         if options.json is not None:
-            _write_figures(options.json, figures or {})
+            write_figures(options.json, figures or {})
         return 0
     except StripeError as error:
         console.clear()
@@ -65,19 +66,17 @@ def parser() -> Parser:
     return whole
 
 
+def _guarded(out: Path | None) -> AbstractContextManager[None]:
+    """Replace in the place that ``--out`` names only what this program wrote there and nobody changed."""
+    if out is None:
+        return nullcontext()
+    from core.project.made import guarding
+
+    return guarding(out)
+
+
 def _check_json(target: str) -> None:
     """Refuse a file for the figures that cannot be written before anything else is."""
     from core.atomic import check_place
 
     check_place(Path(target))
-
-
-def _write_figures(target: str, figures: dict[str, Any]) -> None:
-    import json
-
-    from core.atomic import write_json
-
-    if target == "-":
-        print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
-    else:
-        write_json(Path(target), figures)

@@ -76,3 +76,15 @@ def check_out(path: Path, *endings: str) -> None:
     if path.suffix.lower() not in endings:
         raise InputError(path, f"ends in {path.suffix!r}", f"give a file name ending in {' or '.join(endings)}")
     check_place(path)
+
+
+def write_figures(target: str, figures: dict[str, Any]) -> None:
+    """Write what `--json` asks for, - for standard output."""
+    import json
+
+    from core.atomic import write_json
+
+    if target == "-":
+        print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
+    else:
+        write_json(Path(target), figures)

@@ -2,9 +2,10 @@
 
     capture -> decode -> measure -> calibrate -> reconstruct -> evaluate -> report
 
-One file for each, of the same name; `folders` says where a project keeps things, `freshness` whether a result is
-current, `runs` and `compare` keep calibrations and set them side by side, `guessing`, `signing` and `tables` do what
-lies beside the road: guesses of picks, the sign-off, everything as CSV. A stage takes what it needs from the
+One file for each, of the same name; `folders` says where a project keeps things, `runs` and `compare` keep calibrations
+and set them side by side, `guessing`, `signing` and `tables` do what lies beside the road: guesses of picks, the
+sign-off, everything as CSV. `graph` alone knows what is current: every result carries the record of what it was made
+from (`inputs`), set beside what is there now; `update` does what is not current. A stage takes what it needs from the
 captures and from ``results/`` in the project, and writes its own result there. Nothing is written before a stage has
 succeeded.
 """
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     from core.pipeline.folders import captures_of as captures_of
     from core.pipeline.folders import find_capture as find_capture
     from core.pipeline.folders import result_path as result_path
+    from core.pipeline.graph import ProjectStates as ProjectStates
+    from core.pipeline.graph import State as State
+    from core.pipeline.graph import project_states as project_states
     from core.pipeline.guessing import accept_guesses as accept_guesses
     from core.pipeline.guessing import guess_picks as guess_picks
     from core.pipeline.measure import measure_project as measure_project
@@ -45,10 +49,12 @@ if TYPE_CHECKING:
     from core.pipeline.reconstruct import write_cloud as write_cloud
     from core.pipeline.report import failed_verdicts as failed_verdicts
     from core.pipeline.report import load_sign_off as load_sign_off
+    from core.pipeline.report import outdated_words as outdated_words
     from core.pipeline.report import report_data as report_data
     from core.pipeline.report import report_project as report_project
     from core.pipeline.report import result_tables as result_tables
     from core.pipeline.report import save_sign_off as save_sign_off
+    from core.pipeline.report import withdraw_sign_off as withdraw_sign_off
     from core.pipeline.runs import Run as Run
     from core.pipeline.runs import current_runs as current_runs
     from core.pipeline.runs import delete_run as delete_run
@@ -64,6 +70,11 @@ if TYPE_CHECKING:
     from core.pipeline.tables import kept_evaluation as kept_evaluation
     from core.pipeline.tables import read_profiles as read_profiles
     from core.pipeline.testfield import print_testfield as print_testfield
+    from core.pipeline.update import Update as Update
+    from core.pipeline.update import decode_project as decode_project
+    from core.pipeline.update import keep_points as keep_points
+    from core.pipeline.update import points_file as points_file
+    from core.pipeline.update import update_project as update_project
 
 _HOMES = {
     "core.pipeline.calibrate": "adjust_network calibrate_project load_calibrations",
@@ -72,18 +83,21 @@ _HOMES = {
     "core.pipeline.decode": "decode_capture phase_maps read_phase write_phase",
     "core.pipeline.evaluate": "evaluate_project load_evaluation",
     "core.pipeline.folders": "captures_of find_capture result_path",
+    "core.pipeline.graph": "ProjectStates State project_states",
     "core.pipeline.guessing": "accept_guesses guess_picks",
     "core.pipeline.measure": "measure_project",
     "core.pipeline.options": "METHODS CalibrateOptions",
     "core.pipeline.orient": "motion_figures motion_words orient_capture",
     "core.pipeline.preflight": "preflight_rig",
     "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",
-    "core.pipeline.report": "failed_verdicts load_sign_off report_data report_project result_tables save_sign_off",
+    "core.pipeline.report": "failed_verdicts load_sign_off report_data report_project result_tables save_sign_off"
+    " outdated_words withdraw_sign_off",
     "core.pipeline.runs": "Run current_runs delete_run list_runs make_current rename_run",
     "core.pipeline.signing": "sign_evaluation sign_project",
     "core.pipeline.tables": "export_deviations export_profiles export_report export_tables kept_evaluation"
     " read_profiles",
     "core.pipeline.testfield": "print_testfield",
+    "core.pipeline.update": "Update decode_project keep_points points_file update_project",
 }
 if not TYPE_CHECKING:  # else every name would be right
     __getattr__, __dir__, __all__ = attach(__name__, _HOMES)

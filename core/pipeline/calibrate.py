@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import logging
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -22,15 +22,16 @@ from core.model import (
     Testfield,
 )
 from core.pipeline.decode import phase_maps
-from core.pipeline.folders import captures_of, result_path
-from core.pipeline.freshness import made_from
+from core.pipeline.folders import captures_of
+from core.pipeline.inputs import Record, calibrated_from
 from core.pipeline.judge import judge_adjustment, judge_calibrations
-from core.pipeline.measure import measure_capture, measured_targets, save_targets, side_of
+from core.pipeline.measure import measure_capture, measured_targets, save_targets, side_of, signs_of
 from core.pipeline.options import CalibrateOptions, check_options
 from core.pipeline.picking import current_targets
-from core.pipeline.runs import Run, current_run, keep_run, now
+from core.pipeline.runs import Run, calibration_file, current_run, keep_run, now
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_network
+from core.project.lock import writing_results
 
 
 def calibrate_project(
@@ -53,43 +54,53 @@ def calibrate_project(
     """
     options = options or CalibrateOptions()
     check_options(project, options)
-    read_ns = time.time_ns()
-    captures = _captures_for(project, method, options)
+    captures = captures_for(project, method, options)
+    with writing_results(project.path, "calibrate"):
+        return _calibrate(project, captures, options, progress)
+
+
+def _calibrate(
+    project: Project, captures: dict[Method, list[Capture]], options: CalibrateOptions, progress: Progress
+) -> dict[Method, Calibration]:
     done: dict[Method, Calibration] = {}
     archives: dict[str, object] = {}
-    signs: dict[Method, str] = {}
+    held_by: dict[Method, int] = {}
     targets: list[TargetSet] = []
+    # of what is there before it is read: what is changed meanwhile is seen to have changed
+    records = {m: calibrated_from(project, m, used, options, side_of(used)) for m, used in captures.items()}
     for i, (name, used) in enumerate(captures.items()):
         part = progress.part(i / len(captures), (i + 1) / len(captures))
         if name == "photogrammetric":
             done[name], adjustment = _calibrate_photogrammetric(project, used, options, targets, part)
             archives |= {"photogrammetric.npz": done[name], "adjustment.npz": adjustment}
             continue
-        signs[name] = _depth_sign(project, used, options)
-        kept = _kept_depth(project, signs[name])
-        done[name] = kept or _calibrate_depth(project, used, options, targets, part)
-        archives["polynomial.npz"] = result_path(project, "polynomial.npz") if kept else done[name]
+        kept = _kept_depth(project, records[name])
+        if kept is None:
+            done[name] = archives["polynomial.npz"] = _calibrate_depth(project, used, options, targets, part)
+        else:
+            done[name], held_by[name] = kept
     progress.check()
     _keep_targets(project, targets)
     for name, judged in judge_calibrations(project, done, archives.get("adjustment.npz"), captures, options).items():
         before, done[name] = done[name], judged
         if (before.verdict, before.left_out) != (judged.verdict, judged.left_out):
             archives[f"{name}.npz"] = judged
+            held_by.pop(name, None)
     run = Run(
         number=0,
         made_at=now(),
-        read_ns=read_ns,
         options=options,
         captures={m: tuple(c.name for c in used) for m, used in captures.items()},
         excluded={c.name: c.excluded for used in captures.values() for c in used if c.excluded},
-        made_from=signs,
+        made_from=records,
         figures=calibration_figures(done),
+        held_by=held_by,
     )
     keep_run(project, run, archives)
     return done
 
 
-def _captures_for(
+def captures_for(
     project: Project, method: Method | Literal["all"], options: CalibrateOptions
 ) -> dict[Method, list[Capture]]:
     """Captures of every method asked for; of "all" those methods that there are captures for."""
@@ -146,20 +157,15 @@ def _calibrate_photogrammetric(
     return replace(calibration, warnings=(*notes, *calibration.warnings)), adjustment
 
 
-def _depth_sign(project: Project, captures: list[Capture], options: CalibrateOptions) -> str:
-    """Sign all that a depth calibration follows from."""
-    choices = (options.degree, options.low_pass_px, side_of(captures))
-    return " ".join(made_from(project, c, *choices)[:16] for c in captures)
-
-
-def _kept_depth(project: Project, sign: str) -> DepthCalibration | None:
-    """Give the depth calibration in use if it follows from just this."""
-    run = current_run(project, "polynomial")
-    if run is None or run.made_from.get("polynomial") != sign:
+def _kept_depth(project: Project, record: Record) -> tuple[DepthCalibration, int] | None:
+    """Give the depth calibration in use if it follows from just this, and the number of the run that holds it."""
+    run, path = current_run(project, "polynomial"), calibration_file(project, "polynomial.npz")
+    if run is None or path is None or run.made_from.get("polynomial") != record:
         return None
     try:
-        return load_archive(result_path(project, "polynomial.npz"), DepthCalibration)
-    except InputError:
+        return load_archive(path, DepthCalibration), run.holder("polynomial")
+    except InputError as error:
+        logging.getLogger(__name__).warning("%s: %s; calibrated anew", error.where, error.seen)
         return None
 
 
@@ -175,6 +181,7 @@ def _calibrate_depth(
     if not captures:
         raise InputError(project.path, "no capture of role depth", "capture a plate at known depths")
     side = side_of(captures)
+    signs = signs_of(project, [c for c in captures if c.seeds], {"depth": side})
     planes, notes = [], []
     for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.7)):
         notes += [f"{capture.name}: {note}" for note in phase.notes]
@@ -182,7 +189,7 @@ def _calibrate_depth(
         assert capture.z_mm is not None
         planes.append(DepthPlane(capture.z_mm, phase, targets))
         if targets:
-            measured.append(replace(targets, made_from=made_from(project, capture, side)))
+            measured.append(replace(targets, made_from=signs[capture.path]))
     fields = [c.testfield for c in captures if c.seeds]
     degree, warnings = _degree_for(len(planes), options.degree)
     calibration = calibrate_depth(
@@ -234,7 +241,7 @@ def load_calibrations(project: Project) -> dict[Method, Calibration]:
     kinds: dict[Method, type] = {"photogrammetric": PhotogrammetricCalibration, "polynomial": DepthCalibration}
     found: dict[Method, Calibration] = {}
     for method, kind in kinds.items():
-        if (path := result_path(project, f"{method}.npz")).exists():
+        if (path := calibration_file(project, f"{method}.npz")) is not None:
             found[method] = load_archive(path, kind)
             _check_rig(project, path, found[method])
     if not found:

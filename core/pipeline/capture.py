@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.errors import InputError
 from core.model import Project, Role
 from core.progress import SILENT, Progress
-from core.project import read_project, refuse_used_folder
+from core.project import read_project, refuse_used_folder, write_json
+from core.project.made import FILE as MADE
+from core.project.made import note_made, read_made, remove_made
 
 if TYPE_CHECKING:
     from core.bench import Rig
@@ -25,11 +29,49 @@ def simulate_project(
     *,
     sequence: SequenceSpec | None = None,
 ) -> Project:
-    """Let the virtual bench record a project in a new folder, as a rig would, by its own sequence or another."""
-    from core.bench import simulate
+    """Let the virtual bench record a project in a new folder, as a rig would, by its own sequence or another.
 
-    refuse_used_folder(out)
-    return read_project(simulate(out, scenario, seed, progress, sequence=sequence))
+    In the folder of an earlier simulation, finished or not, what that wrote is replaced, as long as nobody has added or
+    changed anything there.
+
+    Raises
+    ------
+    InputError
+        Naming what somebody added or changed; nothing has been touched then.
+    """
+    from core.bench import experiment, simulate
+
+    out = Path(out)
+    planned = [f"captures/{shot.name}" for shot in experiment(scenario, seed).shots]
+    facts = {"scenario": scenario, "seed": seed, "sequence": str(sequence)}
+    before = read_made(out)
+    if "captures" in before:
+        remove_made(out, _begun(out, before["captures"]))
+    else:
+        refuse_used_folder(out)
+    new = not out.exists()
+    try:
+        write_json(out / MADE, {"format": "stripe-made", "version": 1, **facts, "captures": planned, "files": {}})
+        project = read_project(simulate(out, scenario, seed, progress, sequence=sequence))
+        note_made(out, {**facts, "captures": planned})
+    except BaseException:
+        with suppress(OSError):
+            (out / MADE).unlink(missing_ok=True)
+            if new:
+                out.rmdir()
+        raise
+    return project
+
+
+def _begun(out: Path, captures: Sequence[str]) -> set[str]:
+    """Name what a simulation that was killed can have written: it lists its files when all are there."""
+    if read_made(out)["files"]:
+        return set()
+    own = {"project.json", "testfield.csv", "plate.csv", "truth.json"}
+    for folder in captures:
+        own |= {f"{folder}/{name}" for name in ("capture.json", "picks.json")}
+        own |= {f"{folder}/{path.name}" for path in (out / folder).glob("[0-9][0-9][0-9].png")}
+    return own
 
 
 def check_scenario(scenario: str, seed: int) -> None:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 
 from core.errors import InputError
 from core.figures import evaluation_figures
-from core.model import AdjustedDevice, Method, PlaneEvaluation, Project
+from core.model import AdjustedDevice, Calibration, Capture, Method, PlaneEvaluation, Project
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
+from core.pipeline.inputs import evaluated_from
 from core.pipeline.judge import calibration_rms, judge_planes
 from core.pipeline.options import METHODS
+from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
+from core.project.contents import contents_of
+from core.project.lock import writing_results
 
 
 def evaluate_project(
@@ -30,9 +34,13 @@ def evaluate_project(
     InputError
         If there is no such plane capture or calibration; nothing has been written then.
     """
-    from core.evaluate import evaluate_plane
-    from core.reconstruct import reconstruct
+    with writing_results(project.path, "evaluate"):
+        return _evaluate(project, captures, methods, progress)
 
+
+def _evaluate(
+    project: Project, captures: Collection[str] | None, methods: Collection[Method] | None, progress: Progress
+) -> tuple[PlaneEvaluation, ...]:
     calibrations = {m: c for m, c in load_calibrations(project).items() if methods is None or m in methods}
     planes = [c for c in captures_of(project, "plane") if captures is None or c.name in captures]
     missing = sorted({*(captures or ()), *(methods or ())} - {c.name for c in planes} - {*calibrations})
@@ -43,6 +51,24 @@ def evaluate_project(
         raise InputError(
             project.path, "no capture of role plane", "capture the plane-table and list it in project.json"
         )
+    contents = contents_of(project.path)
+    contents.learn(frame.path for plane in planes for frame in plane.frames)
+    choice = (None if captures is None else sorted(captures), None if methods is None else sorted(methods))
+    # of what is there before it is read: what is changed meanwhile is seen to have changed
+    record = evaluated_from(project, planes, calibration_hashes(project, calibrations), choice, contents)
+    result = _judge(project, planes, calibrations, progress)
+    save_archive(result_path(project, "evaluation.npz"), result, record)
+    write_json(result_path(project, "evaluation.json"), evaluation_figures(result))
+    contents.keep()
+    return result
+
+
+def _judge(
+    project: Project, planes: Sequence[Capture], calibrations: Mapping[Method, Calibration], progress: Progress
+) -> tuple[PlaneEvaluation, ...]:
+    from core.evaluate import evaluate_plane
+    from core.reconstruct import reconstruct
+
     evaluations = []
     calibrated: dict[tuple[str, Method], float] = {}
     for capture, phase in phase_maps(project, planes, progress):
@@ -59,12 +85,9 @@ def evaluate_project(
                 )
             )
     progress.check()
-    result = judge_planes(sorted(evaluations, key=lambda e: METHODS.index(e.method)), calibrated)
-    save_archive(result_path(project, "evaluation.npz"), result)
-    write_json(result_path(project, "evaluation.json"), evaluation_figures(result))
-    return result
+    return judge_planes(sorted(evaluations, key=lambda e: METHODS.index(e.method)), calibrated)
 
 
 def load_evaluation(project: Project) -> tuple[PlaneEvaluation, ...]:
     """Read the evaluation that the project has."""
-    return load_archive(result_path(project, "evaluation.npz"), tuple)
+    return load_archive(result_path(project, "evaluation.npz"), tuple, PlaneEvaluation)

@@ -59,11 +59,10 @@ def import_calibration(project: Project, name: str, path: Path) -> Photogrammetr
     run = Run(
         number=0,
         made_at=now(),
-        read_ns=0,
         options=CalibrateOptions(),
         captures={"photogrammetric": ()},
         excluded={},
-        made_from={},
+        made_from={"photogrammetric": {"imported": path.name}},
         figures=calibration_figures({"photogrammetric": calibration}),
         name=f"imported from {path.name}",
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +14,11 @@ from core.figures import targets_figures
 from core.model import Capture, PhaseMap, Project, Role, TargetSet
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
-from core.pipeline.freshness import made_from
+from core.pipeline.inputs import measured_from
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
+from core.project.contents import contents_of
+from core.project.lock import writing_results
 
 Side = Literal["front", "back"]
 BOARDS: tuple[Role, ...] = ("testfield", "depth")
@@ -28,8 +32,9 @@ def measure_project(project: Project, progress: Progress = SILENT) -> tuple[Targ
     captures = picked_boards(project)
     if not captures:
         raise InputError(project.path, "no capture has picks.json", "pick 4 targets in each testfield capture")
-    targets = measured_targets(project, captures, progress)
-    save_targets(project, targets)
+    with writing_results(project.path, "measure"):
+        targets = measured_targets(project, captures, progress)
+        save_targets(project, targets)
     return tuple(targets)
 
 
@@ -52,15 +57,23 @@ def measured_targets(project: Project, captures: Sequence[Capture], progress: Pr
 
 
 def signs_of(project: Project, captures: Sequence[Capture], sides: Mapping[Role, Side]) -> dict[Path, str]:
-    """Sign what the targets of captures follow from, by the captures' folders."""
-    return {c.path: made_from(project, c, sides[c.role]) for c in captures}
+    """Record what the targets of captures follow from, as one text each, by the captures' folders."""
+    contents = contents_of(project.path)
+    contents.learn(frame.path for c in captures for frame in c.frames)
+    signs = {
+        c.path: json.dumps(measured_from(project, c, sides[c.role], contents), separators=(",", ":")) for c in captures
+    }
+    contents.keep()
+    return signs
 
 
 def kept_targets(project: Project) -> tuple[TargetSet, ...]:
     """Give the targets that the project keeps; none where the file is missing or damaged."""
     try:
-        kept: tuple[TargetSet, ...] = load_archive(result_path(project, "targets.npz"), tuple)
-    except InputError:
+        path = result_path(project, "targets.npz")
+        kept: tuple[TargetSet, ...] = load_archive(path, tuple, TargetSet) if path.exists() else ()
+    except InputError as error:
+        logging.getLogger(__name__).warning("%s: %s; measured anew", error.where, error.seen)
         return ()
     return kept
 

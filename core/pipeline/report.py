@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, replace
 from datetime import date
 from importlib.metadata import version
@@ -15,10 +16,15 @@ from core.fields import Fields, regular
 from core.figures import evaluation_figures
 from core.model import Adjustment, PlaneEvaluation, Project
 from core.pipeline.calibrate import load_calibrations
-from core.pipeline.evaluate import evaluate_project
+from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, known_truth, result_path
+from core.pipeline.graph import project_states, reported_now
+from core.pipeline.runs import SIGN_OFF, calibration_file, current_runs, run_folder
 from core.progress import SILENT, Progress
 from core.project import load_archive, write_json
+from core.project.archive import read_head
+from core.project.contents import hash_file, hash_value
+from core.project.lock import writing_results
 
 if TYPE_CHECKING:
     from core.report import ReportData, ReportPaths, SignOff
@@ -31,7 +37,8 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
     calibrations = load_calibrations(project)
     adjustment = None
     if "photogrammetric" in calibrations:
-        adjustment = load_archive(result_path(project, "adjustment.npz"), Adjustment)
+        path = calibration_file(project, "adjustment.npz") or result_path(project, "adjustment.npz")
+        adjustment = load_archive(path, Adjustment)
         if not len(adjustment.residuals):
             adjustment = None  # calibrated by another program
     return ReportData(
@@ -56,29 +63,70 @@ def report_project(
 ) -> ReportPaths:
     """Write the HTML and PDF report from the project's calibrations.
 
-    Its planes are evaluated by them first, unless `evaluations` of a moment ago are given.
+    Its planes are evaluated by them first, unless `evaluations` of a moment ago are given or those that are kept are
+    current. What it says of results that are outdated stands among its warnings.
     """
     from core.report import write_report
 
-    out = out or result_path(project, "report")
+    own = result_path(project, "report")
+    out = out or own
     for name in ("report.html", "report.pdf"):
         check_place(out / name)
-    data = report_data(project, evaluations or ())  # a damaged result is told before the evaluation is written anew
-    if evaluations is None:
-        planes = captures_of(project, "plane")
-        evaluations = evaluate_project(project, progress.part(0.0, 0.5)) if planes else ()
-        data = replace(data, evaluations=evaluations, sign_off=load_sign_off(project, evaluations))
-    return write_report(data, out, progress=progress.part(0.5, 1.0))
+    with writing_results(project.path, "report") if evaluations is None or out == own else nullcontext():
+        data = report_data(project, evaluations or ())  # what is damaged is told before the evaluation is written anew
+        if evaluations is None:
+            evaluations = _planes(project, progress.part(0.0, 0.5))
+        data = replace(
+            data,
+            evaluations=evaluations,
+            sign_off=load_sign_off(project, evaluations),
+            outdated=outdated_words(project),
+        )
+        record = reported_now(project)
+        paths = write_report(data, out, progress=progress.part(0.5, 1.0))
+        files = {path.name: hash_file(path) for path in (paths.html, paths.pdf)}
+        write_json(out / "report.json", {"format": "stripe-report", "version": 1, "files": files, "made_from": record})
+    return paths
+
+
+def _planes(project: Project, progress: Progress) -> tuple[PlaneEvaluation, ...]:
+    """Evaluate all planes, or take the evaluation there is if it is of just them as they are."""
+    if not captures_of(project, "plane"):
+        return ()
+    states = project_states(project)
+    if states.stages["evaluate"].state == "current" and all(
+        of["evaluate"].state == "current" for of in states.captures.values() if "evaluate" in of
+    ):
+        with suppress(InputError):  # damaged: made anew
+            return load_evaluation(project)
+    return evaluate_project(project, progress)
+
+
+def outdated_words(project: Project) -> tuple[str, ...]:
+    """Say in a sentence each which results that evaluating and reporting use do not follow from what is there."""
+    states = project_states(project)
+    return states.outdated("calibrate") or states.outdated("evaluate")
 
 
 def save_sign_off(project: Project, sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) -> Path:
-    """Keep who signed for these figures; the figures stay with it, so that it lapses when others take their place."""
-    path = result_path(project, "sign-off.json")
+    """Keep who signed for these figures, with the run they were made by; the figures stay with it.
+
+    So it lapses when others take their place. Signing again for the same changes nothing.
+    """
     if not sign_off.despite.strip() and (failed := failed_verdicts(project, evaluations)):
         remedy = "see to its cause, or write why you sign all the same (`despite`, in the window the remark)"
         raise InputError("sign-off", f"the verdict failed: {failed[0]}", remedy)
+    numbers = current_runs(project).values()
+    folder = run_folder(project, max(numbers)) if numbers else result_path(project, "")
     signed = evaluation_figures(evaluations)["planes"]
-    write_json(path, {"format": "stripe-sign-off", "version": 1, **asdict(sign_off), "signed": signed})
+    document = {"format": "stripe-sign-off", "version": 1, **asdict(sign_off), "signed": signed}
+    path = folder / SIGN_OFF
+    try:
+        same = json.loads(path.read_text(encoding="utf-8")) == json.loads(json.dumps(document))
+    except (OSError, ValueError):
+        same = False
+    if not same:
+        write_json(path, document)
     return path
 
 
@@ -96,6 +144,19 @@ def failed_verdicts(project: Project, evaluations: tuple[PlaneEvaluation, ...]) 
     return [f"{name}: {verdict.because[0]}" for name, verdict in verdicts_of(data) if verdict.state == "failed"]
 
 
+def withdraw_sign_off(project: Project) -> None:
+    """Take the sign-off of the calibrations in use back."""
+    for path in _sign_offs(project):
+        path.unlink(missing_ok=True)
+
+
+def _sign_offs(project: Project) -> list[Path]:
+    """Where a sign-off can lie: with the runs in use, or, of earlier versions, beside them."""
+    numbers = sorted(set(current_runs(project).values()), reverse=True)
+    folders = [*(run_folder(project, number) for number in numbers), result_path(project, "")]
+    return [folder / SIGN_OFF for folder in folders]
+
+
 def load_sign_off(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> SignOff | None:
     """Give the sign-off of exactly these figures; None where nobody signed, or for others.
 
@@ -106,14 +167,8 @@ def load_sign_off(project: Project, evaluations: tuple[PlaneEvaluation, ...]) ->
     """
     from core.report import SignOff, Tolerance
 
-    path = result_path(project, "sign-off.json")
-    if not path.exists():
-        return None
-    try:
-        fields = Fields.of(json.loads(regular(path).read_text(encoding="utf-8")), str(path))
-    except (OSError, ValueError) as error:
-        raise InputError(path, f"damaged ({error})", "delete it and sign again") from error
-    if _figures(fields.items("signed"), path) != _figures(evaluation_figures(evaluations)["planes"], path):
+    fields = _signed(project, evaluation_figures(evaluations)["planes"])
+    if fields is None:
         return None
     tolerance = None
     if fields.data.get("tolerance") is not None:
@@ -127,6 +182,30 @@ def load_sign_off(project: Project, evaluations: tuple[PlaneEvaluation, ...]) ->
         tolerance=tolerance,
         despite=fields.text("despite", default=""),
     )
+
+
+def signed_state(project: Project) -> str | None:
+    """Hash the sign-off that is in force for the evaluation there is; None where there is none."""
+    try:
+        planes = [e["fields"] for e in read_head(result_path(project, "evaluation.npz"))["value"]]
+        fields = _signed(project, planes)
+    except (InputError, TypeError, KeyError):
+        return None
+    return None if fields is None else hash_value({k: v for k, v in fields.data.items() if k != "signed"})
+
+
+def _signed(project: Project, planes: list[Any]) -> Fields | None:
+    """Read the sign-off of just these figures."""
+    for path in _sign_offs(project):
+        if not path.exists():
+            continue
+        try:
+            fields = Fields.of(json.loads(regular(path).read_text(encoding="utf-8")), str(path))
+        except (OSError, ValueError) as error:
+            raise InputError(path, f"damaged ({error})", "delete it and sign again") from error
+        if _figures(fields.items("signed"), path) == _figures(planes, path):
+            return fields
+    return None
 
 
 def _figures(planes: list[Any], path: Path) -> list[tuple]:

@@ -1,36 +1,44 @@
 """Kept runs: every calibration stays with its options and figures, can be compared and made the current one again.
 
-``results/runs/0004/`` holds ``run.json`` and the archives of one run; ``results/`` itself those in use, and
-``current.json`` there names the run of each. Archives in both places are one file with two names where the disk can do
-that, and a depth calibration that was not computed anew shares its file with the run before. So a run costs what its
-adjustment needs (0.6 MB for 40 stations), and one with a new depth calibration 24 bytes a pixel more. Beyond
-`MOST_RUNS` the oldest that are not in use go.
+``results/runs/0004/`` holds the archives of one run, what they were made from and their figures; it appears whole and
+is never changed. ``results/current.json`` is the one pointer: it names the run in use of every method, and is replaced
+in one step. Readers go through it (`calibration_file`). A depth calibration that was not computed anew stays where it
+is: the run names the one that holds it. So a run costs what its adjustment needs (0.6 MB for 40 stations), and one with
+a new depth calibration 24 bytes a pixel more. Beyond `MOST_RUNS` the oldest go that are not in use, named, signed or
+needed by another.
+
+An operator's name for a run and his sign-off lie in the run's folder, in files of their own.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from core.atomic import flush_folder, make_folder, part_prefix
 from core.errors import InputError
 from core.model import Figures, Method, Project
 from core.pipeline.folders import result_path
+from core.pipeline.inputs import Record
 from core.pipeline.options import CalibrateOptions
-from core.project import atomic_write, save_archive, write_json
+from core.project import save_archive, write_json
+from core.project.contents import contents_of, hash_file
+from core.project.lock import writing_results
 
 MOST_RUNS = 20
 ARCHIVES: dict[Method, tuple[str, ...]] = {
     "photogrammetric": ("photogrammetric.npz", "adjustment.npz"),
     "polynomial": ("polynomial.npz",),
 }
-_FORMAT = {"format": "stripe-run", "version": 1}
+NAME, SIGN_OFF, DELETED = "name.json", "sign-off.json", "deleted.json"  # what people add to a run
+_FORMAT = {"format": "stripe-run", "version": 2}
+_UNREADABLE = (OSError, ValueError, TypeError, KeyError, AttributeError)
 
 
 @dataclass(frozen=True)
@@ -42,35 +50,42 @@ class Run:
     number : int
     made_at : str
         When it ended, ISO 8601 with the offset of the zone.
-    read_ns : int
-        When it began to read its captures, as files tell times: what was written later did not take part.
     options : CalibrateOptions
     captures : mapping
         Names of the captures used by each method.
     excluded : mapping
         Targets that an operator had excluded, (row, col) each, by capture.
     made_from : mapping
-        What each method's result follows from, see `core.pipeline.freshness`.
+        What each method's result follows from, see `core.pipeline.inputs`; runs of earlier versions do not know.
     figures : dict
         As `calibrate --json` writes them.
+    held_by : mapping
+        Number of the run that holds a method's archives, where that is another one.
+    archives : mapping
+        Hashes of its own archives, by file name.
     name : str
         What an operator called it.
     """
 
     number: int
     made_at: str
-    read_ns: int
     options: CalibrateOptions
     captures: Mapping[Method, tuple[str, ...]]
     excluded: Mapping[str, tuple[tuple[int, int], ...]]
-    made_from: Mapping[Method, str]
+    made_from: Mapping[Method, Record]
     figures: Figures = field(repr=False)
+    held_by: Mapping[Method, int] = field(default_factory=dict)
+    archives: Mapping[str, str] = field(default_factory=dict)
     name: str = ""
 
     @property
     def methods(self) -> tuple[Method, ...]:
         """The methods it calibrated by."""
         return tuple(method for method in ARCHIVES if method in self.captures)
+
+    def holder(self, method: Method) -> int:
+        """Give the number of the run in whose folder a method's archives lie."""
+        return self.held_by.get(method, self.number)
 
 
 def now() -> str:
@@ -81,73 +96,130 @@ def now() -> str:
 def keep_run(project: Project, run: Run, archives: Mapping[str, object]) -> Run:
     """Keep a run under the next free number and make it the current one.
 
+    Its folder appears whole, then the pointer is turned to it: what stops this leaves the old state or the new one.
+
     Parameters
     ----------
     project : Project
     run : Run
         Its number is given here.
     archives : mapping
-        By file name, what to write, or the path of an archive that holds it already.
+        By file name, what to write. Those of a method that another run holds are not written.
+
+    Raises
+    ------
+    BusyError
+        If another program writes into the project.
     """
-    root = result_path(project, "runs")
-    taken = [*(r.number for r in list_runs(project)), *current_runs(project).values()]
-    part = root / f".{os.getpid()}.part"
-    try:
-        for name, value in archives.items():
-            if isinstance(value, Path):
-                _share(value, part / name)
-            else:
+    with writing_results(project.path, "calibrate"):
+        root = result_path(project, "runs")
+        make_folder(root)
+        known = list_runs(project)
+        folders = [int(path.name) for path in root.glob("[0-9]*") if path.name.isdigit()]
+        number = max((0, *folders, *current_runs(project).values())) + 1
+        part = root / f"{part_prefix(f'{number:04d}')}part"
+        try:
+            shutil.rmtree(part, ignore_errors=True)
+            for name, value in archives.items():
                 save_archive(part / name, value)
-        number = max(taken, default=0) + 1
-        while True:
-            run = replace(run, number=number)
+            hashes = {name: hash_file(part / name) or "" for name in archives}
+            run = replace(run, number=number, archives=hashes)
             write_json(part / "run.json", _to_dict(run))
-            try:
-                part.rename(_folder(project, number))
-                break
-            except OSError:
-                if not _folder(project, number).exists():
-                    raise
-                number += 1  # another program was quicker
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
-    make_current(project, run)
-    for old in list_runs(project)[:-MOST_RUNS]:
-        if old.number not in current_runs(project).values():
-            delete_run(project, old)
+            if run.name:
+                write_json(part / NAME, {"name": run.name})
+            part.rename(run_folder(project, number))
+            flush_folder(root)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+        make_current(project, run)
+        _prune(project, (*known, run))
     return run
+
+
+def _prune(project: Project, runs: tuple[Run, ...]) -> None:
+    """Delete the oldest runs beyond `MOST_RUNS`; what people named or signed, and what is needed, stays."""
+    needed = set(current_runs(project).values())
+    for run in runs[-MOST_RUNS:]:
+        needed |= {run.number, *run.held_by.values()}
+    for run in runs[:-MOST_RUNS]:
+        if run.name or (run_folder(project, run.number) / SIGN_OFF).exists() or run.number in needed:
+            needed |= {run.number, *run.held_by.values()}
+    for run in runs:
+        if run.number not in needed:
+            _remove(project, run)
 
 
 def list_runs(project: Project) -> tuple[Run, ...]:
     """Give the kept runs, the oldest first; one that cannot be read is left out."""
-    found = []
-    for path in result_path(project, "runs").glob("[0-9]*/run.json"):
-        with suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
-            found.append(_from_dict(json.loads(path.read_text(encoding="utf-8"))))
-    return tuple(sorted(found, key=lambda run: run.number))
+    folders = result_path(project, "runs").glob("[0-9]*")
+    found = [read_run(path) for path in folders if not (path / DELETED).exists()]
+    return tuple(sorted((run for run in found if run is not None), key=lambda run: run.number))
+
+
+def read_run(folder: Path) -> Run | None:
+    """Read a kept run; None where there is none that can be read."""
+    try:
+        run = _from_dict(json.loads((folder / "run.json").read_text(encoding="utf-8")))
+    except _UNREADABLE:
+        return None
+    with suppress(*_UNREADABLE):
+        name = json.loads((folder / NAME).read_text(encoding="utf-8"))["name"]
+        run = replace(run, name=str(name))
+    return run
 
 
 def current_runs(project: Project) -> dict[Method, int]:
     """Give the number of the run that each calibration in use came from, where that is known."""
-    try:
-        stored = json.loads(result_path(project, "current.json").read_text(encoding="utf-8"))
-        return {m: int(stored[m]) for m in ARCHIVES if m in stored and result_path(project, f"{m}.npz").exists()}
-    except (OSError, ValueError, TypeError):
-        return {}
+    pointer = _pointer(project)
+    return {m: number for m, number in pointer.items() if _file(project, m, ARCHIVES[m][0], number) is not None}
 
 
 def current_run(project: Project, method: Method) -> Run | None:
     """Give the run that the calibration in use came from, if it is kept."""
     number = current_runs(project).get(method)
-    path = _folder(project, number or 0) / "run.json"
+    return None if number is None else read_run(run_folder(project, number))
+
+
+def calibration_file(project: Project, name: str) -> Path | None:
+    """Give the archive in use of a name, such as "photogrammetric.npz"; None where there is none.
+
+    Projects of earlier versions have theirs in ``results/`` itself.
+    """
+    method = next((m for m in ARCHIVES if name in ARCHIVES[m]), None)
+    if method is not None and (number := _pointer(project).get(method)) is not None:
+        path = _file(project, method, name, number)
+        if path is not None:
+            return path
+    path = result_path(project, name)
+    return path if path.is_file() else None
+
+
+def calibration_hashes(project: Project, methods: Iterable[Method] = tuple(ARCHIVES)) -> dict[str, str | None]:
+    """Give the hash of each calibration in use, under the words that name it; those that are not there are left out."""
+    contents = contents_of(project.path)
+    files = {method: calibration_file(project, f"{method}.npz") for method in methods}
+    return {f"{method} calibration": contents.of(file) for method, file in files.items() if file is not None}
+
+
+def _pointer(project: Project) -> dict[Method, int]:
     try:
-        return _from_dict(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        return None
+        stored = json.loads(result_path(project, "current.json").read_text(encoding="utf-8"))
+        return {m: int(stored[m]) for m in ARCHIVES if m in stored}
+    except (OSError, ValueError, TypeError):
+        return {}
+
+
+def _file(project: Project, method: Method, name: str, number: int) -> Path | None:
+    """Give an archive of a run, wherever it lies."""
+    folder = run_folder(project, number)
+    if not (path := folder / name).is_file():
+        run = read_run(folder)
+        path = run_folder(project, run.holder(method)) / name if run is not None else path
+    return path if path.is_file() else None
 
 
 def make_current(project: Project, run: Run) -> None:
-    """Put a kept run's calibrations in use; later stages then count as out of date.
+    """Put a kept run's calibrations in use; later stages then count as outdated.
 
     A method that the run did not calibrate by stays as it is.
 
@@ -155,22 +227,23 @@ def make_current(project: Project, run: Run) -> None:
     ------
     InputError
         If one of its archives is missing; nothing is changed then.
+    BusyError
+        If another program writes into the project.
     """
-    files = [_folder(project, run.number) / name for method in run.methods for name in ARCHIVES[method]]
-    for file in files:
-        if not file.is_file():
-            raise InputError(file, "not there", "choose another run, or calibrate again")
-    for file in files:
-        os.utime(file)
-        _share(file, result_path(project, file.name))
-    numbers = {**current_runs(project), **dict.fromkeys(run.methods, run.number)}
-    write_json(result_path(project, "current.json"), numbers)
+    with writing_results(project.path, "calibrate"):
+        for method in run.methods:
+            folder = run_folder(project, run.holder(method))
+            for name in ARCHIVES[method]:
+                if not (folder / name).is_file():
+                    raise InputError(folder / name, "not there", "choose another run, or calibrate again")
+        numbers = {**current_runs(project), **dict.fromkeys(run.methods, run.number)}
+        write_json(result_path(project, "current.json"), numbers)
 
 
 def rename_run(project: Project, run: Run, name: str) -> Run:
     """Give a kept run a name of the operator's."""
     renamed = replace(run, name=name.strip())
-    write_json(_folder(project, run.number) / "run.json", _to_dict(renamed))
+    write_json(run_folder(project, run.number) / NAME, {"name": renamed.name})
     return renamed
 
 
@@ -181,35 +254,37 @@ def delete_run(project: Project, run: Run) -> None:
     ------
     InputError
         If a calibration in use came from it.
+    BusyError
+        If another program writes into the project.
     """
-    folder = _folder(project, run.number)
-    if run.number in current_runs(project).values():
-        raise InputError(folder, "is in use", "make another run the current one first")
-    (folder / "run.json").unlink(missing_ok=True)  # first: what is half deleted is no run
-    shutil.rmtree(folder, ignore_errors=True)
+    folder = run_folder(project, run.number)
+    with writing_results(project.path, "calibrate"):
+        if run.number in current_runs(project).values():
+            raise InputError(folder, "is in use", "make another run the current one first")
+        write_json(folder / DELETED, {"deleted": now()})
+        kept = list_runs(project)
+        for other in map(read_run, sorted(result_path(project, "runs").glob("[0-9]*"))):
+            # its folder goes once the depth calibration in it is no other run's
+            if other is not None and other not in kept and all(other.number not in k.held_by.values() for k in kept):
+                _remove(project, other)
 
 
-def _folder(project: Project, number: int) -> Path:
+def _remove(project: Project, run: Run) -> None:
+    folder = run_folder(project, run.number)
+    gone = folder.with_name(f"{part_prefix(folder.name)}part")
+    with suppress(OSError):
+        folder.rename(gone)  # in one step: what is half deleted is no run
+        flush_folder(folder.parent)
+    shutil.rmtree(gone, ignore_errors=True)
+
+
+def run_folder(project: Project, number: int) -> Path:
+    """Where a kept run lies."""
     return result_path(project, "runs") / f"{number:04d}"
 
 
-def _share(source: Path, target: Path) -> None:
-    """Give a file a second name, atomically; on a disk that cannot, copy it."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    link = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        link.unlink(missing_ok=True)
-        link.hardlink_to(source)
-        link.replace(target)  # where both are the same file already, this does nothing
-    except OSError:
-        with source.open("rb") as original, atomic_write(target) as copy:
-            shutil.copyfileobj(original, copy)
-    finally:
-        link.unlink(missing_ok=True)
-
-
 def _to_dict(run: Run) -> dict[str, Any]:
-    values = {f.name: getattr(run, f.name) for f in fields(run)}
+    values = {f.name: getattr(run, f.name) for f in fields(run) if f.name != "name"}
     return {**_FORMAT, **values, "options": asdict(run.options)}
 
 
@@ -220,15 +295,17 @@ def _from_dict(data: dict[str, Any]) -> Run:
     for name in {"without", "hold"} & set(options):
         options[name] = tuple(options[name])
     captures: dict[Method, list[str]] = data["captures"]
-    signs: dict[Method, str] = data["made_from"]
+    records: dict[Method, Any] = data["made_from"]
+    holders: dict[Method, int] = data.get("held_by", {})
     return Run(
         number=int(data["number"]),
         made_at=str(data["made_at"]),
-        read_ns=int(data["read_ns"]),
         options=CalibrateOptions(**options),
         captures={m: tuple(captures[m]) for m in ARCHIVES if m in captures},
         excluded={str(c): tuple((int(r), int(k)) for r, k in pairs) for c, pairs in data["excluded"].items()},
-        made_from={m: signs[m] for m in ARCHIVES if m in signs},
+        made_from={m: dict(records[m]) for m in ARCHIVES if isinstance(records.get(m), dict)},
         figures=dict(data["figures"]),
+        held_by={m: int(holders[m]) for m in ARCHIVES if m in holders},
+        archives={str(name): str(value) for name, value in data.get("archives", {}).items()},
         name=str(data.get("name", "")),
     )

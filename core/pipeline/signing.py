@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from core.errors import InputError
 from core.model import PlaneEvaluation, Project
-from core.pipeline.folders import result_path
-from core.pipeline.report import failed_verdicts, save_sign_off
+from core.pipeline.report import failed_verdicts, save_sign_off, withdraw_sign_off
 from core.pipeline.tables import kept_evaluation
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ def sign_project(
         If there is nothing to sign, or a verdict failed and `sign_off.despite` does not say why it is signed.
     """
     if sign_off is None or not sign_off.operator.strip():
-        result_path(project, "sign-off.json").unlink(missing_ok=True)
+        withdraw_sign_off(project)
         return
     signed = kept_evaluation(project) if evaluations is None else evaluations
     if not signed:

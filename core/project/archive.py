@@ -9,6 +9,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import zipfile
+import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,28 +21,35 @@ from core.atomic import atomic_write
 from core.errors import InputError
 from core.fields import regular
 from core.geometry import Pose, calibration_of_pair
+from core.project.shapes import check_fields
 
 T = TypeVar("T")
 VERSION = 1
 # what numpy, zipfile and json say of files that are cut off, changed or foreign; unknown compression is a RuntimeError
-DAMAGE = (OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, RuntimeError, zipfile.BadZipFile)
+DAMAGE = (
+    *(OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, RuntimeError, MemoryError),
+    *(zipfile.BadZipFile, zlib.error),
+)
 _CLASSES: dict[str, type] = {
     "Pose": Pose,
     **{name: c for name, c in vars(model).items() if isinstance(c, type) and dataclasses.is_dataclass(c)},
 }
 
 
-def save_archive(path: Path, value: object) -> None:
-    """Write a dataclass of `core.model` (or a tuple of them), atomically."""
+def save_archive(path: Path, value: object, made_from: Mapping[str, Any] | None = None) -> None:
+    """Write a dataclass of `core.model` (or a tuple of them), atomically, with the record of what it was made from."""
     arrays: dict[str, Any] = {}
     tree = _pack(value, arrays)
-    text = json.dumps({"format": "stripe-result", "version": VERSION, "value": tree})
+    head = {"format": "stripe-result", "version": VERSION, "value": tree}
+    text = json.dumps(head if made_from is None else {**head, "made_from": made_from})
     with atomic_write(path) as file:
         np.savez(file, tree=np.array(text), **arrays)
 
 
-def load_archive(path: Path, kind: type[T]) -> T:
-    """Read what `save_archive` wrote; `kind` is the class expected.
+def load_archive(path: Path, kind: type[T], of: type | None = None) -> T:
+    """Read what `save_archive` wrote; `kind` is the class expected, `of` that of the items of a tuple.
+
+    Every field is tested for its type, every array for its shape.
 
     Raises
     ------
@@ -56,11 +65,33 @@ def load_archive(path: Path, kind: type[T]) -> T:
         raise InputError(path, "not there", "run the step that writes it") from error
     except DAMAGE as error:
         raise InputError(path, f"damaged ({error})", "delete it and run the step again") from error
-    if not isinstance(value, kind):
+    items = [item for item in value if not isinstance(item, of)] if of and isinstance(value, tuple) else []
+    if items or not isinstance(value, kind):
+        value = items[0] if items else value
         raise InputError(
             path, f"holds {type(value).__name__}", f"delete it and run the step that writes {kind.__name__}"
         )
     return value
+
+
+def read_head(path: Path) -> dict[str, Any]:
+    """Read all of an archive but its arrays: "value" as a tree, and "made_from" if it is known.
+
+    Raises
+    ------
+    InputError
+        If the file is not there or is damaged.
+    """
+    try:
+        with regular(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            head = json.loads(str(stored["tree"]))
+            if not isinstance(head, dict) or "value" not in head:
+                raise ValueError("no result")
+            return head
+    except FileNotFoundError as error:
+        raise InputError(path, "not there", "run the step that writes it") from error
+    except DAMAGE as error:
+        raise InputError(path, f"damaged ({error})", "delete it and run the step again") from error
 
 
 def _pack(value: Any, arrays: dict[str, Any]) -> Any:
@@ -96,4 +127,6 @@ def _unpack(tree: Any, arrays: dict[str, Any]) -> Any:
     fields = {k: _unpack(v, arrays) for k, v in tree["fields"].items()}
     if tree["class"] == "PhotogrammetricCalibration" and "camera" in fields:
         return calibration_of_pair(**fields)  # as it was written before there were rigs of more than two
-    return _CLASSES[tree["class"]](**fields)
+    made = _CLASSES[tree["class"]](**fields)
+    check_fields(made)
+    return made

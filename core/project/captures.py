@@ -7,6 +7,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +26,13 @@ from core.patterns import (
     uses_version_2,
 )
 from core.project.images import Image, write_image
+from core.project.lock import DOCUMENT_LOCK, lock
 from core.project.rigs import bar_to_dict, read_bar, read_rig, rig_to_dict, rig_version
 from core.project.unfinished import unfinished_status
 
 VERSION = 1  # written wherever nothing of a later one is used
 VERSIONS = (1, 2)
+PATIENCE_S = 30.0  # for another program that is writing project.json
 ROLES = ("testfield", "depth", "plane", "object")
 _UNKNOWN: tuple[tuple[str, Mapping[str, DeviceSpec]], ...] = (("camera", {}), ("projector", {}))  # no project: any name
 _COLUMNS = ("row", "col", "x_mm", "y_mm", "z_mm", "diameter_mm")
@@ -77,11 +80,12 @@ def read_project(folder: Path) -> Project:
     scale = read_bar(fields.nested("scale")) if fields.data.get("scale") is not None else None
     lengths = fields.items("lengths") if fields.data.get("lengths") is not None else []
     names = fields.items("captures") if "captures" in fields.data else []
-    captures = []
+    captures: dict[Path, None] = {}  # as a set that keeps its order
+    place = str(folder)
     for name in names:
         if not isinstance(name, str) or not name:
             raise fields.refuse("captures", name, "list the folders of captures as texts")
-        if not os.path.isdir(folder / name):  # false for any text that cannot be a path, too
+        if not os.path.isdir(os.path.join(place, name)):  # false for any text that cannot be a path, too
             raise InputError(
                 folder / "project.json",
                 f"captures lists {name!r}, which is not there",
@@ -89,7 +93,7 @@ def read_project(folder: Path) -> Project:
             )
         if folder / name in captures:
             raise fields.refuse("captures", name, "list every capture once")
-        captures.append(folder / name)
+        captures[folder / name] = None
     reference = fields.data.get("reference")  # other programs may mean something else by it
     return Project(
         folder,
@@ -197,13 +201,29 @@ def read_picks(path: Path) -> tuple[tuple[Seed, ...], tuple[tuple[int, int], ...
 
 
 def read_testfield(path: Path) -> Testfield:
-    """Read the nominal targets of a board.
+    """Read the nominal targets of a board; of many captures that show it, it is one object.
 
     Raises
     ------
     InputError
         Naming the line: a missing column, a value that is no number, a target twice, an unknown polarity.
     """
+    try:
+        stat = os.stat(path)
+        return _testfield(str(path), (stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino))
+    except (OSError, ValueError):
+        return _read_testfield(path)
+
+
+@lru_cache(maxsize=32)
+def _testfield(path: str, version: tuple[int, ...]) -> Testfield:
+    found = _read_testfield(Path(path))
+    for values in (found.row, found.col, found.xyz_mm, found.diameter_mm):
+        values.flags.writeable = False  # it is shared
+    return found
+
+
+def _read_testfield(path: Path) -> Testfield:
     polarity, rows = "white-on-black", read_table(path, _COLUMNS)
     for line in path.read_text(encoding="utf-8-sig").splitlines():
         if line.startswith("#") and line[1:].partition(":")[0].strip() == "polarity":
@@ -406,9 +426,13 @@ def write_capture_json(
 
 
 def add_capture(folder: Path, name: str) -> None:
-    """List one more capture (a path from the project) in project.json, leaving all else as it is."""
+    """List one more capture (a path from the project) in project.json, leaving all else as it is.
+
+    One program at a time does so: captures that two record at once are both listed.
+    """
     path = Path(folder) / "project.json"
-    fields = read_document(path, "stripe-project")
-    names = list(fields.items("captures")) if "captures" in fields.data else []
-    if name not in names:
-        write_json(path, {**fields.data, "captures": [*names, name]})
+    with lock(Path(folder) / DOCUMENT_LOCK, "adding a capture", wait_s=PATIENCE_S):
+        fields = read_document(path, "stripe-project")
+        names = list(fields.items("captures")) if "captures" in fields.data else []
+        if name not in names:
+            write_json(path, {**fields.data, "captures": [*names, name]})

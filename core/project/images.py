@@ -31,6 +31,8 @@ if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
     _PNG_OPTIONS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
 _AGAIN = "record or copy this frame again"
 
+_MOST_PIXELS = 1 << 28  # of a frame whose camera is not known
+_MOST_BESIDE = 16 << 20  # bytes that a file may have beside its pixels
 _AHEAD = 2  # frames that each processor has read before they are asked for: memory stays flat
 _silence = Lock()
 _silenced: list[int] = []  # the level of each reading under way; the first one's is the caller's
@@ -52,16 +54,23 @@ def _quiet_opencv() -> Iterator[None]:
                 logging.setLogLevel(level)
 
 
-def read_image(path: Path) -> Image:
+def read_image(path: Path, shape: tuple[int, int] | None = None) -> Image:
     """Read one frame, shape (H, W), uint8 or uint16; a colour file is converted to grey.
+
+    What its header claims is held against `shape`, the camera's, before a pixel is decoded: a small file may claim any
+    number of them.
 
     Raises
     ------
     InputError
-        If the file is missing, truncated, or not an image of 8 or 16 bit.
+        If the file is missing, truncated, not an image of 8 or 16 bit, or of another shape than `shape`.
     """
     try:
-        data = regular(path).read_bytes()
+        path = regular(path)
+        if shape is not None and path.stat().st_size > 16 * shape[0] * shape[1] + _MOST_BESIDE:
+            seen = f"{path.stat().st_size / 1e6:.0f} MB for {shape[1]}x{shape[0]} px"
+            raise InputError(path, seen, _AGAIN)
+        data = path.read_bytes()
     except OSError as error:
         raise InputError(
             path, f"the frame cannot be read ({error.strerror})", "put it back or record it again"
@@ -70,6 +79,11 @@ def read_image(path: Path) -> Image:
         raise InputError(path, "the file is empty", _AGAIN)
     if data.startswith(_PNG):
         _check_png(path, data)
+    claimed = _claimed(data)
+    if claimed is not None and shape is not None and claimed != shape:
+        raise wrong_size(path, claimed, shape, "the camera in project.json has")
+    if claimed is not None and claimed[0] * claimed[1] > _MOST_PIXELS:
+        raise InputError(path, f"its header claims {claimed[1]}x{claimed[0]} px", _AGAIN)
     try:
         with _quiet_opencv():
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -101,10 +115,11 @@ def iterate_images(capture: Capture, camera: DeviceSpec | None = None) -> Iterat
     """Read the frames of a capture one by one, ahead on all processors, with the checks of `read_images`."""
     expected = None if camera is None else (camera.height, camera.width)
     of, first = "the camera in project.json has", None
-    for frame, image in zip(capture.frames, _read_ahead([frame.path for frame in capture.frames]), strict=True):
+    for frame, image in zip(
+        capture.frames, _read_ahead([frame.path for frame in capture.frames], expected), strict=True
+    ):
         if expected is not None and image.shape != expected:
-            seen = f"the frame has {image.shape[1]}x{image.shape[0]} px, {of} {expected[1]}x{expected[0]}"
-            raise InputError(frame.path, seen, "use frames of one size, the camera's")
+            raise wrong_size(frame.path, image.shape, expected, of)
         if first is None:
             first = image.dtype
         elif image.dtype != first:
@@ -116,18 +131,18 @@ def iterate_images(capture: Capture, camera: DeviceSpec | None = None) -> Iterat
         yield image
 
 
-def _read_ahead(paths: Sequence[Path]) -> Iterator[Image]:
+def _read_ahead(paths: Sequence[Path], shape: tuple[int, int] | None) -> Iterator[Image]:
     """Read images in their order, a few of them ahead on threads: OpenCV decodes without the interpreter's lock."""
     if parallel.THREADS == 1 or len(paths) < 2:
-        yield from map(read_image, paths)
+        yield from (read_image(path, shape) for path in paths)
         return
     with ThreadPoolExecutor(parallel.THREADS, "frames") as pool:
-        waiting = deque(pool.submit(read_image, path) for path in paths[: _AHEAD * parallel.THREADS])
+        waiting = deque(pool.submit(read_image, path, shape) for path in paths[: _AHEAD * parallel.THREADS])
         try:
             for path in (*paths[len(waiting) :], *[None] * len(waiting)):
                 image = waiting.popleft().result()
                 if path is not None:
-                    waiting.append(pool.submit(read_image, path))
+                    waiting.append(pool.submit(read_image, path, shape))
                 yield image
         finally:
             for left in waiting:
@@ -143,6 +158,55 @@ def write_image(path: Path, image: Image, durable: bool = True) -> None:
         raise InputError(path, f"an image of type {image.dtype} cannot be stored", "use 8 or 16 bit grey values")
     with atomic_write(path, durable) as file:
         file.write(data.tobytes())
+
+
+def check_frame(path: Path, shape: tuple[int, int] | None = None) -> None:
+    """See that a frame is whole and, by its header, of a shape (H, W), without decoding a PNG's pixels.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        with regular(path).open("rb") as file:
+            png = file.read(len(_PNG)) == _PNG
+    except OSError as error:
+        raise InputError(path, f"the frame cannot be read ({error.strerror})", _AGAIN) from error
+    if not png:
+        read_image(path, shape)
+        return
+    data = path.read_bytes()
+    _check_png(path, data)
+    claimed = _claimed(data)
+    if claimed is not None and shape is not None and claimed != shape:
+        raise wrong_size(path, claimed, shape, "the camera in project.json has")
+
+
+def wrong_size(path: Path, has: tuple[int, ...], expected: tuple[int, ...], of: str) -> InputError:
+    """Make the error for a frame that is not of the camera's size."""
+    seen = f"the frame has {has[1]}x{has[0]} px, {of} {expected[1]}x{expected[0]}"
+    return InputError(path, seen, "use frames of one size, the camera's")
+
+
+def _claimed(data: bytes) -> tuple[int, int] | None:
+    """Read from the header of a PNG or TIFF file which shape (H, W) it claims; None where it does not say."""
+    try:
+        if data.startswith(_PNG):
+            width, height = struct.unpack_from(">II", data, 16)
+            return height, width
+        order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
+        if order is None:
+            return None
+        (at,) = struct.unpack_from(f"{order}I", data, 4)
+        (count,) = struct.unpack_from(f"{order}H", data, at)
+        sides: dict[int, int] = {}
+        for i in range(count):
+            tag, kind = struct.unpack_from(f"{order}HH", data, at + 2 + 12 * i)
+            if tag in (256, 257):  # width and height, as 16 or 32 bit
+                (sides[tag],) = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", data, at + 10 + 12 * i)
+        return sides[257], sides[256]
+    except (struct.error, KeyError):
+        return None
 
 
 def _check_png(path: Path, data: bytes) -> None:

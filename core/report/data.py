@@ -62,6 +62,8 @@ class ReportData:
         End of the deviation maps' common colour scale; by default it follows from the deviations.
     sign_off : SignOff, optional
         Who signed for `evaluations`.
+    outdated : tuple of str
+        Which of these results do not follow from the project as it is, and because of what.
     """
 
     project: Project
@@ -74,6 +76,7 @@ class ReportData:
     made_by: str = ""
     colour_limit_mm: float | None = None
     sign_off: SignOff | None = None
+    outdated: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:

@@ -76,7 +76,8 @@ def summary(data: ReportData) -> Summary:
     if data.sign_off is not None:
         findings.insert(0, sign_off_sentence(data.sign_off, data.evaluations))
     warnings = tuple(f"{source[0].upper()}{source[1:]}: {text}" for source, text in warnings_of(data))
-    return Summary(tuple(verdicts_of(data)), tuple(findings), warnings, tuple(_missing(data)))
+    outdated = tuple(f"Made from something else than the project holds now: {text}" for text in data.outdated)
+    return Summary(tuple(verdicts_of(data)), tuple(findings), (*outdated, *warnings), tuple(_missing(data)))
 
 
 def _adjustment_findings(data: ReportData) -> list[str]:

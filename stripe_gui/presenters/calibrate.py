@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from PySide6.QtCore import QCoreApplication
@@ -21,6 +21,7 @@ from core.model import (
 from core.pipeline import METHODS
 from core.pipeline.folders import known_truth
 from core.pipeline.runs import current_run
+from core.pipeline.update import chosen_options
 from core.project import keep_picks
 from core.report import ReportData, Table, tables
 from stripe_gui.presenters.folder import ProjectFolder
@@ -125,13 +126,7 @@ def verdicts_of(*results: tuple[str, object]) -> dict[str, Verdict]:
 
 def choice_of(folder: ProjectFolder) -> CalibrateChoice:
     """Give what was chosen for the calibrations in use, so that calibrating again begins from there."""
-    runs = [run for method in METHODS if (run := current_run(folder.project, method)) is not None]
-    newest = max(runs, key=lambda run: run.number, default=None)
-    if newest is None:
-        return CalibrateChoice()
-    there = {folder.name for folder in folder.project.captures}
-    without = tuple(name for name in newest.options.without if name in there)
-    return CalibrateChoice("all", replace(newest.options, without=without))
+    return CalibrateChoice("all", chosen_options(folder.project))
 
 
 def _made(folder: ProjectFolder) -> str:

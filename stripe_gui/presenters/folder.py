@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from core.errors import StripeError
 from core.model import Capture, Project
+from core.pipeline.runs import calibration_file
 from core.project import load_archive, read_capture, read_project
 
 T = TypeVar("T")
@@ -21,16 +22,14 @@ class CaptureEntry:
     Attributes
     ----------
     recorded_ns : int
-        When the newest of its frames, or capture.json, was written: what decoding reads. 0 where it could not be read.
-    changed_ns : int
-        The same with its picks and its board: what measuring reads.
+        When the newest of its frames, or capture.json, was written: to be shown, and to tell what was read from it
+        before from what would be read now. 0 where it could not be read.
     """
 
     folder: Path
     capture: Capture | None
     error: StripeError | None
     recorded_ns: int = 0
-    changed_ns: int = 0
 
     @property
     def name(self) -> str:
@@ -81,8 +80,8 @@ class ProjectFolder:
         return next((self._entry(folder, boards) for folder in self.project.captures if folder.name == name), None)
 
     def result_file(self, name: str) -> Path:
-        """Where a result is kept."""
-        return self.path / "results" / name
+        """Where a result is kept; the calibrations in use lie with the run they came from."""
+        return calibration_file(self.project, name) or self.path / "results" / name
 
     def result(self, name: str, kind: type[T]) -> T | None:
         """Give a result, None where it was not computed.
@@ -118,10 +117,7 @@ class ProjectFolder:
                 return CaptureEntry(folder, None, error)
             self._read[folder] = (now, capture)
             frames = [version(frame.path) for frame in capture.frames]
-        document, picks, _ = now
-        recorded = [v[0] for v in (document, *frames) if v]
-        measured = [v[0] for v in (picks, *(boards if capture.testfield else ())) if v]
-        return CaptureEntry(folder, capture, None, max(recorded), max(recorded + measured))
+        return CaptureEntry(folder, capture, None, max(v[0] for v in (now[0], *frames) if v))
 
 
 def version(path: Path) -> tuple[int, int] | None:

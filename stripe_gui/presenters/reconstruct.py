@@ -14,9 +14,9 @@ from core.evaluate import heights
 from core.model import Floats, Method
 from core.pipeline import METHODS
 from core.progress import SILENT, Progress
-from stripe_gui.presenters.folder import ProjectFolder, written_ns
+from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.maps import MapView, hill_shade, lit_colours, percentile, round_up
-from stripe_gui.presenters.work import cloud_file
+from stripe_gui.presenters.status import graph_of
 from stripe_gui.widgets.colours import lookup
 
 translate = QCoreApplication.translate
@@ -53,14 +53,13 @@ def methods_of(folder: ProjectFolder) -> list[Method]:
     return [m for m in METHODS if folder.result_file(f"{m}.npz").exists()]
 
 
-def points_state(folder: ProjectFolder, capture: str, method: str) -> str:
-    """Say whether a capture's points are there: "none", "stale" (calibrated or captured anew since) or "current"."""
-    written = written_ns(cloud_file(folder.project, capture, method))
+def points_state(folder: ProjectFolder, capture: str, method: Method) -> str:
+    """Say whether a capture's points are there: "none", "stale" or "current"; the core knows."""
     entry = folder.entry(capture)
-    if written is None or entry is None:
+    if entry is None or entry.capture is None:
         return "none"
-    newest = max(entry.recorded_ns, written_ns(folder.result_file(f"{method}.npz")) or 0)
-    return "current" if written >= newest else "stale"
+    state = graph_of(folder).points(entry.capture, method).state
+    return {"absent": "none", "current": "current"}.get(state, "stale")
 
 
 def load_points(path: Path, progress: Progress = SILENT) -> Points:

@@ -7,38 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from core import pipeline
-from core.errors import StripeError
-from core.figures import phase_figures
 from core.model import Calibration, Method, PhaseMap, PlaneEvaluation, Project, TargetSet
 from core.pipeline import CalibrateOptions
 from core.progress import SILENT, Progress
-from core.project import write_json
-from stripe_gui.presenters.folder import ProjectFolder
-from stripe_gui.presenters.status import decoded_captures
 
 
 def decode_all(project: Project, progress: Progress = SILENT) -> int:
-    """Decode every capture that was not decoded as it is now; keep the figures in results/decode.json; give the count.
+    """Decode every capture that was not decoded as it is now, and keep the figures; give the count.
 
     A capture that cannot be decoded is noted there, and told once the others are done.
     """
-    folder = ProjectFolder(project.path)
-    kept = decoded_captures(project.path)
-    entries = [e for e in folder.captures() if e.capture]
-    kept = {e.name: kept[e.name] for e in entries if e.name in kept}
-    due = [e for e in entries if kept.get(e.name, {}).get("recorded_ns") != e.recorded_ns or kept[e.name].get("error")]
-    problem: StripeError | None = None
-    for entry in progress.over(due, "{0.name}"):
-        try:
-            figures = phase_figures(pipeline.decode_capture(entry.folder))
-        except StripeError as error:
-            problem = problem or error
-            figures = {"error": str(error)}
-        kept[entry.name] = {"recorded_ns": entry.recorded_ns, **figures}
-        write_json(project.path / "results" / "decode.json", {"captures": kept})
-    if problem is not None:
-        raise problem
-    return len(due)
+    return pipeline.decode_project(project, progress)
 
 
 def measure(project: Project, progress: Progress = SILENT) -> tuple[TargetSet, ...]:
@@ -61,16 +40,12 @@ def calibrate(project: Project, choice: CalibrateChoice, progress: Progress = SI
 
 def cloud_file(project: Project, capture: str, method: str) -> Path:
     """Where the program keeps the points of a capture."""
-    return pipeline.result_path(project, f"points/{capture}.{method}.npz")
+    return pipeline.points_file(project, capture, method)
 
 
 def reconstruct(project: Project, capture: str, method: Method, progress: Progress = SILENT) -> Path:
     """Reconstruct a capture and keep its points in the project; give the file."""
-    phase, cloud = pipeline.reconstruct_capture(project, capture, method, progress=progress)
-    progress.check()
-    path = cloud_file(project, capture, method)
-    pipeline.write_cloud(path, phase, cloud)
-    return path
+    return pipeline.keep_points(project, capture, method, progress)
 
 
 def export_points(project: Project, capture: str, method: Method, out: Path, progress: Progress = SILENT) -> int:

@@ -195,7 +195,7 @@ def test_figures_that_cannot_be_written_are_told_before_the_work(calibrated: Pat
 
 def test_a_report_that_cannot_be_written_leaves_the_evaluation(calibrated: Path, refused: Callable[..., str]) -> None:
     assert "cannot be written" in refused("report", calibrated, "--out", calibrated / "project.json")
-    (calibrated / "results" / "adjustment.npz").write_bytes(b"no archive")
+    (calibrated / "results" / "runs" / "0001" / "adjustment.npz").write_bytes(b"no archive")
     assert "adjustment.npz: damaged" in refused("report", calibrated)
 
 
@@ -254,7 +254,7 @@ def test_names_cannot_move_the_cursor(quick: Path, refused: Callable[..., str], 
         ("captures/testfield-01/capture.json", "measure"),
         ("captures/testfield-01/picks.json", "measure"),
         ("captures/testfield-01/003.png", "measure"),
-        ("results/photogrammetric.npz", "evaluate"),
+        ("results/runs/0001/photogrammetric.npz", "evaluate"),
     ],
 )
 @pytest.mark.timeout(60)

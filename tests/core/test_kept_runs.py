@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,11 +23,15 @@ from core.pipeline import (
     delete_run,
     list_runs,
     make_current,
+    project_states,
     rename_run,
     runs,
+    save_sign_off,
 )
+from core.pipeline.runs import calibration_file
 from core.progress import Progress
-from core.project import load_archive, read_capture, read_project, write_picks
+from core.project import load_archive, read_capture, read_image, read_project, write_image, write_picks
+from core.report import SignOff
 
 
 def decoded(project, **choices) -> list[str]:
@@ -45,7 +49,19 @@ def exclude(folder: Path, capture: str, *targets: tuple[int, int]) -> None:
 
 
 def result(folder: Path, name: str = "photogrammetric.npz") -> PhotogrammetricCalibration:
-    return load_archive(folder / "results" / name, PhotogrammetricCalibration)
+    return load_archive(calibration_file(read_project(folder), name), PhotogrammetricCalibration)
+
+
+def network_of(folder: Path):
+    return load_archive(calibration_file(read_project(folder), "adjustment.npz"), Adjustment).network
+
+
+def change_frame(folder: Path, capture: str, file: str) -> None:
+    """Change one grey value of a frame."""
+    path = folder / "captures" / capture / file
+    image = read_image(path).copy()
+    image[0, 0] ^= 1
+    write_image(path, image)
 
 
 def test_a_calibration_is_kept_with_its_options_captures_and_figures(calibrated: Path) -> None:
@@ -69,22 +85,24 @@ def test_nothing_is_decoded_again_where_nothing_has_changed(calibrated: Path) ->
     first, second = list_runs(project)
     assert (first.number, second.number) == (1, 2)
     calibrate_project(project)
-    shared = [calibrated / "results" / "runs" / n / "polynomial.npz" for n in ("0002", "0003")]
-    assert os.path.samefile(*shared)  # a depth calibration that was not computed anew takes no room
+    # a depth calibration that was not computed anew takes no room
+    assert [p.parent.name for p in (calibrated / "results" / "runs").glob("*/polynomial.npz")] == ["0001"]
+    assert list_runs(project)[-1].holder("polynomial") == 1
+    delete_run(project, first)
+    assert [run.number for run in list_runs(project)] == [2, 3]
+    assert calibration_file(project, "polynomial.npz").parent.name == "0001"  # as long as another needs it
 
 
 def test_only_what_changed_is_measured_again(calibrated: Path) -> None:
     project = read_project(calibrated)
     exclude(calibrated, "testfield-03", (3, 4))
     assert decoded(project) == ["testfield-03"]
-    frame = next((calibrated / "captures" / "testfield-05").glob("000.*"))
-    os.utime(frame, ns=(0, frame.stat().st_mtime_ns + 1))
+    change_frame(calibrated, "testfield-05", "000.png")
     assert decoded(project) == ["testfield-05"]
     board = calibrated / "testfield.csv"
     board.write_text(board.read_text().replace("# polarity", "# seen\n# polarity", 1))
     assert decoded(project) == []  # a comment changes no target
-    plate = next((calibrated / "captures" / "depth-02").glob("003.*"))
-    os.utime(plate, ns=(0, plate.stat().st_mtime_ns + 1))
+    change_frame(calibrated, "depth-02", "003.png")
     assert decoded(project) == [f"depth-0{i}" for i in range(1, 6)]
     assert decoded(project, options=CalibrateOptions(degree=2), method="photogrammetric") == []
 
@@ -99,7 +117,7 @@ def test_an_excluded_target_is_left_out_of_that_capture_alone(calibrated: Path) 
     exclude(calibrated, "testfield-03", (3, 4))
     project = read_project(calibrated)
     calibrate_project(project, "photogrammetric")
-    network = load_archive(calibrated / "results" / "adjustment.npz", Adjustment).network
+    network = network_of(calibrated)
     point = network.point_names.index("3/4")
     stations = {network.station_names[s] for s in network.observation_station[network.observation_point == point]}
     assert not any(s.startswith("testfield-03/") for s in stations)
@@ -109,7 +127,7 @@ def test_an_excluded_target_is_left_out_of_that_capture_alone(calibrated: Path) 
 
 def test_captures_may_be_left_out_by_name(calibrated: Path, capsys) -> None:
     assert main(["calibrate", str(calibrated), "--method", "photogrammetric", "--without", "testfield-04"]) == 0
-    network = load_archive(calibrated / "results" / "adjustment.npz", Adjustment).network
+    network = network_of(calibrated)
     assert not any(name.startswith("testfield-04") for name in network.station_names)
     run = list_runs(read_project(calibrated))[-1]
     assert run.options.without == ("testfield-04",)
@@ -151,12 +169,9 @@ def test_an_earlier_run_can_be_put_in_use_again(calibrated: Path) -> None:
     calibrate_project(project, "photogrammetric", CalibrateOptions(without=("testfield-02",)))
     first, second = list_runs(project)
     assert result(calibrated).camera.interior != before
-    written = (calibrated / "results" / "photogrammetric.npz").stat().st_mtime_ns
     make_current(project, first)
     assert result(calibrated).camera.interior == before
     assert current_runs(project) == {"photogrammetric": 1, "polynomial": 1}
-    # what was computed by the other run is older than the calibration in use
-    assert (calibrated / "results" / "photogrammetric.npz").stat().st_mtime_ns >= written
     make_current(project, second)
     assert current_runs(project) == {"photogrammetric": 2, "polynomial": 1}
 
@@ -180,7 +195,11 @@ def test_a_run_in_use_is_not_deleted_another_is(calibrated: Path) -> None:
         delete_run(project, second)
     delete_run(project, first)
     assert [run.number for run in list_runs(project)] == [2]
-    assert not (calibrated / "results" / "runs" / "0001").exists()
+    calibrate_project(project, options=CalibrateOptions(degree=2))
+    delete_run(project, second)
+    assert [path.name for path in (calibrated / "results" / "runs").iterdir()] == ["0003"]
+    assert second.figures
+    second = list_runs(project)[0]
     assert result(calibrated).sigma0 == second.figures["photogrammetric"]["sigma0"]
 
 
@@ -196,6 +215,33 @@ def test_the_oldest_runs_go_beyond_a_number_those_in_use_stay(calibrated: Path, 
     for _ in range(3):
         calibrate_project(project, "photogrammetric")
     assert [run.number for run in list_runs(project)] == [1, 3, 4]  # run 1 holds the depth calibration in use
+
+
+def test_named_and_signed_runs_stay(calibrated: Path, monkeypatch) -> None:
+    monkeypatch.setattr(runs, "MOST_RUNS", 2)
+    project = read_project(calibrated)
+    for _ in range(2):
+        calibrate_project(project, "photogrammetric")
+    rename_run(project, list_runs(project)[1], "keep")
+    save_sign_off(project, SignOff("E. Abbe"), ())
+    for _ in range(4):
+        calibrate_project(project, "photogrammetric")
+    assert [run.number for run in list_runs(project)] == [1, 2, 3, 6, 7]
+    assert list_runs(project)[1].name == "keep"
+
+
+def test_a_project_of_an_earlier_version_is_read(calibrated: Path) -> None:
+    """Its archives lay in results/ itself, shared with the runs; without runs they count too."""
+    before, results = result(calibrated).camera.interior, calibrated / "results"
+    for name in ("photogrammetric.npz", "adjustment.npz", "polynomial.npz"):
+        (results / "runs" / "0001" / name).rename(results / name)
+    shutil.rmtree(results / "runs")
+    (results / "current.json").unlink()
+    project = read_project(calibrated)
+    assert result(calibrated).camera.interior == before
+    assert current_runs(project) == {}
+    state = project_states(project).stages["calibrate"]
+    assert (state.state, "earlier version" in state.because[0]) == ("outdated", True)
 
 
 def test_a_cancelled_calibration_keeps_no_run(calibrated: Path) -> None:
@@ -243,7 +289,7 @@ def run_with(number: int, c_mm: float, sigma: float, turn: np.ndarray, shift: np
         "translation_sigma_mm": [0.01] * 3,
     }
     network = {"camera": device(c_mm), "projector": device(180.0), "projector_from_camera": relative}
-    return Run(number, "", 0, CalibrateOptions(), {"photogrammetric": ()}, {}, {}, {"photogrammetric": network})
+    return Run(number, "", CalibrateOptions(), {"photogrammetric": ()}, {}, {}, {"photogrammetric": network})
 
 
 def test_runs_are_compared_in_units_of_the_greater_sigma() -> None:

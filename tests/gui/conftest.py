@@ -128,14 +128,12 @@ def recorded(tmp_path_factory) -> Path:
 @pytest.fixture(scope="session")
 def finished(recorded: Path, tmp_path_factory) -> Path:
     """The same with every stage done; read only."""
-    from core.pipeline import calibrate_project, report_project
+    from core.pipeline import update_project
     from core.project import read_project
 
     folder = tmp_path_factory.mktemp("finished") / "quick"
     shutil.copytree(recorded, folder)
-    project = read_project(folder)
-    calibrate_project(project)
-    report_project(project)
+    update_project(read_project(folder))
     return folder
 
 

@@ -89,7 +89,7 @@ def test_from_a_measured_project_to_a_second_run_without_a_target(
     idle(window, qtbot)
     assert page.step.name == "results"
     assert window.bench.session.statuses["calibrate"].state is State.DONE
-    network = load_archive(measured_project / "results" / "adjustment.npz", Adjustment).network
+    network = load_archive(measured_project / "results" / "runs" / "0002" / "adjustment.npz", Adjustment).network
     at = network.station_names.index("testfield-04/camera")
     seen = {network.point_names[p] for p in network.observation_point[network.observation_station == at]}
     assert f"{row}/{col}" not in seen

@@ -53,7 +53,7 @@ def test_every_point_is_counted_in_its_cell() -> None:
 
 
 def test_correlations_are_those_of_the_covariance_without_held_parameters(finished: Path) -> None:
-    adjustment = load_archive(finished / "results" / "adjustment.npz", Adjustment)
+    adjustment = load_archive(finished / "results" / "runs" / "0001" / "adjustment.npz", Adjustment)
     covariance = np.array([[4.0, 0.0, -3.0], [0.0, 0.0, 0.0], [-3.0, 0.0, 9.0]])
     made = replace(adjustment, parameter_names=("camera.c", "camera.A3", "camera.x0"), parameter_cov=covariance)
     found = correlations(made)
@@ -64,7 +64,7 @@ def test_correlations_are_those_of_the_covariance_without_held_parameters(finish
 
 
 def test_sigmas_of_points_are_the_roots_of_their_variances(finished: Path) -> None:
-    adjustment = load_archive(finished / "results" / "adjustment.npz", Adjustment)
+    adjustment = load_archive(finished / "results" / "runs" / "0001" / "adjustment.npz", Adjustment)
     count = len(adjustment.points_mm)
     cov = np.broadcast_to(np.diag([4e-6, 9e-6, 36e-6]), (count, 3, 3))
     found = point_sigmas(replace(adjustment, point_cov_mm2=cov))

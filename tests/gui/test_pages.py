@@ -128,7 +128,8 @@ def test_from_calibrating_to_the_exported_report(
         qtbot.mouseClick(window.strip.buttons[stage], Qt.MouseButton.LeftButton)
         click(window.page.run_button, qtbot)
         idle(window, qtbot)
-    assert {s.state for s in window.bench.session.statuses.values()} == {State.DONE}
+    left = {stage for stage, s in window.bench.session.statuses.items() if s.state is not State.DONE}
+    assert left == {"decode", "reconstruct"}  # nobody has asked for the objects yet
     answers.path = tmp_path / "out"
     click(window.page.export_button, qtbot)
     idle(window, qtbot)
@@ -170,7 +171,7 @@ def test_a_calibration_that_fails_is_told_and_kept(open_window, window, notices,
     assert "Traceback" in notices[-1].details
     status = window.bench.session.statuses["calibrate"]
     assert status.state is State.FAILED
-    assert not (project / "results" / "photogrammetric.npz").exists()
+    assert not list(project.glob("results/**/photogrammetric.npz"))
 
 
 def test_cancelling_a_calibration_leaves_the_project_as_it_was(open_window, window, project: Path, qtbot) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from core.errors import InputError
+from core.project import read_image, write_image
 from stripe_gui.presenters.failures import clear_failure, describe, keep_failure, read_failures
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.status import STAGES, State, stage_statuses
@@ -21,9 +22,25 @@ def states(folder: Path) -> dict[str, State]:
 
 
 def touch(path: Path) -> None:
-    """Make a file newer than everything else, as if it had been written now."""
+    """Make a file newer than everything else, its content the same."""
     later = time.time_ns() + 5_000_000_000
     os.utime(path, ns=(later, later))
+
+
+def pick_again(folder: Path) -> None:
+    """Move a pick by half a pixel."""
+    path = folder / "captures" / "testfield-01" / "picks.json"
+    data = json.loads(path.read_text())
+    data["seeds"][0]["u"] += 0.5
+    path.write_text(json.dumps(data))
+
+
+def record_again(folder: Path, capture: str) -> None:
+    """Change a grey value in the first frame of a capture."""
+    path = folder / "captures" / capture / "000.png"
+    image = read_image(path).copy()
+    image[0, 0] ^= 1
+    write_image(path, image)
 
 
 def test_a_recorded_project_is_captured_and_the_rest_is_to_do(recorded: Path) -> None:
@@ -37,7 +54,7 @@ def test_a_finished_project_is_done(finished: Path) -> None:
 
 
 def test_new_picks_make_everything_from_measuring_on_stale(finished_project: Path) -> None:
-    touch(finished_project / "captures" / "testfield-01" / "picks.json")
+    pick_again(finished_project)
     found = states(finished_project)
     assert found["capture"] is State.DONE
     assert found["calibrate"] is State.STALE
@@ -46,7 +63,7 @@ def test_new_picks_make_everything_from_measuring_on_stale(finished_project: Pat
 
 
 def test_a_new_plane_capture_makes_the_evaluation_stale_but_not_the_calibration(finished_project: Path) -> None:
-    touch(finished_project / "captures" / "plane+15" / "capture.json")
+    record_again(finished_project, "plane+15")
     found = states(finished_project)
     assert found["calibrate"] is State.DONE
     assert found["evaluate"] is State.STALE
@@ -54,19 +71,19 @@ def test_a_new_plane_capture_makes_the_evaluation_stale_but_not_the_calibration(
 
 
 def test_captures_stay_decoded_when_picks_or_the_calibration_change(finished_project: Path) -> None:
-    touch(finished_project / "captures" / "testfield-01" / "picks.json")
-    touch(finished_project / "results" / "photogrammetric.npz")
+    pick_again(finished_project)
     assert states(finished_project)["evaluate"] is State.STALE
     assert states(finished_project)["decode"] is State.DONE
 
 
 def test_a_capture_recorded_again_was_decoded_before(finished_project: Path) -> None:
-    touch(finished_project / "captures" / "testfield-01" / "000.png")
+    record_again(finished_project, "testfield-01")
     assert states(finished_project)["decode"] is State.STALE
 
 
-def test_a_rewritten_project_file_alone_changes_nothing(finished_project: Path) -> None:
-    touch(finished_project / "project.json")
+def test_files_written_again_as_they_were_change_nothing(finished_project: Path) -> None:
+    for name in ("project.json", "captures/testfield-01/picks.json", "captures/plane+15/000.png"):
+        touch(finished_project / name)
     assert set(states(finished_project).values()) == {State.DONE}
 
 
@@ -83,7 +100,7 @@ def test_missing_picks_are_counted(project: Path) -> None:
     (project / "captures" / "testfield-02" / "picks.json").unlink()
     status = stage_statuses(ProjectFolder(project))["measure"]
     assert status.state is State.TODO
-    assert "1 of 8" in status.reason
+    assert "1 of 13 captures: no targets are picked yet: pick 4 (testfield-02)" in status.reason
 
 
 def test_a_damaged_capture_fails_with_its_reason_and_leaves_the_others_readable(project: Path) -> None:
@@ -117,7 +134,7 @@ def test_a_failure_is_kept_until_the_stage_succeeds(project: Path) -> None:
 
 def test_a_failure_no_longer_counts_once_its_captures_changed(project: Path) -> None:
     keep_failure(project, "calibrate", describe(InputError("testfield-03", "two picks on one target", "pick again")))
-    touch(project / "captures" / "testfield-03" / "picks.json")
+    pick_again(project)
     assert states(project)["calibrate"] is State.TODO
 
 

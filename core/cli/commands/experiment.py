@@ -14,11 +14,11 @@ def add(commands: Commands) -> None:
     sub = commands.add(
         "demo", _demo, "simulate the whole experiment, calibrate both ways, judge the plane-table, report"
     )
-    sub.add_argument("out", nargs="?", type=Path, default=Path("demo"), metavar="OUT")
+    sub.add_argument("folder", nargs="?", type=Path, default=Path("demo"), metavar="OUT")
     _scenario(sub)
 
     sub = commands.add("simulate", _simulate, "write a project with its captures, as a rig would")
-    sub.add_argument("out", type=Path, metavar="OUT")
+    sub.add_argument("folder", type=Path, metavar="OUT")
     _scenario(sub)
 
     sub = commands.add("testfield", _testfield, "a testfield to print at true size")
@@ -36,9 +36,9 @@ def _demo(options: Options, progress: Progress) -> dict[str, Any]:
     from core.demo import run_demo
 
     sequence = chosen_sequence(options)
-    demo = run_demo(options.out, options.scenario, options.seed, progress, sequence=sequence)
+    demo = run_demo(options.folder, options.scenario, options.seed, progress, sequence=sequence)
     print(demo.text)
-    print(f"\nproject  {options.out}\nreport   {demo.report.html}\n         {demo.report.pdf}")
+    print(f"\nproject  {options.folder}\nreport   {demo.report.html}\n         {demo.report.pdf}")
     return demo.figures
 
 
@@ -46,7 +46,7 @@ def _simulate(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import simulate_project
 
     sequence = chosen_sequence(options)
-    project = simulate_project(options.out, options.scenario, options.seed, progress, sequence=sequence)
+    project = simulate_project(options.folder, options.scenario, options.seed, progress, sequence=sequence)
     print(f"{project.path}: {len(project.captures)} captures")
     return {"project": str(project.path), "captures": len(project.captures), "seed": options.seed}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -134,6 +135,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
     )
     points = write_cloud(options.out, phase, cloud)
     print(f"{options.out}: {points} points")
+    _tell_outdated(options)
     return {"points": points, "out": str(options.out)}
 
 
@@ -149,6 +151,7 @@ def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
         print_verdict(f"{plane['capture']}, {plane['method']}", plane["verdict"])
     print()
     print(result_tables(project, evaluations))
+    _tell_outdated(options)
     return figures
 
 
@@ -157,5 +160,16 @@ def _report(options: Options, progress: Progress) -> dict[str, Any]:
     from core.project import read_project
 
     paths = report_project(read_project(options.project), options.out, progress)
+    _tell_outdated(options)
     print(f"{paths.html}\n{paths.pdf}")
     return {"html": str(paths.html), "pdf": str(paths.pdf)}
+
+
+def _tell_outdated(options: Options) -> None:
+    """Say in a line on stderr if the calibrations that were used do not follow from what the project holds."""
+    from core.pipeline import outdated_words
+    from core.project import read_project
+
+    if words := outdated_words(read_project(options.project)):
+        told = f"{'; '.join(words)}; run `stripe-core update {options.project}`"
+        print(f"stripe-core: made from something else than the project holds now: {told}", file=sys.stderr)

@@ -12,7 +12,7 @@ from core import pipeline
 from core.pipeline import METHODS
 from stripe_gui.presenters.evaluate import EvaluationView, angle_text
 from stripe_gui.presenters.folder import ProjectFolder, written_ns
-from stripe_gui.presenters.status import StageStatus, State, method_name
+from stripe_gui.presenters.status import StageStatus, State, graph_of, method_name, states_of
 
 translate = QCoreApplication.translate
 
@@ -28,16 +28,14 @@ class Choice:
 
 def plane_choices(folder: ProjectFolder) -> list[Choice]:
     """List the plane captures with angle, date, and whether they are evaluated as they are now."""
-    evaluated = {e.capture for e in folder.result("evaluation.npz", tuple) or ()}
-    at = written_ns(folder.result_file("evaluation.npz")) or 0
+    states = states_of(folder).captures
+    words = {
+        "current": translate("PlaneTable", "evaluated"),
+        "outdated": translate("PlaneTable", "changed since it was evaluated"),
+    }
     found = []
     for entry in folder.of_role("plane"):
-        if entry.name not in evaluated:
-            state = translate("PlaneTable", "not evaluated")
-        elif entry.recorded_ns > at:
-            state = translate("PlaneTable", "changed since it was evaluated")
-        else:
-            state = translate("PlaneTable", "evaluated")
+        state = words.get(states[entry.name]["evaluate"].state, translate("PlaneTable", "not evaluated"))
         when = translate("PlaneTable", "captured {when}").format(when=_when(entry.recorded_ns))
         found.append(
             Choice(entry.name, f"{entry.name}   {angle_text(entry.capture.angle_deg)}".rstrip(), f"{when}, {state}")
@@ -75,11 +73,8 @@ def is_evaluated(
     """
     if view is None:
         return False
-    at = written_ns(folder.result_file("evaluation.npz")) or 0
-    inputs = [entry.recorded_ns for entry in folder.of_role("plane") if entry.name in captures]
-    inputs += [written_ns(folder.result_file(f"{method}.npz")) or 0 for method in methods]
     made = {(e.capture, e.method) for e in view.evaluations if e.camera is not None}
-    return made == {(c, m) for c in captures for m in methods} and max(inputs, default=0) <= at
+    return made == {(c, m) for c in captures for m in methods} and graph_of(folder).evaluation_fits
 
 
 def _when(at_ns: int) -> str:

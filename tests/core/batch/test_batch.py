@@ -21,7 +21,7 @@ from core.cli import main
 from core.errors import Cancelled, InputError
 from core.pipeline import decode_capture, evaluate_project, reconstruct_capture
 from core.progress import Progress
-from core.project import read_project
+from core.project import read_image, read_project, write_image
 
 
 def summary(out: Path) -> dict[str, dict[str, Any]]:
@@ -55,7 +55,11 @@ def test_a_second_run_does_only_what_changed(quick: Path, tmp_path: Path) -> Non
     names = [folder.name for folder in project.captures[:3]]
     run_batch(project, out, names[:2], steps=["decode"], workers=2)
     before = {name: (out / name / "phase.npz").stat().st_mtime_ns for name in names[:2]}
-    os.utime(next(iter(project.captures[1].glob("*.png"))))
+    frame = next(iter(project.captures[1].glob("*.png")))
+    image = read_image(frame).copy()
+    image[0, 0] ^= 1
+    write_image(frame, image)
+    os.utime(next(iter(project.captures[0].glob("*.png"))))  # a time alone changes nothing
     report = run_batch(project, out, names, steps=["decode"], workers=2)
     assert [o.state for o in report.outcomes] == ["left", "done", "done"]
     assert (out / names[0] / "phase.npz").stat().st_mtime_ns == before[names[0]]

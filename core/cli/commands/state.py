@@ -1,0 +1,70 @@
+"""The state of a project: what is current, and doing what is not."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from typing import Any
+
+from core.cli.arguments import Commands, Options, write_figures
+from core.progress import Progress
+
+
+def add(commands: Commands) -> None:
+    """Declare the commands of this group."""
+    commands.add_on_project("status", _status, "every stage of every capture: absent, current, outdated or failed")
+    commands.add_on_project("update", _update, "do what is outdated or absent, in order")
+    sub = commands.add_on_project("check", _check, "every inconsistency of a project, explained")
+    sub.add_argument("--repair", action="store_true", help="mend what can be mended without loss")
+
+
+def _status(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import project_states
+    from core.project import read_project
+
+    states = project_states(read_project(options.project))
+    for stage, state in states.stages.items():
+        first, *more = state.because or ("",)
+        print(f"{stage:12s} {state.state:9s} {first}".rstrip())
+        for text in more:
+            print(f"{'':22s} {text}")
+    print()
+    for name, of in states.captures.items():
+        own = {stage: state for stage, state in of.items() if state.state != "current"}
+        told = "; ".join(f"{stage} {s.state}: {', '.join(s.because)}" for stage, s in own.items())
+        print(f"{name:20s} {told or 'current: ' + ', '.join(of)}")
+    return states.as_dict()
+
+
+def _update(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import update_project
+    from core.project import read_project
+
+    def tell(text: str) -> None:
+        print(text, flush=True)
+
+    update = update_project(read_project(options.project), progress, tell)
+    if not update.done:
+        print("nothing to do")
+    left = {stage: state for stage, state in update.states.stages.items() if state.state != "current"}
+    for stage, state in left.items():
+        print(f"left: {stage} is {state.state}: {'; '.join(state.because)}", file=sys.stderr)
+    return {"done": list(update.done), **update.states.as_dict()}
+
+
+def _check(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.errors import StripeError
+    from core.pipeline.check import check_project
+
+    found = check_project(options.project, options.repair, progress)
+    for item in found:
+        print(item)
+    left = [item for item in found if not item.mended]
+    figures = {"inconsistencies": [asdict(item) for item in found], "left": len(left)}
+    if left:
+        if options.json is not None:
+            write_figures(options.json, figures)
+        more = "see to them, or" if options.repair else "mend what can be mended with --repair, or"
+        raise StripeError(options.project, f"{len(left)} inconsistencies", f"{more} see what is said of each")
+    print("everything fits" if not found else f"{len(found)} mended")
+    return figures

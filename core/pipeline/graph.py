@@ -1,0 +1,572 @@
+"""The one place that knows the state of everything: what stages read, and whether their results still follow from it.
+
+A result carries the record of what it was made from (`core.pipeline.inputs`). Here the record of what is there now is
+set beside it: equal is current, otherwise the difference is told in sentences (`core.pipeline.differences`). Nothing
+else decides: commands, batch, window, report and sign-off ask `project_states`.
+
+Stages, what they read, and where their results lie:
+
+    decode       frames, patterns, sizes of the devices           decode.json; later results speak for their captures
+    measure      the same, picks, board, rig                      targets.npz, a capture each
+    calibrate    the same of many captures, scale, options        runs/NNNN, that current.json points to
+    reconstruct  one capture's frames, a calibration              points/NAME.METHOD.npz with its .json
+    evaluate     planes' frames and angles, the calibrations      evaluation.npz
+    report       rig, calibrations, evaluation, sign-off          report/report.json beside the report's files
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+from core.errors import StripeError
+from core.model import Capture, Method, Project
+from core.pipeline.differences import differences
+from core.pipeline.failures import read_failures
+from core.pipeline.folders import result_path
+from core.pipeline.inputs import (
+    Record,
+    calibrated_from,
+    decoded_from,
+    evaluated_from,
+    measured_from,
+    part_decoded,
+    reconstructed_from,
+    reported_from,
+)
+from core.pipeline.measure import BOARDS, side_of
+from core.pipeline.options import METHODS, CalibrateOptions
+from core.pipeline.runs import (
+    ARCHIVES,
+    Run,
+    calibration_file,
+    calibration_hashes,
+    current_run,
+    read_run,
+    run_folder,
+)
+from core.project import read_capture
+from core.project.archive import read_head
+from core.project.contents import Contents, contents_of
+
+Word = Literal["absent", "current", "outdated", "failed"]
+STAGES = ("decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
+_WORST: tuple[Word, ...] = ("failed", "outdated", "absent", "current")
+_MOST_NAMED = 3
+UNKNOWN = "it does not say what it was made from: an earlier version of the program made it"
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a stage stands, for one capture or all, and the sentences that say because of what."""
+
+    state: Word
+    because: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Give it as `status --json` writes it."""
+        return {"state": self.state, "because": list(self.because)}
+
+
+CURRENT = State("current")
+
+
+@dataclass(frozen=True)
+class ProjectStates:
+    """The state of every stage, of the project and of every capture that the stage is for."""
+
+    stages: Mapping[str, State]
+    captures: Mapping[str, Mapping[str, State]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Give it as `status --json` writes it."""
+        return {
+            "stages": {stage: state.as_dict() for stage, state in self.stages.items()},
+            "captures": {
+                name: {stage: state.as_dict() for stage, state in states.items()}
+                for name, states in self.captures.items()
+            },
+        }
+
+    def outdated(self, *stages: str) -> tuple[str, ...]:
+        """Say which of some stages have results that do not follow from what is there, a sentence each."""
+        found = {stage: self.stages[stage] for stage in stages}
+        return tuple(
+            f"{stage} is {state.state}: {'; '.join(state.because)}"
+            for stage, state in found.items()
+            if state.state in ("outdated", "failed")
+        )
+
+
+def project_states(project: Project, captures: Mapping[Path, Capture | StripeError] | None = None) -> ProjectStates:
+    """Compute the state of every stage of every capture.
+
+    Parameters
+    ----------
+    project : Project
+    captures : mapping, optional
+        Captures by their folders, read a moment ago, or why they could not be read.
+    """
+    return Graph(project, captures).states()
+
+
+@dataclass
+class Graph:
+    """One look at a project: what is there is read once."""
+
+    project: Project
+    known: Mapping[Path, Capture | StripeError] | None = None
+    contents: Contents = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.contents = contents_of(self.project.path)
+
+    # ------------------------------------------------------------------------------------------------- what is there
+
+    @cached_property
+    def read(self) -> dict[str, Capture | StripeError]:
+        """Every capture by its name, or why it cannot be read; of two of one name the later has its folder's path."""
+        found: dict[str, Capture | StripeError] = {}
+        for folder in self.project.captures:
+            name = folder.name if folder.name not in found else str(folder.relative_to(self.project.path))
+            try:
+                capture = (self.known or {}).get(folder) or read_capture(folder, self.project)
+            except StripeError as error:
+                capture = error
+            found[name] = capture
+        return found
+
+    @cached_property
+    def captures(self) -> dict[str, Capture]:
+        """The captures that can be read."""
+        found = {name: c for name, c in self.read.items() if isinstance(c, Capture)}
+        self.contents.learn(frame.path for c in found.values() for frame in c.frames)
+        return found
+
+    def of_role(self, *roles: str) -> list[Capture]:
+        """Give the captures of some roles."""
+        return [c for c in self.captures.values() if c.role in roles]
+
+    @cached_property
+    def runs(self) -> dict[Method, Run | None]:
+        """The run of every calibration in use; None where it is not known."""
+        return {
+            m: current_run(self.project, m)
+            for m in METHODS
+            if calibration_file(self.project, ARCHIVES[m][0]) is not None
+        }
+
+    @cached_property
+    def targets(self) -> tuple[dict[str, Record | None], str]:
+        """What the kept targets of every capture were made from, and what is wrong with their file."""
+        path = result_path(self.project, "targets.npz")
+        if not path.exists():
+            return {}, ""
+        try:
+            sets = read_head(path)["value"]
+            return {s["fields"]["capture"]: _record(s["fields"].get("made_from")) for s in sets}, ""
+        except StripeError as error:
+            return {}, str(error)
+        except (TypeError, KeyError, AttributeError):
+            return {}, f"{path}: damaged"
+
+    @cached_property
+    def evaluation(self) -> tuple[Record | None, set[str], str]:
+        """What the evaluation was made from, the planes in it, and what is wrong with its file."""
+        path = result_path(self.project, "evaluation.npz")
+        if not path.exists():
+            return None, set(), ""
+        try:
+            head = read_head(path)
+            return head.get("made_from"), {e["fields"]["capture"] for e in head["value"]}, ""
+        except StripeError as error:
+            return None, set(), str(error)
+        except (TypeError, KeyError, AttributeError):
+            return None, set(), f"{path}: damaged"
+
+    @cached_property
+    def clouds(self) -> dict[tuple[str, Method], Record | None]:
+        """What the points that are kept were made from, by capture and method."""
+        found: dict[tuple[str, Method], Record | None] = {}
+        for path in sorted(result_path(self.project, "points").glob("*.npz")):
+            name, _, method = path.stem.rpartition(".")
+            if method in METHODS:
+                found[name, method] = _kept_record(path, self.contents)
+        return found
+
+    @cached_property
+    def decoded(self) -> dict[str, Any]:
+        """The figures of what was decoded, with its records, by capture."""
+        return decoded_figures(self.project)
+
+    @cached_property
+    def sides(self) -> dict[str, str]:
+        """The side from which the boards of each role are seen."""
+        return {role: side_of([c for c in self.captures.values() if c.role == role and c.seeds]) for role in BOARDS}
+
+    # ----------------------------------------------------------------------------------------------------- the states
+
+    def states(self) -> ProjectStates:
+        """Compute everything."""
+        by_capture: dict[str, dict[str, State]] = {name: {} for name in self.read}
+        single = {
+            "decode": self._each(self.read, self._decode),
+            "measure": self._each(self._measurable(), self._measure),
+        }
+        stages = {
+            "decode": _together(single["decode"], "there are no captures"),
+            "measure": self._measure_all(single["measure"]),
+        }
+        single["calibrate"], stages["calibrate"] = self._calibrate()
+        single["reconstruct"] = self._each(self._reconstructible(), self._reconstruct)
+        single["evaluate"], stages["evaluate"] = self._evaluate()
+        stages["reconstruct"] = self._reconstruct_all(single["reconstruct"], stages["evaluate"])
+        stages["report"] = self._report(stages)
+        for stage in STAGES:
+            for name, state in single.get(stage, {}).items():
+                by_capture.setdefault(name, {})[stage] = state
+        self.contents.keep()
+        return ProjectStates(self._with_failures({stage: stages[stage] for stage in STAGES}), by_capture)
+
+    @staticmethod
+    def _each(names: Iterable[str], look: Any) -> dict[str, State]:
+        return {name: look(name) for name in names}
+
+    def _decode(self, name: str) -> State:
+        capture = self.read[name]
+        if not isinstance(capture, Capture):
+            return State("failed", (str(capture),))
+        now = decoded_from(self.project, capture, self.contents)
+        own = self.decoded.get(capture.name, {})
+        records = [own.get("made_from"), *self._records_with(capture.name)]
+        parts = [part for record in records if record and (part := part_decoded(record, capture.name))]
+        if parts and (own.get("error") and part_decoded(own.get("made_from") or {}, capture.name) == now):
+            return State("failed", (str(own["error"]),))
+        if now in parts:
+            return CURRENT
+        if parts:
+            return State("outdated", differences(parts[0], now))
+        return State("absent", ("not decoded yet",))
+
+    def _records_with(self, name: str) -> Iterable[Record]:
+        """Give the records of results that a capture had a part in: their makers decoded it."""
+        if (record := self.targets[0].get(name)) is not None:
+            yield record
+        for method, run in self.runs.items():
+            if run is not None and method in run.made_from:
+                yield run.made_from[method]
+        if self.evaluation[0] is not None:
+            yield self.evaluation[0]
+        for (capture, _), cloud in self.clouds.items():
+            if capture == name and cloud is not None:
+                yield cloud
+
+    def _measurable(self) -> list[str]:
+        """Captures that measuring is for: testfields, and plates with picks."""
+        return [n for n, c in self.captures.items() if c.role == "testfield" or (c.role == "depth" and c.seeds)]
+
+    def _measure(self, name: str) -> State:
+        capture = self.captures[name]
+        records, damage = self.targets
+        if not capture.seeds:
+            return State("absent", ("no targets are picked yet: pick 4",))
+        if damage:
+            return State("outdated", (damage,))
+        if capture.name not in records:
+            return State("absent", ("not measured yet",))
+        then = records[capture.name]
+        if then is None:
+            return State("outdated", (UNKNOWN,))
+        changed = differences(then, measured_from(self.project, capture, self.sides[capture.role], self.contents))
+        return State("outdated", changed) if changed else CURRENT
+
+    def _measure_all(self, each: Mapping[str, State]) -> State:
+        if not each:
+            return State("absent", ("there are no captures of a testfield",))
+        return _together(each, "")
+
+    @cached_property
+    def calibrations(self) -> dict[Method, tuple[State, dict[str, State]]]:
+        """The state of every calibration that there is or could be, with its captures'."""
+        inputs: dict[Method, list[Capture]] = {
+            "photogrammetric": [c for c in self.of_role("testfield") if c.seeds],
+            "polynomial": self.of_role("depth"),
+        }
+        if inputs["photogrammetric"] and len(inputs["polynomial"]) == 1 and "polynomial" not in self.runs:
+            del inputs["polynomial"]  # a single plate tells no depth
+        return {
+            method: self._calibration(method, captures)
+            for method, captures in inputs.items()
+            if captures or method in self.runs
+        }
+
+    def _calibration(self, method: Method, captures: list[Capture]) -> tuple[State, dict[str, State]]:
+        if method not in self.runs:
+            state = State("absent", (f"not calibrated by the {method} method yet",))
+            return state, dict.fromkeys((c.name for c in captures), state)
+        run, damage = self.runs[method], self._damage(method)
+        options = run.options if run is not None else CalibrateOptions()
+        used = [c for c in captures if c.name not in options.without]
+        then = run.made_from.get(method) if run is not None else None
+        if damage or then is None:
+            state = State("outdated", damage or (f"{method}: {UNKNOWN}",))
+            return state, dict.fromkeys((c.name for c in used), state)
+        if "imported" in then:
+            return State("current", (f"imported from {then['imported']}",)), {}
+        now = calibrated_from(self.project, method, used, options, side_of(used), self.contents)
+        changed = differences(then, now)
+        state = State("outdated", changed) if changed else CURRENT
+        return state, {c.name: _part(then, now, c.name) for c in used}
+
+    def _calibrate(self) -> tuple[dict[str, State], State]:
+        if not self.calibrations:
+            return {}, State("absent", ("it needs testfields with picked targets, or plates at known depths",))
+        each = {name: state for _, states in self.calibrations.values() for name, state in states.items()}
+        return each, _worst(state for state, _ in self.calibrations.values())
+
+    def _of_calibrations(self, methods: Iterable[str]) -> tuple[str, ...]:
+        """Say which of the calibrations that a result was made by are outdated themselves."""
+        found = _worst(state for method, (state, _) in self.calibrations.items() if method in methods)
+        return _upstream("calibrate", found) if found.state == "outdated" else ()
+
+    def _damage(self, method: Method) -> tuple[str, ...]:
+        """Say which archives of the calibration in use are not as they were written."""
+        run, wrong = self.runs[method], []
+        for name in ARCHIVES[method]:
+            path = calibration_file(self.project, name)
+            if path is None:
+                return (f"{name} of the calibration in use is not there",)
+            holder = run
+            if run is not None and run.holder(method) != run.number:
+                holder = read_run(run_folder(self.project, run.holder(method)))
+            written = holder.archives.get(name) if holder is not None else None
+            told = path.relative_to(self.project.path)
+            if written and written != self.contents.of(path):
+                wrong.append(f"{told} is not as it was written")
+            elif not written:
+                try:
+                    read_head(path)
+                except StripeError as error:
+                    wrong.append(f"{told}: {error.seen}")
+        return tuple(wrong)
+
+    def _reconstructible(self) -> list[str]:
+        """Captures of objects, and those whose points are kept."""
+        kept = {name for name, _ in self.clouds}
+        return [n for n, c in self.captures.items() if c.role == "object" or c.name in kept]
+
+    def _reconstruct(self, name: str) -> State:
+        capture = self.captures[name]
+        found = [self.points(capture, method) for cloud, method in self.clouds if cloud == capture.name]
+        return _worst(found) if found else State("absent", ("not reconstructed yet",))
+
+    def points(self, capture: Capture, method: Method) -> State:
+        """Compute the state of the points of one capture by one method."""
+        if (capture.name, method) not in self.clouds:
+            return State("absent", ("not reconstructed yet",))
+        then = self.clouds[capture.name, method]
+        if then is None:
+            return State("outdated", (UNKNOWN,))
+        now = reconstructed_from(self.project, capture, calibration_hashes(self.project, [method]), self.contents)
+        changed = (*self._of_calibrations([method]), *differences(then, now))
+        return State("outdated", changed) if changed else CURRENT
+
+    def _reconstruct_all(self, each: Mapping[str, State], evaluate: State) -> State:
+        if each:
+            return _together(each, "")
+        if evaluate.state == "current":
+            return State("current", ("the planes, while evaluating",))
+        return State("absent", ("there are no captures of objects",))
+
+    def _evaluate(self) -> tuple[dict[str, State], State]:
+        then, evaluated, damage = self.evaluation
+        planes = self.of_role("plane")
+        if damage or not evaluated or then is None:
+            state = State("outdated", (damage or UNKNOWN,))
+            if not damage and not evaluated:
+                state = State("absent", ("not evaluated yet",) if planes else ("there are no captures of a plane",))
+            return {c.name: state for c in planes}, state
+        now, used = self._evaluated_now(then)
+        each = {}
+        upstream = self._of_calibrations((then.get("options") or {}).get("methods") or METHODS)
+        for c in planes:
+            state = _part(then, now, c.name, "results", "methods", "rig")
+            if c not in used:
+                state = State("absent", ("was not chosen to be evaluated",))
+            elif upstream and state.state != "absent":
+                state = State("outdated", (*upstream, *state.because))
+            each[c.name] = state
+        changed = (*upstream, *differences(then, now))
+        return each, State("outdated", changed) if changed else CURRENT
+
+    def _evaluated_now(self, then: Record) -> tuple[Record, list[Capture]]:
+        """Record what an evaluation of the same choice would be made from now, and the planes it would be of."""
+        options = then.get("options") or {}
+        chosen, methods = options.get("captures"), options.get("methods")
+        used = [c for c in self.of_role("plane") if chosen is None or c.name in chosen]
+        hashes = calibration_hashes(self.project, [m for m in METHODS if methods is None or m in methods])
+        return evaluated_from(self.project, used, hashes, (chosen, methods), self.contents), used
+
+    @cached_property
+    def evaluation_fits(self) -> bool:
+        """Whether the evaluation is of the planes and calibrations there are, be these outdated themselves or not."""
+        then = self.evaluation[0]
+        return then is not None and not differences(then, self._evaluated_now(then)[0])
+
+    def _report(self, stages: Mapping[str, State]) -> State:
+        folder = result_path(self.project, "report")
+        there = [folder / f"report.{kind}" for kind in ("html", "pdf")]
+        if not there[0].exists():
+            return State("absent", ("not written yet",))
+        record = _stored_record(folder / "report.json", {path.name: self.contents.of(path) for path in there})
+        if isinstance(record, str):
+            return State("outdated", (record,))
+        changed = differences(record, reported_now(self.project, self.contents))
+        upstream = [
+            text
+            for stage in ("calibrate", "evaluate")
+            if stages[stage].state in ("outdated", "failed")
+            for text in _upstream(stage, stages[stage])
+        ]
+        because = (*dict.fromkeys(upstream), *changed)
+        return State("outdated", because) if because else CURRENT
+
+    def _with_failures(self, stages: dict[str, State]) -> dict[str, State]:
+        """Tell a failure of the last run, unless its result is there or what the stages read has changed since."""
+        failures = read_failures(self.project.path)
+        if not any(stage in failures and state.state != "current" for stage, state in stages.items()):
+            return stages
+        now = self.sign()
+        for stage, failure in failures.items():
+            if stage in stages and stages[stage].state != "current" and failure.read in ("", now):
+                stages[stage] = State("failed", (f"{failure.happened}; {failure.remedy}".removesuffix("; "),))
+        return stages
+
+    def sign(self) -> str:
+        """Sign everything that people and rigs put into the project: any change of it is worth another try."""
+        from core.pipeline.inputs import rig_values
+        from core.project.contents import hash_value
+
+        parts: list[Any] = [rig_values(self.project)]
+        for name, capture in self.read.items():
+            if not isinstance(capture, Capture):
+                parts.append([name, str(capture)])
+                continue
+            record = measured_from(self.project, capture, "", self.contents)
+            parts.append([name, capture.role, capture.z_mm, capture.angle_deg, record["captures"]])
+        return hash_value(parts)
+
+
+def sign_of(project: Project) -> str:
+    """Sign everything that the stages of a project read."""
+    return Graph(project).sign()
+
+
+# ------------------------------------------------------------------------------------------------- records on the disk
+
+
+def decoded_figures(project: Project) -> dict[str, dict[str, Any]]:
+    """Read what was decoded for its own sake: figures or an error by capture, each with its record."""
+    try:
+        stored = json.loads(result_path(project, "decode.json").read_text(encoding="utf-8"))
+        return {str(name): dict(entry) for name, entry in stored["captures"].items()}
+    except (OSError, ValueError, KeyError, AttributeError, TypeError):
+        return {}
+
+
+def reported_now(project: Project, contents: Contents | None = None) -> Record:
+    """Record what a report would be made from now."""
+    from core.pipeline.report import signed_state
+
+    contents = contents or contents_of(project.path)
+    files = {
+        "evaluation": result_path(project, "evaluation.npz"),
+        "adjustment": calibration_file(project, "adjustment.npz"),
+    }
+    hashes = {name: contents.of(path) for name, path in files.items() if path is not None and path.exists()}
+    hashes |= {"sign-off": signed} if (signed := signed_state(project)) else {}
+    return reported_from(project, {**calibration_hashes(project), **hashes})
+
+
+def _kept_record(path: Path, contents: Contents) -> Record | None:
+    """Read the record beside a result; None where there is none, or where it is of another file."""
+    record = _stored_record(path.with_suffix(".json"), {path.name: contents.of(path)})
+    return None if isinstance(record, str) else record
+
+
+def _stored_record(path: Path, files: Mapping[str, str | None]) -> Record | str:
+    """Read a record that lies beside its files; in words what is wrong if it does not fit them."""
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        record, written = stored["made_from"], stored["files"]
+        for name, value in files.items():
+            if value != written[name]:
+                return f"{name} is {'gone' if value is None else 'not as it was written'}"
+        return dict(record)
+    except FileNotFoundError:
+        return UNKNOWN
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return f"{path.name} is damaged"
+
+
+def _record(text: Any) -> Record | None:
+    try:
+        record = json.loads(text)
+    except (ValueError, TypeError):
+        return None
+    return record if isinstance(record, dict) else None
+
+
+# ------------------------------------------------------------------------------------------------- states put together
+
+
+def _part(then: Record, now: Record, name: str, *shared: str) -> State:
+    """State of one capture in the result of many."""
+    if name not in then.get("captures", {}):
+        return State("absent", ("has no part in it yet",))
+
+    def own(record: Record) -> Record:
+        return {
+            **{key: record.get(key) for key in shared},
+            "captures": {name: record.get("captures", {}).get(name)},
+        }
+
+    changed = differences(own(then), own(now))
+    return State("outdated", changed) if changed else CURRENT
+
+
+def _together(each: Mapping[str, State], nothing: str) -> State:
+    """Put the states of captures together: the worst, and because of which captures."""
+    if not each:
+        return State("absent", (nothing,))
+    word = next(w for w in _WORST if any(s.state == w for s in each.values()))
+    if word == "current":
+        return CURRENT
+    named = [(name, state) for name, state in each.items() if state.state == word]
+    if word == "absent":
+        why: dict[str, list[str]] = {}
+        for name, state in named:
+            why.setdefault("; ".join(state.because), []).append(name)
+        return State(word, tuple(f"{len(n)} of {len(each)} captures: {text} ({_few(n)})" for text, n in why.items()))
+    because = list(dict.fromkeys(text for _, state in named for text in state.because))
+    if len(because) > 2 * _MOST_NAMED:
+        because = [*because[: 2 * _MOST_NAMED], f"and {len(because) - 2 * _MOST_NAMED} more changes"]
+    return State(word, tuple(because))
+
+
+def _few(names: list[str]) -> str:
+    return ", ".join(names[:_MOST_NAMED]) + (" …" if len(names) > _MOST_NAMED else "")
+
+
+def _worst(states: Iterable[State]) -> State:
+    found = list(states) or [CURRENT]
+    word = next(w for w in _WORST if any(s.state == w for s in found))
+    return State(word, tuple(dict.fromkeys(text for s in found if s.state == word for text in s.because)))
+
+
+def _upstream(stage: str, state: State) -> tuple[str, ...]:
+    return tuple(f"{stage} is {state.state}: {text}" for text in state.because) or (f"{stage} is {state.state}",)

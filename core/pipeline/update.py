@@ -1,0 +1,247 @@
+"""All that is outdated or absent, done in the order of the road; what stops it is told, and the next call goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from core.errors import Cancelled, InputError, StripeError
+from core.figures import phase_figures
+from core.model import Method, Project
+from core.pipeline.calibrate import calibrate_project, load_calibrations
+from core.pipeline.decode import phase_maps
+from core.pipeline.evaluate import evaluate_project
+from core.pipeline.failures import StageFailure, clear_failure, keep_failure
+from core.pipeline.folders import result_path
+from core.pipeline.graph import Graph, ProjectStates, State, decoded_figures, project_states
+from core.pipeline.inputs import decoded_from, reconstructed_from
+from core.pipeline.measure import measure_project
+from core.pipeline.options import CalibrateOptions
+from core.pipeline.reconstruct import reconstruct_capture, write_cloud
+from core.pipeline.report import report_project
+from core.pipeline.runs import calibration_hashes, current_run
+from core.progress import SILENT, Progress
+from core.project import write_json
+from core.project.contents import contents_of, hash_file
+from core.project.lock import writing_results
+
+Listen = Callable[[str], None]
+DUE = ("absent", "outdated", "failed")
+
+
+@dataclass(frozen=True)
+class Update:
+    """What was done, a sentence each, and the states after it."""
+
+    done: tuple[str, ...]
+    states: ProjectStates = field(repr=False)
+
+
+def update_project(project: Project, progress: Progress = SILENT, listen: Listen | None = None) -> Update:
+    """Do everything that is outdated or absent and can be done, in order.
+
+    Every stage is kept as soon as it has succeeded: what stops this costs no more than the stage it was at.
+
+    Parameters
+    ----------
+    project : Project
+    progress : Progress
+    listen : callable
+        Hears what has been done, as soon as it is.
+
+    Raises
+    ------
+    BusyError
+        If another program writes into the project.
+    StripeError
+        What the first stage failed with that could not be done; stages that do not need it are done all the same.
+    """
+    done: list[str] = []
+    problems: list[StripeError] = []
+
+    def tell(text: str) -> None:
+        done.append(text)
+        if listen is not None:
+            listen(text)
+
+    work: dict[str, Callable[[Project, ProjectStates, Progress], str]] = {
+        "measure": _measure,
+        "calibrate": _calibrate,
+        "reconstruct": _reconstruct,
+        "evaluate": _evaluate,
+        "decode": _decode,  # last of what reads frames: all before it decode what they need
+        "report": _report,
+    }
+    spans = {"measure": 0.4, "calibrate": 0.6, "reconstruct": 0.68, "evaluate": 0.82, "decode": 0.87, "report": 1.0}
+    start = 0.0
+    with writing_results(project.path, "update"):
+        for stage, do in work.items():
+            part, start = progress.part(start, spans[stage]), spans[stage]
+            states = project_states(project)
+            if states.stages[stage].state not in DUE:
+                continue
+            with _noted(project, stage, problems):
+                if text := do(project, states, part):
+                    tell(f"{stage}: {text}")
+        states = project_states(project)
+    if problems:
+        raise problems[0]
+    progress(1.0, "everything is current")
+    return Update(tuple(done), states)
+
+
+class _noted:  # noqa: N801  reads as a statement
+    """Keep what a stage fails with as its state, and go on with the others; forget it once the stage succeeds."""
+
+    def __init__(self, project: Project, stage: str, problems: list[StripeError]) -> None:
+        self.project, self.stage, self.problems = project, stage, problems
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> bool:
+        if error is None:
+            clear_failure(self.project.path, self.stage)
+            return False
+        if not isinstance(error, StripeError) or isinstance(error, Cancelled):
+            return False
+        self.problems.append(error)
+        failure = StageFailure(f"{error.where}: {error.seen}", error.remedy, read=Graph(self.project).sign())
+        with suppress(StripeError):
+            keep_failure(self.project.path, self.stage, failure)
+        return True
+
+
+def _due(states: ProjectStates, stage: str, *words: str) -> list[str]:
+    return [name for name, of in states.captures.items() if of.get(stage, State("current")).state in (words or DUE)]
+
+
+def _measure(project: Project, states: ProjectStates, progress: Progress) -> str:
+    graph = Graph(project)
+    due = [name for name in _due(states, "measure") if name in graph.captures and graph.captures[name].seeds]
+    if not due:
+        return ""
+    targets = measure_project(project, progress)
+    return f"targets of {len(targets)} captures, {len(due)} of them anew"
+
+
+def _calibrate(project: Project, states: ProjectStates, progress: Progress) -> str:
+    """Calibrate by the methods that need it, with what was chosen for those in use."""
+    due = [m for m, (state, _) in Graph(project).calibrations.items() if state.state in DUE]
+    if not due:
+        return ""
+    for i, method in enumerate(due if len(due) == 1 else ["all"]):
+        part = progress.part(i / len(due), (i + 1) / len(due))
+        calibrate_project(project, method, chosen_options(project), part)  # type: ignore[arg-type]
+    return f"{' and '.join(due)}"
+
+
+def chosen_options(project: Project) -> CalibrateOptions:
+    """Give what was chosen for the calibrations in use, so that calibrating again begins from there."""
+    methods: tuple[Method, ...] = ("photogrammetric", "polynomial")
+    runs = {m: run for m in methods if (run := current_run(project, m)) is not None}
+    if not runs:
+        return CalibrateOptions()
+    newest = max(runs.values(), key=lambda run: run.number)
+    options = newest.options
+    if (depth := runs.get("polynomial")) is not None:
+        options = replace(options, degree=depth.options.degree, low_pass_px=depth.options.low_pass_px)
+    if (network := runs.get("photogrammetric")) is not None:
+        chosen = network.options
+        options = replace(options, rigid=chosen.rigid, hold=chosen.hold, reject_beyond=chosen.reject_beyond)
+    there = {folder.name for folder in project.captures}
+    return replace(options, without=tuple(name for name in options.without if name in there))
+
+
+def _reconstruct(project: Project, states: ProjectStates, progress: Progress) -> str:
+    """Reconstruct objects by the calibration that comes first, and anew what was reconstructed before."""
+    graph, done = Graph(project), 0
+    if not calibration_hashes(project):
+        return ""
+    first = next(iter(load_calibrations(project)))
+    names = [name for name in _due(states, "reconstruct") if name in graph.captures]
+    for name in progress.over(names, "reconstructing {0}"):
+        capture = graph.captures[name].name
+        methods = [method for cloud, method in graph.clouds if cloud == capture] or [first]
+        for method in methods:
+            keep_points(project, capture, method)
+            done += 1
+    return f"points of {len(names)} captures" if done else ""
+
+
+def keep_points(project: Project, name: str, method: Method, progress: Progress = SILENT) -> Path:
+    """Reconstruct a capture and keep its points in the project, with the record of what they were made from."""
+    path = points_file(project, name, method)
+    capture = next(c for c in Graph(project).captures.values() if c.name == name)
+    with writing_results(project.path, "reconstruct"):
+        record = reconstructed_from(project, capture, calibration_hashes(project, [method]))
+        phase, cloud = reconstruct_capture(project, str(capture.path), method, progress=progress)
+        progress.check()
+        write_cloud(path, phase, cloud)
+        write_json(path.with_suffix(".json"), {"files": {path.name: hash_file(path)}, "made_from": record})
+        contents_of(project.path).keep()
+    return path
+
+
+def points_file(project: Project, name: str, method: str) -> Path:
+    """Where the program keeps the points of a capture."""
+    return result_path(project, f"points/{name}.{method}.npz")
+
+
+def _evaluate(project: Project, states: ProjectStates, progress: Progress) -> str:
+    graph = Graph(project)
+    if not graph.of_role("plane") or not calibration_hashes(project):
+        return ""
+    chosen = (graph.evaluation[0] or {}).get("options") or {}
+    planes = [name for name in chosen.get("captures") or () if name in graph.captures] or None
+    methods = [m for m in chosen.get("methods") or () if f"{m} calibration" in calibration_hashes(project)] or None
+    found = evaluate_project(project, progress, captures=planes, methods=methods)
+    return f"{len({e.capture for e in found})} planes"
+
+
+def _decode(project: Project, states: ProjectStates, progress: Progress) -> str:
+    count = decode_project(project, progress)
+    return f"{count} captures" if count else ""
+
+
+def decode_project(project: Project, progress: Progress = SILENT) -> int:
+    """Decode every capture that is not decoded as it is now, and keep the figures; give the count.
+
+    Raises
+    ------
+    StripeError
+        Of the first capture that cannot be decoded, once the others are done; it is noted with its figures.
+    """
+    graph = Graph(project)
+    with writing_results(project.path, "decode"):
+        states = graph.states().captures
+        due = [c for name, c in graph.captures.items() if states[name]["decode"].state in DUE]
+        names = {c.name for c in graph.captures.values()}
+        kept = {name: entry for name, entry in decoded_figures(project).items() if name in names}
+        problem: StripeError | None = next((c for c in graph.read.values() if isinstance(c, StripeError)), None)
+        for capture in progress.over(due, "decoding {0.name}"):
+            record = decoded_from(project, capture)
+            try:
+                ((_, phase),) = phase_maps(project, [capture], progress.quiet())
+                figures = phase_figures(phase)
+            except Cancelled:
+                raise
+            except StripeError as error:
+                problem = problem or error
+                figures = {"error": str(error)}
+            kept[capture.name] = {"made_from": record, **figures}
+            write_json(result_path(project, "decode.json"), {"captures": kept})
+        contents_of(project.path).keep()
+    if problem is not None:
+        raise problem
+    return len(due)
+
+
+def _report(project: Project, states: ProjectStates, progress: Progress) -> str:
+    if not calibration_hashes(project):
+        return ""
+    with suppress(InputError):  # damaged calibrations: told by the stage that could not mend them
+        return str(report_project(project, progress=progress).html)
+    return ""

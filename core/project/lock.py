@@ -1,0 +1,222 @@
+"""One writer at a time: a lock file that names its holder, and that a dead program does not hold any more.
+
+The kernel's lock on the file counts, not the file: it goes with the process, however that ends. What the file says is
+for people. Where the file system has no such locks, the file counts as long as its process lives on this machine.
+Reading needs no lock: results are replaced whole.
+"""
+
+from __future__ import annotations
+
+import errno
+import getpass
+import json
+import os
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from core.atomic import sweep
+from core.errors import BusyError, InputError
+from core.project.contents import FILE as CONTENTS
+
+try:
+    import fcntl
+except ImportError:  # not on this system
+    fcntl = None  # type: ignore[assignment]
+
+RESULTS_LOCK = ".lock"  # in results/
+DOCUMENT_LOCK = ".project.lock"  # beside project.json
+_WITHOUT = {getattr(errno, name) for name in ("ENOLCK", "EOPNOTSUPP", "ENOSYS", "EINVAL") if hasattr(errno, name)}
+_held: dict[str, tuple[int, int]] = {}  # by path: the thread that has it, and how many times
+_guard = threading.Lock()
+
+
+@contextmanager
+def writing_results(folder: Path, work: str) -> Iterator[None]:
+    """Be the one who writes into a project's results; nested calls of one thread are one.
+
+    Raises
+    ------
+    BusyError
+        If another program, or another thread of this one, is writing there: told at once, by whom and since when.
+    InputError
+        If nothing can be written there.
+    """
+    results = Path(folder) / "results"
+    new = not results.exists()
+    try:
+        with lock(results / RESULTS_LOCK, work):
+            for place in (Path(folder), results, *(results / name for name in ("runs", "report", "points"))):
+                sweep(place)  # what killed programs left: nobody else writes there now
+            yield
+    finally:
+        if new:
+            with suppress(OSError):
+                if os.listdir(results) == [CONTENTS]:
+                    (results / CONTENTS).unlink()
+                results.rmdir()  # only where nothing was written
+
+
+@contextmanager
+def lock(path: Path, work: str, wait_s: float = 0.0) -> Iterator[None]:
+    """Hold a lock file, waiting for it if need be; it is gone afterwards.
+
+    Raises
+    ------
+    BusyError, InputError
+    """
+    key, me, until = os.path.realpath(path), threading.get_ident(), time.monotonic() + wait_s
+    while True:
+        with _guard:
+            holder, times = _held.get(key, (me, 0))
+            if holder == me:
+                _held[key] = me, times + 1
+                break
+        if time.monotonic() > until:
+            raise _busy(path, {**_who(work), "program": "another task of this program"})
+        time.sleep(0.02)
+    handle = -1
+    try:
+        if times == 0:
+            handle = _take(path, work, until)
+        yield
+    finally:
+        if handle >= 0:
+            _release(path, handle)
+        with _guard:
+            if times:
+                _held[key] = me, times
+            else:
+                _held.pop(key, None)
+
+
+def holder_of(path: Path) -> dict[str, Any] | None:
+    """Tell who holds a lock; None where nobody does, whatever was left behind."""
+    if os.path.realpath(path) in _held:
+        return _read(path)
+    try:
+        handle = os.open(path, os.O_RDONLY)
+    except OSError:
+        return None
+    try:
+        return None if _locked(handle, path) else _read(path)
+    finally:
+        os.close(handle)
+
+
+def words_of(holder: dict[str, Any]) -> str:
+    """Say who holds a lock."""
+    return (
+        f"{holder.get('program', 'a program')} (process {holder.get('pid', '?')} of {holder.get('user', '?')} on "
+        f"{holder.get('host', '?')}, since {holder.get('since', '?')})"
+    )
+
+
+def _take(path: Path, work: str, until: float) -> int:
+    while True:
+        handle = _open(path)
+        taken = _locked(handle, path)
+        if taken and _is_there(handle, path):
+            _write(handle, work)
+            return handle
+        os.close(handle)
+        late = time.monotonic() - until
+        if not taken and late > 0:
+            seen = _read(path)
+            if seen is not None or late > 1:  # whoever has just taken it says so in a moment
+                raise _busy(path, seen or {})
+        time.sleep(0.01)
+
+
+def _is_there(handle: int, path: Path) -> bool:
+    """Whether an open file is the one of that name: its last holder may have removed it meanwhile."""
+    try:
+        return os.path.samestat(os.fstat(handle), os.stat(path))
+    except OSError:
+        return False
+
+
+def _open(path: Path) -> int:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
+        except PermissionError:
+            return os.open(path, os.O_RDONLY)  # another user's: it can be locked all the same
+    except OSError as error:
+        seen = f"cannot be written ({error.strerror or error})"
+        raise InputError(path.parent, seen, "choose a folder you may write to") from error
+
+
+def _locked(handle: int, path: Path) -> bool:
+    """Take the kernel's lock if it is free; where there is none, see whether the process that the file names lives."""
+    if fcntl is not None:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        except BlockingIOError:
+            return False
+        except OSError as error:
+            if error.errno not in _WITHOUT:
+                raise
+    holder = _read(path) or {}
+    return holder.get("host") != socket.gethostname() or not is_alive(holder.get("pid"))
+
+
+def is_alive(pid: Any) -> bool:
+    """Whether a process of this machine runs."""
+    if not isinstance(pid, int) or pid <= 0:
+        return False
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
+
+
+def _release(path: Path, handle: int) -> None:
+    with suppress(OSError):
+        path.unlink()  # while it is held: whoever opened it meanwhile sees that it is not the file any more
+    os.close(handle)
+
+
+def _write(handle: int, work: str) -> None:
+    with suppress(OSError):
+        os.ftruncate(handle, 0)
+        os.pwrite(handle, json.dumps(_who(work)).encode(), 0)
+
+
+def _who(work: str) -> dict[str, Any]:
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):
+        user = str(os.getuid()) if hasattr(os, "getuid") else "?"
+    name = Path(sys.argv[0]).name if sys.argv and sys.argv[0] not in ("", "-c", "-m") else "python"
+    program = "stripe-core" if name == "__main__.py" else name
+    return {
+        "pid": os.getpid(),
+        "host": socket.gethostname(),
+        "user": user,
+        "program": f"{program} {work}",
+        "since": f"{datetime.now():%Y-%m-%d %H:%M:%S}",
+    }
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def _busy(path: Path, holder: dict[str, Any]) -> BusyError:
+    return BusyError(path.parent, f"is being written by {words_of(holder)}", "wait until it is done; reading goes on")

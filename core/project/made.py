@@ -1,0 +1,147 @@
+"""What this program wrote into a folder that people may use too, so that it replaces that and nothing else.
+
+A small file lists what was written, with a hash each. What is not listed, or is not as it was written, belongs to
+somebody: it is neither replaced nor deleted, but named.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from core import atomic
+from core.atomic import PART, write_json
+from core.errors import InputError, StripeError
+from core.project.contents import FILE as CONTENTS
+from core.project.contents import contents_of, hash_file
+from core.project.lock import DOCUMENT_LOCK, RESULTS_LOCK, lock
+
+FILE = ".stripe-made.json"
+_SCRATCH = {FILE, CONTENTS, DOCUMENT_LOCK, RESULTS_LOCK}  # the program's own memory: nobody misses it
+_MOST_NAMED = 3
+
+
+def read_made(folder: Path) -> dict[str, Any]:
+    """Read what is listed of a folder; an empty list where nothing is that can be read."""
+    try:
+        stored = json.loads((Path(folder) / FILE).read_text(encoding="utf-8"))
+        return {**stored, "files": {str(k): str(v) for k, v in stored["files"].items()}}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {"files": {}}
+
+
+def note_made(folder: Path, facts: Mapping[str, Any]) -> None:
+    """List every file that is in a folder and below it, with facts of its making."""
+    contents = contents_of(folder)
+    paths = [path for path in _files(folder) if path.name not in _SCRATCH]
+    contents.learn(paths)
+    files = {_name(path, folder): contents.of(path) for path in paths}
+    write_json(Path(folder) / FILE, {"format": "stripe-made", "version": 1, **facts, "files": files})
+    contents.keep()
+
+
+def foreign(folder: Path, own: Collection[str] = ()) -> list[str]:
+    """Name the files below a folder that are not listed, or not as they were written; `own` are the program's too."""
+    listed, found = read_made(folder)["files"], []
+    for path in _files(folder):
+        name = _name(path, folder)
+        if path.name in _SCRATCH or name in own or (path.name.startswith(".") and path.name.endswith(PART)):
+            continue
+        if listed.get(name) != hash_file(path):
+            found.append(name)
+    return found
+
+
+def remove_made(folder: Path, own: Collection[str] = ()) -> None:
+    """Remove what this program wrote into a folder, if there is nothing else.
+
+    Raises
+    ------
+    InputError
+        Naming what somebody added or changed; nothing has been removed then.
+    """
+    others = foreign(folder, own)
+    if others:
+        more = f" and {len(others) - _MOST_NAMED} more" if len(others) > _MOST_NAMED else ""
+        raise InputError(
+            folder,
+            f"holds what was added or changed since: {', '.join(others[:_MOST_NAMED])}{more}",
+            "choose a new or empty folder, or move these away",
+        )
+    for path in _files(folder):
+        path.unlink(missing_ok=True)
+    for root, _, _ in os.walk(folder, topdown=False):
+        if Path(root) != Path(folder):
+            with suppress(OSError):
+                os.rmdir(root)
+
+
+def claim(path: Path) -> None:
+    """See that a file may be written: that nothing is there, or what this program wrote and nobody changed.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        if not os.path.isfile(path) or not os.path.getsize(path):
+            return
+    except OSError:
+        return
+    if any(p.name == "results" and (p.parent / "project.json").exists() for p in Path(path).absolute().parents):
+        return  # a project's results are the program's own
+    if read_made(Path(path).parent)["files"].get(Path(path).name) != hash_file(path):
+        seen = "is there already, and not as this program wrote it"
+        raise InputError(path, seen, "give another name, or move that file away")
+
+
+@contextmanager
+def guarding(out: Path) -> Iterator[None]:
+    """Write into a place that a user named: replace there only what this program wrote and nobody changed."""
+    out = Path(out).absolute()
+    written: dict[Path, set[str]] = {}
+
+    def concerns(path: Path) -> bool:
+        path = path.absolute()
+        return path.name != FILE and (path == out or out in path.parents)
+
+    def before(path: Path) -> None:
+        if concerns(path) and path.name not in written.get(path.parent, ()):
+            claim(path)
+
+    def after(path: Path) -> None:
+        if concerns(path):
+            written.setdefault(path.parent, set()).add(path.name)
+
+    hooks, atomic.hooks = atomic.hooks, (before, after)
+    try:
+        yield
+    finally:
+        atomic.hooks = hooks
+        for folder, names in written.items():
+            with suppress(StripeError, OSError):
+                _add(folder, names)
+
+
+def _add(folder: Path, names: set[str]) -> None:
+    with lock(folder / f"{FILE}.lock", "listing what was written", wait_s=5.0):
+        _list(folder, names)
+
+
+def _list(folder: Path, names: set[str]) -> None:
+    made = read_made(folder)
+    files = {name: value for name, value in made["files"].items() if (folder / name).exists()}
+    files |= {name: hash_file(folder / name) for name in sorted(names) if (folder / name).is_file()}
+    write_json(folder / FILE, {"format": "stripe-made", "version": 1, **made, "files": files})
+
+
+def _files(folder: Path) -> list[Path]:
+    return [Path(root) / name for root, _, names in os.walk(folder) for name in names]
+
+
+def _name(path: Path, folder: Path) -> str:
+    return path.relative_to(folder).as_posix()

@@ -1,0 +1,373 @@
+"""The table of states: what makes which result outdated, and what does not."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import pytest
+
+from core.cli import main
+from core.pipeline import (
+    CalibrateOptions,
+    calibrate_project,
+    load_evaluation,
+    project_states,
+    report_project,
+    save_sign_off,
+    update_project,
+)
+from core.pipeline.differences import differences
+from core.project import read_capture, read_project, write_picks
+from core.project.contents import Contents
+from core.report import SignOff
+
+ALL = ("decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
+
+
+@pytest.fixture(scope="module")
+def whole_original(quick_original: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The `quick` project with every stage done; never change it."""
+    folder = tmp_path_factory.mktemp("whole") / "quick"
+    shutil.copytree(quick_original, folder)
+    update_project(read_project(folder))
+    return folder
+
+
+@pytest.fixture
+def whole(whole_original: Path, tmp_path: Path) -> Path:
+    """A copy of it to work on."""
+    return Path(shutil.copytree(whole_original, tmp_path / "whole"))
+
+
+def states(folder: Path) -> dict[str, str]:
+    return {stage: state.state for stage, state in project_states(read_project(folder)).stages.items()}
+
+
+def outdated(folder: Path) -> set[str]:
+    return {stage for stage, state in states(folder).items() if state != "current"}
+
+
+def because(folder: Path, stage: str) -> str:
+    return "; ".join(project_states(read_project(folder)).stages[stage].because)
+
+
+# ------------------------------------------------------------------------------------- what changes nothing
+
+
+def copied(folder: Path, to: Path) -> Path:
+    subprocess.run(["cp", "-r", folder, to], check=True)
+    return to
+
+
+def copied_with_times(folder: Path, to: Path) -> Path:
+    subprocess.run(["cp", "-a", folder, to], check=True)
+    return to
+
+
+def unpacked(folder: Path, to: Path) -> Path:
+    """Packed, and unpacked by a program that gives every file the time of unpacking."""
+    with zipfile.ZipFile(to.with_suffix(".zip"), "w") as archive:
+        for path in folder.rglob("*"):
+            archive.write(path, path.relative_to(folder))
+    with zipfile.ZipFile(to.with_suffix(".zip")) as archive:
+        archive.extractall(to)
+    return to
+
+
+def moved(folder: Path, to: Path) -> Path:
+    shutil.copytree(folder, to.with_name("there"))
+    return to.with_name("there").rename(to)
+
+
+def touched(folder: Path, to: Path) -> Path:
+    """Every file written at a time of its own, some in the future."""
+    shutil.copytree(folder, to)
+    for i, path in enumerate(sorted(to.rglob("*"))):
+        at = time.time() + (i % 7 - 3) * 86_400
+        os.utime(path, (at, at))
+    return to
+
+
+def without_memory(folder: Path, to: Path) -> Path:
+    shutil.copytree(folder, to)
+    (to / "results" / ".contents.json").unlink()
+    return to
+
+
+def with_memory_damaged(folder: Path, to: Path) -> Path:
+    shutil.copytree(folder, to)
+    (to / "results" / ".contents.json").write_text('{"version": 1, "files": [')
+    return to
+
+
+def reformatted(folder: Path, to: Path) -> Path:
+    """Documents laid out in another way, with keys of other programs and a comment."""
+    shutil.copytree(folder, to)
+    for path in (*to.glob("captures/*/*.json"), to / "project.json"):
+        path.write_text(json.dumps({"other": 1, **json.loads(path.read_text())}, indent=3))
+    board = to / "testfield.csv"
+    board.write_text("# seen\n" + board.read_text())
+    return to
+
+
+@pytest.mark.parametrize(
+    "bring",
+    [
+        copied,
+        copied_with_times,
+        unpacked,
+        moved,
+        touched,
+        without_memory,
+        with_memory_damaged,
+        reformatted,
+    ],
+)
+def test_nothing_is_outdated_by(bring: Callable[[Path, Path], Path], whole_original: Path, tmp_path: Path) -> None:
+    assert outdated(bring(whole_original, tmp_path / "new")) == set()
+
+
+def test_a_copy_needs_nothing_done(whole_original: Path, tmp_path: Path, capsys) -> None:
+    folder = copied(whole_original, tmp_path / "new")
+    assert main(["update", str(folder)]) == 0
+    assert capsys.readouterr().out == "nothing to do\n"
+
+
+# ------------------------------------------------------------------------------------ what makes outdated
+
+
+def edit(path: Path, change: Callable[[dict], None]) -> None:
+    data = json.loads(path.read_text())
+    change(data)
+    path.write_text(json.dumps(data))
+
+
+def scale_changed(folder: Path) -> None:
+    edit(folder / "project.json", lambda d: d["scale"].update(length_mm=1.01 * d["scale"]["length_mm"]))
+
+
+def pick_changed(folder: Path) -> None:
+    edit(folder / "captures/testfield-02/picks.json", lambda d: d["seeds"][0].update(u=d["seeds"][0]["u"] + 0.5))
+
+
+def frame_replaced(folder: Path) -> None:
+    """One grey value of one frame, the file's times and size kept."""
+    path = folder / "captures/testfield-03/004.png"
+    stat, image = path.stat(), cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    image[0, 0] ^= 1
+    cv2.imwrite(str(path), image)
+    os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+
+
+def plane_replaced(folder: Path) -> None:
+    shutil.copy(folder / "captures/plane+00/003.png", folder / "captures/plane+15/003.png")
+
+
+def board_edited(folder: Path) -> None:
+    path = folder / "testfield.csv"
+    lines = path.read_text().splitlines()
+    cells = lines[-1].split(",")
+    lines[-1] = ",".join([*cells[:2], str(float(cells[2]) + 0.1), *cells[3:]])
+    path.write_text("\n".join(lines))
+
+
+def plate_moved(folder: Path) -> None:
+    edit(folder / "captures/depth-02/capture.json", lambda d: d.update(z_mm=d["z_mm"] + 1))
+
+
+def angle_corrected(folder: Path) -> None:
+    edit(folder / "captures/plane+15/capture.json", lambda d: d.update(angle_deg=16))
+
+
+def target_excluded(folder: Path) -> None:
+    picks = folder / "captures/testfield-05"
+    write_picks(picks / "picks.json", read_capture(picks).seeds, [(3, 4)])
+
+
+def pattern_corrected(folder: Path) -> None:
+    edit(
+        folder / "captures/object-step/capture.json",
+        lambda d: next(f for f in d["frames"] if f["pattern"]["kind"] == "phase")["pattern"].update(shift_rad=0.1),
+    )
+
+
+def pitch_corrected(folder: Path) -> None:
+    edit(folder / "project.json", lambda d: d["camera"].update(pitch_mm=[0.0081, 0.008]))
+
+
+def calibrated_otherwise(folder: Path) -> None:
+    calibrate_project(read_project(folder), "polynomial", CalibrateOptions(degree=2))
+
+
+def capture_left_out(folder: Path) -> None:
+    edit(folder / "project.json", lambda d: d["captures"].remove("captures/testfield-04"))
+
+
+def archive_damaged(folder: Path) -> None:
+    path = folder / "results/runs/0001/photogrammetric.npz"
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 255
+    path.write_bytes(data)
+
+
+def report_edited(folder: Path) -> None:
+    path = folder / "results/report/report.html"
+    path.write_text(path.read_text().replace("0.0", "0.1", 1))
+
+
+ROWS = [
+    (scale_changed, "calibrate reconstruct evaluate report", "calibrate", "scale.length_mm was"),
+    (pick_changed, "measure calibrate reconstruct evaluate report", "measure", "testfield-02/picks.json changed"),
+    (
+        frame_replaced,
+        "decode measure calibrate reconstruct evaluate report",
+        "calibrate",
+        "testfield-03/004.png changed",
+    ),
+    (plane_replaced, "decode evaluate report", "evaluate", "plane+15/003.png changed"),
+    (board_edited, "measure calibrate reconstruct evaluate report", "measure", "the board of testfield-01"),
+    (plate_moved, "calibrate evaluate report", "calibrate", "depth-02: z_mm was"),
+    (angle_corrected, "evaluate report", "evaluate", "plane+15: angle_deg was 15, is 16"),
+    (target_excluded, "measure calibrate reconstruct evaluate report", "calibrate", "testfield-05/picks.json"),
+    (pattern_corrected, "decode reconstruct", "reconstruct", "object-step: the patterns in capture.json changed"),
+    (pitch_corrected, "measure calibrate reconstruct evaluate report", "measure", "camera.pitch_mm was ["),
+    (calibrated_otherwise, "evaluate report", "evaluate", "the polynomial calibration is another one now"),
+    (capture_left_out, "calibrate reconstruct evaluate report", "calibrate", "testfield-04 has no part any more"),
+    (archive_damaged, "calibrate reconstruct evaluate report", "calibrate", "photogrammetric.npz is not as it was"),
+    (report_edited, "report", "report", "report.html is not as it was written"),
+]
+
+
+@pytest.mark.parametrize(("change", "stages", "told_by", "words"), ROWS, ids=[row[0].__name__ for row in ROWS])
+def test_what_follows_from_it_is_outdated_by(
+    change: Callable[[Path], None], stages: str, told_by: str, words: str, whole: Path
+) -> None:
+    assert outdated(whole) == set()
+    change(whole)
+    assert outdated(whole) == set(stages.split())
+    assert words in because(whole, told_by)
+    for stage in stages.split():
+        assert because(whole, stage)
+
+
+@pytest.mark.parametrize("change", [scale_changed, frame_replaced, archive_damaged])
+def test_update_brings_everything_up_to_date(change: Callable[[Path], None], whole: Path) -> None:
+    change(whole)
+    update_project(read_project(whole))
+    assert outdated(whole) == set()
+
+
+def test_an_exported_report_does_not_make_the_signed_one_outdated(whole: Path, tmp_path: Path) -> None:
+    project = read_project(whole)
+    evaluations = load_evaluation(project)
+    save_sign_off(project, SignOff("E. Abbe", date="2026-11-22"), evaluations)
+    assert outdated(whole) == {"report"}
+    report_project(project, evaluations=evaluations)
+    assert outdated(whole) == set()
+    save_sign_off(project, SignOff("E. Abbe", date="2026-11-22"), evaluations)
+    report_project(project, tmp_path / "out", evaluations=evaluations)
+    assert outdated(whole) == set()
+
+
+def test_results_of_something_else_are_told_and_stand_in_the_report(whole: Path, capsys) -> None:
+    scale_changed(whole)
+    for command in ("evaluate", "report"):
+        assert main([command, str(whole)]) == 0
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "scale.length_mm was" in line
+    assert "scale.length_mm was" in (whole / "results/report/report.html").read_text()
+
+
+def test_status_is_written_as_the_contract_says(whole: Path, tmp_path: Path) -> None:
+    scale_changed(whole)
+    assert main(["status", str(whole), "--json", str(tmp_path / "s.json")]) == 0
+    found = json.loads((tmp_path / "s.json").read_text())
+    assert set(found["stages"]) == set(ALL)
+    assert found["stages"]["calibrate"]["state"] == "outdated"
+    assert found["captures"]["testfield-01"]["measure"] == {"state": "current", "because": []}
+    assert found["captures"]["plane+00"]["evaluate"]["state"] == "outdated"
+    words = {s["state"] for of in (found["stages"], *found["captures"].values()) for s in of.values()}
+    assert words <= {"absent", "current", "outdated", "failed"}
+
+
+def test_a_capture_that_cannot_be_read_has_failed_and_says_why(whole: Path) -> None:
+    (whole / "captures/plane+00/capture.json").write_text("{")
+    found = project_states(read_project(whole))
+    assert found.captures["plane+00"]["decode"].state == "failed"
+    assert "not JSON" in found.captures["plane+00"]["decode"].because[0]
+    assert found.captures["plane+15"]["evaluate"].state == "current"
+
+
+def test_what_stopped_an_update_is_its_state_until_something_changes(whole: Path) -> None:
+    for name in range(2, 9):
+        (whole / f"captures/testfield-0{name}/picks.json").unlink()
+    assert main(["update", str(whole)]) in (1, 2)
+    assert states(whole)["calibrate"] == "failed"
+    assert because(whole, "calibrate")
+    angle_corrected(whole)
+    assert states(whole)["calibrate"] == "outdated"
+
+
+def test_an_update_that_was_stopped_goes_on_where_it_was(quick: Path) -> None:
+    from core.errors import Cancelled
+    from core.progress import Progress
+
+    seen: list[str] = []
+    progress = Progress(lambda _, message: seen.append(message), lambda: "iteration 2" in seen)
+    with pytest.raises(Cancelled):
+        update_project(read_project(quick), progress)
+    assert states(quick)["measure"] == "current"
+    done = update_project(read_project(quick)).done
+    assert [text.partition(":")[0] for text in done] == ["calibrate", "reconstruct", "evaluate", "report"]
+
+
+# ------------------------------------------------------------------------------------------ remembered hashes
+
+
+def test_a_file_written_again_within_a_tick_is_seen(tmp_path: Path) -> None:
+    """Size, times and inode as they were: git's racy case. The tick is longer than what a test takes."""
+    path = tmp_path / "a"
+    path.write_bytes(b"one")
+    contents, stat = Contents(tmp_path), path.stat()
+    first = contents.of(path)
+    with path.open("r+b") as file:
+        file.write(b"two")
+    os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+    assert contents.of(path) != first
+
+
+def test_what_is_settled_is_not_read_again(tmp_path: Path, monkeypatch) -> None:
+    from core.project import contents as module
+
+    path = tmp_path / "a"
+    path.write_bytes(b"one")
+    monkeypatch.setattr(module, "_TICK_NS", 0)
+    contents = Contents(tmp_path)
+    (tmp_path / "results").mkdir()
+    time.sleep(0.02)
+    value = contents.of(path)
+    contents.keep()
+    monkeypatch.setattr(module, "hash_file", lambda name: pytest.fail("read again"))
+    assert contents.of(path) == value
+    assert Contents(tmp_path).of(path) == value
+
+
+def test_differences_name_what_they_are_of() -> None:
+    then = {"captures": {"a": {"frames": {"0.png": "1", "1.png": "2"}, "picks": None}}, "methods": {"measure": 1}}
+    now = {"captures": {"a": {"frames": {"0.png": "3"}, "picks": "5"}, "b": {}}, "methods": {"measure": 2}}
+    assert differences(then, then) == ()
+    assert set(differences(then, now)) == {
+        "the program's method to measure changed (version 1 then, 2 now)",
+        "a/0.png changed",
+        "a/1.png is gone",
+        "a/picks.json is new",
+        "b was added",
+    }
