@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from core.errors import InputError
 from core.geometry.lens import lens_of
 from core.geometry.rotation import Pose
-from core.model import AdjustedDevice, Orientation, Pair, PhotogrammetricCalibration
+from core.model import AdjustedDevice, Orientation, Pair, PhaseMap, PhotogrammetricCalibration
 
 Array = NDArray[np.float64]
 
@@ -85,6 +85,21 @@ def pair_of(calibration: PhotogrammetricCalibration | Pair, camera: str = "", pr
         if known is not None:
             L[len(own) :, [place[n] for n in orientation_names(name)]] = M
     return Pair(devices[0], devices[1], relative, L @ calibration.covariance @ L.T)
+
+
+def pair_for(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -> Pair:
+    """Take the pair out of a calibration that a phase map names; the only one where there is no choice.
+
+    Raises
+    ------
+    InputError
+        If the calibration does not know it.
+    """
+    if isinstance(calibration, Pair):
+        return calibration
+    camera = phase.camera if len(calibration.cameras) > 1 else ""
+    projector = phase.projector if len(calibration.projectors) > 1 else ""
+    return pair_of(calibration, camera, projector)
 
 
 def calibration_of_pair(

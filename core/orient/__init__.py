@@ -8,6 +8,6 @@ residuals.py  the epipolar residual of every pixel, and how it changes with the 
 motion.py     the test of the calibrated orientation, and the corrected one with its covariance
 """
 
-from core.orient.motion import OrientOptions, corrected_calibration, find_motion
+from core.orient.motion import OrientOptions, corrected_pair, find_motion
 
-__all__ = ["OrientOptions", "corrected_calibration", "find_motion"]
+__all__ = ["OrientOptions", "corrected_pair", "find_motion"]

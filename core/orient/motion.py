@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.geometry import Pose, matrix_from_rotation_vector, ray_directions
-from core.model import AdjustedDevice, Array, Interior, PhaseMap, PhotogrammetricCalibration, RigMotion
+from core.geometry import Pose, matrix_from_rotation_vector, pair_for, ray_directions
+from core.model import AdjustedDevice, Array, Interior, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
 from core.orient.residuals import Residuals, Sight, epipolar_residuals
 from core.progress import SILENT, Progress
 
@@ -50,7 +50,7 @@ DEFAULT = OrientOptions()
 
 def find_motion(
     phase: PhaseMap,
-    calibration: PhotogrammetricCalibration,
+    calibration: PhotogrammetricCalibration | Pair,
     *,
     capture: str = "capture",
     options: OrientOptions = DEFAULT,
@@ -62,7 +62,7 @@ def find_motion(
     ----------
     phase : PhaseMap
         Of any object, with columns and rows.
-    calibration : PhotogrammetricCalibration
+    calibration : PhotogrammetricCalibration or Pair
     capture : str
         Name, for the result and for messages.
     options : OrientOptions
@@ -85,8 +85,9 @@ def find_motion(
     doi:10.2307/1912934), and what the calibration's errors do. The test is Wald's, of no movement, on the estimate
     without the drifts.
     """
-    sight = _sight(phase, calibration.camera, capture, options.most_pixels)
-    pose, projector = calibration.projector_from_camera, calibration.projector
+    pair = pair_for(phase, calibration)
+    sight = _sight(phase, pair.camera, capture, options.most_pixels)
+    pose, projector = pair.projector_from_camera, pair.projector
     sight, start = _checked(sight, epipolar_residuals(sight, projector, pose), capture)
     tiles = np.unique(sight.at, return_inverse=True)[1]
     basis = _basis(pose)
@@ -102,8 +103,8 @@ def find_motion(
     information, scatter = (A * weight[:, None]).T @ A, _scatter(A * (weight * e)[:, None], tiles)
     lax = prior * FREE  # next to nothing: a prior would make slight movements slighter
     lax[5, 5] = prior[5, 5]
-    G = _carried(sight, calibration, A, weight, lax)
-    C = calibration.covariance
+    G = _carried(sight, pair, A, weight, lax)
+    C = pair.covariance
     free = np.linalg.inv(information + lax)
     shown = x + free @ (A.T @ (weight * e) - lax @ x)
     p = _significance(shown[:5], (free @ (scatter + lax) @ free + G @ C @ G.T)[:5, :5], int(tiles.max()) + 1)
@@ -130,22 +131,22 @@ def find_motion(
     )
 
 
-def corrected_calibration(calibration: PhotogrammetricCalibration, motion: RigMotion) -> PhotogrammetricCalibration:
-    """Give the calibration with the projector where a capture found it, and the covariance that follows.
+def corrected_pair(pair: Pair, motion: RigMotion) -> Pair:
+    """Give camera and projector with the projector where a capture found it, and the covariance that follows.
 
     What the residuals show of the orientation is known anew; it hangs together with the errors of the interior
     orientations that it was found with. What they do not show, the length of the base, stays as it was.
     """
-    pose = calibration.projector_from_camera
+    pose = pair.projector_from_camera
     # from the motion in the camera's frame to left perturbations of projector_from_camera: R' = R exp(-w), so the
     # rotation is -R w; t' = -R' (p + s) changes by R (w x p) - R s
     R, K = pose.rotation, _cross(pose.origin_mm)
     J = np.block([[-R, np.zeros((3, 3))], [-R @ K, -R]])
-    whole = np.eye(len(calibration.covariance))
+    whole = np.eye(len(pair.covariance))
     whole[-6:] += J @ motion.by_calibration
-    covariance = whole @ calibration.covariance @ whole.T
+    covariance = whole @ pair.covariance @ whole.T
     covariance[-6:, -6:] += J @ motion.noise @ J.T
-    return replace(calibration, projector_from_camera=motion.projector_from_camera, covariance=covariance)
+    return replace(pair, projector_from_camera=motion.projector_from_camera, covariance=covariance)
 
 
 def _sight(phase: PhaseMap, camera: AdjustedDevice, capture: str, most: int) -> Sight:
@@ -255,15 +256,15 @@ def _scatter(scores: Array, tiles: NDArray[np.int64]) -> Array:
     return np.asarray(sums.T @ sums * count / max(count - scores.shape[1], 1))
 
 
-def _carried(sight: Sight, calibration: PhotogrammetricCalibration, A: Array, weight: Array, lax: Array) -> Array:
+def _carried(sight: Sight, pair: Pair, A: Array, weight: Array, lax: Array) -> Array:
     """What errors of the calibration's parameters are taken for, shape (6, k): the movement that explains them best."""
-    sigma = np.sqrt(np.diagonal(calibration.covariance))
+    sigma = np.sqrt(np.diagonal(pair.covariance))
     every = slice(None, None, max(1, len(sight.at) // SOME))
     few, by_parameters = sight.only(every), np.zeros((len(A[every]), len(sigma)))
     for k in np.flatnonzero(sigma > 0):
         ends = []
         for step in (sigma[k], -sigma[k]):
-            moved = _perturbed(calibration, int(k), float(step))
+            moved = _perturbed(pair, int(k), float(step))
             rays = ray_directions(moved.camera.spec, moved.camera.interior, few.pixels)
             seen = replace(few, rays=rays)
             ends.append(epipolar_residuals(seen, moved.projector, moved.projector_from_camera).e)
@@ -273,17 +274,18 @@ def _carried(sight: Sight, calibration: PhotogrammetricCalibration, A: Array, we
     return np.asarray(np.linalg.solve(weighted.T @ A[every] + part * lax, weighted.T @ by_parameters))
 
 
-def _perturbed(calibration: PhotogrammetricCalibration, parameter: int, step: float) -> PhotogrammetricCalibration:
+def _perturbed(pair: Pair, parameter: int, step: float) -> Pair:
     """Change one parameter in the order of the covariance."""
-    change = np.zeros(len(calibration.covariance))
+    change = np.zeros(len(pair.covariance))
     change[parameter] = step
+    parts = np.split(change, np.cumsum([len(d.interior.vector) for d in (pair.camera, pair.projector)]))
     camera, projector = (
-        replace(device, interior=Interior.from_vector(device.interior.vector + part, device.interior.r0_mm))
-        for device, part in zip((calibration.camera, calibration.projector), np.split(change[:-6], 2), strict=True)
+        replace(d, interior=Interior.from_vector(d.interior.vector + part, d.interior.r0_mm, d.interior.model))
+        for d, part in zip((pair.camera, pair.projector), parts[:2], strict=True)
     )
-    pose = calibration.projector_from_camera
-    turned = Pose(matrix_from_rotation_vector(change[-6:-3]) @ pose.rotation, pose.translation_mm + change[-3:])
-    return replace(calibration, camera=camera, projector=projector, projector_from_camera=turned)
+    pose = pair.projector_from_camera
+    turned = Pose(matrix_from_rotation_vector(parts[2][:3]) @ pose.rotation, pose.translation_mm + parts[2][3:])
+    return Pair(camera, projector, turned, pair.covariance)
 
 
 def _significance(x: Array, covariance: Array, tiles: int) -> float:

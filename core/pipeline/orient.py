@@ -6,7 +6,8 @@ import hashlib
 from pathlib import Path
 
 from core.errors import InputError
-from core.model import Figures, PhotogrammetricCalibration, Project, RigMotion
+from core.geometry import pair_of
+from core.model import Figures, Pair, PhotogrammetricCalibration, Project, RigMotion
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import decode_images
 from core.pipeline.folders import find_capture, result_path
@@ -49,15 +50,15 @@ def orient_capture(
     return motion
 
 
-def oriented(project: Project, capture: str, calibration: PhotogrammetricCalibration) -> PhotogrammetricCalibration:
-    """Give a calibration with the projector where a kept result of this capture has it.
+def oriented(project: Project, capture: str, calibration: PhotogrammetricCalibration) -> Pair:
+    """Give camera and projector of a calibration with the projector where a kept result of this capture has it.
 
     Raises
     ------
     InputError
         If no corrected orientation is kept for the capture, or it belongs to another calibration.
     """
-    from core.orient import corrected_calibration
+    from core.orient import corrected_pair
 
     path = _kept(project, capture)
     again = f"run `stripe-core orient {project.path} {capture} --correct` first"
@@ -66,7 +67,7 @@ def oriented(project: Project, capture: str, calibration: PhotogrammetricCalibra
     motion, signature = load_archive(path, tuple)
     if signature != _signature(calibration):
         raise InputError(path, "was found with another calibration", again)
-    return corrected_calibration(calibration, motion)
+    return corrected_pair(pair_of(calibration), motion)
 
 
 def motion_figures(motion: RigMotion) -> Figures:
@@ -123,10 +124,9 @@ def _calibration(project: Project) -> PhotogrammetricCalibration:
 
 def _signature(calibration: PhotogrammetricCalibration) -> str:
     """What tells one calibration from another: its orientation's digits."""
-    pose = calibration.projector_from_camera
-    digest = hashlib.sha256(pose.rotation.tobytes() + pose.translation_mm.tobytes())
-    digest.update(calibration.camera.interior.vector.tobytes() + calibration.projector.interior.vector.tobytes())
-    return digest.hexdigest()
+    pair = pair_of(calibration)
+    pose, interiors = pair.projector_from_camera, (pair.camera.interior.vector, pair.projector.interior.vector)
+    return hashlib.sha256(b"".join(a.tobytes() for a in (pose.rotation, pose.translation_mm, *interiors))).hexdigest()
 
 
 def _kept(project: Project, capture: str) -> Path:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from core.atomic import check_place
 from core.errors import InputError
-from core.model import Method, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
+from core.model import Calibration, Method, Pair, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import decode_images
 from core.pipeline.folders import find_capture
@@ -37,7 +37,7 @@ def reconstruct_capture(
             project.path, f"no {chosen} calibration", f"run `stripe-core calibrate --method {chosen}` first"
         )
     capture = find_capture(project, name)
-    calibration = calibrations[chosen]
+    calibration: Calibration | Pair = calibrations[chosen]
     if orient:
         if not isinstance(calibration, PhotogrammetricCalibration):
             raise InputError("--orient", f"does not go with the {chosen} method", "leave one of the two out")

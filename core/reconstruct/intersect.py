@@ -18,7 +18,7 @@ from core.errors import InputError
 from core.model import Pair, PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
 from core.reconstruct.other_lenses import solve_rows
-from core.reconstruct.pairs import pair_for
+from core.geometry import pair_for
 from core.reconstruct.rays import flat
 from core.reconstruct.system import System, prepare, sigma_table
 

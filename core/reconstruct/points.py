@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from core.errors import InputError
-from core.model import Calibration, PhaseMap, PhotogrammetricCalibration, PointCloud
+from core.geometry import pair_for
+from core.model import Calibration, DepthCalibration, Pair, PhaseMap, PointCloud
 from core.progress import SILENT, Progress
 from core.reconstruct.intersect import intersect
 from core.reconstruct.lookup import look_up
 
 
 def reconstruct(
-    phase: PhaseMap, calibration: Calibration, *, extrapolate: bool = False, progress: Progress = SILENT
+    phase: PhaseMap, calibration: Calibration | Pair, *, extrapolate: bool = False, progress: Progress = SILENT
 ) -> PointCloud:
     """Reconstruct the points that the camera's pixels see.
 
@@ -18,7 +19,7 @@ def reconstruct(
     ----------
     phase : PhaseMap
         Projector coordinates of every camera pixel, shape (H, W).
-    calibration : PhotogrammetricCalibration or DepthCalibration
+    calibration : PhotogrammetricCalibration, Pair or DepthCalibration
         Says which method is used.
     extrapolate : bool
         Depth look-up only: also give points beyond the calibrated depths.
@@ -34,8 +35,10 @@ def reconstruct(
     InputError
         If the phase map has not the size of the calibrated camera, or lacks the axis that gives the depth.
     """
-    photogrammetric = isinstance(calibration, PhotogrammetricCalibration)
-    spec = calibration.camera.spec if isinstance(calibration, PhotogrammetricCalibration) else calibration.camera_spec
+    if isinstance(calibration, DepthCalibration):
+        spec, doing = calibration.camera_spec, "looking up depths"
+    else:
+        spec, doing = pair_for(phase, calibration).camera.spec, "intersecting"
     if phase.u.shape != (spec.height, spec.width):
         height, width = phase.u.shape
         raise InputError(
@@ -43,10 +46,10 @@ def reconstruct(
             f"is {width}×{height} pixels, but the calibrated camera has {spec.width}×{spec.height}",
             "use captures of the camera that was calibrated",
         )
-    progress(0.0, "intersecting" if photogrammetric else "looking up depths")
-    if isinstance(calibration, PhotogrammetricCalibration):
-        cloud = intersect(phase, calibration)
-    else:
+    progress(0.0, doing)
+    if isinstance(calibration, DepthCalibration):
         cloud = look_up(phase, calibration, extrapolate=extrapolate)
+    else:
+        cloud = intersect(phase, calibration)
     progress(1.0, "points are reconstructed")
     return cloud

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
-from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PhotogrammetricCalibration
-from core.orient import OrientOptions, corrected_calibration, find_motion
+from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, Pair
+from core.orient import OrientOptions, corrected_pair, find_motion
 
 Array = NDArray[np.float64]
 
@@ -27,13 +27,12 @@ def device(spec: DeviceSpec, *values: float) -> AdjustedDevice:
     return AdjustedDevice(spec, interior, np.zeros(9), (0.0, 0.0), 1)
 
 
-TRUE = PhotogrammetricCalibration(
+TRUE = Pair(
     device(CAMERA, 12.1, 0.03, -0.02, -1e-3, 2e-6, 1e-4, -5e-5, 1e-5, -2e-5),
     device(PROJECTOR, 181.9, 0.3, -0.5, 1e-6, 0, 2e-4, -1e-4, 1e-6, 2e-6),
     POSE,
     np.zeros((24, 24)),
-    1.0, 40, 6000, 247, 5000, (1.0, 1.0, 1.0),
-)  # fmt: skip
+)
 
 # standard deviations a bundle of the reference experiment gives, correlations left out
 SIGMAS = np.array(
@@ -48,7 +47,7 @@ def surface(rays: Array) -> Array:
     return 620 - 40 * np.exp(-((rays[..., 0] - 0.02) ** 2 + (rays[..., 1] + 0.03) ** 2) / 0.01)
 
 
-def captured(rig: PhotogrammetricCalibration, rng: np.random.Generator, sigma: float = SIGMA) -> PhaseMap:
+def captured(rig: Pair, rng: np.random.Generator, sigma: float = SIGMA) -> PhaseMap:
     """What a perfect decoder finds on the surface, with white noise."""
     pixels = np.stack(np.meshgrid(np.arange(CAMERA.width), np.arange(CAMERA.height)), axis=-1)
     rays = ray_directions(CAMERA, rig.camera.interior, pixels)
@@ -61,14 +60,14 @@ def captured(rig: PhotogrammetricCalibration, rng: np.random.Generator, sigma: f
     return PhaseMap(noisy[..., 0], noisy[..., 1], s, s, nothing, nothing, nothing.astype(np.uint8))
 
 
-def turned(rig: PhotogrammetricCalibration, rotation: Array, shift: Array) -> PhotogrammetricCalibration:
+def turned(rig: Pair, rotation: Array, shift: Array) -> Pair:
     """The rig with its projector moved in the camera's frame."""
     pose = rig.projector_from_camera
     R = pose.rotation @ matrix_from_rotation_vector(rotation).T
     return replace(rig, projector_from_camera=Pose(R, -R @ (pose.origin_mm + shift)))
 
 
-def mistaken(rng: np.random.Generator) -> PhotogrammetricCalibration:
+def mistaken(rng: np.random.Generator) -> Pair:
     """A calibration of the true rig with errors of the size that it states."""
     error = rng.normal(0.0, SIGMAS)
     devices = [
@@ -124,7 +123,7 @@ def test_the_corrected_orientation_is_as_good_as_its_covariance_says() -> None:
         error = np.concatenate([motion.rotation_rad - rotation, (motion.shift_mm - shift)])[[0, 1, 2, 4, 5]]
         part = motion.covariance[np.ix_([0, 1, 2, 4, 5], [0, 1, 2, 4, 5])]
         squared.append(error @ np.linalg.solve(part, error))
-        corrected = corrected_calibration(calibration, motion)
+        corrected = corrected_pair(calibration, motion)
         assert np.linalg.eigvalsh(corrected.covariance / np.outer(SIGMAS, SIGMAS)).min() > -1e-6
         depth.append(_depth_error(corrected, now, pixel))
     # chi-squared of 5, mean of 40: standard deviation sqrt(10 / 40)
@@ -132,7 +131,7 @@ def test_the_corrected_orientation_is_as_good_as_its_covariance_says() -> None:
     assert 0.6 < np.sqrt(np.mean(np.square(depth))) < 1.4  # 40 normal deviates: 1 +- 0.11, three and a half of them
 
 
-def _depth_error(corrected: PhotogrammetricCalibration, true: PhotogrammetricCalibration, pixel: Array) -> float:
+def _depth_error(corrected: Pair, true: Pair, pixel: Array) -> float:
     """Error of one point's depth by its own sigma, the calibration's part alone."""
     from core.reconstruct import reconstruct
 
