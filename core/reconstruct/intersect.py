@@ -15,10 +15,10 @@ import numpy as np
 
 from core.compiling import inner, njit
 from core.errors import InputError
+from core.geometry import pair_for
 from core.model import Pair, PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
 from core.reconstruct.other_lenses import solve_rows
-from core.geometry import pair_for
 from core.reconstruct.rays import flat
 from core.reconstruct.system import System, prepare, sigma_table
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
-from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, Pair
+from core.model import AdjustedDevice, DeviceSpec, Interior, Pair, PhaseMap
 from core.orient import OrientOptions, corrected_pair, find_motion
 
 Array = NDArray[np.float64]
