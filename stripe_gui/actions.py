@@ -57,7 +57,7 @@ class Action:
 
     id: str
     text: str
-    slot: Callable[[Workbench], None]
+    slot: Callable[[Workbench], object]
     shortcut: str = ""
     icon: str = ""
     tip: str = ""

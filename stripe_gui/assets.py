@@ -6,7 +6,7 @@ from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
-from PySide6.QtCore import QByteArray, QRectF, Qt
+from PySide6.QtCore import QByteArray, QRect, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QIcon, QIconEngine, QPainter, QPixmap
 from PySide6.QtSvg import QSvgRenderer
 
@@ -36,14 +36,14 @@ class _Engine(QIconEngine):
         super().__init__()
         self._name, self._on_accent = name, on_accent
 
-    def paint(self, painter: QPainter, rect, mode, state) -> None:
+    def paint(self, painter: QPainter, rect: QRect, mode: QIcon.Mode, state: QIcon.State) -> None:
         colours = theme.current()
         colour = colours.accent_text if self._on_accent else colours.text
         if mode == QIcon.Mode.Disabled:
             colour = colours.faint
         draw_icon(painter, self._name, QRectF(rect), colour)
 
-    def pixmap(self, size, mode, state) -> QPixmap:
+    def pixmap(self, size: QSize, mode: QIcon.Mode, state: QIcon.State) -> QPixmap:
         pixmap = QPixmap(size)
         pixmap.fill(Qt.GlobalColor.transparent)
         painter = QPainter(pixmap)

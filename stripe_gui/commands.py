@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication, QUrl
@@ -55,7 +56,7 @@ def _file_actions() -> list[Action]:
         Action(
             "file.folder",
             translate("Actions", "Show project &folder"),
-            lambda bench: _show_in_files(bench.session.folder.path),
+            lambda bench: _show_in_files(bench.session.opened.path),
             "Ctrl+Shift+F",
             "folder",
             translate("Actions", "Open the project's folder in the file manager."),
@@ -92,7 +93,7 @@ def _go_actions() -> list[Action]:
         Action(
             f"go.{page}",
             text,
-            lambda bench, page=page: bench.show_page(page),
+            partial(_go_to, page),
             keys,
             icon,
             translate("Actions", "Open this page."),
@@ -144,6 +145,10 @@ def _view_actions() -> list[Action]:
             checked_when=lambda bench: bench.settings.text("language", "en") == "de",
         ),
     ]
+
+
+def _go_to(page: str, bench: Workbench) -> None:
+    bench.show_page(page)
 
 
 def open_project(bench: Workbench) -> None:

@@ -189,7 +189,9 @@ class MainWindow(QMainWindow):
     @property
     def page(self) -> Page:
         """The page in front."""
-        return self.stack.currentWidget()
+        page = self.stack.currentWidget()
+        assert isinstance(page, Page)
+        return page
 
     def page_of(self, name: str) -> Page:
         """Give a page, made when it is first asked for."""

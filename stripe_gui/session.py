@@ -41,6 +41,13 @@ class Session(QObject):
         return self._folder
 
     @property
+    def opened(self) -> ProjectFolder:
+        """The same, where it is known that a project is open."""
+        if self._folder is None:
+            raise RuntimeError("no project is open")
+        return self._folder
+
+    @property
     def is_open(self) -> bool:
         """Whether a project is open."""
         return self._folder is not None

@@ -50,7 +50,7 @@ class DecodePage(MapPage):
 
     def can_run(self) -> bool:
         """Say whether there is anything to decode."""
-        return self.session.is_open and bool(self.session.folder.project.captures)
+        return self.session.is_open and bool(self.session.opened.project.captures)
 
     def look(self) -> None:
         """Show the session's capture, decoded now if it was not before."""
@@ -80,7 +80,7 @@ class DecodePage(MapPage):
     def choose(self) -> None:
         """Show the chosen map."""
         if self._phase is not None:
-            view = map_view(self._phase, self.kind.currentData(), self.session.folder.project.projector)
+            view = map_view(self._phase, self.kind.currentData(), self.session.opened.project.projector)
             self.show_map(view, partial(pixel_text, self._phase))
 
     def _told(self, count: int) -> None:

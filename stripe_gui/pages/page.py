@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QTabWidget, QVBoxLayout, QWidget
 
-from stripe_gui.widgets.layout import MARGIN, SPACE, button, label
+from stripe_gui.widgets.layout import MARGIN, SPACE, button, label, tab_name
 from stripe_gui.workbench import Workbench
 
 
@@ -89,7 +89,7 @@ class Page(QWidget):
             return
         for i in range(tabs.count()):
             tabs.setCurrentIndex(i)
-            yield f"-{tabs.widget(i).objectName()}"
+            yield f"-{tab_name(tabs, i)}"
         tabs.setCurrentIndex(0)
 
     def refresh(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QComboBox, QStackedWidget
 
@@ -25,6 +26,9 @@ from stripe_gui.presenters.status import method_name
 from stripe_gui.presenters.work import cloud_file, export_points, reconstruct
 from stripe_gui.widgets.layout import boxed, button, column, label, row
 from stripe_gui.workbench import Workbench
+
+if TYPE_CHECKING:
+    from stripe_gui.widgets.cloud_view import CloudView
 
 SPACE = "space"
 
@@ -56,7 +60,7 @@ class ReconstructPage(MapPage):
         self.try_button = button(self.tr("Try again"), self._try_again, "refresh", flat=True)
         self.stack = QStackedWidget()
         self.stack.addWidget(self.view)
-        self.cloud = None  # made when it is first wanted: its packages are heavy
+        self.cloud: CloudView | None = None  # made when it is first wanted: its packages are heavy
         middle = boxed(column(self.state, self.stack, row(self.why_flat, self.try_button), spacing=8))
         self.lay_out(middle, before=(self.method,))
         self._offer_kinds()
@@ -65,7 +69,7 @@ class ReconstructPage(MapPage):
         """Show the captures, the calibrations there are, and the chosen capture's points."""
         self.captures.refresh()
         before = self.method.currentData()
-        methods = methods_of(self.session.folder) if self.session.is_open else []
+        methods = methods_of(self.session.opened) if self.session.is_open else []
         self.method.blockSignals(True)
         self.method.clear()
         for method in methods:
@@ -109,7 +113,7 @@ class ReconstructPage(MapPage):
         if not able:
             self._clear(self.tr("Calibrate first.") if self.method.currentData() is None else "")
             return
-        folder, name, method = self.session.folder, self.session.capture_name, self.method.currentData()
+        folder, name, method = self.session.opened, self.session.capture_name, self.method.currentData()
         state = points_state(folder, name, method)
         if state == "none":
             self._clear(self.tr("{name} is not reconstructed yet.").format(name=name))
@@ -140,7 +144,7 @@ class ReconstructPage(MapPage):
 
     def fit(self) -> None:
         """Show the whole image, or the cloud from the camera."""
-        if self.stack.currentWidget() is self.cloud:
+        if self.cloud is not None and self.stack.currentWidget() is self.cloud:
             self.cloud.look(-90, 0)
         else:
             self.view.fit()
@@ -192,7 +196,8 @@ class ReconstructPage(MapPage):
     def _painted(self) -> None:
         """The driver is fit for it; nothing more needs to be watched."""
         self.bench.settings.set(TRYING, False)
-        self.cloud.painted.disconnect(self._painted)
+        if self.cloud is not None:
+            self.cloud.painted.disconnect(self._painted)
 
     def _coordinates(self, u: int, v: int) -> str:
         if self._points is None:

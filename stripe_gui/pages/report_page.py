@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QCheckBox, QWidget
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.report import ReportView, Wishes, export_files, load_report, write_signed_report
 from stripe_gui.presenters.status import State
-from stripe_gui.widgets.layout import card, column, label, row, scrolled
+from stripe_gui.widgets.layout import card, column, emptied, label, row, scrolled
 from stripe_gui.widgets.sign_off import SignOffForm
 from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.workbench import Workbench
@@ -43,7 +43,7 @@ class ReportPage(Page):
         scroll.setFixedWidth(WIDTH)
         self.verdicts = VerdictList()
         frame, self._sentences = card(self.tr("What it says"))
-        frame.layout().setSpacing(10)
+        self._sentences.setSpacing(10)
         inner = QWidget()
         inner.setLayout(column(self.verdicts, frame, None))
         self.body.addLayout(row(scroll, scrolled(inner)), 1)
@@ -138,10 +138,7 @@ class ReportPage(Page):
             self._fill(sentences)
 
     def _fill(self, sentences: list[str]) -> None:
-        while self._sentences.count() > 1:  # the heading stays
-            widget = self._sentences.takeAt(1).widget()
-            widget.hide()
-            widget.deleteLater()
+        emptied(self._sentences, keep=1)  # the heading
         for text in sentences or [self.tr("There are no results yet.")]:
             self._sentences.addWidget(label(text, wrap=True))
 

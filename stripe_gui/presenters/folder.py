@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from core.errors import StripeError
-from core.model import Capture, Project
+from core.model import Capture, Project, Seed
 from core.pipeline.runs import calibration_file
 from core.project import load_archive, read_capture, read_project
 
@@ -35,6 +35,16 @@ class CaptureEntry:
     def name(self) -> str:
         """The folder's name."""
         return self.folder.name
+
+    @property
+    def seeds(self) -> tuple[Seed, ...]:
+        """The picks, none where the capture cannot be read."""
+        return self.capture.seeds if self.capture else ()
+
+    @property
+    def angle_deg(self) -> float | None:
+        """The angle of a plane, None where it is not known."""
+        return self.capture.angle_deg if self.capture else None
 
     @property
     def role(self) -> str:

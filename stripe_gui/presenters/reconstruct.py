@@ -100,9 +100,11 @@ def cloud_of(points: Points, progress: Progress = SILENT) -> Cloud:
     """Choose so many points that drawing stays fluent, coloured by height and lit."""
     view = map_view(points, "shaded", progress)
     step = max(1, ceil(sqrt(points.count / MOST_DRAWN)))
+    assert view is not None
+    assert view.colours is not None  # a shaded map has them
     xyz, colours = points.xyz_mm[::step, ::step], view.colours[::step, ::step]
     valid = np.isfinite(xyz).all(axis=-1)
-    places = xyz[valid] @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float32)  # X, -Z, Y
+    places = np.asarray(xyz[valid] @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]), np.float32)  # X, -Z, Y
     if not len(places):
         return Cloud(places, np.zeros((0, 4), np.float32), 1.0, 1.0)
     low, high = np.percentile(places, (1, 99), axis=0)
@@ -111,4 +113,4 @@ def cloud_of(points: Points, progress: Progress = SILENT) -> Cloud:
     apart = apart[np.isfinite(apart)]
     spacing = float(np.median(apart)) if len(apart) else size / 100
     middle = ((low + high) / 2).astype(np.float32)
-    return Cloud(places - middle, colours[valid].astype(np.float32) / 255, size, spacing)
+    return Cloud(places - middle, (colours[valid] / 255).astype(np.float32), size, spacing)

@@ -114,9 +114,8 @@ def _methods_words(folder: ProjectFolder) -> str:
 
 def _capture(folder: ProjectFolder) -> StageStatus:
     entries = folder.captures()
-    unreadable = [e for e in entries if e.error]
-    if unreadable:
-        error = unreadable[0].error
+    error = next((e.error for e in entries if e.error), None)
+    if error is not None:
         failure = StageFailure(f"{error.where}: {error.seen}", error.remedy)
         return StageStatus("capture", State.FAILED, str(error), failure)
     if not entries:

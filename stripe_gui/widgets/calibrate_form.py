@@ -97,7 +97,7 @@ class CalibrateForm(QWidget):
         """Give a field with its name above and its consequence below."""
         self._consequences[widget] = text = _small()
         if not widget.accessibleName():
-            widget.setAccessibleName(name or widget.text())
+            widget.setAccessibleName(name or getattr(widget, "text", str)())
         field = boxed(row(widget, *beside, None, spacing=6)) if beside else widget
         return column(*([label(name)] if name else []), field, text, spacing=5)
 
@@ -140,7 +140,7 @@ class CalibrateForm(QWidget):
         self.method.setCurrentIndex(self.method.findData(choice.method))
         self.rigid.setChecked(options.rigid)
         self.reject.setChecked(options.reject_beyond is not None)
-        self.limit.setValue(options.reject_beyond or CalibrateOptions.reject_beyond)
+        self.limit.setValue(options.reject_beyond or CalibrateOptions.reject_beyond or 0.0)
         for name, box in self.parameters.items():
             box.setChecked(name not in options.hold)
         if self.degree.findData(options.degree) < 0:
@@ -158,9 +158,9 @@ class CalibrateForm(QWidget):
         self.limit.setEnabled(photogrammetric and self.reject.isChecked())
         self.degree.setEnabled(polynomial)
         self.low_pass.setEnabled(polynomial)
-        for widget, text in self._texts().items():
-            if widget in self._consequences:
-                self._consequences[widget].setText(text)
+        for field, text in self._texts().items():
+            if field in self._consequences:
+                self._consequences[field].setText(text)
         self._held.setText(self._held_words())
         self.changed.emit()
 

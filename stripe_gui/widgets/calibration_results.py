@@ -11,7 +11,7 @@ from stripe_gui.presenters.calibrate import CalibrationView
 from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.correlation_view import CorrelationView
 from stripe_gui.widgets.coverage_view import CoverageView
-from stripe_gui.widgets.layout import card, label, scrolled
+from stripe_gui.widgets.layout import card, emptied, label, scrolled, tab_name
 from stripe_gui.widgets.point_map import PointMap
 from stripe_gui.widgets.residual_view import ResidualView
 from stripe_gui.widgets.result_table import ResultTable
@@ -82,7 +82,7 @@ class CalibrationResults(QWidget):
         for i in range(self.tabs.count()):
             if self.tabs.isTabEnabled(i):
                 self.tabs.setCurrentIndex(i)
-                yield f"-{self.tabs.widget(i).objectName()}"
+                yield f"-{tab_name(self.tabs, i)}"
         self.tabs.setCurrentIndex(0)
 
     def _fill(self) -> None:
@@ -113,7 +113,7 @@ class CalibrationResults(QWidget):
         one = self.tr("⚠ One warning, see Warnings.")
         self.warned.setText(many.format(n=count) if count > 1 else one)
         self.warned.setVisible(count > 0)
-        _empty(self._warnings)
+        emptied(self._warnings)
         for text in warnings:
             frame, inside = card()
             inside.addWidget(label(f"⚠ {sentence(text)}.", wrap=True))
@@ -123,7 +123,7 @@ class CalibrationResults(QWidget):
         self._warnings.addStretch(1)
 
     def _fill_tables(self, view: CalibrationView) -> None:
-        _empty(self._tables)
+        emptied(self._tables)
         self.tables = []
         for table in view.tables:
             made = ResultTable(table.title)
@@ -142,11 +142,3 @@ def _scrolled(content: QVBoxLayout) -> QScrollArea:
     inner = QWidget()
     inner.setLayout(content)
     return scrolled(inner)
-
-
-def _empty(layout: QVBoxLayout) -> None:
-    while layout.count():
-        widget = layout.takeAt(0).widget()
-        if widget is not None:
-            widget.hide()
-            widget.deleteLater()

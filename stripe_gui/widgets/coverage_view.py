@@ -11,7 +11,7 @@ from stripe_gui.presenters.adjusted import Coverage
 from stripe_gui.presenters.decode import round_up
 from stripe_gui.presenters.status import device_name
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, column, label
+from stripe_gui.widgets.layout import boxed, column, emptied, label
 
 
 class CoverageView(QWidget):
@@ -38,10 +38,7 @@ class CoverageView(QWidget):
 
     def show_coverage(self, devices: tuple[Coverage, ...]) -> None:
         """Show the coverage of all devices."""
-        while self._maps.count():
-            old = self._maps.takeAt(0).widget()
-            old.hide()
-            old.deleteLater()
+        emptied(self._maps)
         self.maps = []
         for device in devices:
             view = ImageView(self.tr("Coverage of {name}").format(name=device_name(device.name)))

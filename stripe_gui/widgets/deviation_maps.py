@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, QRectF, Qt, Signal
+from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QDoubleSpinBox, QGridLayout, QVBoxLayout, QWidget
 
 from core.model import PlaneEvaluation
@@ -14,7 +15,7 @@ from stripe_gui.presenters.evaluate import EvaluationView, plane_name, reading
 from stripe_gui.presenters.status import method_name
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, button, column, label, row, scrolled
+from stripe_gui.widgets.layout import boxed, button, column, emptied, label, row, scrolled
 
 ARROWS = {
     Qt.Key.Key_Left: (-1, 0),
@@ -91,10 +92,11 @@ class DeviationMaps(QWidget):
         """Show what has deviations in any of the maps."""
         if not self.maps:
             return
-        known = np.any([np.isfinite(made.image) for made in self.maps], axis=0)
+        known = np.any([np.isfinite(m.image) for m in self.maps if m.image is not None], axis=0)
         rows, cols = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
         if len(rows):
-            frame = QRectF(cols[0] - 0.5, rows[0] - 0.5, np.ptp(cols) + 1, np.ptp(rows) + 1)
+            left, top, right, bottom = (float(x) for x in (cols[0], rows[0], cols[-1], rows[-1]))
+            frame = QRectF(left - 0.5, top - 0.5, right - left + 1, bottom - top + 1)
             for made in self.maps:
                 made.canvas.box.setRange(frame, padding=0.04)
 
@@ -135,19 +137,26 @@ class DeviationMaps(QWidget):
         self.bar.show_scale("deviation", (-limit, limit), "mm")
         self.limit_changed.emit(limit)
 
+    def _size(self) -> tuple[int, int]:
+        """Width and height of the maps, px: all are of one camera."""
+        assert self._view is not None
+        return self._view.camera.width, self._view.camera.height
+
     def _hover(self, index: int, u: float, v: float) -> None:
         self._say((index, u, v))
 
     def _say(self, at: tuple[int, float, float] | None) -> None:
         """Put the cursor at a place of a map, and at the same place of the other methods' maps."""
         if at is not None:
-            height, width = self.maps[at[0]].image.shape
+            width, height = self._size()
             u, v = float(round(at[1])), float(round(at[2]))
             at = (at[0], u, v) if 0 <= u < width and 0 <= v < height else None
         self._at = at
         for i, cursor in enumerate(self._cursors):
-            same = at is not None and self._captures[i] == self._captures[at[0]]
-            cursor.setData([at[1]], [at[2]]) if same else cursor.setData([], [])
+            if at is not None and self._captures[i] == self._captures[at[0]]:
+                cursor.setData([at[1]], [at[2]])
+            else:
+                cursor.setData([], [])
         if at is None or self._view is None:
             self.readout.setText(self._hint)
             self.bar.mark(None)
@@ -157,14 +166,14 @@ class DeviationMaps(QWidget):
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
         """Move the cursor by keys."""
-        if event.type() == QEvent.Type.KeyPress and event.key() in ARROWS:
+        if isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress and event.key() in ARROWS:
             held = event.modifiers()
             if held & Qt.KeyboardModifier.ShiftModifier:
                 index = next(i for i, made in enumerate(self.maps) if made.canvas is watched)
-                height, width = self.maps[index].image.shape
+                width, height = self._size()
                 _, u, v = self._at if self._at is not None else (index, width // 2, height // 2)
                 step = 10 if held & Qt.KeyboardModifier.ControlModifier else 1
-                du, dv = ARROWS[event.key()]
+                du, dv = ARROWS[Qt.Key(event.key())]
                 self._say((index, min(max(u + step * du, 0), width - 1), min(max(v + step * dv, 0), height - 1)))
                 return True
         return super().eventFilter(watched, event)
@@ -176,7 +185,4 @@ class DeviationMaps(QWidget):
 
     def _clear(self) -> None:
         self.maps, self._captures, self._cursors, self._at = [], [], [], None
-        while self._grid.count():
-            widget = self._grid.takeAt(0).widget()
-            widget.hide()
-            widget.deleteLater()
+        emptied(self._grid)

@@ -27,11 +27,12 @@ def help_file(topic: str, language: str = "en") -> Path | None:
 class HelpText(QTextBrowser):
     """A chapter whose pictures are as wide as the panel."""
 
-    def loadResource(self, kind: int, name: QUrl) -> Any:  # noqa: N802
+    def loadResource(self, kind: int, name: QUrl | str) -> Any:  # noqa: N802
         """Load a picture at the panel's width, in the pixels of the screen."""
         if kind != QTextDocument.ResourceType.ImageResource.value:
             return super().loadResource(kind, name)
-        found = (Path(folder) / name.path() for folder in self.searchPaths())
+        place = QUrl(name).path()
+        found = (Path(folder) / place for folder in self.searchPaths())
         image = QImage(str(next((path for path in found if path.is_file()), "")))
         if image.isNull():
             return super().loadResource(kind, name)

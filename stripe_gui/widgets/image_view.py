@@ -78,7 +78,7 @@ class Canvas(pg.GraphicsView):
             self.box.autoRange(padding=0.01)
         elif event.key() in steps:
             (x0, x1), (y0, y1) = self.box.viewRange()
-            dx, dy = steps[event.key()]
+            dx, dy = steps[Qt.Key(event.key())]
             self.box.translateBy(x=dx * (x1 - x0) / 10, y=dy * (y1 - y0) / 10)
         else:
             event.ignore()

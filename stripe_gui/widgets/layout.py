@@ -13,6 +13,7 @@ from PySide6.QtWidgets import (
     QPushButton,
     QScrollArea,
     QSizePolicy,
+    QTabWidget,
     QVBoxLayout,
     QWidget,
 )
@@ -75,10 +76,10 @@ def column(*items: QWidget | QLayout | None, spacing: int = SPACE) -> QVBoxLayou
     return layout
 
 
-def boxed(layout: QLayout) -> QWidget:
-    """Give a widget that holds a layout, without margins."""
+def boxed(layout: QLayout, *, top: int = 0) -> QWidget:
+    """Give a widget that holds a layout, without margins but one at its `top`."""
     widget = QWidget()
-    layout.setContentsMargins(0, 0, 0, 0)
+    layout.setContentsMargins(0, top, 0, 0)
     widget.setLayout(layout)
     return widget
 
@@ -92,6 +93,22 @@ def scrolled(widget: QWidget, *, across: bool = True) -> QScrollArea:
         area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
     area.setWidget(widget)
     return area
+
+
+def emptied(layout: QLayout, *, keep: int = 0) -> None:
+    """Take away the widgets of a layout beyond its first `keep` items."""
+    while layout.count() > keep:
+        item = layout.takeAt(keep)
+        widget = item.widget() if item is not None else None
+        if widget is not None:
+            widget.hide()
+            widget.deleteLater()
+
+
+def tab_name(tabs: QTabWidget, index: int) -> str:
+    """Give the name, for the program, of what a tab shows."""
+    widget = tabs.widget(index)
+    return widget.objectName() if widget is not None else ""
 
 
 def _fill(layout: QHBoxLayout | QVBoxLayout, items: tuple[QWidget | QLayout | None, ...], spacing: int) -> None:

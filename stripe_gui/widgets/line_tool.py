@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
-from PySide6.QtGui import QMouseEvent
+from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QWidget
 
 from stripe_gui.widgets.image_view import ImageView
@@ -74,10 +74,10 @@ class LineTool(QObject):
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
         """Take the mouse and the keys from the images."""
         kind = event.type()
-        if kind == QEvent.Type.KeyPress:
+        if kind == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):
             return self._key(event.key(), bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
         view = next((v for v in self._views if v.canvas.viewport() is watched), None)
-        if view is None:
+        if view is None or not isinstance(event, QMouseEvent):
             return False
         if kind == QEvent.Type.MouseButtonPress and event.button() == Qt.MouseButton.LeftButton:
             view.canvas.setFocus()
@@ -106,8 +106,8 @@ class LineTool(QObject):
 
     def _key(self, key: int, shift: bool) -> bool:
         if key in ARROWS:
-            step = 10 if shift else 1
-            self.move(step * ARROWS[key][0], step * ARROWS[key][1])
+            step, (du, dv) = 10 if shift else 1, ARROWS[Qt.Key(key)]
+            self.move(step * du, step * dv)
         elif key in (Qt.Key.Key_1, Qt.Key.Key_2):
             self.choose(0 if key == Qt.Key.Key_1 else 1)
         elif key == Qt.Key.Key_Space:

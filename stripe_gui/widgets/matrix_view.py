@@ -90,7 +90,7 @@ class MatrixView(QWidget):
     def _write_names(self, painter: QPainter, left: float, top: float, side: float) -> None:
         colours, metrics = theme.current(), self.fontMetrics()
         step = max(1, -(-metrics.height() // max(1, int(side + 1))))  # not every name where cells are small
-        for i, name in enumerate(self._shown.names):
+        for i, name in enumerate(self._shown.names if self._shown else ()):
             marked = self._at is not None and i in self._at
             if i % step and not marked:
                 continue
@@ -124,5 +124,5 @@ class MatrixView(QWidget):
             return
         n = len(self._shown.names)
         row, column = self._at or (0, 0)
-        down, right = steps[event.key()] if self._at else (0, 0)
+        down, right = steps[Qt.Key(event.key())] if self._at else (0, 0)
         self.point_at(((row + down) % n, (column + right) % n))

@@ -151,7 +151,8 @@ class NoticeArea(QWidget):
 
     def boxes(self) -> list[NoticeBox]:
         """Give the notices that are shown."""
-        found = [self._layout.itemAt(i).widget() for i in range(self._layout.count())]
+        items = (self._layout.itemAt(i) for i in range(self._layout.count()))
+        found = (item.widget() for item in items if item is not None)
         return [box for box in found if isinstance(box, NoticeBox) and not box.isHidden()]
 
     def show_notice(self, notice: Notice) -> None:

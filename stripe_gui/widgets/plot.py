@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
+import numpy as np
 import pyqtgraph as pg
 from numpy.typing import ArrayLike
 from PySide6.QtCore import QEvent, Qt
@@ -100,11 +101,11 @@ class Plot(QWidget):
                     self.box.removeItem(item)
         self.curves, self._items = tuple(curves), []
         for curve in curves:
-            steps = len(curve.x) == len(curve.y) + 1
+            steps = np.size(curve.x) == np.size(curve.y) + 1
             item = pg.PlotCurveItem(curve.x, curve.y, stepMode="center" if steps else None, connect="finite")
             band = None
             if curve.band is not None:
-                edges = [pg.PlotCurveItem(curve.x, sign * curve.band, connect="finite") for sign in (-1, 1)]
+                edges = [pg.PlotCurveItem(curve.x, sign * np.asarray(curve.band), connect="finite") for sign in (-1, 1)]
                 band = pg.FillBetweenItem(*edges)
                 self.box.addItem(band)
             self.box.addItem(item)

@@ -10,6 +10,7 @@ from PySide6.QtGui import QColor, QResizeEvent
 from PySide6.QtWidgets import QComboBox, QVBoxLayout, QWidget
 
 from core.report import Number, Table
+from core.report.table import Cell
 from stripe_gui import theme
 from stripe_gui.presenters.adjusted import PointSigmas
 from stripe_gui.presenters.decode import percentile, round_up
@@ -74,7 +75,7 @@ class PointMap(QWidget):
             self.table.show_table(EMPTY)
             self.summary.setText("")
             return
-        rows = [
+        rows: list[tuple[Cell, ...]] = [
             (name, *(Number(float(s), ".1f") for s in sigma), Number(int(n), "d"))
             for name, sigma, n in zip(shown.names, shown.sigma_um, shown.images, strict=True)
         ]

@@ -59,7 +59,7 @@ class ResidualPlot(QWidget):
         """
         uv = np.asarray(uv, dtype=np.float64).reshape(-1, 2)
         d = np.nan_to_num(np.asarray(residuals, dtype=np.float64).reshape(-1, 2))
-        keep = np.isfinite(uv).all(axis=1)
+        keep = np.asarray(np.isfinite(uv).all(axis=1))
         self._uv = np.where(keep[:, None], uv, np.inf)
         uv, d = uv[keep], d[keep]
         width, height = size

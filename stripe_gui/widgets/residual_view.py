@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QVBoxLayout, QWidget
 
 from stripe_gui.presenters.calibrate import DeviceResiduals
 from stripe_gui.presenters.status import device_name
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.layout import boxed, button, column, emptied, label, row
 from stripe_gui.widgets.residual_plot import ResidualPlot
 from stripe_gui.workbench import Workbench
 
@@ -52,10 +52,7 @@ class ResidualView(QWidget):
     def show_residuals(self, sets: tuple[DeviceResiduals, ...]) -> None:
         """Show the residuals of all devices."""
         self._sets = sets
-        while self._plots.count():
-            old = self._plots.takeAt(0).widget()
-            old.hide()
-            old.deleteLater()
+        emptied(self._plots)
         self.plots = []
         for i, device in enumerate(sets):
             plot = ResidualPlot(self.tr("Residual vectors of {name}").format(name=device_name(device.name)))

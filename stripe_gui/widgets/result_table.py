@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QSortFilterProxyModel, Qt, Signal
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QSortFilterProxyModel, Qt, Signal
 from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QVBoxLayout, QWidget
 
@@ -13,6 +13,7 @@ from stripe_gui.widgets.layout import label
 
 VALUE = Qt.ItemDataRole.UserRole
 EMPTY = Table("", (), ())
+Index = QModelIndex | QPersistentModelIndex
 
 
 class TableModel(QAbstractTableModel):
@@ -30,15 +31,15 @@ class TableModel(QAbstractTableModel):
         self._numeric = [any(isinstance(row[i], Number) for row in table.rows) for i in range(len(table.columns))]
         self.endResetModel()
 
-    def rowCount(self, parent: QModelIndex | None = None) -> int:  # noqa: N802
+    def rowCount(self, parent: Index | None = None) -> int:  # noqa: N802
         """Count the rows."""
         return 0 if parent is not None and parent.isValid() else len(self.table.rows)
 
-    def columnCount(self, parent: QModelIndex | None = None) -> int:  # noqa: N802
+    def columnCount(self, parent: Index | None = None) -> int:  # noqa: N802
         """Count the columns."""
         return 0 if parent is not None and parent.isValid() else len(self.table.columns)
 
-    def data(self, index: QModelIndex, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Give a cell's text, its alignment, or the number to sort by."""
         if not index.isValid():
             return None
@@ -65,7 +66,7 @@ class TableModel(QAbstractTableModel):
 
 
 class _Sorted(QSortFilterProxyModel):
-    def lessThan(self, left: QModelIndex, right: QModelIndex) -> bool:  # noqa: N802
+    def lessThan(self, left: Index, right: Index) -> bool:  # noqa: N802
         return _key(left.data(VALUE)) < _key(right.data(VALUE))
 
 

@@ -80,8 +80,9 @@ class CalibratePage(PartsPage):
         self.again_button = button(self.tr("Run again"), self.run, "run")
         self._pending, inside = card()
         inside.setContentsMargins(12, 8, 8, 8)
-        inside.addLayout(row(self.pending, self.take_back_button, self.again_button))
-        inside.itemAt(0).layout().setStretch(0, 1)
+        said = row(self.pending, self.take_back_button, self.again_button)
+        said.setStretch(0, 1)
+        inside.addLayout(said)
         layout = QVBoxLayout(body)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(10)
@@ -147,7 +148,7 @@ class CalibratePage(PartsPage):
         self._chosen()
 
     def _restore_all(self, name: str) -> None:
-        entry = self.session.folder.entry(name)
+        entry = self.session.opened.entry(name)
         if entry is not None and entry.capture is not None:
             self.bench.guarded(restore_targets, entry.capture, *entry.capture.excluded)
             self._excluded = [(capture, target) for capture, target in self._excluded if capture != name]
@@ -160,7 +161,7 @@ class CalibratePage(PartsPage):
         folder = self.session.folder
         if folder is None or self.run_part.running:
             return False
-        return any(e.role == "depth" or e.capture.seeds for e in folder.of_role("testfield", "depth"))
+        return any(e.role == "depth" or e.seeds for e in folder.of_role("testfield", "depth"))
 
     def run(self) -> None:
         """Calibrate in the background, with the convergence in front; where too little is chosen, show that step."""
@@ -217,7 +218,7 @@ class CalibratePage(PartsPage):
 
     def exclude(self, capture: str, row_: int, col: int) -> None:
         """Leave a target of a capture out; it counts from the next run on."""
-        entry = self.session.folder.entry(capture)
+        entry = self.session.opened.entry(capture)
         if entry is None or entry.capture is None or (row_, col) in entry.capture.excluded:
             return
         self.bench.guarded(exclude_targets, entry.capture, (row_, col))
@@ -232,7 +233,7 @@ class CalibratePage(PartsPage):
     def take_back(self) -> None:
         """Undo everything that was excluded since the last run."""
         for capture, target in self._excluded:
-            entry = self.session.folder.entry(capture)
+            entry = self.session.opened.entry(capture)
             if entry is not None and entry.capture is not None:
                 self.bench.guarded(restore_targets, entry.capture, target)
         self._excluded = []
@@ -242,7 +243,7 @@ class CalibratePage(PartsPage):
         self._tell_pending()
 
     def _newly_without(self) -> list[str]:
-        before = choice_of(self.session.folder).options.without
+        before = choice_of(self.session.opened).options.without
         return [name for name in self.captures.without if name not in before]
 
     def _tell_pending(self) -> None:

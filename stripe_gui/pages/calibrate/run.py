@@ -25,8 +25,9 @@ class RunPart(QWidget):
         self.state = label(" ", "muted", wrap=True)
         self.convergence = ConvergencePlot()
         frame, inside = card()
-        inside.addLayout(row(self.plan, self.cancel_button))
-        inside.itemAt(0).layout().setStretch(0, 1)
+        said = row(self.plan, self.cancel_button)
+        said.setStretch(0, 1)
+        inside.addLayout(said)
         inside.addWidget(self.bar)
         inside.addWidget(self.state)
         curve, around = card()
@@ -63,9 +64,9 @@ class RunPart(QWidget):
 
     def _show(self) -> None:
         job = self._job
-        running = self.running
-        self.cancel_button.setEnabled(running and not job.stopping)
-        self.bar.setValue(round(1000 * job.fraction) if running else 0)
+        running = job is not None and job.active
+        self.cancel_button.setEnabled(job is not None and running and not job.stopping)
+        self.bar.setValue(round(1000 * job.fraction) if job is not None and running else 0)
         self.state.setText(self._words(job))
 
     def _words(self, job: Job | None) -> str:
@@ -75,7 +76,7 @@ class RunPart(QWidget):
             return self.tr("Stopping…") if job.stopping else job.message or self.tr("Waiting…")
         if job.state is JobState.CANCELLED:
             return self.tr("Cancelled; the project is as it was.")
-        if job.state is JobState.FAILED:
+        if job.failure is not None:
             told = describe(job.failure.error)
             remedy = told.remedy[:1].upper() + told.remedy[1:]
             return self.tr("Failed: {what}. {remedy}.").format(what=told.happened, remedy=remedy)

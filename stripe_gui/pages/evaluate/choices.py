@@ -37,9 +37,7 @@ def plane_choices(folder: ProjectFolder) -> list[Choice]:
     for entry in folder.of_role("plane"):
         state = words.get(states[entry.name]["evaluate"].state, translate("PlaneTable", "not evaluated"))
         when = translate("PlaneTable", "captured {when}").format(when=_when(entry.recorded_ns))
-        found.append(
-            Choice(entry.name, f"{entry.name}   {angle_text(entry.capture.angle_deg)}".rstrip(), f"{when}, {state}")
-        )
+        found.append(Choice(entry.name, f"{entry.name}   {angle_text(entry.angle_deg)}".rstrip(), f"{when}, {state}"))
     return found
 
 
@@ -47,7 +45,6 @@ def calibration_choices(folder: ProjectFolder, statuses: Mapping[str, StageStatu
     """List the calibrations with date, run, and whether they are out of date."""
     runs = pipeline.current_runs(folder.project)
     status = statuses.get("calibrate")
-    stale = status is not None and status.state is State.STALE
     found = []
     for method in METHODS:
         at = written_ns(folder.result_file(f"{method}.npz"))
@@ -56,7 +53,7 @@ def calibration_choices(folder: ProjectFolder, statuses: Mapping[str, StageStatu
         parts = [translate("PlaneTable", "calibrated {when}").format(when=_when(at))]
         if method in runs:
             parts.append(translate("PlaneTable", "run {n}").format(n=runs[method]))
-        if stale:
+        if status is not None and status.state is State.STALE:
             parts.append(translate("PlaneTable", "out of date: {reason}").format(reason=status.reason))
         else:
             parts.append(translate("PlaneTable", "up to date"))

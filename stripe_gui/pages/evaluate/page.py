@@ -39,16 +39,14 @@ class EvaluatePage(PartsPage):
             found.ticked.connect(self._choice_changed)
         self.chosen = label("", "muted", wrap=True)
         self.deviations = DeviationMaps()
-        maps = boxed(column(self.deviations))
-        maps.layout().setContentsMargins(0, 8, 0, 0)
+        maps = boxed(column(self.deviations), top=8)
         self.profile = ProfilePart()
         self.profile.line_changed.connect(bench.session.keep_line)
         self.deviations.limit.valueChanged.connect(self.profile.maps.limit.setValue)
         self.profile.maps.limit.valueChanged.connect(self.deviations.limit.setValue)
         self.histogram = HistogramPart()
         self.table = ResultTable(self.tr("Deviations from the plane-table"))
-        table = boxed(column(self.table))
-        table.layout().setContentsMargins(0, 8, 0, 0)
+        table = boxed(column(self.table), top=8)
         body = choose_body(self.planes, self.calibrations, self.chosen)
         self.add_step("choose", self.tr("Choose"), body, missing=self._missing)
         self.add_step("maps", self.tr("Maps"), maps)
@@ -63,7 +61,7 @@ class EvaluatePage(PartsPage):
             return
         planes = self.bench.guarded(plane_choices, self.session.folder)
         self.planes.show_choices(planes or [])
-        self.calibrations.show_choices(calibration_choices(self.session.folder, self.session.statuses))
+        self.calibrations.show_choices(calibration_choices(self.session.opened, self.session.statuses))
         self._choice_changed()
         self.bench.views.run(
             "evaluation",

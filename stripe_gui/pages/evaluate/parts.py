@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from PySide6.QtCore import Qt, Signal
@@ -108,7 +109,7 @@ class ProfilePart(QWidget):
             (self.tr("Vertical"), ((0.5, 0.05), (0.5, 0.95))),
             (self.tr("Diagonal"), ((0.1, 0.9), (0.9, 0.1))),
         ]
-        self.presets = [button(text, lambda ends=ends: self._preset(*ends), flat=True) for text, ends in presets]
+        self.presets = [button(text, partial(self._preset, *ends), flat=True) for text, ends in presets]
         self.plot = Plot(self.tr("Deviations along the line"), self.tr("length [mm]"), self.tr("deviation [µm]"))
         self.ends = label(" ", "muted")
         self.maps.controls.hide()  # the scale is that of the maps before

@@ -22,6 +22,7 @@ from stripe_gui.pages.page import Page
 from stripe_gui.presenters.capture import FrameView
 from stripe_gui.presenters.measure import lit_frame
 from stripe_gui.presenters.work import measure
+from stripe_gui.widgets.layout import tab_name
 from stripe_gui.workbench import Workbench
 
 Modifier = Qt.KeyboardModifier
@@ -240,11 +241,11 @@ class MeasurePage(Page):
         frame, at = self.image.frame, self.image.cursor_at
         if self.model is None or frame is None:
             return
-        at = snapped(frame.image, self.model.field, at, self.image.reach_px) if snap else at
-        if at is None:
+        found = snapped(frame.image, self.model.field, at, self.image.reach_px) if snap else at
+        if found is None:
             self.image.ask.setText(self.tr("There is no dot under the cross hairs; Shift+Space picks all the same."))
             return
-        self._change(self.model.pick, *at, onward=True)
+        self._change(self.model.pick, *found, onward=True)
 
     def _change(
         self, function: Callable[..., object], *arguments: object, move: bool = True, onward: bool = False
@@ -397,4 +398,4 @@ class MeasurePage(Page):
             self._show_marks(move=True)
         for i in (1, 0):
             tabs.setCurrentIndex(i)
-            yield f"-{tabs.widget(i).objectName()}"
+            yield f"-{tab_name(tabs, i)}"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +97,7 @@ class ChecksStep(QWidget):
         self.heading.clear()
         self.stack.setCurrentWidget(self.nothing)
 
-    def _start(self, title: str, function, done, *arguments: object) -> None:
+    def _start(self, title: str, function: Callable[..., Any], done: Callable[[Any], None], *arguments: object) -> None:
         if self.running or self.bench.session.folder is None:
             return
         self.bench.views.cancel_all()

@@ -11,7 +11,7 @@ from PySide6.QtCore import QRectF, QSignalBlocker, QTimer, Signal
 from PySide6.QtGui import QColor, QHideEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QWidget
 
-from core.devices import with_option
+from core.devices import Setting, with_option
 from stripe_gui import theme
 from stripe_gui.presenters.failures import describe
 from stripe_gui.presenters.looking import Look
@@ -181,7 +181,7 @@ class PictureStep(QWidget):
             on_failed=lambda failure: self._failed(failure.error),
         )
 
-    def _exposed(self, url: str, setting: object) -> None:
+    def _exposed(self, url: str, setting: Setting | None) -> None:
         if self.devices.connection is not None and setting is not None:
             self.devices.adjusted(url, replace(self.devices.connection, setting=setting))
         self._show_setting()

@@ -50,7 +50,7 @@ def actions() -> list[Action]:
 
 def print_project_testfield(bench: Workbench) -> None:
     """Print the open project's testfield."""
-    folder = bench.session.folder
+    folder = bench.session.opened
     print_board(bench, folder.path, folder.path / Path(FIELD_FILE).with_suffix(".pdf"))
 
 
