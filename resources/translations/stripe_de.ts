@@ -3253,6 +3253,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>gescheitert</translation>
     </message>
     <message>
+        <source>points of {n} captures</source>
+        <translation>Punkte von {n} Aufnahmen</translation>
+    </message>
+    <message>
         <source>no captures yet</source>
         <translation>noch keine Aufnahmen</translation>
     </message>
@@ -3261,112 +3265,20 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>{n} Aufnahmen</translation>
     </message>
     <message>
-        <source>needs captures</source>
-        <translation>braucht Aufnahmen</translation>
-    </message>
-    <message>
         <source>{n} captures decoded</source>
         <translation>{n} Aufnahmen dekodiert</translation>
-    </message>
-    <message>
-        <source>captures changed after decoding</source>
-        <translation>Aufnahmen nach dem Dekodieren geändert</translation>
-    </message>
-    <message>
-        <source>{n} of {m} captures decoded</source>
-        <translation>{n} von {m} Aufnahmen dekodiert</translation>
-    </message>
-    <message>
-        <source>needs testfield captures</source>
-        <translation>braucht Aufnahmen des Testfelds</translation>
-    </message>
-    <message>
-        <source>targets to pick in {n} of {m} captures</source>
-        <translation>in {n} von {m} Aufnahmen sind Marken anzuwählen</translation>
     </message>
     <message>
         <source>targets of {n} captures</source>
         <translation>Marken von {n} Aufnahmen</translation>
     </message>
     <message>
-        <source>measured while calibrating</source>
-        <translation>beim Kalibrieren gemessen</translation>
-    </message>
-    <message>
-        <source>{n} of {m} captures measured</source>
-        <translation>{n} von {m} Aufnahmen gemessen</translation>
-    </message>
-    <message>
-        <source>captures or picks changed after measuring</source>
-        <translation>Aufnahmen oder angewählte Marken nach dem Messen geändert</translation>
-    </message>
-    <message>
-        <source>picked, not measured yet</source>
-        <translation>angewählt, noch nicht gemessen</translation>
-    </message>
-    <message>
-        <source>needs picked testfields or plates at known depths</source>
-        <translation>braucht Testfelder mit angewählten Marken oder Platten in bekannten Tiefen</translation>
-    </message>
-    <message>
-        <source>ready to run</source>
-        <translation>kann beginnen</translation>
-    </message>
-    <message>
-        <source>captures or picks changed since</source>
-        <translation>Aufnahmen oder angewählte Marken seither geändert</translation>
-    </message>
-    <message>
-        <source>the rig or its scale changed since</source>
-        <translation>der Aufbau oder sein Maßstab seither geändert</translation>
-    </message>
-    <message>
         <source>both methods</source>
         <translation>beide Verfahren</translation>
     </message>
     <message>
-        <source>needs a calibration</source>
-        <translation>braucht eine Kalibrierung</translation>
-    </message>
-    <message>
-        <source>calibrated anew since</source>
-        <translation>seither neu kalibriert</translation>
-    </message>
-    <message>
-        <source>{n} point clouds</source>
-        <translation>{n} Punktwolken</translation>
-    </message>
-    <message>
-        <source>planes, while evaluating</source>
-        <translation>Ebenen, beim Beurteilen</translation>
-    </message>
-    <message>
-        <source>needs plane captures</source>
-        <translation>braucht Aufnahmen der Planplatte</translation>
-    </message>
-    <message>
-        <source>the calibration is out of date</source>
-        <translation>die Kalibrierung ist veraltet</translation>
-    </message>
-    <message>
-        <source>plane captures changed since</source>
-        <translation>Aufnahmen der Planplatte seither geändert</translation>
-    </message>
-    <message>
         <source>{n} planes</source>
         <translation>{n} Ebenen</translation>
-    </message>
-    <message>
-        <source>{n} of {m} planes</source>
-        <translation>{n} von {m} Ebenen</translation>
-    </message>
-    <message>
-        <source>a stage before it is out of date</source>
-        <translation>ein Schritt davor ist veraltet</translation>
-    </message>
-    <message>
-        <source>results changed since</source>
-        <translation>Ergebnisse seither geändert</translation>
     </message>
     <message>
         <source>HTML and PDF</source>

@@ -77,8 +77,8 @@ def states_of(folder: ProjectFolder) -> ProjectStates:
 
 def graph_of(folder: ProjectFolder) -> Graph:
     """Let the core look at a project whose captures are read already."""
-    entries = folder.captures()
-    return Graph(folder.project, {e.folder: e.capture or e.error for e in entries if e.capture or e.error})
+    read = {e.folder: e.capture or e.error for e in folder.captures()}
+    return Graph(folder.project, {path: found for path, found in read.items() if found is not None})
 
 
 def statuses_of(folder: ProjectFolder, states: ProjectStates) -> dict[str, StageStatus]:
