@@ -168,13 +168,25 @@ def _choose_end(table, turns, noise, count, place, flags):  # type: ignore[no-un
 
 
 @part
-def weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  # type: ignore[no-untyped-def]
-    """Mean of the coordinates by all periods, weighted by their variances."""
-    periods = table.period
+def _add_misfit(table, misfit, variance, count, weight, sigma):  # type: ignore[no-untyped-def]
+    """Add what the misfit of every period makes of the mean."""
+    for i in range(count):
+        more = F(0)
+        for j in range(len(table.period)):
+            part_of = ONE / (table.period[j] * variance[j, i] * weight[i] + TINY)
+            more += part_of * part_of * misfit * table.covariance[j, 0]
+        sigma[i] = np.sqrt(sigma[i] * sigma[i] + more)
+
+
+@part
+def weigh(table, limits, turns, variance, count, place, shift, weight, sigma, flags):  # type: ignore[no-untyped-def]
+    """Mean of the coordinates by all periods, weighted by their variances; misfit counts for sigma alone."""
+    periods, misfit = table.period, limits.misfit / (TWO_PI * TWO_PI)
     if len(periods) == 1:
         var, period = variance[0], periods[0]
+        more = misfit * table.covariance[0, 0]
         for i in range(count):
-            sigma[i] = period * np.sqrt(var[i])
+            sigma[i] = period * np.sqrt(var[i] + more)
     else:
         fill(shift, 0, count, F(0))
         fill(weight, 0, count, F(0))
@@ -190,6 +202,8 @@ def weigh(table, turns, variance, count, place, shift, weight, sigma, flags):  #
         for i in range(count):
             place[i] += shift[i] / weight[i]
             sigma[i] = np.sqrt(ONE / weight[i])
+        if misfit > F(0):
+            _add_misfit(table, misfit, variance, count, weight, sigma)
     if table.start != CODE:
         # what lies beyond the projector is a whole number of the longest beat away from where it belongs
         middle, beat = HALF * (table.lines - ONE), table.step_period[0]

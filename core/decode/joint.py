@@ -29,7 +29,6 @@ def join(  # type: ignore[no-untyped-def]
     if len(joint) == 0:
         return
     periods, grid = len(joint), joint.shape[2]
-    dark, shot, floor = limits.dark, limits.shot, limits.floor
     for i in range(count):
         light, parts = F(0), TINY
         for j in range(periods):
@@ -38,15 +37,16 @@ def join(  # type: ignore[no-untyped-def]
             parts += joint[j, 1, at]
         gain = light / parts
         slack = TOLERANCE * TOLERANCE * gain * gain
+        slack += limits.misfit * gain * gain
         bb, bs, ss, rb, rs = F(0), F(0), F(0), F(0), F(0)
         if known:
-            spread = max(dark + shot * threshold[i], floor) + FIELDS * FIELDS * gain * gain
+            spread = _variance(limits, threshold[i], HALF * gain) + FIELDS * FIELDS * gain * gain
             weight, low, high = ONE / spread, threshold[i] - contrast[i], threshold[i] + contrast[i]
             bb, bs, ss, rb, rs = F(2) * weight, weight, weight, weight * (low + high), weight * high
         for j in range(periods):
             at = min(max(INT((turns[j, i] - _whole(turns[j, i]) + HALF) * F(grid)), 0), grid - 1)
             m, r, m1, r1, t1 = joint[j, 0, at], joint[j, 1, at], joint[j, 2, at], joint[j, 3, at], joint[j, 4, at]
-            noise = max(dark + shot * means[j, i], floor)
+            noise = _variance(limits, means[j, i], amplitudes[j, i])
             across = ONE / (noise * covariance[j, 0] + TINY)
             wm, wa = ONE / (noise * cofactors[j] + slack), ONE / (noise * covariance[j, 0] + slack)
             g1, g2 = gain * m1 * wm, gain * r1 * wa
@@ -66,7 +66,7 @@ def join(  # type: ignore[no-untyped-def]
         for j in range(periods):
             at = min(max(INT((turns[j, i] - _whole(turns[j, i]) + HALF) * F(grid)), 0), grid - 1)
             m, r, m1, r1, t1 = joint[j, 0, at], joint[j, 1, at], joint[j, 2, at], joint[j, 3, at], joint[j, 4, at]
-            noise = max(dark + shot * means[j, i], floor)
+            noise = _variance(limits, means[j, i], amplitudes[j, i])
             across = ONE / (noise * covariance[j, 0] + TINY)
             wm, wa = ONE / (noise * cofactors[j] + slack), ONE / (noise * covariance[j, 0] + slack)
             g1, g2 = gain * m1 * wm, gain * r1 * wa
@@ -77,6 +77,12 @@ def join(  # type: ignore[no-untyped-def]
             if abs(shift) < MOST and shift * shift < SIGMAS * SIGMAS * variance[j, i] and var < variance[j, i]:
                 turns[j, i] += shift
                 variance[j, i] = var
+
+
+@part
+def _variance(limits, level, modulation):  # type: ignore[no-untyped-def]
+    """Variance of a grey value: noise and misfit."""
+    return max(limits.dark + limits.shot * level, limits.floor) + limits.misfit * modulation * modulation
 
 
 @part

@@ -155,7 +155,7 @@ def decode_pixels(  # type: ignore[no-untyped-def]
             amplitude = m if len(table.period) > 0 else contrast
             if len(table.period) > 0:
                 unwrap(table, turns, variance, count, u, one, two, flag)
-                weigh(table, turns, variance, count, u, one, two, s, flag)
+                weigh(table, limits, turns, variance, count, u, one, two, s, flag)
             else:
                 fill(s, 0, count, table.cell / np.sqrt(F(12)))
             at_rim |= _finish(table, axis, count, u, s, amplitude, flag, u_out, s_out, least, every) << axis

@@ -30,11 +30,16 @@ HARMONICS = (3, 5, 7)  # of a square wave, next to the first
 
 
 class Noise(NamedTuple):
-    """Variance of a grey value g: ``max(dark + shot g, floor)``, in grey values squared."""
+    """Variance of a grey value g: ``max(dark + shot g, floor)``, in grey values squared.
+
+    By ``misfit m²``, m being the modulation, the frames of a pixel contradict each other more: that is the same for its
+    neighbours, and no noise.
+    """
 
     dark: float
     shot: float
     floor: float
+    misfit: float = 0.0
 
     def variance(self, level: NDArray[np.floating]) -> NDArray[np.floating]:
         """Give the variance at grey values, same shape."""

@@ -16,6 +16,9 @@ from core.parallel import run_in_bands
 
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
 RESIDUALS, FEWEST = 4096, 512  # residuals that are enough, but from no fewer pixels
+ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit
+OWN = 0.7  # part of the contrast of white and black that that of bits and their inverses should have
+SEVERAL = 0.03  # part of the lit pixels in which it is less, from which the bits themselves tell the contrast
 USUAL = 0.6  # part of the usual contrast that a code alone must have
 LEAST_CONTRAST = np.float32(1e-6)  # that divides
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
@@ -103,11 +106,39 @@ def measure_noise(
             whole = np.compress(g_top < saturation, sample[:, ::every], axis=1)
             residual = without_harmonics(residual, [wave.seen(whole) for wave in bent])
         level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
+        if np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
+            crude = estimate_noise(residual.ravel(), level.ravel(), step)
+            return _without_misfit(crude, found, images, saturation, bent, step)
     elif lines:
         return _sweep_noise(lines[0], sample, saturation, images)
     else:
         residual, level = _smoothness(frames, images, saturation, bent)
     return estimate_noise(residual.ravel(), level.ravel(), step)
+
+
+def _without_misfit(
+    whole: Noise, found: Array, images: Sequence[Image], saturation: float, bent: Sequence[Wave], step: float
+) -> Noise:
+    """Noise from the second differences of the contrasts along some rows; what they show besides is misfit."""
+    height = images[0].shape[0]
+    rows = slice(height // 64, None, max(1, height // 32))
+    used = np.flatnonzero(np.abs(found).max(axis=0) > 0)
+    g = np.stack([images[int(n)][rows] for n in used]).astype(np.float32)
+    good = g.max(axis=0)[:, 1:-1] < saturation
+    factors = found[:, used].astype(np.float32)
+    residual = spatial_residual(np.einsum("kf,frw->krw", factors, g))[0]
+    if bent:
+        shown = [np.stack([images[n][rows] for n in wave.frames.frames]).astype(np.float32) for wave in bent]
+        quadratures = [np.tensordot(wave.both, each, 1) for wave, each in zip(bent, shown, strict=True)]
+        left = without_harmonics(residual, quadratures, also=lambda part: spatial_residual(part)[0])
+        residual = left.astype(float)
+        light = float(np.mean(np.square(np.abs(np.array(quadratures)))))
+    else:
+        light = float(np.mean(np.square(np.ptp(g, axis=0)))) / 4
+    level = np.einsum("kf,frw->krw", np.square(factors), g)[..., 1:-1]
+    noise = estimate_noise(residual[:, good].ravel(), level[:, good].ravel(), step)
+    beyond = float(np.mean(whole.variance(level) - noise.variance(level))) / max(light, 1.0)
+    return noise._replace(misfit=beyond) if beyond > 0 else whole
 
 
 def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: Sequence[Image]) -> Noise:
@@ -162,7 +193,7 @@ def _smoothness(
 
 def limits_of(noise: Noise, saturation: float, options: DecodeOptions) -> Limits:
     """Pack the thresholds for the kernel."""
-    values = (*noise, options.min_snr, options.min_modulation, saturation, options.bit_margin)
+    values = (*noise[:3], options.min_snr, options.min_modulation, saturation, options.bit_margin, noise.misfit)
     return Limits(*(np.float32(value) for value in values))
 
 
@@ -186,6 +217,10 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
     lit = contrast > 5 * np.sqrt(noise.variance(threshold))
     if lit.sum() < 100:
         return table
+    if table.has_contrast and not table.sign.any():
+        own = raw.max(axis=0)
+        if np.mean(own[lit] < OWN * contrast[lit]) > SEVERAL:  # scattered light: white is brighter than lit lines
+            table, contrast = table._replace(has_contrast=False), own
     # a triangle wave's mean is half its peak: only bits below that have faded
     share = np.einsum("rn,n->r", raw, lit / np.maximum(contrast, LEAST_CONTRAST)) / lit.sum()
     alone = not table.has_contrast and len(table.period) == 0

@@ -54,7 +54,11 @@ class Fits(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Noise ``var(g) = max(dark + shot g, floor)`` (grey values²) and the thresholds of `DecodeOptions`."""
+    """Noise ``var(g) = max(dark + shot g, floor)`` (grey values²) and the thresholds of `DecodeOptions`.
+
+    ``misfit m²``, m being the modulation, is by how much more the frames contradict each other: it counts for sigma,
+    but is no noise that could hide what a pixel shows.
+    """
 
     dark: np.float32
     shot: np.float32
@@ -63,6 +67,7 @@ class Limits(NamedTuple):
     modulation: np.float32
     saturation: np.float32
     bit_margin: np.float32
+    misfit: np.float32
 
 
 class AxisTable(NamedTuple):
