@@ -18,6 +18,7 @@ kernel.py     the one compiled pass over the pixels; its steps:
   doubt.py      pixels whose bits and phase do not fit at once
   compiled.py   the bricks: grey values by address, sums over frames, the angle
 sections.py   light sections: the centroid over a sweep of lines
+likelihood.py words that only a look-up tells apart, by the likelihood of all frames
 rim.py        the rim of the projected field, where fringes are cut
 """
 

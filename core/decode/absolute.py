@@ -13,6 +13,7 @@ from core.decode.curves import LEVELS
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
 from core.decode.harmonics import Spectrum, measure_bend, spectra
 from core.decode.kernel import decode_pixels, scratch_for
+from core.decode.likelihood import decode_words, has_words
 from core.decode.noise import contrasts
 from core.decode.notes import notes_on
 from core.decode.options import DecodeOptions, Flag
@@ -92,6 +93,14 @@ def decode(
     array([3., 4., 5., 6.], dtype=float32)
     """
     arrays = check_images(patterns, images, where)
+    if has_words(patterns, "x") or has_words(patterns, "y"):
+
+        def others(some: list[int]) -> PhaseMap:
+            return decode(
+                [patterns[i] for i in some], [arrays[i] for i in some], lines=lines, options=options, where=where
+            )
+
+        return decode_words(patterns, arrays, lines, options, where, progress, others)
     progress(0.0, "reading the noise")
     try:
         sequence = _prepare(tuple(patterns), lines)

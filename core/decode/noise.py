@@ -199,7 +199,10 @@ def without_harmonics(
     flat = residual.reshape(-1, design.shape[1]).astype(float)
     left = flat
     for _ in range(2):  # edges of the scene must not take part
-        inner = np.max(np.square(left) / np.median(np.square(left), axis=1, keepdims=True), axis=0) < OUTSIDE
+        inner = (
+            np.max(np.square(left) / np.maximum(np.median(np.square(left), axis=1, keepdims=True), TINY), axis=0)
+            < OUTSIDE
+        )
         some = design[:, inner]
         normal = some @ some.T
         normal += 1e-9 * np.trace(normal) / len(normal) * np.eye(len(normal))

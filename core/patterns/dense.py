@@ -10,6 +10,7 @@ from __future__ import annotations
 from functools import lru_cache
 from math import erf, sqrt
 from random import Random
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +53,8 @@ def dense_words(lines: int, frames: int, blur_lines: float = 0.55, seed: int = 0
         follow = np.array([_switch(draw, run, word) for _ in range(tried)], np.float32)
         here, last = (np.array(w, np.float32) for w in (word, before))
         ahead = (own + aside) * follow + aside * here  # nearly what will be seen at the next line
-        tries = np.stack([own * here + aside * (last + follow), (here + follow) / 2, ahead], axis=1)
-        known = 2 * max(0, i - 1)  # the line before is near by rights
+        tries = _seen([own * here + aside * (last + follow), 0.5 * here + 0.5 * follow, ahead])
+        known = max(0, 2 * i - 1)  # less than a line away is near by rights
         unlike = power[:known] - 2 * (tries.reshape(-1, frames) @ seen[:known].T)
         nearest = unlike.min(axis=1, initial=frames).reshape(-1, 3) + np.sum(tries**2, axis=2)
         best = int(np.argmax(nearest.min(axis=1)))
@@ -63,6 +64,15 @@ def dense_words(lines: int, frames: int, blur_lines: float = 0.55, seed: int = 0
         run = [r + 1 if a == b else 1 for r, a, b in zip(run, chosen, word, strict=True)]
         before, word = word, chosen
     return words[STARTS:]
+
+
+def _seen(values: list[NDArray[Any]]) -> NDArray[np.float32]:
+    """Give words (n, places, frames) as a pixel of unknown offset and gain tells them: centred, and of one norm."""
+    words = np.stack(values, axis=1)
+    words = words - words.mean(axis=2, keepdims=True)
+    usual = np.float32(0.35 * sqrt(words.shape[2]))
+    norm = np.maximum(np.linalg.norm(words, axis=2, keepdims=True), 1e-3)
+    return np.asarray(words * np.minimum(usual / norm, 1.5), np.float32)
 
 
 def _weights(blur_lines: float) -> tuple[float, float]:

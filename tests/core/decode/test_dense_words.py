@@ -1,0 +1,103 @@
+"""Words that only a look-up tells apart, against the truth of an independent forward model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.decode import Flag, decode
+from core.errors import InputError
+from core.patterns import Black, Level, Lines, White, gray_and_phase, parse_sequence
+
+N = 640
+
+
+def dense(frames: int, lines: int = N) -> list:
+    return list(parse_sequence(f"dense:axes=x,frames={frames}").patterns((lines, 8)))
+
+
+def test_28_frames_have_two_thirds_of_the_papers_noise_and_no_wrong_word(bench, judge) -> None:
+    """14 frames an axis against the paper's 13 with white and black; noise and blur of the published rig."""
+    b = bench(height=80, blur=0.6, ambient=12, gain=70, dark=2.6, shot=0.02)
+    found = {}
+    for name, patterns in (("paper", list(parse_sequence("paper:axes=x").patterns((N, N)))), ("dense", dense(14))):
+        found[name] = judge(decode(patterns, b.take(patterns), lines=(N, N)), b.u, 2)
+    assert found["dense"].gross == 0
+    assert found["dense"].valid > 0.998
+    assert found["dense"].rms < 0.66 * found["paper"].rms  # the bound by Cramér and Rao is 0.635
+    assert 0.95 < found["dense"].sigma_ratio < 1.05
+
+
+def test_16_frames_are_no_worse_than_the_papers_28(bench, judge) -> None:
+    b = bench(height=80, blur=0.55, ambient=12, gain=70, dark=2.6, shot=0.02)
+    paper, words = list(parse_sequence("paper:axes=x").patterns((N, N))), dense(8)
+    before = judge(decode(paper, b.take(paper), lines=(N, N)), b.u, 2)
+    after = judge(decode(words, b.take(words), lines=(N, N)), b.u, 2)
+    assert after.rms < before.rms
+    assert after.gross < 5e-4 * b.u.size
+    assert after.valid > 0.99
+    assert 0.95 < after.sigma_ratio < 1.05
+
+
+@pytest.mark.parametrize("gain", [3.0, 7.0, 20.0])
+def test_a_dark_surface_is_refused_rather_than_wrong(bench, gain: float) -> None:
+    """7 grey values are a tenth of the rig's light: without the margin a third of the words would be wrong."""
+    b = bench(height=40, blur=0.6, gain=gain, dark=2.6)
+    patterns = dense(14)
+    u = decode(patterns, b.take(patterns), lines=(N, N)).u
+    valid = np.isfinite(u)
+    assert np.count_nonzero(np.abs(u - b.u) > 2) <= 5e-4 * u.size
+    assert valid.mean() >= {3.0: 0.0, 7.0: 0.03, 20.0: 0.99}[gain]
+
+
+@pytest.mark.parametrize("blur", [0.35, 1.0])
+def test_the_blur_is_found_in_the_frames(bench, judge, blur: float) -> None:
+    patterns = dense(14, 200)
+    b = bench(height=40, width=400, count=200, blur=blur, gain=90, dark=3.0)
+    result = judge(decode(patterns, b.take(patterns), lines=(200, 200)), b.u, 2)
+    assert result.gross == 0
+    assert result.valid > 0.99
+    assert 0.9 < result.sigma_ratio < 1.1
+
+
+def test_words_on_one_axis_and_code_on_the_other(bench, judge) -> None:
+    words = [*parse_sequence("dense:axes=x,frames=10").patterns((160, 160))]
+    patterns = [*words, *gray_and_phase("y", 160, cell=4, periods=[8]), White(), Level(0.3), Black()]
+    b = bench(height=120, width=160, count=160, both=True, gain=120, dark=3.0)
+    phase = decode(patterns, b.take(patterns), lines=(160, 160))
+    for axis, truth in (("x", b.u), ("y", b.v)):
+        result = judge(phase, truth, 3, axis)
+        assert result.gross == 0
+        assert result.valid > 0.98
+        assert 0.9 < result.sigma_ratio < 1.15
+
+
+def test_words_with_phases_besides(bench, judge) -> None:
+    """Every frame of the axis counts: fringes refine what the words tell."""
+    patterns = [*dense(8, 160), *gray_and_phase("x", 160, cell=1, periods=[8])[-4:]]
+    b = bench(height=40, width=400, count=160, gain=90, dark=3.0)
+    both = judge(decode(patterns, b.take(patterns), lines=(160, 160)), b.u, 2)
+    words = judge(decode(patterns[:8], b.take(patterns[:8]), lines=(160, 160)), b.u, 2)
+    assert both.gross == 0
+    assert both.rms < 0.95 * words.rms
+
+
+def test_what_the_projector_does_not_light_is_flagged(bench) -> None:
+    patterns = dense(10, 160)
+    b = bench(height=20, width=200, count=160, gain=90)
+    images = b.take(patterns)
+    for image in images:
+        image[:5] = 17
+    phase = decode(patterns, images, lines=(160, 160))
+    assert np.isnan(phase.u[:5]).all()
+    assert (phase.flags[:5] & Flag.LOW_MODULATION).all()
+    assert np.isnan(phase.v).all()
+
+
+def test_too_few_frames_and_words_that_repeat_are_refused() -> None:
+    image = np.zeros((4, 4), np.uint8)
+    with pytest.raises(InputError, match="axis x"):
+        decode([Lines("x", "0110"), Lines("x", "0011")], [image] * 2, lines=(4, 4))
+    again = [Lines("x", p.values[:20] * 2) for p in dense(6, 40)]
+    with pytest.raises(InputError, match="same at several lines"):
+        decode(again, [image] * 6, lines=(40, 4))
