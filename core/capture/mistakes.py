@@ -1,0 +1,144 @@
+"""Why the frames of an axis contradict each other: mistakes that people make in describing patterns, tried in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+from math import pi
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.capture.lookup import nearest
+from core.capture.plan import Plan
+from core.capture.quality import Sampled
+from core.patterns import Code, Pattern, Phase, describe
+
+if TYPE_CHECKING:
+    from core.capture.stored import Looked
+
+Array = NDArray[np.float32]
+
+FEW = 160  # pixels on which a mistake is tried
+ALIKE = 0.04  # shares of contradictions that are no different
+SURE = 0.06  # squared difference, white = 1, from what a frame is said to show
+FITS = 0.3  # of the contradictions that may stay where a mistake explains them
+MOST_FRAMES = 16  # beyond that pairs of frames are not tried
+
+
+def explanation(plan: Plan, sampled: Sampled, values: Array, looked: Looked, share: float) -> tuple[str, int | None]:
+    """Name the mistake that explains the contradictions, if one does, and the frame that is wrong, if it is one.
+
+    Parameters
+    ----------
+    values : array, shape (shots, n)
+        Of all frames, for those that stand in another's place.
+    looked : Looked
+        Those of one axis.
+    share : float
+        Of pixels that contradict themselves as described.
+    """
+    from core.capture.stored import contradicting
+
+    most = FITS * share
+    tried = [
+        (contradicting(seen, patterns, looked, FEW), text)
+        for text, seen, patterns in _descriptions(plan, values, looked)
+    ]
+    if tried and min(tried)[0] <= most:
+        return f": {min(tried)[1]}", None
+    single = [
+        (contradicting(np.delete(looked.values, j, axis=0), _without(looked.patterns, j), looked, FEW), j)
+        for j in range(len(looked.shots))
+    ]
+    alone = [j for left, j in single if left <= most] if len(looked.shots) >= 5 else []
+    shown = [(*_shown(looked, j), j) for j in alone]
+    if shown and min(shown)[0] < SURE:
+        return _one(looked, min(shown)[2], min(shown)[1])
+    if len(looked.shots) <= MOST_FRAMES:
+        pairs = []
+        kinds = [type(p) for p in looked.patterns]
+        alike = [(i, k) for i, k in combinations(range(len(looked.shots)), 2) if kinds[i] == kinds[k]]
+        for i, k in alike:
+            swapped = looked.values.copy()
+            swapped[[i, k]] = swapped[[k, i]]
+            pairs.append((contradicting(swapped, looked.patterns, looked, FEW), i, k))
+        left, i, k = min(pairs)
+        if left <= most:
+            return f": frames {looked.shots[i]} and {looked.shots[k]} were exchanged", looked.shots[i]
+    if alone:
+        return _one(looked, min(single)[1], "something else, a frame of another capture?")
+    return ": frames are of another capture or sequence, something moved, or the patterns are not what was shown", None
+
+
+def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[str, Array, Sequence[Pattern]]]:
+    """Other descriptions of the same frames: words, values and patterns."""
+    own, patterns = looked.values, looked.patterns
+    yield "they fit if all frames are inverted: bright and dark are exchanged", 1 - own, patterns
+    yield "they fit in reverse order", values[::-1][list(looked.shots)], patterns
+    for k in (1, -1, 2, -2):
+        moved = np.roll(values, k, axis=0)[list(looked.shots)]
+        yield f"they fit if every frame stands {abs(k)} {'later' if k < 0 else 'earlier'} in the list", moved, patterns
+    phases = [p for p in patterns if isinstance(p, Phase)]
+    codes = [p for p in patterns if isinstance(p, Code)]
+    if phases:
+        yield "they fit if the phase steps run the other way: the sign of shift_rad", own, _phases(patterns, sign=-1)
+        for sign, way in ((1, ""), (-1, " and run the other way")):
+            for quarter in (1, -1, 2):
+                words = f"they fit if the phase steps begin {abs(quarter) * 90}° {'later' if quarter > 0 else 'earlier'}{way}"
+                yield f"{words}: shift_rad", own, _phases(patterns, sign=sign, shift=quarter * pi / 2)
+    for period in sorted({p.period for p in phases}):
+        for other in _other_periods(period, codes):
+            changed = [replace(p, period=other) if isinstance(p, Phase) and p.period == period else p for p in patterns]
+            yield f"they fit with a period of {other:g} lines, not {period:g}", own, changed
+    if codes:
+        for factor in (0.5, 2, 0.25, 4):
+            if all((p.cell * factor) % 1 == 0 for p in codes):
+                changed = [replace(p, cell=int(p.cell * factor)) if isinstance(p, Code) else p for p in patterns]
+                cell = int(codes[0].cell * factor)
+                yield f"they fit with a cell of {cell} lines, not {codes[0].cell}", own, changed
+        kind: Literal["gray", "binary"] = "binary" if codes[0].kind == "gray" else "gray"
+        changed = [replace(p, kind=kind) if isinstance(p, Code) else p for p in patterns]
+        yield f"they fit as {kind} code, not {codes[0].kind}", own, changed
+        changed = [replace(p, bit=p.bits - 1 - p.bit) if isinstance(p, Code) else p for p in patterns]
+        yield "they fit with the bits in reverse order", own, changed
+        changed = [replace(p, inverse=not p.inverse) if isinstance(p, Code) else p for p in patterns]
+        yield "they fit if the code is inverted", own, changed
+
+
+def _other_periods(period: float, codes: Sequence[Code]) -> list[float]:
+    """Periods that sequences usually have beside a code, near ones first."""
+    usual = {c.cell * n for c in codes for n in (1, 2, 4, 8)} | {period / 2, period * 2, round(period)}
+    return sorted((p for p in usual if p >= 2 and abs(p / period - 1) > 1e-6), key=lambda p: abs(np.log(p / period)))
+
+
+def _phases(patterns: Sequence[Pattern], sign: int = 1, shift: float = 0.0) -> list[Pattern]:
+    return [replace(p, shift_rad=sign * p.shift_rad + shift) if isinstance(p, Phase) else p for p in patterns]
+
+
+def _without(patterns: Sequence[Pattern], j: int) -> list[Pattern]:
+    return [p for k, p in enumerate(patterns) if k != j]
+
+
+def _one(looked: Looked, j: int, shows: str) -> tuple[str, int]:
+    shot = looked.shots[j]
+    return f": frame {shot} claims {describe(looked.patterns[j])} and shows {shows}", shot
+
+
+def _shown(looked: Looked, j: int) -> tuple[float, str]:
+    """Name what a frame shows, by the lines that the others tell, and how far off that is, squared."""
+    from core.capture.stored import looks
+
+    some = np.linspace(0, looked.values.shape[1] - 1, min(FEW, looked.values.shape[1])).astype(int)
+    possible, _ = looks(looked.patterns, looked.axis, looked.lines)
+    others = [k for k in range(len(looked.patterns)) if k != j]
+    _, best = nearest(looked.values[others][:, some], possible[others])
+    seen = looked.values[j, some]
+    misfit = {describe(p): float(np.mean((seen - possible[k, best]) ** 2)) for k, p in enumerate(looked.patterns)}
+    misfit |= {"its inverse": float(np.mean((1 - seen - possible[j, best]) ** 2))}
+    misfit |= {"white": float(np.mean((seen - 1) ** 2)), "black": float(np.mean(seen**2))}
+    del misfit[describe(looked.patterns[j])]
+    name, value = min(misfit.items(), key=lambda item: item[1])
+    return value, name

@@ -1,0 +1,331 @@
+"""Frames that were recorded before, by whatever program: do they show what capture.json claims?
+
+Told from the images and from what was decoded of them. Recorded captures were checked frame by frame when they were
+taken (`identity`); here a capture is judged as a whole, with limits that no sound one of any rig reaches, and where it
+contradicts itself the descriptions that people get wrong are tried until one fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core.capture.finding import Finding
+from core.capture.lookup import dictionary, nearest
+from core.capture.mistakes import explanation
+from core.capture.plan import Plan
+from core.capture.quality import Sampled, summarise
+from core.model import Capture, PhaseMap
+from core.patterns import Axis, Code, Pattern, Phase, axis_of, level_of
+
+Array = NDArray[np.float32]
+
+GRID = 24_000  # pixels sampled
+PIXELS = 1200  # of the brightest, looked up
+CONTRADICTION = 0.3  # squared distance, white = 1, after the response is taken out; a wrong frame costs 0.5 and more
+PER_FRAME = 0.03
+SHARE = 0.12  # of the pixels that contradict themselves; sound captures have below 0.05
+FAINT = 0.04  # amplitude of a wave, white = 1, from which it is judged
+NO_WAVE = 0.7  # what steps leave of a wave over its amplitude; square waves of few steps leave 0.4
+WAVE_SLACK = 0.5  # rad that a phase may lie outside of its code's cell, for blur at the cells' edges
+LEAST_LIT = 300  # sampled pixels without which nothing is told
+DARK = 0.01  # of the image that must be lit
+SATURATED = 0.05  # of the lit pixels
+OFF_PLANE = 0.35  # share of a plane's pixels that no projective map holds
+PLANE_LINES = 3.0
+WRONG_HAND = 0.5
+MOVED_PX = 0.5
+MOVED_RESPONSE = 0.3  # of the correlation's peak; without texture there is none
+DRIFT = 0.15
+
+
+@dataclass(frozen=True)
+class Looked:
+    """The frames of one axis at the brightest pixels: normalised values (k, n), and what the patterns make possible."""
+
+    shots: tuple[int, ...]
+    patterns: tuple[Pattern, ...]
+    values: Array
+    limit: float
+    axis: Axis
+    lines: int
+
+
+def check_stored(capture: Capture, images: Sequence[NDArray], phase: PhaseMap, lines: tuple[int, int]) -> list[Finding]:
+    """Check a capture whose frames have been decoded.
+
+    Parameters
+    ----------
+    capture : Capture
+    images : sequence of array, shape (H, W)
+        Its frames, in its order.
+    phase : PhaseMap
+        What was decoded of them.
+    lines : (int, int)
+        The projector's columns and rows.
+
+    Returns
+    -------
+    findings : list of Finding
+        Those that are not good; `shots` are numbers of frames.
+    """
+    if len({(f.camera, f.projector, f.exposure_ms) for f in capture.frames}) > 1:
+        return []  # frames of several devices or exposures are no one sequence
+    plan = Plan(capture.name, capture.role, tuple(f.pattern for f in capture.frames), ())
+    sampled = _sample(plan, images)
+    found = [*_light(sampled, phase), *_plain(plan, sampled)]
+    if not any(f.check in ("light", "saturation") for f in found):
+        found += _contradictions(plan, sampled, lines)
+    if not any(f.level == "bad" for f in found):
+        found += [*_hand(phase), *(_plane(phase) if capture.role != "object" else [])]
+    return [*found, *_halves(plan, images)]
+
+
+def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
+    height, width = images[0].shape
+    stride = max(1, round((height * width / GRID) ** 0.5))
+    rows, cols = np.arange(stride // 2, height, stride), np.arange(stride // 2, width, stride)
+    at = np.stack([a.ravel() for a in np.meshgrid(rows, cols, indexing="ij")])
+    grey = np.array([image[at[0], at[1]] for image in images], np.float64)
+    full = 255 if images[0].dtype == np.uint8 else 2 ** max(8, int(max(i.max() for i in images)).bit_length()) - 1
+    return summarise(plan, grey, at, (height, width), full)
+
+
+def _light(sampled: Sampled, phase: PhaseMap) -> list[Finding]:
+    contrast = sampled.white - sampled.black
+    lit = contrast > 0.03 * sampled.full
+    if lit.mean() < DARK:
+        text = "hardly any light of the projector in the image: lamp, lens, exposure, or frames of another capture"
+        return [Finding("light", "bad", text, {"lit": float(lit.mean())})]
+    share = float(np.mean(np.max(sampled.grey[:, lit], axis=0) >= sampled.full))
+    if share > SATURATED:
+        text = (
+            f"{share:.0%} of the lit pixels are saturated: shorten the exposure or close the aperture, and record again"
+        )
+        return [Finding("saturation", "warning", text, {"saturated": share})]
+    return []
+
+
+def _plain(plan: Plan, sampled: Sampled) -> list[Finding]:
+    """White frames must be bright and black ones dark, where the others vary."""
+    bright, dark = (np.quantile(sampled.grey, q, axis=0) for q in (0.85, 0.1))
+    contrast = bright - dark
+    chosen = contrast > max(0.05 * sampled.full, float(np.quantile(contrast, 0.8)))
+    if chosen.sum() < LEAST_LIT:
+        return []
+    wrong = []
+    for i, pattern in enumerate(plan.shots):
+        level = level_of(pattern)
+        if level in (0.0, 1.0):
+            value = float(np.median(((sampled.grey[i] - dark) / np.maximum(contrast, 1e-9))[chosen]))
+            if abs(value - level) > 0.6:
+                wrong.append((i, f"claims {'white' if level else 'black'} and is {'dark' if level else 'bright'}"))
+    return [Finding("identity", "bad", f"frame {i} {text}: exchanged or inverted", shots=(i,)) for i, text in wrong]
+
+
+def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
+    contrast = sampled.white - sampled.black
+    bright = 0.3 * float(np.quantile(contrast, 0.97))
+    good = np.flatnonzero(contrast > max(0.05 * sampled.full, 12 * sampled.noise, bright))
+    if len(good) < LEAST_LIT:
+        return []
+    good = good[np.linspace(0, len(good) - 1, min(len(good), PIXELS)).astype(int)]
+    values = ((sampled.grey[:, good] - sampled.black[good]) / contrast[good]).astype(np.float32)
+    found: list[Finding] = []
+    axes: tuple[Axis, ...] = ("x", "y")
+    for axis, count in zip(axes, lines, strict=True):
+        shots = tuple(i for i, p in enumerate(plan.shots) if axis_of(p) == axis)
+        if len(shots) < 4:
+            continue
+        looked = Looked(
+            shots,
+            tuple(plan.shots[i] for i in shots),
+            values[list(shots)],
+            max(CONTRADICTION, PER_FRAME * len(shots)),
+            axis,
+            count,
+        )
+        share = contradicting(looked.values, looked.patterns, looked)
+        if share > SHARE:
+            along = "columns" if axis == "x" else "rows"
+            text = f"frames across {along} contradict each other in {share:.0%} of the pixels"
+            cause, shot = explanation(plan, sampled, values, looked, share)
+            shown = () if shot is None else (shot,)
+            found.append(Finding("identity", "bad", text + cause, {"contradicting": share}, shown))
+    return found
+
+
+def contradicting(values: Array, patterns: Sequence[Pattern], looked: Looked, few: int = PIXELS) -> float:
+    """Share of pixels that no projector line explains, once the curve of grey values is taken out."""
+    some = np.linspace(0, values.shape[1] - 1, min(few, values.shape[1])).astype(int)
+    seen = values[:, some]
+    possible, _ = looks(tuple(patterns), looked.axis, looked.lines)
+    cost, best = nearest(seen, possible)
+    for _ in range(2 if few == PIXELS else 0):
+        if float(np.mean(cost > looked.limit)) <= 0.02:
+            break
+        bent_cost, best = nearest(seen, _bent(possible, seen, possible[:, best]))
+        cost = np.minimum(cost, bent_cost)
+    return float(np.mean((cost > looked.limit) | _waves_disagree(seen, patterns, looked)))
+
+
+@lru_cache(maxsize=96)
+def looks(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> tuple[Array, Array]:
+    """Give `dictionary` of patterns, remembered: all captures of a project have the same ones."""
+    return dictionary(list(patterns), axis, lines)
+
+
+def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> NDArray[np.bool_]:
+    """Where phase steps make no wave, or a phase that the code's cell does not have (fine waves are faint)."""
+    bad = np.zeros(seen.shape[1], bool)
+    coded = [k for k, p in enumerate(patterns) if isinstance(p, Code)]
+    number, cell = None, 0
+    if coded:
+        codes = tuple(patterns[k] for k in coded)
+        possible, at = looks(codes, looked.axis, looked.lines)
+        cell = min(p.cell for p in codes if isinstance(p, Code))
+        number = np.floor((at[nearest(seen[coded], possible)[1]] + 0.25) / cell)
+    for period in {p.period for p in patterns if isinstance(p, Phase)}:
+        steps = [k for k, p in enumerate(patterns) if isinstance(p, Phase) and p.period == period]
+        shifts = np.array([p.shift_rad for p in patterns if isinstance(p, Phase) and p.period == period])
+        if len(np.unique(np.round(np.exp(1j * shifts), 6))) < 3:
+            continue
+        A = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
+        found, *_ = np.linalg.lstsq(A, seen[steps].astype(np.float64), rcond=None)
+        amplitude = np.hypot(found[1], found[2])
+        rest = np.sqrt(np.mean((seen[steps] - A @ found) ** 2, axis=0))
+        strong = (amplitude > FAINT) | (rest > FAINT)
+        bad |= strong & (rest > NO_WAVE * amplitude)
+        allowed = np.pi * cell / period + WAVE_SLACK
+        if number is not None and allowed < 0.85 * np.pi:
+            centre = 2 * np.pi * (number + 0.5) * cell / period
+            off = np.abs(np.angle(np.exp(1j * (np.arctan2(found[2], found[1]) - centre))))
+            bad |= strong & (off > allowed)
+    return bad
+
+
+def _bent(possible: Array, seen: Array, expected: Array) -> Array:
+    """Pass what is possible through the curve by which grey values follow from it, a rising one."""
+    edges = np.linspace(0, 1, 13)
+    bins = np.clip(np.digitize(expected, edges) - 1, 0, 11)
+    middle = [float(np.median(seen[bins == b])) if np.any(bins == b) else np.nan for b in range(12)]
+    known = np.isfinite(middle)
+    if known.sum() < 3:
+        return possible
+    levels = ((edges[1:] + edges[:-1]) / 2)[known]
+    curve = np.maximum.accumulate(np.array(middle)[known])
+    return np.interp(possible, levels, curve).astype(np.float32)
+
+
+def _hand(phase: PhaseMap) -> list[Finding]:
+    """Camera and projector see a surface from the same side: their images of it are never mirror images."""
+    d = max(3, min(phase.u.shape) // 80)
+    thin = max(1, d // 3)
+
+    def slopes(values: NDArray) -> tuple[NDArray, NDArray]:
+        corner = values[:-d:thin, :-d:thin]
+        return values[:-d:thin, d::thin] - corner, values[d::thin, :-d:thin] - corner
+
+    (ux, uy), (vx, vy) = slopes(phase.u), slopes(phase.v)
+    det = ux * vy - uy * vx
+    det = det[np.isfinite(det)]
+    if len(det) < LEAST_LIT // 3:
+        return []
+    share = float(np.mean(det < 0))
+    if share <= WRONG_HAND + 0.2:
+        return []
+    text = (
+        "columns and rows of the projector are exchanged, or one of them is reversed: the camera's image is mirrored "
+        "against the projector's; correct axis in the patterns, or mirror the frames back"
+    )
+    return [Finding("axes", "bad", text, {"mirrored": share})]
+
+
+def _plane(phase: PhaseMap) -> list[Finding]:
+    """On a plane each projector coordinate is a projective function of the camera's."""
+    found = []
+    for values, along, key in ((phase.u, "columns", "u"), (phase.v, "rows", "v")):
+        valid = np.flatnonzero(np.isfinite(values))
+        if len(valid) < 2000:
+            continue
+        chosen = valid[np.linspace(0, len(valid) - 1, 1500).astype(int)]
+        y, x = np.divmod(chosen, values.shape[1])
+        off = _off_projective(x / values.shape[1], y / values.shape[1], values.ravel()[chosen].astype(np.float64))
+        span = float(np.ptp(np.quantile(values.ravel()[chosen], [0.05, 0.95])))
+        share = float(np.mean(off > max(PLANE_LINES, 0.02 * span)))
+        if share > OFF_PLANE:
+            text = (
+                f"{along} do not rise steadily over the plane ({share:.0%} of the pixels are off): code frames were "
+                "exchanged, or cell, bits or period of the patterns are wrong"
+            )
+            found.append(Finding("order", "bad", text, {f"off_{key}": share}))
+    return found
+
+
+def _off_projective(x: NDArray, y: NDArray, u: NDArray) -> NDArray:
+    """Distances in lines from the projective function that most pixels agree on."""
+    one = np.ones_like(x)
+    rng = np.random.default_rng(0)
+    best = np.full(len(u), np.inf)
+    for _ in range(60):
+        draw = rng.choice(len(u), 5, replace=False)
+        A = np.stack([one, x, y, -u * x, -u * y], axis=1)
+        try:
+            p = np.linalg.solve(A[draw], u[draw])
+        except np.linalg.LinAlgError:
+            continue
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.abs((p[0] + p[1] * x + p[2] * y) / (1 + p[3] * x + p[4] * y) - u)
+        if np.median(off) < np.median(best):
+            best = off
+    for _ in range(3):  # least squares over those that agree, for distortion bends the map a little
+        near = best <= max(2.5 * float(np.median(best)), 0.5)
+        A = np.stack([one, x, y, -u * x, -u * y, x * x, x * y, y * y], axis=1)
+        p, *_ = np.linalg.lstsq(A[near], u[near], rcond=None)
+        curved = p[0] + p[1] * x + p[2] * y + p[5] * x * x + p[6] * x * y + p[7] * y * y
+        best = np.minimum(best, np.abs(curved / (1 + p[3] * x + p[4] * y) - u))
+    return best
+
+
+def _halves(plan: Plan, images: Sequence[NDArray]) -> list[Finding]:
+    """The steps of each axis add up to an evenly lit image: compare these, taken at different times."""
+    even = []
+    for axis in ("x", "y"):
+        steps = [i for i, p in enumerate(plan.shots) if axis_of(p) == axis and hasattr(p, "steps")]
+        if not steps:
+            continue
+        first = plan.shots[steps[0]]
+        same = [i for i in steps if getattr(plan.shots[i], "period", 0) == getattr(first, "period", 0)]
+        if len(same) == getattr(first, "steps", 0) >= 4:
+            even.append(np.mean([images[i][:: _thin(images[0]), :: _thin(images[0])] for i in same], axis=0))
+    if len(even) < 2:
+        return []
+    a, b = even
+    lit = a > 0.1 * float(np.quantile(a, 0.98))
+    gain = float(np.median(b[lit]) / max(float(np.median(a[lit])), 1e-9))
+    if abs(gain - 1) > DRIFT:
+        text = f"the light changed by {gain - 1:+.0%} between the steps of columns and of rows: warm the lamp up"
+        return [Finding("lamp", "warning", text, {"drift": gain - 1})]
+    (dx, dy), response = cv2.phaseCorrelate(
+        _texture(a), _texture(b), cv2.createHanningWindow(a.shape[::-1], cv2.CV_64F)
+    )
+    moved = float(np.hypot(dx, dy)) * _thin(images[0])
+    if moved > MOVED_PX and response > MOVED_RESPONSE:
+        text = f"the scene moved by {moved:.1f} px between the frames of columns and of rows: fasten all, record again"
+        return [Finding("movement", "bad", text, {"shift_px": moved, "response": float(response)})]
+    return []
+
+
+def _texture(image: NDArray) -> NDArray[np.float64]:
+    """What stands out of the light, over the light."""
+    light = cv2.GaussianBlur(image, (0, 0), 6.0) + 0.05 * float(image.max()) + 1e-6
+    return np.asarray(np.clip((image - light) / light, -0.5, 0.5), np.float64)
+
+
+def _thin(image: NDArray) -> int:
+    return max(1, min(image.shape) // 500)
