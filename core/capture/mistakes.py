@@ -43,12 +43,10 @@ def explanation(plan: Plan, sampled: Sampled, values: Array, looked: Looked, sha
     from core.capture.stored import contradicting
 
     most = FITS * share
-    tried = [
-        (contradicting(seen, patterns, looked, FEW), text)
-        for text, seen, patterns in _descriptions(plan, values, looked)
-    ]
-    if tried and min(tried)[0] <= most:
-        return f": {min(tried)[1]}", None
+    tried = [(contradicting(v, p, looked, FEW), text) for text, v, p in _descriptions(plan, values, looked)]
+    least = min(left for left, _ in tried)
+    if least <= most:  # several may fit: the plain ones come first
+        return f": {next(text for left, text in tried if left <= least + ALIKE)}", None
     single = [
         (contradicting(np.delete(looked.values, j, axis=0), _without(looked.patterns, j), looked, FEW), j)
         for j in range(len(looked.shots))
@@ -87,7 +85,8 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
         yield "they fit if the phase steps run the other way: the sign of shift_rad", own, _phases(patterns, sign=-1)
         for sign, way in ((1, ""), (-1, " and run the other way")):
             for quarter in (1, -1, 2):
-                words = f"they fit if the phase steps begin {abs(quarter) * 90}° {'later' if quarter > 0 else 'earlier'}{way}"
+                when = f"{abs(quarter) * 90}° {'later' if quarter > 0 else 'earlier'}"
+                words = f"they fit if the phase steps begin {when}{way}"
                 yield f"{words}: shift_rad", own, _phases(patterns, sign=sign, shift=quarter * pi / 2)
     for period in sorted({p.period for p in phases}):
         for other in _other_periods(period, codes):

@@ -58,7 +58,6 @@ class TargetSet:
     diameter_px: Array
     missing: tuple[MissingTarget, ...] = ()
     made_from: str = ""
-    notes: tuple[str, ...] = ()  # what is wrong with the capture, see `PhaseMap`
     gradient: Array | None = None
     notes: tuple[str, ...] = ()
     camera: str = "camera"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,14 @@ def decode_images(capture: Capture, images: list, project: Project | None, progr
 
     lines = (project.projector.width, project.projector.height) if project else None
     patterns = [frame.pattern for frame in capture.frames]
-    return decode(patterns, images, lines=lines, where=str(capture.path), progress=progress)
+    phase = decode(patterns, images, lines=lines, where=str(capture.path), progress=progress)
+    if lines is None or not images:
+        return phase
+    from core.capture.stored import check_stored
+
+    progress.check()
+    told = [finding.text for finding in check_stored(capture, images, phase, lines)]
+    return replace(phase, notes=(*phase.notes, *told))
 
 
 def phase_maps(

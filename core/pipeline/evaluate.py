@@ -71,6 +71,7 @@ def _judge(
 
     evaluations = []
     calibrated: dict[tuple[str, Method], float] = {}
+    notes: dict[str, tuple[str, ...]] = {}
     for capture, phase in phase_maps(project, planes, progress):
         for method, calibration in calibrations.items():
             progress.check()
@@ -79,13 +80,14 @@ def _judge(
                 camera = camera.interior
             cloud = reconstruct(phase, calibration)
             calibrated[capture.name, method] = calibration_rms(cloud)
+            notes[capture.name] = phase.notes
             evaluations.append(
                 evaluate_plane(
                     phase, cloud, capture=capture.name, angle_deg=capture.angle_deg, method=method, camera=camera
                 )
             )
     progress.check()
-    return judge_planes(sorted(evaluations, key=lambda e: METHODS.index(e.method)), calibrated)
+    return judge_planes(sorted(evaluations, key=lambda e: METHODS.index(e.method)), calibrated, notes)
 
 
 def load_evaluation(project: Project) -> tuple[PlaneEvaluation, ...]:

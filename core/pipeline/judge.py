@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -29,6 +30,7 @@ from core.pipeline.picking import current_targets
 if TYPE_CHECKING:
     from core.checks import Concern, Plates
 
+FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
 DOUBTS = ("not rigid", "look like gross errors", "left out, fewer than")  # of the adjustment's own warnings
 RESIDUAL_RATIO = 2.5  # of the depth calibration's residuals over those that its noise leaves
 
@@ -58,6 +60,7 @@ def judge_calibrations(
     of_captures = [
         *repeated_frames([c for c in captures if c.name in taking_part or c.role in ("plane", "object")], lines),
         *code_concerns(captures, project.projector),
+        *noted({name: kept[name].notes for name in sorted(taking_part) if name in kept}),
     ]
     measured = {m: [kept[c.name] for c in chosen if c.name in kept] for m, chosen in used.items()}
     result: dict[Method, Calibration] = {}
@@ -97,6 +100,22 @@ def judge_calibrations(
     return result
 
 
+def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:
+    """What captures say of themselves, alike ones together."""
+    from core.checks import Concern
+
+    by_text: dict[str, list[tuple[str, str]]] = {}
+    for name, texts in notes.items():
+        for text in texts:
+            by_text.setdefault(FIGURE.sub("", text), []).append((name, text))
+    concerns = []
+    for entries in by_text.values():
+        names = [name for name, _ in entries]
+        told = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        concerns.append(Concern("doubtful", f"{told}: {entries[0][1]}"))
+    return concerns
+
+
 def _verdict(of_captures: Sequence[Concern], concerns: Sequence[Concern], sound: Sequence[str]) -> Verdict:
     """Put causes before effects: where a result failed, what is wrong with its captures comes first."""
     from core.checks import verdict_of
@@ -107,13 +126,16 @@ def _verdict(of_captures: Sequence[Concern], concerns: Sequence[Concern], sound:
 
 
 def judge_planes(
-    evaluations: Sequence[PlaneEvaluation], calibration_rms_mm: Mapping[tuple[str, Method], float]
+    evaluations: Sequence[PlaneEvaluation],
+    calibration_rms_mm: Mapping[tuple[str, Method], float],
+    notes: Mapping[str, Sequence[str]] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Judge planes, each against its prediction and all against each other.
 
-    `calibration_rms_mm` is by capture and method what the calibration's own uncertainty adds to the deviations.
+    `calibration_rms_mm` is by capture and method what the calibration's own uncertainty adds to the deviations; `notes`
+    is by capture what it says of itself.
     """
-    from core.checks import form_of, pair_concerns, plane_concerns, verdict_of
+    from core.checks import form_of, pair_concerns, plane_concerns
 
     common = pair_concerns(evaluations)
     judged = []
@@ -124,8 +146,9 @@ def judge_planes(
         sound: list[str] = []
         if e.predicted_rms_mm:
             sound.append(f"noise dominates: {e.rms_mm / e.predicted_rms_mm:.2f} times what the noise predicts")
+        of_capture = noted({e.capture: (notes or {}).get(e.capture, ())})
         named = [c for c in common if c.text.startswith(f"{e.capture}:") or not _names_one(c.text, evaluations)]
-        judged.append(replace(e, verdict=verdict_of([*concerns, *named], sound)))
+        judged.append(replace(e, verdict=_verdict(of_capture, [*concerns, *named], sound)))
     return tuple(judged)
 
 
