@@ -305,17 +305,25 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Client]:
     A worker has `CAPTURES_IN_HAND`: one decodes while the other loads or is written.
     """
     try:
-        from distributed import Client, LocalCluster
+        from distributed import Client, LocalCluster, Security
     except ImportError as error:
         raise InputError(
             "batch", "the package distributed is not installed", "run pip install 'stripe-workbench[batch]'"
         ) from error
     if scheduler is None:
+        # what reaches a scheduler's port runs code: only workers that hold the keys made for this run are let in
+        security = _keys_of_this_run(Security)
         with (
             LocalCluster(
-                n_workers=workers, threads_per_worker=CAPTURES_IN_HAND, processes=True, dashboard_address=None
+                n_workers=workers,
+                threads_per_worker=CAPTURES_IN_HAND,
+                processes=True,
+                dashboard_address=None,
+                host="127.0.0.1",
+                protocol="tls://",
+                security=security,
             ) as cluster,
-            Client(cluster) as client,
+            Client(cluster, security=security) as client,
         ):
             yield client
         return
@@ -325,6 +333,14 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Client]:
         raise InputError("--scheduler", f"{scheduler!r} does not answer", "start it, or mend its address") from error
     with client:
         yield client
+
+
+def _keys_of_this_run(kind: Any) -> Any:
+    try:
+        return kind.temporary()
+    except ImportError as error:
+        remedy = "run pip install 'stripe-workbench[batch]'"
+        raise InputError("batch", "the package cryptography is not installed", remedy) from error
 
 
 def _run(client: Client, jobs: Sequence[Job], outcomes: dict[str, Outcome], progress: Progress) -> None:

@@ -13,12 +13,12 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 from core.cli.arguments import Commands, Parser, Version, write_figures
-from core.cli.commands import exchange, experiment, many, recording, results, road, sequences, state, watching
+from core.cli.commands import exchange, experiment, many, recording, results, road, sequences, state, verifying, watching
 from core.cli.console import Console
 from core.errors import Cancelled, StripeError
 from core.progress import Progress
 
-GROUPS = (experiment, recording, sequences, road, results, state, watching, many, exchange)
+GROUPS = (experiment, recording, sequences, road, results, state, watching, many, exchange, verifying)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

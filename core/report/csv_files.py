@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -19,6 +20,9 @@ from core.progress import SILENT, Progress
 from core.report.table import Cell, Number, Table
 
 ENCODING = "utf-8-sig"
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what makes a spreadsheet compute
+_INNER = re.compile(r"(?<=[,;\t])\s*(?=[=+\-@])")  # a note may be split at its commas
+APOSTROPHE = " '"
 ROWS_AT_ONCE = 20_000  # between two looks at whether to stop
 
 
@@ -46,10 +50,10 @@ def write_table_csv(path: Path, table: Table) -> None:
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\r\n")
-    writer.writerow(table.columns)
+    writer.writerow([as_text(column) for column in table.columns])
     writer.writerows([[_plain(cell) for cell in row] for row in table.rows])
     for note in table.notes:
-        text.write(f"# {note}\r\n")
+        text.write(f"# {_INNER.sub(APOSTROPHE, note)}\r\n")
     with atomic_write(path) as file:
         file.write(text.getvalue().encode(ENCODING))
 
@@ -76,7 +80,7 @@ def write_columns_csv(
     values = np.column_stack([np.asarray(v, np.float64) for v in columns.values()])
     line = ",".join(f"%.{d}f" for d in digits)
     head = io.StringIO()
-    csv.writer(head, lineterminator="\r\n").writerow(columns)
+    csv.writer(head, lineterminator="\r\n").writerow([as_text(column) for column in columns])
     with atomic_write(path) as file:
         file.write(head.getvalue().encode(ENCODING))
         for start in range(0, len(values), ROWS_AT_ONCE):
@@ -91,4 +95,21 @@ def write_columns_csv(
 def _plain(cell: Cell) -> str:
     if isinstance(cell, Number):
         return Number(cell.value, cell.spec).text if np.isfinite(cell.value) else ""
-    return cell or ""
+    return as_text(cell or "")
+
+
+def as_text(cell: str) -> str:
+    """Give a cell so that spreadsheets take it for text, not for a formula; numbers stay numbers.
+
+    Examples
+    --------
+    >>> as_text("=1+1"), as_text("-15.5"), as_text("plane+00")
+    ("'=1+1", '-15.5', 'plane+00')
+    """
+    if not cell.lstrip().startswith(FORMULA):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell

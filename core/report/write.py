@@ -7,6 +7,7 @@ from pathlib import Path
 from core.atomic import atomic_write
 from core.progress import SILENT, Progress
 from core.report.data import ReportData, ReportPaths
+from core.report.seal import sealed
 
 
 def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) -> ReportPaths:
@@ -42,6 +43,6 @@ def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) ->
     paths = ReportPaths(Path(out) / "report.html", Path(out) / "report.pdf")
     for path, content in ((paths.html, html), (paths.pdf, pdf)):
         with atomic_write(path) as file:
-            file.write(content)
+            file.write(sealed(content, path.suffix, data.sign_off))
     progress(1.0, "report written")
     return paths
