@@ -13,7 +13,18 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 from core.cli.arguments import Commands, Parser, Version, write_figures
-from core.cli.commands import exchange, experiment, many, recording, results, road, sequences, state, verifying, watching
+from core.cli.commands import (
+    exchange,
+    experiment,
+    many,
+    recording,
+    results,
+    road,
+    sequences,
+    state,
+    verifying,
+    watching,
+)
 from core.cli.console import Console
 from core.errors import Cancelled, StripeError
 from core.progress import Progress
