@@ -8,12 +8,13 @@ OUT    ?= demo
 # small matrices: the threads of the linear algebra would only spin beside our own
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test check bench bundle pictures clean
+.PHONY: help setup demo test quick check bench bundle pictures clean
 
 help:
 	@echo "make setup     the environment in $(VENV) (a second call is quick)"
 	@echo "make demo      the whole experiment on the virtual bench, to a report in $(OUT)/results/report"
 	@echo "make test      all tests"
+	@echo "make quick     the tests that need no rendered project, in less than a minute"
 	@echo "make check     ruff, formatting and types"
 	@echo "make bench     benchmarks against peers, to a table and plots in bench-results"
 	@echo "make bundle    a folder that runs without Python, built and tried, in dist/stripe-workbench"
@@ -38,6 +39,13 @@ demo: setup
 test: setup
 	@echo "Running all tests: about eight minutes on two cores."
 	@$(BIN)/python -m pytest -n 2
+
+# rooms whose tests need no rendered project, and the rules of the house
+QUICK := tests/test_architecture.py tests/core/geometry tests/core/patterns tests/core/numerics tests/core/decode \
+	tests/core/reconstruct tests/core/evaluate tests/core/project tests/core/test_api.py
+
+quick: setup
+	@$(BIN)/python -m pytest -n 2 $(QUICK)
 
 check: setup
 	$(BIN)/ruff check .

@@ -158,7 +158,7 @@ def check_reference(bundle: Bundle) -> str:
     """The reference experiment: below every published r.m.s."""
     started = time.monotonic()
     planes = bundle.figures("demo", bundle.work / "demo")["planes"]
-    resources = bundle.folder / "_internal/resources/reference/brenner1999.json"
+    resources = bundle.folder / "_internal/stripe_resources/reference/brenner1999.json"
     published = json.loads(resources.read_text(encoding="utf-8"))["plane_table"]
     expect(len(planes) == 8, f"{len(planes)} planes by two methods, not 8")
     for plane in planes:

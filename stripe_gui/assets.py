@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QRect, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QIcon, QIconEngine, QPainter, QPixmap
 from PySide6.QtSvg import QSvgRenderer
 
+from core.resources import resource
 from stripe_gui import theme
 
 
 def asset(*parts: str) -> Path:
     """Where a file of `resources` lies."""
-    return Path(str(files("resources").joinpath(*parts)))
+    return resource(*parts)
 
 
 @cache

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from importlib.resources import files
 from string import Template
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QGuiApplication, QPalette
 from PySide6.QtWidgets import QApplication
+
+from core.resources import resource
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def palette(theme: Theme) -> QPalette:
 
 def style_sheet(theme: Theme) -> str:
     """Fill the theme's colours into `resources/styles/app.qss`."""
-    styles = files("resources").joinpath("styles")
+    styles = resource("styles")
     text = styles.joinpath("app.qss").read_text(encoding="utf-8")
     files_of = {
         key: styles.joinpath(f"{key.replace('_', '-')}-{theme.name}.svg") for key in ("chevron", "chevron_up", "check")

@@ -6,6 +6,7 @@ import ast
 import importlib
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -31,12 +32,13 @@ ALLOWED = {
     "parallel": set(),
     "numerics": set(),
     "lazy": set(),
+    "resources": set(),
     "compiling": {"errors", "atomic", "progress"},
     "model": {"geometry", "patterns"},  # for type annotations only: see below
     "geometry": {"errors", "model"},
     "patterns": {"errors", "fields"},
     "project": GROUND,
-    "devices": GROUND | {"project", "bench"},  # the virtual devices switch the bench
+    "devices": GROUND | {"resources", "project", "bench"},  # the virtual devices switch the bench
     "capture": GROUND | {"project", "devices"},
     "bench": GROUND | {"project"},
     "decode": GROUND,
@@ -47,7 +49,7 @@ ALLOWED = {
     "checks": GROUND,
     "exchange": GROUND,
     "orient": GROUND,
-    "report": {"errors", "atomic", "progress", "model", "geometry"},
+    "report": {"errors", "atomic", "progress", "resources", "model", "geometry"},
     "figures": {"geometry", "model"},
     "pipeline": GROUND
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}
@@ -70,6 +72,7 @@ def rooms() -> dict[str, list[Path]]:
     return files
 
 
+@cache
 def imported(path: Path, skip_type_checking: bool = False) -> set[str]:
     """The absolute module names that a file imports, inside functions too."""
     names: set[str] = set()
@@ -124,6 +127,11 @@ def test_a_lazy_package_says_the_same_to_type_checkers(package: str) -> None:
         if alias.asname == alias.name
     }
     assert told == {(home, name) for home, names in module._HOMES.items() for name in names.split()}
+
+
+def test_the_data_folder_is_found_by_one_function() -> None:
+    for path in (*(ROOT / "core").rglob("*.py"), *(ROOT / "stripe_gui").rglob("*.py")):
+        assert "importlib.resources.files" not in imported(path), f"{path}: take `resource` from core.resources"
 
 
 def test_the_core_names_no_window_toolkit() -> None:

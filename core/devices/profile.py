@@ -5,12 +5,12 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib.resources import files
 from pathlib import Path
 
 from core.devices.template import CHECKS, Template, make_template
 from core.errors import InputError
 from core.fields import Fields
+from core.resources import resource
 
 COMMANDS: dict[str, set[str]] = {  # and the fields that can be sent with each, beside the tag
     "identify": set(),
@@ -85,9 +85,7 @@ class Profile:
 
 def profile_names() -> list[str]:
     """Names of the profiles that come with the program."""
-    return sorted(
-        p.name.removesuffix(".toml") for p in (files("resources") / "profiles").iterdir() if p.name.endswith(".toml")
-    )
+    return sorted(p.name.removesuffix(".toml") for p in resource("profiles").iterdir() if p.name.endswith(".toml"))
 
 
 def read_profile(name: str, columns: int = 0, rows: int = 0) -> Profile:
@@ -110,7 +108,7 @@ def read_profile(name: str, columns: int = 0, rows: int = 0) -> Profile:
         if name not in profile_names():
             raise InputError("profile", f"{name!r}", f"use {', '.join(profile_names())}, or the path of a .toml file")
         where = f"{name}.toml"
-        text = (files("resources") / "profiles" / where).read_text(encoding="utf-8")
+        text = resource("profiles", where).read_text(encoding="utf-8")
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

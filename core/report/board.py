@@ -10,7 +10,6 @@ import textwrap
 from dataclasses import dataclass
 from functools import cache
 from html import escape
-from importlib.resources import as_file, files
 from io import BytesIO
 from typing import TYPE_CHECKING, Literal
 
@@ -20,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from core.errors import InputError
 from core.model import Testfield
+from core.resources import resource
 
 if TYPE_CHECKING:
     from reportlab.pdfgen.canvas import Canvas
@@ -327,5 +327,4 @@ def _register_font() -> None:
     from reportlab.pdfbase import pdfmetrics
     from reportlab.pdfbase.ttfonts import TTFont
 
-    with as_file(files("resources") / "fonts" / "DejaVuSans.ttf") as path:
-        pdfmetrics.registerFont(TTFont(FONT, str(path)))
+    pdfmetrics.registerFont(TTFont(FONT, str(resource("fonts", "DejaVuSans.ttf"))))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import Any
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
@@ -14,6 +13,7 @@ from core.progress import SILENT, Progress
 from core.report.document import Document
 from core.report.figures import Drawing, svg_text
 from core.report.table import Table, cell_text, numeric_columns
+from core.resources import resource
 
 
 def html_text(document: Document, *, progress: Progress = SILENT) -> str:
@@ -57,4 +57,4 @@ def _slug(table: Table) -> str:
 
 
 def _template(name: str) -> str:
-    return (files("resources") / "report" / name).read_text(encoding="utf-8")
+    return resource("report", name).read_text(encoding="utf-8")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib.resources import files
 from typing import Any
 
 from core.errors import InputError
 from core.model import Method
+from core.resources import resource
 
 
 @dataclass(frozen=True)
@@ -94,4 +94,4 @@ def read_published(name: str) -> Published:
 
 
 def _folder() -> Any:
-    return files("resources") / "reference"
+    return resource("reference")

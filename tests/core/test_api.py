@@ -153,7 +153,7 @@ def test_what_the_calibration_is_unsure_of_goes_into_the_covariance(points):
     told = core.triangulate(calibration(np.diag(sigma**2)), camera_sees(point), projector_sees(point))
     exact = core.triangulate(calibration(), camera_sees(point), projector_sees(point))
     found = []
-    for _ in range(3000):
+    for _ in range(800):
         e = rng.normal(size=24) * sigma
         R = matrix_from_rotation_vector(e[18:21]) @ PROJECTOR_FROM_CAMERA.rotation
         other = calibration_of_pair(
@@ -167,8 +167,8 @@ def test_what_the_calibration_is_unsure_of_goes_into_the_covariance(points):
     for k in range(3):
         seen = np.cov(np.array(found)[:, k].T)
         by_calibration = told.covariance_mm2[k] - exact.covariance_mm2[k]
-        # 3,000 repetitions: variances to 2.6 %, four sigmas
-        assert np.allclose(by_calibration, seen, rtol=0.1, atol=0.1 * np.trace(seen))
+        # 800 repetitions: variances to 5 %, four sigmas
+        assert np.allclose(by_calibration, seen, rtol=0.2, atol=0.2 * np.trace(seen))
 
 
 def test_points_of_a_chessboard_calibrate_camera_and_projector():

@@ -315,9 +315,9 @@ def test_profiles_come_with_the_program() -> None:
     ],
 )
 def test_a_profile_of_ones_own_is_checked_entry_by_entry(tmp_path, change: tuple[str, str], seen: str | None) -> None:
-    from importlib.resources import files
+    from core.resources import resource
 
-    text = (files("resources") / "profiles" / "stripe-lines.toml").read_text()
+    text = resource("profiles", "stripe-lines.toml").read_text()
     assert change[0] in text
     path = tmp_path / "mine.toml"
     path.write_text(text.replace(*change, 1))

@@ -22,6 +22,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.ft2font import FT2Font
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 WIDTH_IN = 8.4
 INK, MUTED, GRID, SURFACE = "#1b1f24", "#57606b", "#d5dae0", "#fefeff"
@@ -109,10 +110,19 @@ def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
     return Figure(figsize=(width_in, height_in), layout="constrained")
 
 
+def _settle(figure: Figure) -> None:
+    """Let the figure lay its parts out, once: savefig would do so anew, by drawing all of it, for every format."""
+    if isinstance(figure.get_layout_engine(), ConstrainedLayoutEngine):
+        FigureCanvasAgg(figure)
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+
+
 def svg_text(drawing: Drawing, dpi: int = 200) -> str:
     """Give the drawing as an SVG element to stand in a page, its colours as CSS variables; images have `dpi`."""
     out = StringIO()
     with drawing_style():
+        _settle(drawing.figure)
         FigureCanvasSVG(drawing.figure)
         drawing.figure.savefig(out, format="svg", dpi=dpi, metadata={"Date": None, "Creator": None})
     text = out.getvalue()
@@ -131,6 +141,7 @@ def png_bytes(drawing: Drawing, dpi: int = 180) -> bytes:
     """Give the drawing as PNG on white."""
     out = BytesIO()
     with drawing_style():
+        _settle(drawing.figure)
         FigureCanvasAgg(drawing.figure)
         drawing.figure.savefig(out, format="png", dpi=dpi, facecolor="white", metadata={"Software": None})
     return out.getvalue()

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from core.report import Number, ReportData, Table, cell_text, tables, text_table
 from core.report.document import compose
 from core.report.interior import interior_from_mapping
 from core.report.published import published_names, read_published
+from core.resources import resource
 
 
 def by_row(table):
@@ -173,7 +173,7 @@ def test_an_unknown_reference_leaves_the_own_results_alone(data):
 def test_reference_files_are_complete():
     for name in published_names():
         published = read_published(name)
-        raw = json.loads((files("resources") / "reference" / f"{name}.json").read_text(encoding="utf-8"))
+        raw = json.loads(resource("reference", f"{name}.json").read_text(encoding="utf-8"))
         assert published.name
         assert published.source
         assert len(published.rms_mm) == sum(len(v) for v in raw["plane_table"]["rms_mm"].values())

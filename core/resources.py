@@ -1,0 +1,36 @@
+"""What the program brings along: help, fonts, templates, reference values, command profiles.
+
+The folder is `resources` in a checkout, and `stripe_resources` where the program is installed: a name in the whole
+environment should say whose it is.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+__all__ = ["resource"]
+
+
+def resource(*parts: str) -> Path:
+    """Give the place of a file or folder of the resources.
+
+    Examples
+    --------
+    >>> resource("fonts", "DejaVuSans.ttf").is_file()
+    True
+    """
+    return _folder().joinpath(*parts)
+
+
+def _folder() -> Path:
+    if getattr(sys, "frozen", False):
+        return Path(sys._MEIPASS) / "stripe_resources"  # type: ignore[attr-defined]
+    root = Path(__file__).parents[1]
+    if (root / "pyproject.toml").is_file():
+        return root / "resources"
+    found = find_spec("stripe_resources")
+    if found is None or found.origin is None:
+        raise FileNotFoundError(root / "stripe_resources")
+    return Path(found.origin).parent
