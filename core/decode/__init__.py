@@ -2,6 +2,7 @@
 
 absolute.py   `decode`: the order of things
 options.py    thresholds, and the flags that say why a pixel is invalid
+exposures.py  several exposures of a pattern made one image
 frames.py     checks and sorts the frames by what they tell
 plan.py       how the absolute coordinate of an axis follows from its frames, or why it does not
 tables.py     the least-squares and other linear combinations of frames, as tables

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.curves import LEVELS
+from core.decode.exposures import DEEPEST, fuse_exposures
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
 from core.decode.harmonics import Spectrum, measure_bend, spectra
 from core.decode.kernel import decode_pixels, scratch_for
@@ -48,6 +49,7 @@ def decode(
     *,
     lines: tuple[int, int] | None = None,
     options: DecodeOptions = DEFAULT,
+    exposures_ms: Sequence[float | None] | None = None,
     where: str = "capture",
     progress: Progress = SILENT,
 ) -> PhaseMap:
@@ -62,6 +64,9 @@ def decode(
     lines : (int, int), optional
         Projector width and height in lines; unknown, the extent that the frames themselves tell apart.
     options : DecodeOptions
+    exposures_ms : sequence of float or None, optional
+        Exposure of every image. Several exposures of a pattern are made one image, in which a sample is saturated only
+        where all are; modulation and image are then in grey values of the longest.
     where : str
         What messages call the capture.
     progress : Progress
@@ -93,6 +98,13 @@ def decode(
     array([3., 4., 5., 6.], dtype=float32)
     """
     arrays = check_images(patterns, images, where)
+    if exposures_ms is not None:
+        fused = fuse_exposures(patterns, arrays, exposures_ms, options.saturation, where)
+        if fused is not None:
+            depth = replace(options, saturation=float(DEEPEST), min_modulation=options.min_modulation * fused[2])
+            phase = decode(*fused[:2], lines=lines, options=depth, where=where, progress=progress)
+            step = np.float32(1 / fused[2])
+            return replace(phase, modulation=phase.modulation * step, image=phase.image * step)
     if has_words(patterns, "x") or has_words(patterns, "y"):
 
         def others(some: list[int]) -> PhaseMap:

@@ -28,7 +28,9 @@ def decode_images(capture: Capture, images: list, project: Project | None, progr
 
     lines = (project.projector.width, project.projector.height) if project else None
     patterns = [frame.pattern for frame in capture.frames]
-    phase = decode(patterns, images, lines=lines, where=str(capture.path), progress=progress)
+    exposures = [frame.exposure_ms for frame in capture.frames]
+    where = str(capture.path)
+    phase = decode(patterns, images, lines=lines, exposures_ms=exposures, where=where, progress=progress)
     if lines is None or not images:
         return phase
     from core.capture.stored import check_stored
