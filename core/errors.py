@@ -41,6 +41,10 @@ class BusyError(StripeError):
     """A project that another program is writing into."""
 
 
+class NotRecognisedError(InputError):
+    """A board that an image does not show well enough; other images may."""
+
+
 class DecodeError(StripeError):
     """Frames from which no absolute coordinate follows."""
 

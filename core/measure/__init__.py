@@ -17,6 +17,8 @@ eccentricity.py   the middle of an ellipse is not the image of the circle's cent
 projector.py      projector coordinates from the phase maps
 single.py         what an operator sees while picking: the dot at hand, the predicted grid
 propose.py        a guess of the picks: the dots in order, laid onto the testfield
+recognise.py      an image that nobody picked
+turns.py          which way round the board was held, told for all images together
 missing.py        why a target was not measured, in words
 robust.py         small fits and medians over many targets at once
 kernels.py        the two loops over pixels
@@ -27,13 +29,18 @@ from core.measure.missing import EXCLUDED
 from core.measure.options import MeasureOptions
 from core.measure.picks import side_seen
 from core.measure.propose import find_dots, propose_picks
+from core.measure.recognise import recognise, unmeasured
 from core.measure.single import dot_at, measured_view, predicted_view
 from core.measure.targets import measure_targets
+from core.measure.turns import SAME, Labelling, Turned, solve_turns, symmetries
 from core.measure.view import View
 
 __all__ = [
     "EXCLUDED",
+    "SAME",
+    "Labelling",
     "MeasureOptions",
+    "Turned",
     "View",
     "dot_at",
     "eccentricity",
@@ -42,5 +49,9 @@ __all__ = [
     "measured_view",
     "predicted_view",
     "propose_picks",
+    "recognise",
     "side_seen",
+    "solve_turns",
+    "symmetries",
+    "unmeasured",
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -29,16 +31,18 @@ def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots
     ----------
     board, camera, blobs, picks
     spots : int array, shape (k,)
-        The spot of every pick.
+        The spot of every pick; -1 where it has none, so that only the view may start from where it was clicked.
 
     Raises
     ------
     InputError
         The picks contradict the lattice of dots between them.
     """
-    view = first_view(camera, board.xyz_mm[picks.target], blobs.uv[spots])
+    view = first_view(camera, board.xyz_mm[picks.target], np.where(spots[:, None] < 0, picks.uv, blobs.uv[spots]))
     if view is None:
         raise InputError(picks.where, "no view of the board has the picks where they are", "correct rows and columns")
+    picks = replace(picks, target=picks.target[spots >= 0], uv=picks.uv[spots >= 0])
+    spots = spots[spots >= 0]
     middle = np.array([camera.width - 1, camera.height - 1]) / 2
     starts = np.argsort(np.hypot(*(blobs.uv[spots] - middle).T))
     tried: dict[int, Lattice] = {}
@@ -59,6 +63,8 @@ def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots
         seen = f"{left} dots lie between the {among} that fit the picks best and belong to no target"
         raise InputError(picks.where, seen, "correct the rows and columns of the picks")
     for k in np.flatnonzero(np.isin(picks.target, list(pruned))).tolist():
+        if pruned[int(picks.target[k])] < REACHED:
+            continue  # a dot that is cut or covered, not one with a wrong name
         seen = (
             f"{picks.name(board, k)} lies {pruned[int(picks.target[k])]:.2f} spacings off what the dots around it say"
         )

@@ -10,12 +10,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import InputError
+from core.errors import InputError, NotRecognisedError
 from core.measure.blobs import Blobs
 from core.measure.board import Board
 from core.model import Seed, Testfield
 
 Array = NDArray[np.float64]
+FEWEST = 3  # picks on dots that identification needs
 FLAT = 0.08  # triangles flatter than this (area over longest side squared) may turn over by lens distortion alone
 
 
@@ -106,20 +107,23 @@ def side_seen(testfield: Testfield, seeds: Sequence[Seed]) -> Literal["front", "
     return "front" if np.linalg.det(linear) < 0 else "back"  # v points down: a front view turns the order round
 
 
-def snap(board: Board, picks: Picks, blobs: Blobs) -> NDArray[np.int64]:
-    """Find the spot that each pick means: shape (k,), indices into `blobs`.
+def snap(board: Board, picks: Picks, blobs: Blobs) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    """Find the spot that each pick means: shape (k,), indices into `blobs`, -1 where there is none; and what of those.
 
     A click may be off by 0.4 of the distance between targets; among the spots within reach the nearest of about the
-    expected size is taken.
+    expected size is taken. One pick may be on a dot that is missing or cannot be measured.
 
     Raises
     ------
+    NotRecognisedError
+        No spot near several picks.
     InputError
-        No spot near a pick, or one spot for two picks.
+        One spot for two picks.
     """
     least = np.linalg.svd(picks.affine, compute_uv=False)[1]
     stretch = abs(np.linalg.det(picks.affine))
     chosen: list[int] = []
+    notes: list[str] = []
     for k, target in enumerate(picks.target):
         reach = max(0.4 * board.spacing_mm[target] * least, 3.0)
         distance = np.hypot(*(blobs.uv - picks.uv[k]).T)
@@ -128,12 +132,16 @@ def snap(board: Board, picks: Picks, blobs: Blobs) -> NDArray[np.int64]:
         best = int(np.argmin(score)) if len(score) else -1
         if best < 0 or not np.isfinite(score[best]):
             seen = f"{picks.name(board, k)} has no dot of the expected size within {reach:.0f} px"
-            raise InputError(picks.where, seen, "pick the middle of a dot, or correct its row and column")
+            if notes or len(picks.target) <= FEWEST:
+                raise NotRecognisedError(picks.where, seen, "pick the middle of a dot, or correct its row and column")
+            notes.append(f"{seen}: not used, the other picks tell")
+            chosen.append(-1)
+            continue
         if best in chosen:
             seen = f"{picks.name(board, chosen.index(best))} and {picks.name(board, k)} are on the same dot"
             raise InputError(picks.where, seen, "pick two different dots")
         chosen.append(best)
-    return np.array(chosen)
+    return np.array(chosen), tuple(notes)
 
 
 def _span(values: NDArray[np.int64]) -> str:

@@ -112,7 +112,7 @@ def measure_targets(
     unwanted = check_excluded(board, excluded, where)
     progress(0.0, "looking for dots")
     blobs = find_blobs(image, _diameters(board, picks.affine), picks.uv)
-    spots = snap(board, picks, blobs)
+    spots, notes = snap(board, picks, blobs)
     progress(0.3, "identifying targets")
     lattice = identify(board, camera, blobs, picks, spots)
     progress(0.6, "measuring centroids")
@@ -125,7 +125,8 @@ def measure_targets(
     )
     progress(0.9, "reading projector coordinates")
     fault = [EXCLUDED if int(t) in unwanted else f for t, f in zip(dots.target, dots.fault, strict=True)]
-    return _target_set(phase, lattice, replace(dots, fault=fault), unwanted, capture, projector, options)
+    found = _target_set(phase, lattice, replace(dots, fault=fault), unwanted, capture, projector, options)
+    return replace(found, notes=notes)
 
 
 def _bright_dots(image: Floats, testfield: Testfield, camera: DeviceSpec, capture: str) -> Floats:

@@ -44,7 +44,8 @@ class TargetSet:
     `camera_cov` (n, 2, 2) px². `projector_uv` (n, 2) lines and `projector_sigma` (n, 2) are NaN where that axis was not
     decoded at the target. It is read at the measured centroid and shares that one's error: `gradient` (n, 2, 2) says by
     how many lines it changes per px of the camera's u and v, and `cov` is the covariance of all four. `made_from` signs
-    what they were measured from, empty where nobody asked; `notes` are those of the decoded capture.
+    what they were measured from, empty where nobody asked; `notes` are those of the decoded capture, and of picks and
+    turns.
     """
 
     capture: str

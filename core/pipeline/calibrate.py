@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -25,7 +26,15 @@ from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of
 from core.pipeline.inputs import Record, calibrated_from
 from core.pipeline.judge import judge_adjustment, judge_calibrations
-from core.pipeline.measure import measure_capture, measured_targets, save_targets, side_of, signs_of
+from core.pipeline.measure import (
+    boards_of,
+    measured_or_why,
+    measured_targets,
+    save_targets,
+    side_of,
+    signs_of,
+    turned_together,
+)
 from core.pipeline.options import CalibrateOptions, check_options
 from core.pipeline.picking import current_targets
 from core.pipeline.runs import Run, calibration_file, current_run, keep_run, now
@@ -104,7 +113,7 @@ def captures_for(
     project: Project, method: Method | Literal["all"], options: CalibrateOptions
 ) -> dict[Method, list[Capture]]:
     """Captures of every method asked for; of "all" those methods that there are captures for."""
-    fields = [c for c in captures_of(project, "testfield") if c.seeds and c.name not in options.without]
+    fields = [c for c in boards_of(project) if c.role == "testfield" and c.name not in options.without]
     plates = [c for c in captures_of(project, "depth") if c.name not in options.without]
     found: dict[Method, list[Capture]] = {"photogrammetric": fields, "polynomial": plates}
     if method != "all":
@@ -112,8 +121,8 @@ def captures_for(
     if not fields and not plates:
         raise InputError(
             project.path,
-            "neither testfield captures with picks nor depth captures",
-            "capture a moved testfield and pick 4 targets in each image, or a plate at known depths",
+            "neither captures of a testfield nor depth captures",
+            "capture a moved testfield, or a plate at known depths",
         )
     if fields and len(plates) == 1:
         del found["polynomial"]  # a single position tells no depth
@@ -138,7 +147,7 @@ def _calibrate_photogrammetric(
     from core.calibrate import CALIBRATION_OPTIONS, calibrate_photogrammetric
 
     if not captures:
-        raise InputError(project.path, "no testfield capture has picks", "pick 4 targets in each testfield capture")
+        raise InputError(project.path, "no capture of a testfield", "capture a moved testfield, named in capture.json")
     testfield = _common_testfield(captures)
     targets = measured_targets(project, captures, progress.part(0.0, 0.9))
     measured += targets
@@ -153,8 +162,7 @@ def _calibrate_photogrammetric(
         options=replace(CALIBRATION_OPTIONS, reject_beyond=options.reject_beyond),
         progress=progress.part(0.9, 1.0),
     )
-    notes = [f"{t.capture}: {note}" for t in targets for note in t.notes]
-    return replace(calibration, warnings=(*notes, *calibration.warnings)), adjustment
+    return replace(calibration, warnings=(*_notes(targets), *calibration.warnings)), adjustment
 
 
 def _kept_depth(project: Project, record: Record) -> tuple[DepthCalibration, int] | None:
@@ -181,16 +189,24 @@ def _calibrate_depth(
     if not captures:
         raise InputError(project.path, "no capture of role depth", "capture a plate at known depths")
     side = side_of(captures)
-    signs = signs_of(project, [c for c in captures if c.seeds], {"depth": side})
-    planes, notes = [], []
+    boards = [c for c in captures if c.testfield is not None or c.seeds]
+    signs = signs_of(project, boards, {"depth": side})
+    phases, seen, ways, notes = [], {}, {}, []
     for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.7)):
-        notes += [f"{capture.name}: {note}" for note in phase.notes]
-        targets = measure_capture(capture, phase, project, side, progress.quiet()) if capture.seeds else None
+        phases.append(phase)
+        if capture.testfield is None:
+            notes += [f"{capture.name}: {note}" for note in phase.notes]
+        if capture in boards:
+            targets, ways[capture.path], _ = measured_or_why(capture, phase, project, side)
+            seen[capture.path] = replace(targets, made_from=signs[capture.path])
+    told = dict(zip(seen, turned_together(boards, list(seen.values()), ways), strict=True))
+    measured += told.values()
+    planes = []
+    for capture, phase in zip(captures, phases, strict=True):
         assert capture.z_mm is not None
-        planes.append(DepthPlane(capture.z_mm, phase, targets))
-        if targets:
-            measured.append(replace(targets, made_from=signs[capture.path]))
-    fields = [c.testfield for c in captures if c.seeds]
+        found = told.get(capture.path)
+        planes.append(DepthPlane(capture.z_mm, phase, found if found is not None and len(found.row) else None))
+    fields = [c.testfield for c in boards]
     degree, warnings = _degree_for(len(planes), options.degree)
     calibration = calibrate_depth(
         project.camera,
@@ -199,7 +215,12 @@ def _calibrate_depth(
         options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
         progress=progress.part(0.7, 1.0),
     )
-    return replace(calibration, warnings=(*notes, *warnings, *calibration.warnings))
+    return replace(calibration, warnings=(*notes, *_notes(list(told.values())), *warnings, *calibration.warnings))
+
+
+def _notes(targets: Sequence[TargetSet]) -> list[str]:
+    """What was found about picks and turns, capture by capture."""
+    return [f"{t.capture}: {note}" for t in targets for note in t.notes]
 
 
 def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]:

@@ -266,18 +266,16 @@ class Graph:
                 yield cloud
 
     def _measurable(self) -> list[str]:
-        """Captures that measuring is for: testfields, and plates with picks."""
-        return [n for n, c in self.captures.items() if c.role == "testfield" or (c.role == "depth" and c.seeds)]
+        """Captures that measuring is for: those of boards with targets."""
+        return [n for n, c in self.captures.items() if c.role in BOARDS and (c.testfield is not None or c.seeds)]
 
     def _measure(self, name: str) -> State:
         capture = self.captures[name]
         records, damage = self.targets
-        if not capture.seeds:
-            return State("absent", ("no targets are picked yet: pick 4",))
         if damage:
             return State("outdated", (damage,))
         if capture.name not in records:
-            return State("absent", ("not measured yet",))
+            return State("absent", ("not measured yet",) if capture.seeds else ("not measured yet, nor picked",))
         then = records[capture.name]
         if then is None:
             return State("outdated", (UNKNOWN,))
@@ -293,7 +291,7 @@ class Graph:
     def calibrations(self) -> dict[Method, tuple[State, dict[str, State]]]:
         """The state of every calibration that there is or could be, with its captures'."""
         inputs: dict[Method, list[Capture]] = {
-            "photogrammetric": [c for c in self.of_role("testfield") if c.seeds],
+            "photogrammetric": [c for c in self.of_role("testfield") if c.testfield is not None or c.seeds],
             "polynomial": self.of_role("depth"),
         }
         if inputs["photogrammetric"] and len(inputs["polynomial"]) == 1 and "polynomial" not in self.runs:
@@ -324,7 +322,7 @@ class Graph:
 
     def _calibrate(self) -> tuple[dict[str, State], State]:
         if not self.calibrations:
-            return {}, State("absent", ("it needs testfields with picked targets, or plates at known depths",))
+            return {}, State("absent", ("it needs captures of a moved testfield, or plates at known depths",))
         each = {name: state for _, states in self.calibrations.values() for name, state in states.items()}
         return each, _worst(state for state, _ in self.calibrations.values())
 

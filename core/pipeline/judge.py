@@ -258,7 +258,7 @@ def _unused(
     role = "testfield" if method == "photogrammetric" else "depth"
     names = {c.name for c in used[method]}
     idle = [c for c in captures if c.role == role and c.name not in names]
-    return [(c.name, "left out by choice" if c.name in options.without else "has no picks") for c in idle]
+    return [(c.name, "left out by choice" if c.name in options.without else "names no testfield") for c in idle]
 
 
 def _warned(warnings: Sequence[str]) -> list[Concern]:

@@ -1,4 +1,4 @@
-"""Stage 3: the targets of all captures that have picks."""
+"""Stage 3: the targets of all captures of boards, picked or not."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from core.errors import InputError
+from core.errors import InputError, NotRecognisedError
 from core.figures import targets_figures
 from core.model import Capture, PhaseMap, Project, Role, TargetSet
 from core.pipeline.decode import phase_maps
@@ -20,40 +20,126 @@ from core.project import load_archive, save_archive, write_json
 from core.project.contents import contents_of
 from core.project.lock import writing_results
 
+if TYPE_CHECKING:
+    from core.measure import Labelling
+
 Side = Literal["front", "back"]
 BOARDS: tuple[Role, ...] = ("testfield", "depth")
+TURNED = "its picks name the board turned against the other images: taken as those have it"
+UNTOLD = "its turn cannot be told, the board looks the same when turned; pick 4 targets"
 
 
 def measure_project(project: Project, progress: Progress = SILENT) -> tuple[TargetSet, ...]:
-    """Measure the targets of all captures that have picks, and keep them in the project.
+    """Measure the targets of all captures of boards, and keep them in the project.
 
-    What was measured before from the same frames, picks, board and rig is taken as it is.
+    What was measured before from the same frames, picks, board and rig is taken as it is. A capture whose board is not
+    recognised has no targets, and says why.
     """
-    captures = picked_boards(project)
+    captures = boards_of(project)
     if not captures:
-        raise InputError(project.path, "no capture has picks.json", "pick 4 targets in each testfield capture")
+        raise InputError(project.path, "no capture names a testfield", "capture a board with targets")
     with writing_results(project.path, "measure"):
         targets = measured_targets(project, captures, progress)
         save_targets(project, targets)
     return tuple(targets)
 
 
+def boards_of(project: Project) -> list[Capture]:
+    """Give all captures of boards with targets."""
+    return [c for role in BOARDS for c in captures_of(project, role) if c.testfield is not None or c.seeds]
+
+
 def picked_boards(project: Project) -> list[Capture]:
     """Give all captures of boards that have picks."""
-    return [c for role in BOARDS for c in captures_of(project, role) if c.seeds]
+    return [c for c in boards_of(project) if c.seeds]
 
 
 def measured_targets(project: Project, captures: Sequence[Capture], progress: Progress = SILENT) -> list[TargetSet]:
-    """Measure the targets of captures, or take what was measured before where nothing has changed since."""
+    """Measure the targets of captures, or take what was measured before where nothing has changed since.
+
+    Raises
+    ------
+    InputError
+        If picks contradict each other, or not one of the captures can be measured: the first one's reason.
+    """
+    from core.measure import SAME, symmetries
+
     sides = sides_of(captures)
     signs = signs_of(project, captures, sides)
-    found = {t.made_from: t for t in kept_targets(project)}
+    found = {t.made_from: t for t in kept_targets(project) if len(t.row)}
     due = [c for c in captures if signs[c.path] not in found]
+    ways: dict[Path, Sequence[Labelling]] = {
+        c.path: (SAME, *symmetries(c.testfield)) for c in captures if c.testfield is not None
+    }
+    failures = []
     for capture, phase in phase_maps(project, due, progress):
-        sign = signs[capture.path]
-        targets = measure_capture(capture, phase, project, sides[capture.role], progress.quiet())
-        found[sign] = replace(targets, made_from=sign)
-    return [found[signs[c.path]] for c in captures]
+        targets, ways[capture.path], failure = measured_or_why(capture, phase, project, sides[capture.role])
+        failures += [failure] if failure else []
+        found[signs[capture.path]] = replace(targets, made_from=signs[capture.path])
+    if failures and not any(len(found[signs[c.path]].row) for c in captures):
+        raise failures[0]
+    return turned_together(captures, [found[signs[c.path]] for c in captures], ways)
+
+
+def measured_or_why(
+    capture: Capture, phase: PhaseMap, project: Project, side: Side
+) -> tuple[TargetSet, Sequence[Labelling], NotRecognisedError | None]:
+    """Measure one decoded capture; where its board is not recognised, give no targets and why."""
+    from core.measure import SAME, unmeasured
+
+    try:
+        return *_measured(capture, phase, project, side), None
+    except NotRecognisedError as error:
+        assert capture.testfield is not None
+        why = f"{error.seen}; {error.remedy}"
+        return replace(unmeasured(capture.testfield, capture.name, why), notes=phase.notes), (SAME,), error
+
+
+def _measured(capture: Capture, phase: PhaseMap, project: Project, side: Side) -> tuple[TargetSet, Sequence[Labelling]]:
+    """Targets of one decoded capture, from its picks or without, and the labellings that they allow."""
+    from core.measure import SAME, MeasureOptions, recognise, symmetries
+
+    if capture.seeds or capture.testfield is None:
+        targets = measure_capture(capture, phase, project, side)
+        return targets, (SAME, *symmetries(capture.testfield)) if capture.testfield is not None else (SAME,)
+    targets, ways = recognise(
+        phase,
+        capture.testfield,
+        project.camera,
+        projector=project.projector,
+        capture=str(capture.path),
+        excluded=capture.excluded,
+        options=MeasureOptions(side=side),
+    )
+    return replace(targets, capture=capture.name, notes=(*phase.notes, *targets.notes)), ways
+
+
+def turned_together(
+    captures: Sequence[Capture], targets: Sequence[TargetSet], ways: Mapping[Path, Sequence[Labelling]]
+) -> list[TargetSet]:
+    """Tell the turns of all captures of one board together."""
+    from core.measure import solve_turns, unmeasured
+
+    result = list(targets)
+    boards: dict[bytes, list[int]] = {}
+    for k, capture in enumerate(captures):
+        if capture.testfield is not None and len(targets[k].row):
+            t = capture.testfield
+            boards.setdefault(t.xyz_mm.tobytes() + t.row.tobytes() + t.col.tobytes(), []).append(k)
+    for members in boards.values():
+        field = captures[members[0]].testfield
+        assert field is not None
+        picked = [bool(captures[k].seeds) for k in members]
+        solved = solve_turns([targets[k] for k in members], [ways[captures[k].path] for k in members], field, picked)
+        for k, turned in zip(members, solved, strict=True):
+            if turned.told and turned.choice and captures[k].seeds:
+                notes = (*turned.targets.notes, TURNED)
+                result[k] = replace(turned.targets, notes=tuple(dict.fromkeys(notes)))
+            elif turned.told or captures[k].seeds:
+                result[k] = turned.targets
+            else:
+                result[k] = replace(unmeasured(field, captures[k].name, UNTOLD), made_from=targets[k].made_from)
+    return result
 
 
 def signs_of(project: Project, captures: Sequence[Capture], sides: Mapping[Role, Side]) -> dict[Path, str]:
@@ -124,4 +210,4 @@ def measure_capture(
         progress=progress,
         options=MeasureOptions(side=side),
     )
-    return replace(targets, capture=capture.name, notes=phase.notes)
+    return replace(targets, capture=capture.name, notes=(*phase.notes, *targets.notes))

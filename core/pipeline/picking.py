@@ -7,7 +7,7 @@ from dataclasses import replace
 from core.errors import InputError
 from core.model import PhaseMap, Project, TargetSet
 from core.pipeline.decode import phase_maps
-from core.pipeline.measure import kept_targets, measure_capture, picked_boards, save_targets, sides_of, signs_of
+from core.pipeline.measure import boards_of, kept_targets, measure_capture, save_targets, sides_of, signs_of
 from core.progress import SILENT, Progress
 
 
@@ -28,8 +28,8 @@ def measure_one(project: Project, name: str, phase: PhaseMap | None = None, prog
     InputError
         No capture of that name with picks, or picks that cannot be used; nothing is changed then.
     """
-    boards = picked_boards(project)
-    capture = next((c for c in boards if c.name == name), None)
+    boards = boards_of(project)
+    capture = next((c for c in boards if c.name == name and c.seeds), None)
     if capture is None:
         raise InputError(project.path / "captures" / name, "no picks", "pick 4 targets first")
     sides = sides_of(boards)
@@ -48,6 +48,6 @@ def measure_one(project: Project, name: str, phase: PhaseMap | None = None, prog
 
 def current_targets(project: Project) -> dict[str, TargetSet]:
     """Give the kept targets that follow from the frames, picks, boards and rig as they are now, by capture."""
-    boards = picked_boards(project)
+    boards = boards_of(project)
     current = set(signs_of(project, boards, sides_of(boards)).values())
     return {t.capture: t for t in kept_targets(project) if t.made_from in current}

@@ -67,7 +67,7 @@ def _contribution(entry: CaptureEntry, camera: DeviceSpec, measured: TargetSet |
     roll, tilt = view or (None, None)
     if capture.role == "depth":
         usable, remark = True, translate("Calibrate", "plate at {z:g} mm").format(z=capture.z_mm)
-    elif not capture.seeds:
+    elif not capture.seeds and (measured is None or not len(measured.row)):
         usable, remark = False, translate("Calibrate", "no targets picked yet")
     else:
         usable, remark = True, _adds(roll, tilt)

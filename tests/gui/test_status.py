@@ -100,7 +100,7 @@ def test_missing_picks_are_counted(project: Path) -> None:
     (project / "captures" / "testfield-02" / "picks.json").unlink()
     status = stage_statuses(ProjectFolder(project))["measure"]
     assert status.state is State.TODO
-    assert "1 of 13 captures: no targets are picked yet: pick 4 (testfield-02)" in status.reason
+    assert "1 of 13 captures: not measured yet, nor picked (testfield-02)" in status.reason
 
 
 def test_a_damaged_capture_fails_with_its_reason_and_leaves_the_others_readable(project: Path) -> None:

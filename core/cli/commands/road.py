@@ -70,7 +70,8 @@ def _measure(options: Options, progress: Progress) -> dict[str, Any]:
 
     targets = measure_project(read_project(options.project), progress)
     for t in targets:
-        print(f"{t.capture:20s} {len(t.row):5d} targets measured, {len(t.missing):4d} missing")
+        why = f": {t.missing[0].reason}" if t.missing and not len(t.row) else ""
+        print(f"{t.capture:20s} {len(t.row):5d} targets measured, {len(t.missing):4d} missing{why}")
         for note in t.notes:
             print(f"  {note}")
     return targets_figures(targets)

@@ -87,6 +87,11 @@ def test_no_dot_near(truth, phase):
     seeds = truth.seeds(CELLS)
     a, b = truth.seeds([(1, 1), (2, 2)], error_px=0.0)
     seeds[0] = Seed(1, 1, (a.u + b.u) / 2, (a.v + b.v) / 2)
+    found = measure_targets(phase, truth.field, seeds, truth.spec)  # one is passed over, and told
+    assert len(found.row) == len(measure_targets(phase, truth.field, truth.seeds(CELLS), truth.spec).row)
+    assert "pick 1 (row 1, col 1)" in found.notes[0]
+    a, b = truth.seeds([(5, 6), (4, 5)], error_px=0.0)
+    seeds[2] = replace(seeds[2], u=(a.u + b.u) / 2, v=(a.v + b.v) / 2)
     assert "has no dot of the expected size within" in refusal(truth, phase, seeds)
 
 

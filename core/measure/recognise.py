@@ -1,0 +1,79 @@
+"""The targets of one image without picks: the dots in order, laid onto the board in every way that they allow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from core.errors import InputError, NotRecognisedError
+from core.measure.options import MeasureOptions
+from core.measure.propose import find_dots, propose_picks
+from core.measure.targets import measure_targets
+from core.measure.turns import SAME, Labelling, labelling_between
+from core.model import DeviceSpec, MissingTarget, PhaseMap, TargetSet, Testfield
+
+MOST_TRIES = 4  # guesses that are measured until one holds
+
+
+def recognise(
+    phase: PhaseMap,
+    testfield: Testfield,
+    camera: DeviceSpec,
+    *,
+    projector: DeviceSpec | None = None,
+    capture: str = "",
+    excluded: tuple[tuple[int, int], ...] = (),
+    options: MeasureOptions = MeasureOptions(),  # noqa: B008  frozen
+) -> tuple[TargetSet, tuple[Labelling, ...]]:
+    """Measure the targets of an image that nobody picked.
+
+    Returns
+    -------
+    targets : TargetSet
+        Labelled as one guess has it.
+    labellings : tuple of Labelling
+        That one, and all others by which the image looks as likely; `solve_turns` tells them apart.
+
+    Raises
+    ------
+    NotRecognisedError
+        If the board cannot be recognised.
+    """
+    dark = testfield.polarity == "black-on-white"
+    order = find_dots(phase.image, dark=dark)
+    side = "back" if options.side == "back" else "front"
+    guesses = propose_picks(phase.image, order, testfield, camera, side=side)
+    if not guesses:
+        seen = f"{len(order.cell)} dots in order, which do not fit the board" if len(order.cell) else "no dots in order"
+        raise NotRecognisedError(capture or "image", f"the board is not recognised: {seen}", "pick 4 targets")
+    failure: InputError | None = None
+    for guess in guesses[:MOST_TRIES]:
+        try:
+            found = measure_targets(
+                phase,
+                testfield,
+                guess,
+                camera,
+                projector=projector,
+                capture=capture,
+                excluded=excluded,
+                options=options,
+            )
+        except InputError as error:
+            failure = failure or error
+            continue
+        cells = [[(seed.row, seed.col) for seed in other] for other in (guess, *guesses)]
+        ways = [w for other in cells[1:] if (w := labelling_between(cells[0], other)) is not None and w != SAME]
+        return found, (SAME, *dict.fromkeys(ways))
+    assert failure is not None
+    raise NotRecognisedError(capture or "image", f"the board is not recognised: {failure.seen}", "pick 4 targets")
+
+
+def unmeasured(testfield: Testfield, capture: str, why: str) -> TargetSet:
+    """Give the result of a capture that tells nothing: all targets are missing, for one reason."""
+    none, pairs = np.zeros(0, np.int64), np.zeros((0, 2))
+    every = zip(testfield.row.tolist(), testfield.col.tolist(), strict=True)
+    missing = tuple(MissingTarget(row, col, why) for row, col in every)
+    empty = TargetSet(capture, none, none, pairs, np.zeros((0, 2, 2)), pairs, pairs, pairs, np.zeros(0), missing)
+    return replace(empty, gradient=np.zeros((0, 2, 2)))

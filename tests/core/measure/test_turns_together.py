@@ -1,0 +1,90 @@
+"""Turns of a board that looks the same half a turn round: told from its irregularity, or not at all.
+
+The images come from a small camera of this test's own: a pinhole with one radial term, in its own words.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.measure.turns import SAME, relabelled, solve_turns, symmetries
+from core.model import TargetSet, Testfield
+
+ROWS, COLS = 13, 19
+HALF = (((-1, 0), (0, -1)), (ROWS - 1, COLS - 1))
+
+
+@pytest.fixture(scope="module")
+def board():
+    row, col = (x.ravel() for x in np.mgrid[0:ROWS, 0:COLS])
+    xyz = np.stack([12.0 * (col - 9), 12.0 * (6 - row), 0.0 * row], axis=1)
+    return Testfield(row, col, xyz, np.full(row.size, 5.0))
+
+
+def image_of(made, field, rng, sigma_px=0.01, hidden=0.3):
+    """A view of a board as made: tilted to 40 degrees, rolled anyhow, a part of it out of sight, true labels."""
+    roll, tilt, about = rng.uniform(0, 2 * np.pi), rng.uniform(0, 0.7), rng.uniform(0, 2 * np.pi)
+    z = lambda a: np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1.0]])  # noqa: E731
+    x = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+    p = made @ (z(roll) @ x @ z(about)).T + [rng.uniform(-30, 30), rng.uniform(-20, 20), 0]
+    q = p[:, :2] / (600 - p[:, 2:])
+    q = q * (1 - 0.15 * np.sum(q**2, axis=1, keepdims=True))
+    uv = 1500 * q * [1, -1] + [374, 288] + rng.normal(0, sigma_px, q.shape)
+    side = rng.normal(size=2)
+    keep = np.argsort((uv - uv.mean(axis=0)) @ side)[: int(len(uv) * (1 - rng.uniform(0, hidden)))]
+    n = len(keep)
+    none = np.full((n, 2), np.nan)
+    cov = np.tile(np.eye(2) * sigma_px**2, (n, 1, 1))
+    return TargetSet("", field.row[keep], field.col[keep], uv[keep], cov, none, none, none, np.full(n, 12.0))
+
+
+def as_made(field, rng, off_mm, bend_mm=0.3):
+    xyz = field.xyz_mm + rng.normal(0, 1, field.xyz_mm.shape) * [off_mm, off_mm, off_mm / 2]
+    xyz[:, 2] += bend_mm * (xyz[:, 0] ** 2 - 0.7 * xyz[:, 0] * xyz[:, 1]) / 108**2
+    return xyz
+
+
+@pytest.mark.parametrize("off_mm", [0.1, 0.02])
+def test_no_wrong_turn_in_random_poses_in_sets_of_eight(board, off_mm):
+    rng, wrong, untold, count = np.random.default_rng(int(1000 * off_mm)), 0, 0, 0
+    assert symmetries(board) == (HALF,)
+    for _ in range(25):
+        made = as_made(board, rng, off_mm)
+        turned = rng.integers(0, 2, 8).astype(bool)
+        images = [image_of(made, board, rng) for _ in range(8)]
+        named = [relabelled(i, HALF, board) if t else i for i, t in zip(images, turned, strict=True)]
+        solved = solve_turns(named, [(SAME, HALF)] * 8, board)
+        # the whole board's turn is free, so all must be right or all half a turn round
+        right = [bool(np.array_equal(s.targets.row, i.row)) for s, i in zip(solved, images, strict=True) if s.told]
+        wrong += min(sum(right), len(right) - sum(right))
+        untold += 8 - len(right)
+        count += 8
+    assert wrong == 0
+    assert untold == 0, f"{untold} of {count}"
+
+
+def test_a_board_as_regular_as_its_drawing_is_not_guessed(board):
+    rng = np.random.default_rng(3)
+    images = [image_of(board.xyz_mm, board, rng) for _ in range(8)]
+    named = [relabelled(i, HALF, board) if k % 2 else i for k, i in enumerate(images)]
+    solved = solve_turns(named, [(SAME, HALF)] * 8, board)
+    assert not any(s.told for s in solved)
+
+
+def test_picks_half_turned_against_the_others_are_found(board):
+    rng = np.random.default_rng(4)
+    made = as_made(board, rng, 0.05)
+    images = [image_of(made, board, rng) for _ in range(7)]
+    named = [relabelled(i, HALF, board) if k in (0, 4) else i for k, i in enumerate(images)]
+    solved = solve_turns(named, [(SAME, HALF)] * 7, board, [True] * 7)
+    assert [s.choice for s in solved] == [1, 0, 0, 0, 1, 0, 0]  # told against what most picks say
+    assert all(np.array_equal(s.targets.row, i.row) for s, i in zip(solved, images, strict=True))
+
+
+def test_a_square_board_has_three_other_turns(board):
+    row, col = (x.ravel() for x in np.mgrid[0:7, 0:7])
+    field = Testfield(row, col, np.stack([10.0 * col, -10.0 * row, 0 * row], axis=1), np.full(49, 4.0))
+    assert len(symmetries(field)) == 3
+    mirrored_only = replace(field, xyz_mm=field.xyz_mm + (col == 0)[:, None] * [-4.0, 0, 0])
+    assert symmetries(mirrored_only) == ()
