@@ -8,7 +8,8 @@ Photogrammetric, by bundle adjustment:
   `elimination` solves `by_poses` or, where there are very many points, `by_points`; `dense` is what remains;
 * `datum` holds the inner constraints, `iterate` the way to the solution;
 * `covariance` and `snooping` judge it, `weakness` says in words what the network does not determine, `rigid` whether
-  the rig was rigid; `adjust` and `photogrammetric` put it all together.
+  the rig was rigid; `adjust` and `photogrammetric` put it all together;
+* `board_view` tells roll and tilt of a board from its picks alone.
 
 Depth, per pixel: the files that begin with `depth`.
 """

@@ -4,7 +4,6 @@ folder.py     the project on disk: captures and results, read once per version o
 status.py     the seven stages: done, out of date, to do, failed with the reason
 failures.py   what a stage failed with, kept in the project until it succeeds
 work.py       what the stages' buttons run: pipeline functions that take a project and a progress
-adjusted.py   coverage, correlations and point sigmas of an adjustment
 contributions.py   what every capture adds to a calibration
 runs.py       kept runs in tables, two side by side
 maps.py       levels, round numbers, and light on a surface

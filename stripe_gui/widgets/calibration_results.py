@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from PySide6.QtWidgets import QScrollArea, QTabWidget, QVBoxLayout, QWidget
 
-from stripe_gui.presenters.adjusted import correlations, coverage, point_sigmas
+from core.report.adjusted import correlations, coverage, point_sigmas
 from stripe_gui.presenters.calibrate import CalibrationView
 from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.correlation_view import CorrelationView

@@ -6,7 +6,7 @@ from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from core.report import Number, Table
-from stripe_gui.presenters.adjusted import Correlations
+from core.report.adjusted import Correlations
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.layout import boxed, column, label, row
 from stripe_gui.widgets.matrix_view import MatrixView

@@ -6,8 +6,8 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
+from core.report.adjusted import Coverage
 from stripe_gui import theme
-from stripe_gui.presenters.adjusted import Coverage
 from stripe_gui.presenters.decode import round_up
 from stripe_gui.presenters.status import device_name
 from stripe_gui.widgets.image_view import ImageView

@@ -6,8 +6,8 @@ from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
+from core.report.adjusted import STRONG, Correlations
 from stripe_gui import theme
-from stripe_gui.presenters.adjusted import STRONG, Correlations
 from stripe_gui.widgets.colours import lookup
 
 GAP = 8

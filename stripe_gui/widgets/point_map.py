@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
-from PySide6.QtCore import QEvent, QRectF
+from PySide6.QtCore import QCoreApplication, QEvent, QRectF
 from PySide6.QtGui import QColor, QResizeEvent
 from PySide6.QtWidgets import QComboBox, QVBoxLayout, QWidget
 
 from core.report import Number, Table
+from core.report.adjusted import PointSigmas
 from core.report.table import Cell
 from stripe_gui import theme
-from stripe_gui.presenters.adjusted import PointSigmas
 from stripe_gui.presenters.decode import percentile, round_up
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.colours import lookup
@@ -22,6 +22,8 @@ from stripe_gui.widgets.result_table import EMPTY, ResultTable
 
 ROOM_FOR_TABLE = 760
 REACH_PX = 14  # the point nearest to the cursor is told within this distance on the screen
+
+translate = QCoreApplication.translate
 
 
 class PointMap(QWidget):
@@ -87,7 +89,7 @@ class PointMap(QWidget):
         rms = np.sqrt(np.mean(shown.sigma_um**2, axis=0))
         worst = int(np.argmax(shown.of("XYZ")))
         text = self.tr("R.m.s. {x:.1f}, {y:.1f}, {z:.1f} µm in X, Y, Z. Least certain: {worst}.")
-        self.summary.setText(text.format(x=rms[0], y=rms[1], z=rms[2], worst=shown.describe(worst)))
+        self.summary.setText(text.format(x=rms[0], y=rms[1], z=rms[2], worst=_described(shown, worst)))
         self.canvas.setAccessibleDescription(self.summary.text())
         self._colour()
 
@@ -120,7 +122,7 @@ class PointMap(QWidget):
             self.bar.mark(None)
             return
         self.chosen.setData(*self._shown.xyz_mm[index : index + 1, :2].T)
-        self.readout.setText(self._shown.describe(index))
+        self.readout.setText(_described(self._shown, index))
         self.bar.mark(float(self._shown.of(self.axis.currentData())[index]))
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802
@@ -133,3 +135,10 @@ class PointMap(QWidget):
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "summary"):
             self._colour()
         super().changeEvent(event)
+
+
+def _described(shown: PointSigmas, index: int) -> str:
+    """Name a point, its sigmas and in how many images it was seen."""
+    x, y, z = shown.sigma_um[index]
+    text = translate("Calibrate", "{point}: σ {x:.1f}, {y:.1f}, {z:.1f} µm in X, Y, Z; {n} images")
+    return text.format(point=shown.names[index], x=x, y=y, z=z, n=shown.images[index])

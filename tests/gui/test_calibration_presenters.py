@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.calibrate.board_view import board_view, view_angles
 from core.geometry import Pose, matrix_from_axis_angle, project
 from core.model import Adjustment, Capture, DeviceSpec, Interior, Seed, Testfield
 from core.pipeline import CalibrateOptions
 from core.project import load_archive
-from stripe_gui.presenters.adjusted import convex_hull, correlations, covered, point_sigmas
-from stripe_gui.presenters.contributions import board_view, view_angles
+from core.report.adjusted import convex_hull, correlations, covered, point_sigmas
 from stripe_gui.presenters.runs import options_words
 
 CAMERA = DeviceSpec(748, 576, (0.008, 0.008), 12.0)

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QCoreApplication
 
 from core.model import Adjustment, Array, Ints
 
-translate = QCoreApplication.translate
 CELLS = 12  # of the coverage along the longer side of an image
 STRONG = 0.9  # a correlation that ties two parameters together
 
@@ -158,12 +156,6 @@ class PointSigmas:
     def of(self, axis: str) -> Array:
         """Give the sigma along "X", "Y" or "Z", or for "XYZ" the root of the sum of their squares, µm, shape (n,)."""
         return np.asarray(np.sqrt(np.sum(self.sigma_um[:, ["XYZ".index(a) for a in axis]] ** 2, axis=1)))
-
-    def describe(self, index: int) -> str:
-        """Name a point, its sigmas and in how many images it was seen."""
-        x, y, z = self.sigma_um[index]
-        text = translate("Calibrate", "{point}: σ {x:.1f}, {y:.1f}, {z:.1f} µm in X, Y, Z; {n} images")
-        return text.format(point=self.names[index], x=x, y=y, z=z, n=self.images[index])
 
 
 def point_sigmas(adjustment: Adjustment) -> PointSigmas:
