@@ -2,7 +2,8 @@
 
 Pixel coordinates are ``(u, v)``: u right, v down, the centre of the first pixel (or projector line) is (0, 0), as in
 OpenCV. A device's frame has X right and Y *up*, and the device looks along *-Z*. OpenCV's has Y down and Z forward:
-``X_opencv = diag(1, -1, -1) X``, which is its own inverse. Lengths are mm.
+``X_opencv = diag(1, -1, -1) X``, which is its own inverse; ``resources/help/formats.md`` shows both in a picture.
+Lengths are mm.
 """
 
 from __future__ import annotations
