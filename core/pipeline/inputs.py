@@ -16,14 +16,15 @@ figures raises its number here.
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
-from typing import Any, cast
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
-from core.model import Capture, Method, Project, Testfield
+from core.model import Capture, Frame, Method, Project, Testfield
 from core.pipeline.options import CalibrateOptions
 from core.project.contents import Contents, contents_of, hash_value
 
@@ -55,6 +56,8 @@ def versions(*stages: str) -> dict[str, int]:
 
 def rig_values(project: Project) -> dict[str, Any]:
     """Give everything that a project says of its rig, by dotted names."""
+    if _last and _last[0] is project:
+        return dict(_last[1])
     values: dict[str, Any] = {}
     for kind, devices in (("cameras", project.rig.cameras), ("projectors", project.rig.projectors)):
         for name, spec in devices.items():
@@ -62,7 +65,11 @@ def rig_values(project: Project) -> dict[str, Any]:
     for field in fields(project):
         if field.name not in _NOT_THE_RIG:
             values |= _flat(field.name, getattr(project, field.name))
-    return values
+    _last[:] = project, values
+    return dict(values)
+
+
+_last: list[Any] = []  # the project asked for last and its values: every capture asks
 
 
 def decoded_from(project: Project, capture: Capture, contents: Contents | None = None) -> Record:
@@ -169,14 +176,10 @@ def _frame_values(rig: Mapping[str, Any]) -> dict[str, Any]:
 def _shown(capture: Capture, contents: Contents) -> Record:
     """Record the frames of a capture by their content, and what each was meant to show."""
     start = len(str(capture.path)) + 1
-    hashes: dict[str, str | None] = {}
-    meant: dict[str, Any] = {}
-    for frame in capture.frames:
-        name = str(frame.path)[start:]
-        hashes[name] = contents.of(frame.path)
-        more = [getattr(frame, f.name) for f in fields(frame) if f.name not in ("path", "pattern")]
-        meant[name] = [_pattern_text(cast(Hashable, frame.pattern)), *map(str, more)]
-    record: Record = {"frames": hashes, "patterns": hash_value(meant)}
+    names = [str(frame.path) for frame in capture.frames]
+    hashes = {name[start:]: contents.of(name) for name in names}
+    meant = tuple((name[start:], *_of_frame(frame)) for name, frame in zip(names, capture.frames, strict=True))
+    record: Record = {"frames": hashes, "patterns": _meant_hash(meant)}
     for field in fields(capture):  # whatever else a capture may come to say
         if field.name not in _READ_APART:
             record[field.name] = _plain(getattr(capture, field.name))
@@ -205,9 +208,13 @@ def board_hash(board: Testfield) -> str:
     return known[1]
 
 
-@lru_cache(maxsize=4096)
-def _pattern_text(pattern: Hashable) -> str:
-    return repr(pattern)
+_of_frame = attrgetter(*(field.name for field in fields(Frame) if field.name != "path"))
+
+
+@lru_cache(maxsize=256)
+def _meant_hash(meant: tuple[tuple[Any, ...], ...]) -> str:
+    """Hash what frames were meant to show: a name, its pattern, and what else a frame says; many captures share it."""
+    return hash_value({name: [repr(pattern), *map(str, more)] for name, pattern, *more in meant})
 
 
 def _flat(name: str, value: Any) -> dict[str, Any]:
