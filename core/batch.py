@@ -35,7 +35,7 @@ from core.pipeline import (
 from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
 from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
-from core.project import read_capture, save_archive, write_json
+from core.project import read_capture, read_project, save_archive, write_json
 from core.project.contents import Contents, contents_of, hash_value
 
 if TYPE_CHECKING:
@@ -290,9 +290,13 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
     return evaluation_figures(planes)["planes"]
 
 
-@lru_cache(maxsize=1)
 def _calibrations(project: Project, hashes: tuple[tuple[str, str | None], ...]) -> dict[Method, Calibration]:
-    return load_calibrations(project)
+    return _read_calibrations(project.path, hashes)
+
+
+@lru_cache(maxsize=1)
+def _read_calibrations(path: Path, hashes: tuple[tuple[str, str | None], ...]) -> dict[Method, Calibration]:
+    return load_calibrations(read_project(path))
 
 
 # -------------------------------------------------------------------------------------------------------- the scheduler
