@@ -120,7 +120,7 @@ def _due(states: ProjectStates, stage: str, *words: str) -> list[str]:
 
 def _measure(project: Project, states: ProjectStates, progress: Progress) -> str:
     graph = Graph(project)
-    due = [name for name in _due(states, "measure") if name in graph.captures and graph.captures[name].seeds]
+    due = [name for name in _due(states, "measure") if name in graph.captures]
     if not due:
         return ""
     targets = measure_project(project, progress)
