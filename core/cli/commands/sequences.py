@@ -28,6 +28,11 @@ def add(commands: Commands) -> None:
     sub.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
     sub.add_argument("--angle-deg", type=float, help="angle of the plane-table, for role plane")
 
+    sub = commands.add_on_project("plan-sequence", _plan, "sequences compared: noise, gross errors and time")
+    sub.add_argument("--frames", type=int, metavar="N", help="how many there may be (28 if unsaid)")
+    sub.add_argument("--sigma", type=float, metavar="LINES", help="the standard deviation wanted")
+    sub.add_argument("--preflight", type=Path, metavar="FILE", help="what preflight --json wrote")
+
 
 def _patterns(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline.sequences import write_patterns
@@ -69,3 +74,19 @@ def _import(options: Options, progress: Progress) -> dict[str, Any]:
         "files": list(report.files),
         "findings": list(report.words),
     }
+
+
+def _plan(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline.planning import plan_figures, plan_sequence
+
+    light, planned = plan_sequence(
+        options.project, options.frames, options.sigma, preflight=options.preflight, progress=progress
+    )
+    for words in light.known_from:
+        print(words)
+    print(f"\n{'sequence':44s} frames  sigma [lines]  wrong    valid    time    shows")
+    for p in planned:
+        shows = "grey" if p.needs_grey else "black and white"
+        found = f"{p.frames:6d}  {p.sigma_lines:13.4f}  {p.gross:7.3%}  {p.valid:6.1%}  {p.seconds:5.1f} s"
+        print(f"{p.words:44s} {found}  {shows}")
+    return plan_figures(light, planned)
