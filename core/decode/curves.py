@@ -93,6 +93,12 @@ def waves(patterns: Sequence[Pattern], period: float, table: Array) -> Waves:
     terms : complex (frames, HIGHEST + 1)
         Of whole lines without blur.
     """
+    return _waves(tuple(patterns), float(period), table.tobytes())
+
+
+@lru_cache(maxsize=256)  # every search for a response begins with the same
+def _waves(patterns: tuple[Pattern, ...], period: float, curve: bytes) -> Waves:
+    table = np.frombuffer(curve)
     m = np.arange(HIGHEST + 1)
     lines = round(period)
     square = any(use_of(p) == "phase" and grey_reason(p) is None for p in patterns)
@@ -100,10 +106,15 @@ def waves(patterns: Sequence[Pattern], period: float, table: Array) -> Waves:
         places = np.arange(lines)
         light = np.array([light_at(table, brightness(p, places)) for p in patterns])
         terms = light @ np.exp(-2j * np.pi * np.outer(places + 0.5, m) / period) / period
-        return np.asarray(terms * np.sinc(m / period))
+        return _fixed(np.asarray(terms * np.sinc(m / period), complex))
     even = _cosines() @ table * np.sinc(m / period)
     shift = np.array([getattr(p, "shift_rad", 0.0) for p in patterns])
-    return np.asarray(even * np.exp(-1j * np.outer(shift, m)))
+    return _fixed(np.asarray(even * np.exp(-1j * np.outer(shift, m)), complex))
+
+
+def _fixed(terms: Waves) -> Waves:
+    terms.setflags(write=False)
+    return terms
 
 
 def dimming(period: float, blur: float) -> Array:

@@ -51,7 +51,12 @@ def notes_on(
     missing = flags & np.uint8(sum(int(flag) for flag in wanted)) != 0
     if missing.mean() <= MANY:
         return ()
-    contrast, grain = sample.max(axis=0) - sample.min(axis=0), _grain(images)
+    contrast = sample.max(axis=0) - sample.min(axis=0)
+    noise = np.sqrt(np.maximum(limits.dark + limits.shot * contrast, limits.floor))
+    lit = contrast > LIT * noise
+    if lit.mean() > NOWHERE and missing[lit].mean() <= 1 - PROMISED:
+        return ()
+    grain = _grain(images)  # what was taken for noise may be none
     lit = contrast > LIT * grain
     if lit.mean() < NOWHERE:
         level = f"their frames differ by {np.median(contrast):.0f} grey values in the median"

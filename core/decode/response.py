@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,11 +59,12 @@ class Wave:
 
     def seen(self, sample: Singles) -> Terms:
         """Cosine plus i sine part in every pixel of a sample, float32 (frames, n)."""
-        return np.asarray(self.both @ sample[list(self.frames.frames)])
+        # not by matrix product, see `tables.sums_of`
+        return np.asarray(np.einsum("f,fn->n", self.both.astype(np.complex64), sample[list(self.frames.frames)]))
 
     def spectrum(self, response: Response) -> Terms:
         """What these frames make of cosine plus i sine, by harmonic from -HIGHEST to HIGHEST."""
-        shown = waves(self.frames.patterns, self.frames.period, response.table)
+        shown = waves(self.frames.patterns, self.frames.period, response.table).copy()
         shown[:, HARMONICS + 1 :] = 0  # of long periods those that whole lines make, which blur has taken away
         return self.both @ both_sides(shown * dimming(self.frames.period, response.blur[self.axis]))
 
@@ -78,7 +80,7 @@ class Response:
     values: Array
     normal: Array
 
-    @property
+    @cached_property
     def table(self) -> Array:
         """Light at the levels `core.decode.curves.LEVELS`."""
         return light_of(self.values[:PARAMETERS])
@@ -314,7 +316,11 @@ def _harmonics(wave: Wave) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 def _density(turns: Array, harmonics: NDArray[np.int64]) -> Terms:
     """Harmonics of the density of phases (turns)."""
     first = np.exp(2j * np.pi * turns)
-    return np.array([np.mean(first**k) for k in harmonics])
+    power, found = np.ones_like(first), np.zeros(int(harmonics.max()) + 1, complex)
+    for k in range(1, len(found)):  # a power of a complex number takes many times as long
+        power = power * first
+        found[k] = power.mean()
+    return np.asarray(found[harmonics])
 
 
 def _use_crowding(model: _Model, base: Response, r: Response) -> Response:
