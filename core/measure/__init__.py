@@ -24,7 +24,7 @@ robust.py         small fits and medians over many targets at once
 kernels.py        the two loops over pixels
 """
 
-from core.measure.eccentricity import eccentricity
+from core.measure.eccentricity import eccentricity, recentred
 from core.measure.missing import EXCLUDED
 from core.measure.options import MeasureOptions
 from core.measure.picks import side_seen
@@ -49,6 +49,7 @@ __all__ = [
     "measured_view",
     "predicted_view",
     "propose_picks",
+    "recentred",
     "recognise",
     "side_seen",
     "solve_turns",

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from core.geometry import distort, image_to_pixel
+from core.geometry import Pose, distort, image_to_pixel
 from core.measure.view import View
+from core.model import DeviceSpec, Interior, TargetSet, Testfield
 
 Array = NDArray[np.float64]
 
@@ -57,3 +60,24 @@ def eccentricity(view: View, xyz_mm: Array, radius_mm: Array) -> Array:
     return image_to_pixel(spec, distort(interior, middle) + view.a1 * bent) - image_to_pixel(
         spec, distort(interior, point)
     )
+
+
+def recentred(
+    targets: TargetSet, testfield: Testfield, camera: DeviceSpec, interior: Interior, camera_from_board: Pose
+) -> TargetSet:
+    """Correct targets by the eccentricity that an adjusted camera and pose give, in place of the nominal camera's.
+
+    A nominal camera takes the difference of its pixels' true pitches, or a wrong c, for a tilt of the board. The
+    projector's coordinates move with the centres at which they are read.
+    """
+    index = testfield.index()
+    at = [index[key] for key in zip(targets.row.tolist(), targets.col.tolist(), strict=True)]
+    if not at:
+        return targets
+    view = View(replace(camera, nominal_c_mm=interior.c_mm), camera_from_board, interior.a[0])
+    shift = eccentricity(view, testfield.xyz_mm[at], testfield.diameter_mm[at] / 2)
+    moved = targets.eccentricity_px - shift
+    lines = targets.projector_uv
+    if targets.gradient is not None:
+        lines = lines + np.nan_to_num(np.einsum("nij,nj->ni", targets.gradient, moved))
+    return replace(targets, camera_uv=targets.camera_uv + moved, projector_uv=lines, eccentricity_px=shift)

@@ -151,18 +151,35 @@ def _calibrate_photogrammetric(
     testfield = _common_testfield(captures)
     targets = measured_targets(project, captures, progress.part(0.0, 0.9))
     measured += targets
-    calibration, adjustment = calibrate_photogrammetric(
-        project.rig,
-        testfield,
-        targets,
-        scale=project.scale,
-        lengths=project.lengths,
-        rigid=options.rigid,
-        hold=options.hold,
-        options=replace(CALIBRATION_OPTIONS, reject_beyond=options.reject_beyond),
-        progress=progress.part(0.9, 1.0),
-    )
+    used: Sequence[TargetSet] = targets
+    for start, end in ((0.9, 0.95), (0.95, 1.0)):  # the second time with the eccentricity of the adjusted camera
+        calibration, adjustment = calibrate_photogrammetric(
+            project.rig,
+            testfield,
+            used,
+            scale=project.scale,
+            lengths=project.lengths,
+            rigid=options.rigid,
+            hold=options.hold,
+            options=replace(CALIBRATION_OPTIONS, reject_beyond=options.reject_beyond),
+            progress=progress.part(start, end),
+        )
+        used = _recentred(targets, testfield, adjustment)
     return replace(calibration, warnings=(*_notes(targets), *calibration.warnings)), adjustment
+
+
+def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: Adjustment) -> list[TargetSet]:
+    """Take the eccentricity of every target from the adjusted camera and poses."""
+    from core.measure import recentred
+
+    poses = dict(zip(adjustment.network.station_names, adjustment.station_from_object, strict=True))
+    result = []
+    for t in targets:
+        device, pose = adjustment.devices.get(t.camera), poses.get(f"{t.capture}/{t.camera}")
+        if device is not None and pose is not None:
+            t = recentred(t, testfield, device.spec, device.interior, pose)
+        result.append(t)
+    return result
 
 
 def _kept_depth(project: Project, record: Record) -> tuple[DepthCalibration, int] | None:

@@ -31,7 +31,7 @@ from core.project.contents import Contents, contents_of, hash_value
 Record = dict[str, Any]
 
 # raise a number with every change after which the same frames give other figures; results of before are then outdated
-METHOD_VERSIONS = {"decode": 1, "measure": 2, "calibrate": 1, "reconstruct": 1, "evaluate": 1, "report": 1}
+METHOD_VERSIONS = {"decode": 1, "measure": 2, "calibrate": 2, "reconstruct": 1, "evaluate": 1, "report": 1}
 
 _NOT_THE_RIG = ("path", "name", "rig", "captures", "reference", "sequence")  # fields of a project
 _NOT_IN_FRAMES = (
