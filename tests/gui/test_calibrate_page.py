@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from tests.gui.hands import click, idle
 @pytest.fixture
 def measured_project(finished_project: Path) -> Path:
     """A project whose targets are measured and which is not calibrated."""
+    shutil.rmtree(finished_project / "results" / "runs")
     for path in sorted((finished_project / "results").rglob("*"), reverse=True):
         if path.is_file() and not path.name.startswith("targets"):
             path.unlink()
