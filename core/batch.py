@@ -32,6 +32,7 @@ from core.pipeline import (
     write_cloud,
     write_phase,
 )
+from core.pipeline.decode import one_series
 from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
 from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
@@ -260,7 +261,7 @@ def process(job: Job) -> tuple[Figures, float]:
     if "decode" in figures:
         phase = read_phase(job.out / FILES["decode"])
     else:
-        ((_, phase),) = phase_maps(job.project, [job.capture])
+        ((_, phase),) = phase_maps(job.project, [one_series(job.capture)])
     for step in job.steps:
         if step not in figures:
             figures[step] = _do(step, job, phase)

@@ -157,6 +157,8 @@ def evaluation_figures(evaluations: Sequence[PlaneEvaluation]) -> Figures:
                 "verdict": verdict_figures(e.verdict),
                 "excluded": e.excluded,
                 "excluded_rule": e.excluded_rule,
+                "camera": e.devices[0],
+                "projector": e.devices[1],
             }
         )
     return {"planes": rows}
@@ -185,7 +187,8 @@ def _target_set_figures(t: TargetSet) -> Figures:
         for i in range(len(t.row))
     ]
     missing = [{"row": m.row, "col": m.col, "reason": m.reason} for m in t.missing]
-    return {"capture": t.capture, "targets": measured, "missing": missing, "notes": list(t.notes)}
+    devices = {"camera": t.camera, "projector": t.projector}
+    return {"capture": t.capture, **devices, "targets": measured, "missing": missing, "notes": list(t.notes)}
 
 
 def phase_figures(phase: PhaseMap) -> Figures:

@@ -6,7 +6,7 @@ gives the `Experiment`, from which any single capture can be rendered without a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -64,6 +64,10 @@ class Plan:
         Of the testfield as made: bend from lowest to highest place; sigma of its targets' places in x, y, z.
     plate_flat_mm, table_flat_mm : float
         Form error from lowest to highest place.
+    camera_name : str
+        Of the rig's camera.
+    others : mapping
+        Further cameras by name, each as a rig with the same projector.
     depth_sigma_mm, axis_tilt_deg : float
         Error of the depth plate's positions; angle between its movement and its normal.
     """
@@ -87,6 +91,8 @@ class Plan:
     axis_tilt_deg: float = 0.2
     scale_sigma_mm: float = 0.005
     plate_half_mm: tuple[float, float] = (200.0, 200.0)
+    camera_name: str = "camera"
+    others: Mapping[str, Rig] | None = None
 
 
 @dataclass(frozen=True)
@@ -119,6 +125,22 @@ class Experiment:
     def rig(self) -> Rig:
         """The rig as it really is."""
         return self.plan.rig
+
+    @property
+    def views(self) -> dict[str, Experiment]:
+        """The same experiment before every camera, by its name; the noise of each is its own."""
+        found = {self.plan.camera_name: self}
+        for k, (name, rig) in enumerate((self.plan.others or {}).items(), 1):
+            moved = rig.camera_from_volume @ self.rig.camera_from_volume.inverse()
+            rng = np.random.default_rng([self.seed, 1000 * k])
+            shots = []
+            for shot in self.shots:
+                scene = replace(shot.scene, camera_from_board=moved @ shot.scene.camera_from_board)
+                seen = replace(shot, scene=scene, stream=shot.stream + 1000 * k)
+                shots.append(replace(seen, seeds=_picks(rig, seen, rng)))
+            plan = replace(self.plan, rig=rig, camera_name=name, others=None)
+            found[name] = replace(self, plan=plan, shots=tuple(shots))
+        return found
 
     def shot(self, name: str) -> Shot:
         """Look up a capture by name.

@@ -1,4 +1,4 @@
-"""The three experiments that can be simulated by name."""
+"""The experiments that can be simulated by name."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from core.bench.experiment import Experiment, Place, Plan, build
 from core.bench.optics import Lcd, Lens
-from core.bench.rig import CAMERA_1999, PROJECTOR_1999, Rig, converging_pair, interior
+from core.bench.rig import CAMERA_1999, PROJECTOR_1999, Rig, converging_pair, interior, look_at
 from core.bench.sensor import Sensor
 from core.errors import InputError
 from core.model import DeviceSpec, Role
@@ -120,6 +120,31 @@ def _quick() -> Plan:
     )
 
 
+def _stereo() -> Plan:
+    """The small rig with a second camera on the projector's other side, with a longer lens."""
+    plan = _quick()
+    left = plan.rig
+    right = DeviceSpec(320, 240, (0.0185, 0.0185), 13.0)
+    right_from_volume = look_at([375.0, 20.0, 560.0])
+    projector_from_volume = left.projector_from_camera @ left.camera_from_volume
+    other = replace(
+        left,
+        camera=right,
+        camera_interior=interior(right, (13.1, 0.04, -0.06, -0.45e-3, 0.2e-5, -0.11e-1, -0.4e-4, 0.9e-4, 0.6e-4)),
+        camera_from_volume=right_from_volume,
+        projector_from_camera=projector_from_volume @ right_from_volume.inverse(),
+    )
+    return replace(
+        plan,
+        name="stereo",
+        title="A small rig with two cameras",
+        depths_mm=(),
+        objects=False,
+        camera_name="left",
+        others={"right": other},
+    )
+
+
 def _modern() -> Plan:
     rig = _rig(
         DeviceSpec(2448, 2048, (0.00345, 0.00345), 16.0),
@@ -157,7 +182,7 @@ def _modern_sequence(role: Role) -> list[Pattern]:
     return [*patterns, White(), Black()]
 
 
-_PLANS: dict[str, Callable[[], Plan]] = {"paper": _paper, "modern": _modern, "quick": _quick}
+_PLANS: dict[str, Callable[[], Plan]] = {"paper": _paper, "modern": _modern, "quick": _quick, "stereo": _stereo}
 
 
 def scenarios() -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,13 @@ from core.bench.scenarios import experiment
 from core.bench.truth import true_targets
 from core.errors import InputError
 from core.geometry import Pose
-from core.model import Interior
+from core.model import Interior, Seed
 from core.parallel import THREADS
-from core.patterns import SequenceSpec
+from core.patterns import Pattern, SequenceSpec
 from core.progress import SILENT, Progress
 from core.project import write_image, write_json, write_picks, write_project, write_testfield
 from core.project.captures import write_capture_json
+from core.project.images import Image
 
 
 def simulate(
@@ -80,7 +82,8 @@ def simulate(
         write_json(out / "truth.json", truth_of(e))
         extra: dict[str, Any] = {} if e.plan.reference is None else {"reference": e.plan.reference}
         names = [f"captures/{shot.name}" for shot in e.shots]
-        write_project(out, e.plan.title, e.rig.camera, e.rig.projector, e.scale, names, sequence=sequence, **extra)
+        cameras = {name: view.rig.camera for name, view in e.views.items()}
+        write_project(out, e.plan.title, cameras, e.rig.projector, e.scale, names, sequence=sequence, **extra)
     progress(1.0, "simulated")
     return out
 
@@ -89,13 +92,22 @@ def _write_shot(
     folder: Path, e: Experiment, shot: Shot, faults: Sequence[str], pool: ThreadPoolExecutor, progress: Progress
 ) -> None:
     quiet = Progress(cancelled=progress.cancelled)
-    frames = e.take(shot, faults, progress=quiet)
-    named = [(f"{k:03d}.png", pattern, image) for k, (pattern, image) in enumerate(frames)]
+    named: list[tuple[str, Pattern, Image]] = []
+    cameras: list[dict[str, str]] = []
+    seeds: list[Seed] = []
+    views = e.views
+    for camera, view in views.items():
+        of_camera = next(s for s in view.shots if s.name == shot.name)
+        frames = view.take(of_camera, faults, progress=quiet)
+        prefix = f"{camera}-" if len(views) > 1 else ""
+        named += [(f"{prefix}{k:03d}.png", pattern, image) for k, (pattern, image) in enumerate(frames)]
+        cameras += [{"camera": camera}] * len(frames)
+        seeds += [replace(seed, camera=camera if prefix else "") for seed in of_camera.seeds]
     # a simulation can be repeated: no need to wait for the disk after every frame
     for job in [pool.submit(write_image, folder / name, image, False) for name, _, image in named]:
         job.result()
-    if shot.seeds:
-        write_picks(folder / "picks.json", shot.seeds)
+    if seeds:
+        write_picks(folder / "picks.json", seeds)
     write_capture_json(
         folder,
         shot.role,
@@ -103,6 +115,7 @@ def _write_shot(
         testfield=shot.testfield,
         z_mm=shot.z_mm,
         angle_deg=shot.angle_deg,
+        more=cameras if len(views) > 1 else None,
     )
 
 
@@ -118,6 +131,7 @@ def truth_of(e: Experiment) -> dict[str, Any]:
         "camera": _interior(rig.camera_interior),
         "projector": _interior(rig.projector_interior),
         "projector_from_camera": _pose(rig.projector_from_camera),
+        **_views(e),
         "noise": {
             "read": rig.sensor.read_noise,
             "shot_gain": rig.sensor.shot_gain,
@@ -134,6 +148,18 @@ def truth_of(e: Experiment) -> dict[str, Any]:
         },
         "captures": {shot.name: _capture(e, shot) for shot in e.shots},
     }
+
+
+def _views(e: Experiment) -> dict[str, Any]:
+    """What is true of every camera where there are several, under its name."""
+    if not e.plan.others:
+        return {}
+    found = {}
+    for name, view in e.views.items():
+        moved = view.rig.camera_from_volume @ e.rig.camera_from_volume.inverse()
+        poses = {"projector_from_camera": _pose(view.rig.projector_from_camera), "camera_from_first": _pose(moved)}
+        found[name] = {**_interior(view.rig.camera_interior), **poses}
+    return found
 
 
 def _capture(e: Experiment, shot: Shot) -> dict[str, Any]:

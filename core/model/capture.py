@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -59,7 +59,27 @@ class Capture:
         """Camera and projector of every series of frames, in the order of their first frames."""
         return tuple(dict.fromkeys((frame.camera, frame.projector) for frame in self.frames))
 
+    @property
+    def camera(self) -> str:
+        """Name of the camera that took the first frame."""
+        return self.frames[0].camera if self.frames else "camera"
+
+    @property
+    def projector(self) -> str:
+        """Name of the projector of the first frame."""
+        return self.frames[0].projector if self.frames else "projector"
+
+    @property
+    def series(self) -> tuple[Capture, ...]:
+        """The same capture for every camera with every projector, each with its own frames and picks."""
+        if len(pairs := self.pairs) <= 1:
+            return (self,)
+        found = []
+        for camera, projector in pairs:
+            frames = tuple(f for f in self.frames if (f.camera, f.projector) == (camera, projector))
+            found.append(replace(self, frames=frames, seeds=self.seeds_in(camera)))
+        return tuple(found)
+
     def seeds_in(self, camera: str) -> tuple[Seed, ...]:
         """Give the picks in one camera's image; those that name none count for the capture's first camera."""
-        first = self.frames[0].camera if self.frames else camera
-        return tuple(seed for seed in self.seeds if (seed.camera or first) == camera)
+        return tuple(seed for seed in self.seeds if (seed.camera or self.camera) == camera)

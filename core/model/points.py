@@ -39,5 +39,6 @@ class PlaneEvaluation:
     deviation_mm: Floats = field(repr=False, compare=False, default_factory=lambda: np.zeros((0, 0), np.float32))
     sigma_mm: Floats = field(repr=False, compare=False, default_factory=lambda: np.zeros((0, 0), np.float32))
     camera: Interior | None = None  # by which the points were reconstructed
+    devices: tuple[str, str] = ("camera", "projector")  # whose points
     form_pv_um: float | None = None  # peak to valley of the low-passed deviations
     verdict: Verdict | None = None

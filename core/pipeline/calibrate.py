@@ -36,7 +36,7 @@ from core.pipeline.measure import (
     turned_together,
 )
 from core.pipeline.options import CalibrateOptions, check_options
-from core.pipeline.picking import current_targets
+from core.pipeline.picking import current_target_sets
 from core.pipeline.runs import Run, calibration_file, current_run, keep_run, now
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_network
@@ -99,7 +99,7 @@ def _calibrate(
         number=0,
         made_at=now(),
         options=options,
-        captures={m: tuple(c.name for c in used) for m, used in captures.items()},
+        captures={m: tuple(dict.fromkeys(c.name for c in used)) for m, used in captures.items()},
         excluded={c.name: c.excluded for used in captures.values() for c in used if c.excluded},
         made_from=records,
         figures=calibration_figures(done),
@@ -134,7 +134,7 @@ def _keep_targets(project: Project, targets: list[TargetSet]) -> None:
     if not targets:
         return
     names = {t.capture for t in targets}
-    save_targets(project, [*targets, *(t for name, t in current_targets(project).items() if name not in names)])
+    save_targets(project, [*targets, *(t for t in current_target_sets(project) if t.capture not in names)])
 
 
 def _calibrate_photogrammetric(
@@ -206,8 +206,11 @@ def _calibrate_depth(
     if not captures:
         raise InputError(project.path, "no capture of role depth", "capture a plate at known depths")
     side = side_of(captures)
+    signs = signs_of(project, [c for c in captures if c.testfield is not None or c.seeds], {"depth": side})
+    # depth per pixel is a matter of one camera with one projector
+    meant = project.rig.camera_name, project.rig.projector_name
+    captures = [s for c in captures for s in c.series if len(c.series) == 1 or (s.camera, s.projector) == meant]
     boards = [c for c in captures if c.testfield is not None or c.seeds]
-    signs = signs_of(project, boards, {"depth": side})
     phases, seen, ways, notes = [], {}, {}, []
     for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.7)):
         phases.append(phase)
@@ -289,9 +292,14 @@ def load_calibrations(project: Project) -> dict[Method, Calibration]:
 
 def _check_rig(project: Project, path: Path, calibration: Calibration) -> None:
     """See that a calibration is of the rig that project.json describes."""
-    pairs = [(project.camera, "camera", _camera_spec(calibration))]
-    if isinstance(calibration, PhotogrammetricCalibration):
+    if isinstance(calibration, DepthCalibration):
+        pairs = [(project.camera, "camera", calibration.camera_spec)]
+    elif project.rig.is_pair:
+        pairs = [(project.camera, "camera", calibration.camera.spec)]
         pairs.append((project.projector, "projector", calibration.projector.spec))
+    else:
+        devices = project.rig.devices
+        pairs = [(devices[n], n, device.spec) for n, device in calibration.devices.items() if n in devices]
     for there, name, then in pairs:
         if (then.width, then.height, then.pitch_mm) != (there.width, there.height, there.pitch_mm):
             raise InputError(
@@ -299,10 +307,6 @@ def _check_rig(project: Project, path: Path, calibration: Calibration) -> None:
                 f"is of a {name} of {_size(then)}, the one in project.json has {_size(there)}",
                 "calibrate again, or correct project.json",
             )
-
-
-def _camera_spec(calibration: Calibration) -> DeviceSpec:
-    return calibration.camera_spec if isinstance(calibration, DepthCalibration) else calibration.camera.spec
 
 
 def _size(spec: DeviceSpec) -> str:

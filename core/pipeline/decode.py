@@ -6,31 +6,67 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from core.errors import InputError
 from core.model import Capture, PhaseMap, Project
 from core.progress import SILENT, Progress
 from core.project import atomic_write, find_project, iterate_images, read_capture, read_project
 
 
-def decode_capture(folder: Path, progress: Progress = SILENT) -> PhaseMap:
-    """Decode the frames of one capture, in a project or on its own."""
+def decode_capture(folder: Path, progress: Progress = SILENT, *, camera: str = "", projector: str = "") -> PhaseMap:
+    """Decode the frames of one capture, in a project or on its own.
+
+    Parameters
+    ----------
+    folder : Path
+    progress : Progress
+    camera, projector : str
+        Whose frames, where the capture holds those of several.
+
+    Raises
+    ------
+    InputError
+        If it holds frames of several and none is named, or of none of that name.
+    """
     root = find_project(folder)
     project = read_project(root) if root else None
-    capture = read_capture(folder, project)
-    return decode_images(capture, list(iterate_images(capture, project.camera if project else None)), project, progress)
+    capture = one_series(read_capture(folder, project), camera, projector)
+    spec = project.rig.cameras[capture.camera] if project else None
+    return decode_images(capture, list(iterate_images(capture, spec)), project, progress)
+
+
+def one_series(capture: Capture, camera: str = "", projector: str = "") -> Capture:
+    """Choose the frames of one camera and one projector of a capture.
+
+    Raises
+    ------
+    InputError
+        If there are several and none is named, or none of that name.
+    """
+    named = (("camera", camera), ("projector", projector))
+    found = [s for s in capture.series if all(not name or getattr(s, kind) == name for kind, name in named)]
+    if len(found) == 1:
+        return found[0]
+    pairs = ", ".join(f"{s.camera} with {s.projector}" for s in capture.series)
+    wanted = " with ".join(name for _, name in named if name)
+    seen = f"holds no frames of {wanted}" if not found else f"holds frames of several devices: {pairs}"
+    raise InputError(capture.path, seen, f"choose one: {pairs}" if not found else "name the camera, or the projector")
 
 
 def decode_images(capture: Capture, images: list, project: Project | None, progress: Progress) -> PhaseMap:
     """Decode frames that have been read already."""
     from core.decode import decode
 
-    lines = (project.projector.width, project.projector.height) if project else None
+    spec = project.rig.projectors[capture.projector] if project else None
+    lines = (spec.width, spec.height) if spec else None
     patterns = [frame.pattern for frame in capture.frames]
     exposures = [frame.exposure_ms for frame in capture.frames]
     where = str(capture.path)
     phase = decode(patterns, images, lines=lines, exposures_ms=exposures, where=where, progress=progress)
+    phase = replace(phase, camera=capture.camera, projector=capture.projector)
     if lines is None or not images:
         return phase
     from core.capture.stored import check_stored
@@ -43,13 +79,16 @@ def decode_images(capture: Capture, images: list, project: Project | None, progr
 def phase_maps(
     project: Project, captures: Iterable[Capture], progress: Progress = SILENT
 ) -> Iterator[tuple[Capture, PhaseMap]]:
-    """Decode captures one after the other; the next one loads while this one decodes, so memory stays flat."""
-    waiting = list(captures)
+    """Decode captures one after the other; the next one loads while this one decodes, so memory stays flat.
+
+    A capture by several cameras or projectors comes once for each pair, with that pair's frames and picks.
+    """
+    waiting = [series for capture in captures for series in capture.series]
     with ThreadPoolExecutor(1) as pool:
 
         def load(capture: Capture) -> list:
             images = []
-            for image in iterate_images(capture, project.camera):
+            for image in iterate_images(capture, project.rig.cameras[capture.camera]):
                 progress.check()  # a large capture takes seconds to read
                 images.append(image)
             return images
@@ -75,4 +114,6 @@ def read_phase(path: Path) -> PhaseMap:
     """Read what `write_phase` wrote."""
     with np.load(path, allow_pickle=False) as stored:
         arrays = {f.name: stored[f.name] for f in fields(PhaseMap) if f.name in stored}
-    return PhaseMap(**{**arrays, "notes": tuple(arrays.get("notes", np.zeros(0, np.str_)).tolist())})
+    values: dict[str, Any] = {**arrays, "notes": tuple(arrays.get("notes", np.zeros(0, np.str_)).tolist())}
+    values |= {name: str(arrays[name]) for name in ("camera", "projector") if name in arrays}
+    return PhaseMap(**values)

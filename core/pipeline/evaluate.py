@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 from core.errors import InputError
 from core.figures import evaluation_figures
-from core.model import AdjustedDevice, Calibration, Capture, Method, PlaneEvaluation, Project
+from core.geometry import pair_for
+from core.model import (
+    AdjustedDevice,
+    Calibration,
+    Capture,
+    DepthCalibration,
+    Method,
+    PhotogrammetricCalibration,
+    PlaneEvaluation,
+    Project,
+)
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
@@ -70,22 +81,25 @@ def _judge(
     from core.reconstruct import reconstruct
 
     evaluations = []
-    calibrated: dict[tuple[str, Method], float] = {}
+    calibrated: dict[tuple[str, Method, str, str], float] = {}
     notes: dict[str, tuple[str, ...]] = {}
     for capture, phase in phase_maps(project, planes, progress):
         for method, calibration in calibrations.items():
             progress.check()
+            if isinstance(calibration, DepthCalibration) and phase.camera != project.rig.camera_name:
+                continue  # of another camera
             camera = calibration.camera
+            if isinstance(calibration, PhotogrammetricCalibration):
+                camera = pair_for(phase, calibration).camera
             if isinstance(camera, AdjustedDevice):
                 camera = camera.interior
             cloud = reconstruct(phase, calibration)
-            calibrated[capture.name, method] = calibration_rms(cloud)
-            notes[capture.name] = phase.notes
-            evaluations.append(
-                evaluate_plane(
-                    phase, cloud, capture=capture.name, angle_deg=capture.angle_deg, method=method, camera=camera
-                )
+            calibrated[capture.name, method, phase.camera, phase.projector] = calibration_rms(cloud)
+            notes[capture.name] = tuple(dict.fromkeys((*notes.get(capture.name, ()), *phase.notes)))
+            row = evaluate_plane(
+                phase, cloud, capture=capture.name, angle_deg=capture.angle_deg, method=method, camera=camera
             )
+            evaluations.append(replace(row, devices=(phase.camera, phase.projector)))
     progress.check()
     return judge_planes(sorted(evaluations, key=lambda e: METHODS.index(e.method)), calibrated, notes)
 

@@ -19,13 +19,14 @@ from core.model import (
     PlaneEvaluation,
     PointCloud,
     Project,
+    StationId,
     TargetSet,
     Testfield,
     Verdict,
 )
 from core.pipeline.folders import all_captures
 from core.pipeline.options import CalibrateOptions
-from core.pipeline.picking import current_targets
+from core.pipeline.picking import current_target_sets, current_targets
 
 if TYPE_CHECKING:
     from core.checks import Concern, Plates
@@ -62,7 +63,8 @@ def judge_calibrations(
         *code_concerns(captures, project.projector),
         *noted({name: kept[name].notes for name in sorted(taking_part) if name in kept}),
     ]
-    measured = {m: [kept[c.name] for c in chosen if c.name in kept] for m, chosen in used.items()}
+    sets = current_target_sets(project)
+    measured = {m: _of_captures(sets, chosen) for m, chosen in used.items()}
     result: dict[Method, Calibration] = {}
     photogrammetric = calibrations.get("photogrammetric")
     lengths: list[Concern] = []
@@ -76,7 +78,7 @@ def judge_calibrations(
             *adjustment_concerns(adjustment, rejected),
             *_warned(photogrammetric.warnings),
             *(c for c in lengths if not _of_plate(c, captures)),
-            *nominal_concerns({"camera": photogrammetric.camera, "projector": photogrammetric.projector}),
+            *nominal_concerns(photogrammetric.devices),
         ]
         result["photogrammetric"] = replace(
             photogrammetric,
@@ -127,22 +129,22 @@ def _verdict(of_captures: Sequence[Concern], concerns: Sequence[Concern], sound:
 
 def judge_planes(
     evaluations: Sequence[PlaneEvaluation],
-    calibration_rms_mm: Mapping[tuple[str, Method], float],
+    calibration_rms_mm: Mapping[tuple[str, Method, str, str], float],
     notes: Mapping[str, Sequence[str]] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Judge planes, each against its prediction and all against each other.
 
-    `calibration_rms_mm` is by capture and method what the calibration's own uncertainty adds to the deviations; `notes`
-    is by capture what it says of itself.
+    `calibration_rms_mm` is by capture, method, camera and projector what the calibration's own uncertainty adds to the
+    deviations; `notes` is by capture what it says of itself.
     """
-    from core.checks import form_of, pair_concerns, plane_concerns
+    from core.checks import form_of, plane_concerns
 
-    common = pair_concerns(evaluations)
+    common = [c for pair in dict.fromkeys(e.devices for e in evaluations) for c in _common(evaluations, pair)]
     judged = []
     for e in evaluations:
         form_pv_um, form_rms_mm = form_of(e.deviation_mm)
         e = replace(e, form_pv_um=form_pv_um)
-        concerns = plane_concerns(e, form_rms_mm, calibration_rms_mm.get((e.capture, e.method), 0.0))
+        concerns = plane_concerns(e, form_rms_mm, calibration_rms_mm.get((e.capture, e.method, *e.devices), 0.0))
         sound: list[str] = []
         if e.predicted_rms_mm:
             sound.append(f"noise dominates: {e.rms_mm / e.predicted_rms_mm:.2f} times what the noise predicts")
@@ -150,6 +152,12 @@ def judge_planes(
         named = [c for c in common if c.text.startswith(f"{e.capture}:") or not _names_one(c.text, evaluations)]
         judged.append(replace(e, verdict=_verdict(of_capture, [*concerns, *named], sound)))
     return tuple(judged)
+
+
+def _common(evaluations: Sequence[PlaneEvaluation], devices: tuple[str, str]) -> list[Concern]:
+    from core.checks import pair_concerns
+
+    return pair_concerns([e for e in evaluations if e.devices == devices])
 
 
 def calibration_rms(cloud: PointCloud) -> float:
@@ -230,6 +238,11 @@ def _of_plates(depth: DepthCalibration, captures: Sequence[Capture], kept: Mappi
     return length_concerns(None, None, None, plates, False)
 
 
+def _of_captures(sets: Sequence[TargetSet], captures: Sequence[Capture]) -> list[TargetSet]:
+    wanted = {c.name for c in captures}
+    return [t for t in sets if t.capture in wanted]
+
+
 def _rejected(
     adjustment: Adjustment, targets: Sequence[TargetSet]
 ) -> tuple[dict[str, tuple[int, int]], dict[str, tuple[int, int]]]:
@@ -243,8 +256,10 @@ def _rejected(
         names = [f"{r}/{c}" for r, c in zip(t.row.tolist(), t.col.tolist(), strict=True)]
         camera = np.asarray(np.isfinite(t.camera_uv).all(axis=1))
         projected = np.asarray(np.isfinite(t.projector_uv).any(axis=1))
-        for device, seen in (("camera", camera), ("projector", camera & projected)):
-            station, of = f"{t.capture}/{device}", int(seen.sum())
+        for device, other, seen in ((t.camera, t.projector, camera), (t.projector, t.camera, camera & projected)):
+            station, of = str(StationId(t.capture, device)), int(seen.sum())
+            if station not in left and (by := str(StationId(t.capture, device, other))) in left:
+                station = by
             alone = sum(1 for name, s in zip(names, seen.tolist(), strict=True) if s and name not in points)
             lost = of - left.get(station, 0) - alone
             gross[station] = max(lost, 0), of

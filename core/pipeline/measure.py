@@ -62,11 +62,26 @@ def measured_targets(project: Project, captures: Sequence[Capture], progress: Pr
     InputError
         If picks contradict each other, or not one of the captures can be measured: the first one's reason.
     """
-    from core.measure import SAME, symmetries
-
     sides = sides_of(captures)
     signs = signs_of(project, captures, sides)
-    found = {t.made_from: t for t in kept_targets(project) if len(t.row)}
+    series = [one for capture in captures for one in capture.series]
+    pairs = list(dict.fromkeys((one.camera, one.projector) for one in series))
+    measured = []
+    for k, pair in enumerate(pairs):
+        own = [one for one in series if (one.camera, one.projector) == pair]
+        measured += _measured_by(project, own, sides, signs, progress.part(k / len(pairs), (k + 1) / len(pairs)))
+    order = {capture.name: k for k, capture in enumerate(captures)}
+    return sorted(measured, key=lambda t: order[t.capture])
+
+
+def _measured_by(
+    project: Project, captures: list[Capture], sides: Mapping[Role, Side], signs: Mapping[Path, str], progress: Progress
+) -> list[TargetSet]:
+    """Targets of captures by one camera and one projector."""
+    from core.measure import SAME, symmetries
+
+    pair = captures[0].camera, captures[0].projector
+    found = {t.made_from: t for t in kept_targets(project) if len(t.row) and (t.camera, t.projector) == pair}
     due = [c for c in captures if signs[c.path] not in found]
     ways: dict[Path, Sequence[Labelling]] = {
         c.path: (SAME, *symmetries(c.testfield)) for c in captures if c.testfield is not None
@@ -92,7 +107,8 @@ def measured_or_why(
     except NotRecognisedError as error:
         assert capture.testfield is not None
         why = f"{error.seen}; {error.remedy}"
-        return replace(unmeasured(capture.testfield, capture.name, why), notes=phase.notes), (SAME,), error
+        nothing = _named(replace(unmeasured(capture.testfield, capture.name, why), notes=phase.notes), capture)
+        return nothing, (SAME,), error
 
 
 def _measured(capture: Capture, phase: PhaseMap, project: Project, side: Side) -> tuple[TargetSet, Sequence[Labelling]]:
@@ -105,13 +121,13 @@ def _measured(capture: Capture, phase: PhaseMap, project: Project, side: Side) -
     targets, ways = recognise(
         phase,
         capture.testfield,
-        project.camera,
-        projector=project.projector,
+        project.rig.cameras[capture.camera],
+        projector=project.rig.projectors[capture.projector],
         capture=str(capture.path),
         excluded=capture.excluded,
         options=MeasureOptions(side=side),
     )
-    return replace(targets, capture=capture.name, notes=(*phase.notes, *targets.notes)), ways
+    return _named(replace(targets, notes=(*phase.notes, *targets.notes)), capture), ways
 
 
 def turned_together(
@@ -138,7 +154,8 @@ def turned_together(
             elif turned.told or captures[k].seeds:
                 result[k] = turned.targets
             else:
-                result[k] = replace(unmeasured(field, captures[k].name, UNTOLD), made_from=targets[k].made_from)
+                untold = replace(unmeasured(field, captures[k].name, UNTOLD), made_from=targets[k].made_from)
+                result[k] = _named(untold, captures[k])
     return result
 
 
@@ -183,7 +200,7 @@ def side_of(captures: list[Capture]) -> Side:
     from core.measure import side_seen
 
     votes = 0
-    for capture in captures:
+    for capture in (series for c in captures for series in c.series):
         if capture.testfield is not None and len(capture.seeds) >= 4:
             known = capture.testfield.index()
             if all((seed.row, seed.col) in known for seed in capture.seeds):
@@ -203,11 +220,16 @@ def measure_capture(
         phase,
         capture.testfield,
         capture.seeds,
-        project.camera,
-        projector=project.projector,
+        project.rig.cameras[capture.camera],
+        projector=project.rig.projectors[capture.projector],
         capture=str(capture.path),
         excluded=capture.excluded,
         progress=progress,
         options=MeasureOptions(side=side),
     )
-    return replace(targets, capture=capture.name, notes=(*phase.notes, *targets.notes))
+    return _named(replace(targets, notes=(*phase.notes, *targets.notes)), capture)
+
+
+def _named(targets: TargetSet, capture: Capture) -> TargetSet:
+    """Say of which capture, camera and projector targets are."""
+    return replace(targets, capture=capture.name, camera=capture.camera, projector=capture.projector)

@@ -34,20 +34,33 @@ def measure_one(project: Project, name: str, phase: PhaseMap | None = None, prog
         raise InputError(project.path / "captures" / name, "no picks", "pick 4 targets first")
     sides = sides_of(boards)
     signs = signs_of(project, boards, sides)
-    if phase is None:
+    series = [one for one in capture.series if one.seeds]
+    if phase is not None:
+        decoded = [(one, phase) for one in series if (one.camera, one.projector) == (phase.camera, phase.projector)]
+    else:
         progress(0.0, f"decoding {name}")
-        ((_, phase),) = phase_maps(project, [capture])
+        decoded = list(phase_maps(project, series))
     progress(0.6, f"measuring {name}")
-    sign = signs[capture.path]
-    targets = replace(measure_capture(capture, phase, project, sides[capture.role]), made_from=sign)
+    sign, side = signs[capture.path], sides[capture.role]
+    measured = [replace(measure_capture(one, phase, project, side), made_from=sign) for one, phase in decoded]
     progress.check()
-    found = {t.made_from: t for t in kept_targets(project)} | {sign: targets}
-    save_targets(project, [found[s] for s in signs.values() if s in found])
-    return targets
+    anew = {(t.capture, t.camera, t.projector) for t in measured}
+    kept = [t for t in current_target_sets(project) if (t.capture, t.camera, t.projector) not in anew]
+    order = {board.name: k for k, board in enumerate(boards)}
+    save_targets(project, sorted([*measured, *kept], key=lambda t: order[t.capture]))
+    return measured[0]
 
 
 def current_targets(project: Project) -> dict[str, TargetSet]:
-    """Give the kept targets that follow from the frames, picks, boards and rig as they are now, by capture."""
+    """Give the kept targets that follow from the frames, picks, boards and rig as they are now, by capture.
+
+    Where several cameras saw one, those of the first.
+    """
+    return {t.capture: t for t in reversed(current_target_sets(project))}
+
+
+def current_target_sets(project: Project) -> list[TargetSet]:
+    """Give the kept targets that follow from what is there now, of every camera with every projector."""
     boards = boards_of(project)
     current = set(signs_of(project, boards, sides_of(boards)).values())
-    return {t.capture: t for t in kept_targets(project) if t.made_from in current}
+    return [t for t in kept_targets(project) if t.made_from in current]

@@ -6,9 +6,18 @@ from pathlib import Path
 
 from core.atomic import check_place
 from core.errors import InputError
-from core.model import Calibration, Method, Pair, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
+from core.model import (
+    Calibration,
+    DepthCalibration,
+    Method,
+    Pair,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    PointCloud,
+    Project,
+)
 from core.pipeline.calibrate import load_calibrations
-from core.pipeline.decode import decode_images
+from core.pipeline.decode import decode_images, one_series
 from core.pipeline.folders import find_capture
 from core.pipeline.orient import oriented
 from core.progress import SILENT, Progress
@@ -23,10 +32,13 @@ def reconstruct_capture(
     progress: Progress = SILENT,
     *,
     orient: bool = False,
+    camera: str = "",
+    projector: str = "",
 ) -> tuple[PhaseMap, PointCloud]:
     """Reconstruct one capture (by its name or its folder) with one calibration, the photogrammetric one by default.
 
-    With `orient` the projector stands where `orient_capture(..., correct=True)` found it.
+    With `orient` the projector stands where `orient_capture(..., correct=True)` found it. `camera` and `projector`
+    choose whose frames, where the capture holds those of several; points are in that camera's frame.
     """
     from core.reconstruct import reconstruct
 
@@ -36,13 +48,16 @@ def reconstruct_capture(
         raise InputError(
             project.path, f"no {chosen} calibration", f"run `stripe-core calibrate --method {chosen}` first"
         )
-    capture = find_capture(project, name)
+    capture = one_series(find_capture(project, name), camera, projector)
     calibration: Calibration | Pair = calibrations[chosen]
+    if isinstance(calibration, DepthCalibration) and capture.camera != project.rig.camera_name:
+        seen = f"the depth calibration is of {project.rig.camera_name}, not of {capture.camera}"
+        raise InputError(project.path, seen, "use --method photogrammetric")
     if orient:
         if not isinstance(calibration, PhotogrammetricCalibration):
             raise InputError("--orient", f"does not go with the {chosen} method", "leave one of the two out")
         calibration = oriented(project, capture.name, calibration)
-    images = list(iterate_images(capture, project.camera))
+    images = list(iterate_images(capture, project.rig.cameras[capture.camera]))
     phase = decode_images(capture, images, project, progress.part(0.0, 0.5))
     cloud = reconstruct(phase, calibration, extrapolate=extrapolate, progress=progress.part(0.5, 1.0))
     return phase, cloud

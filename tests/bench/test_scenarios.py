@@ -28,7 +28,7 @@ def by_role(e, role):
 
 
 def test_an_unknown_scenario_is_refused_by_name():
-    assert scenarios() == ("paper", "modern", "quick")
+    assert scenarios() == ("paper", "modern", "quick", "stereo")
     with pytest.raises(InputError, match="no scenario 'papre'"):
         experiment("papre")
 

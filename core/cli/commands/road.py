@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ def add(commands: Commands) -> None:
     sub = commands.add("decode", _decode, "projector coordinates of every camera pixel")
     sub.add_argument("capture", type=Path, metavar="CAPTURE")
     sub.add_argument("--out", type=Path, required=True, metavar="F.npz")
+    _add_devices(sub)
 
     commands.add_on_project("measure", _measure, "targets of all captures that have picks")
 
@@ -41,6 +43,7 @@ def add(commands: Commands) -> None:
     sub.add_argument("--method", choices=("photogrammetric", "polynomial"))
     sub.add_argument("--orient", action="store_true", help="with the orientation that `orient --correct` kept")
     sub.add_argument("--extrapolate", action="store_true", help="polynomial: beyond the calibrated depths too")
+    _add_devices(sub)
     sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="npz ply stl obj glb pcd xyz e57 las")
 
     commands.add_on_project("evaluate", _evaluate, "deviations of every plane capture, by every calibration")
@@ -49,12 +52,17 @@ def add(commands: Commands) -> None:
     sub.add_argument("--out", type=Path, metavar="DIR")
 
 
+def _add_devices(sub: ArgumentParser) -> None:
+    sub.add_argument("--camera", default="", metavar="NAME", help="whose frames, where the capture has several cameras")
+    sub.add_argument("--projector", default="", metavar="NAME", help="the same of several projectors")
+
+
 def _decode(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import phase_figures
     from core.pipeline import decode_capture, write_phase
 
     check_out(options.out, ".npz")
-    phase = decode_capture(options.capture, progress)
+    phase = decode_capture(options.capture, progress, camera=options.camera, projector=options.projector)
     write_phase(options.out, phase)
     figures = phase_figures(phase)
     print(options.out)
@@ -68,10 +76,12 @@ def _measure(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import measure_project
     from core.project import read_project
 
-    targets = measure_project(read_project(options.project), progress)
+    project = read_project(options.project)
+    targets = measure_project(project, progress)
     for t in targets:
+        pair = "" if project.rig.is_pair else f"{t.camera} with {t.projector}: "
         why = f": {t.missing[0].reason}" if t.missing and not len(t.row) else ""
-        print(f"{t.capture:20s} {len(t.row):5d} targets measured, {len(t.missing):4d} missing{why}")
+        print(f"{t.capture:20s} {pair}{len(t.row):5d} targets measured, {len(t.missing):4d} missing{why}")
         for note in t.notes:
             print(f"  {note}")
     return targets_figures(targets)
@@ -116,7 +126,7 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
     print_verdict("network", figures["verdict"])
     print(f"sigma0 {figures['sigma0']:.6g}, redundancy {figures['redundancy']}, {figures['iterations']} iterations")
     for name, device in figures["devices"].items():
-        print(f"\n{name}  (r0 = {device['r0_mm']:.6g} mm)")
+        print(f"\n{name}  " + (f"(r0 = {device['r0_mm']:.6g} mm)" if "r0_mm" in device else f"({device['model']})"))
         for key, value in device.items():
             if isinstance(value, dict):
                 print(f"  {key:6s} {value['value']: .9e}  ± {value['sigma']:.2e}")
@@ -132,7 +142,14 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
     check_cloud(options.out)
     project = read_project(options.project)
     phase, cloud = reconstruct_capture(
-        project, options.capture, options.method, options.extrapolate, progress, orient=options.orient
+        project,
+        options.capture,
+        options.method,
+        options.extrapolate,
+        progress,
+        orient=options.orient,
+        camera=options.camera,
+        projector=options.projector,
     )
     points = write_cloud(options.out, phase, cloud)
     print(f"{options.out}: {points} points")
@@ -149,7 +166,8 @@ def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
     evaluations = evaluate_project(project, progress)
     figures = evaluation_figures(evaluations)
     for plane in figures["planes"]:
-        print_verdict(f"{plane['capture']}, {plane['method']}", plane["verdict"])
+        pair = "" if project.rig.is_pair else f", {plane['camera']} with {plane['projector']}"
+        print_verdict(f"{plane['capture']}{pair}, {plane['method']}", plane["verdict"])
     print()
     print(result_tables(project, evaluations))
     _tell_outdated(options)
