@@ -53,7 +53,7 @@ def foreign(folder: Path, own: Collection[str] = ()) -> list[str]:
             continue
         if listed.get(name) != hash_file(path):
             found.append(name)
-    return found
+    return sorted(found)
 
 
 def remove_made(folder: Path, own: Collection[str] = ()) -> None:
