@@ -45,6 +45,7 @@ TILES = 6, 8  # of the image, each with its blur
 NEIGHBOURS = 7  # px: of those around, the median predicts
 ALIKE = 3.0  # lines by which neighbours' places differ that agree with each other
 NEAR = 1.0  # lines that a place may move while it is adjusted
+RIM = 0.5  # lines: so near the field's edge its fading light is taken for a place on it
 FEWEST = 4  # frames: three unknowns and one that tells whether they fit
 
 F = np.float32
@@ -220,7 +221,7 @@ def _decode_axis(
             found = again & near & (left < _bound(k, contrast, variance))
             out[:, ~found], left[~found] = kept[:, ~found], was[~found]
             good |= found
-    inside = (place >= -0.5) & (place <= book.lines - 0.5)
+    inside = (place >= RIM) & (place <= book.lines - 1 - RIM)
     saturated = _saturated(book, images, full)
     flags = np.zeros(shape, np.uint8)
     for wrong, flag in (
