@@ -149,3 +149,16 @@ def test_help_loads_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_decoding_adjusting_and_reconstructing_wait_for_no_heavy_part_of_scipy() -> None:
+    used = (
+        "core.cli core.figures core.pipeline.calibrate core.calibrate core.checks.network core.decode core.reconstruct"
+    )
+    code = (
+        f"import sys, {', '.join([*used.split(), 'core.pipeline.reconstruct', 'core.pipeline.evaluate'])}\n"
+        "heavy = {'special', 'linalg', 'spatial', 'ndimage', 'optimize', 'sparse'}\n"
+        "print(sorted(m for m in ('scipy.' + h for h in heavy) if m in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.splitlines()[-1] == "[]"

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.optimize import least_squares
 
 from core.errors import AdjustmentError
 from core.geometry import (
@@ -169,6 +168,8 @@ def _unpack(spec: DeviceSpec, parameters: Array) -> tuple[Interior, Pose, Array]
 
 def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array) -> _Solution:
     """Least squares from one start, repeated with the variances that the residuals before it show."""
+    from scipy.optimize import least_squares  # takes longer to import than an adjustment that needs none of it
+
     places = np.concatenate([plane.xyz_mm for plane in planes])
     target = np.unique(np.concatenate([plane.target for plane in planes]), return_inverse=True)[1]
     z = np.concatenate([np.full(len(plane.uv), plane.z_mm) for plane in planes])

@@ -16,14 +16,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.special import erf
 
 from core.decode.compiled import fast
 from core.decode.noise import Noise
 from core.decode.options import DecodeOptions, Flag
 from core.errors import InputError
 from core.model import PhaseMap
+from core.numerics import erf
 from core.parallel import run_in_bands
 from core.patterns import Axis, Pattern, axis_of, brightness, level_of, use_of
 from core.progress import Progress
@@ -334,7 +333,8 @@ def _noise(square: NDArray[Any], level: NDArray[Any], quantum: float) -> Noise:
 
 def _spread(tiles: Array, shape: tuple[int, ...]) -> NDArray[np.int64]:
     """Give every pixel the blur of its tile, smoothly."""
-    smooth = median_filter(tiles, 3, mode="nearest")
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(tiles, 1, mode="edge"), (3, 3))
+    smooth = np.median(around, axis=(2, 3))
     at = [np.clip((np.arange(n) + 0.5) * t / n - 0.5, 0, t - 1) for n, t in zip(shape, smooth.shape, strict=True)]
     low = [np.minimum(a.astype(int), t - 2) for a, t in zip(at, smooth.shape, strict=True)]
     y, x = (at[0] - low[0])[:, None], (at[1] - low[1])[None, :]
