@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.geometry import Pose, distort, image_to_pixel
+from core.geometry import Pose, distort, fitted, image_to_pixel
 from core.measure.view import View
 from core.model import DeviceSpec, Interior, TargetSet, Testfield
 
@@ -74,7 +74,8 @@ def recentred(
     at = [index[key] for key in zip(targets.row.tolist(), targets.col.tolist(), strict=True)]
     if not at:
         return targets
-    view = View(replace(camera, nominal_c_mm=interior.c_mm), camera_from_board, interior.a[0])
+    plain = interior if interior.model == "A1..A6" else fitted(camera, interior, "A1..A6")[0]
+    view = View(replace(camera, nominal_c_mm=plain.c_mm), camera_from_board, plain.a[0])
     shift = eccentricity(view, testfield.xyz_mm[at], testfield.diameter_mm[at] / 2)
     moved = targets.eccentricity_px - shift
     lines = targets.projector_uv
