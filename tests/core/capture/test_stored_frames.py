@@ -1,0 +1,152 @@
+"""Captures from elsewhere: what is wrong with their frames is named, and sound ones of other optics raise nothing.
+
+The frames come from a renderer of this test: a plane with dots, seen through an affine map, blurred, vignetted, with a
+response of its own and noise.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from core.capture.stored import check_stored
+from core.decode import decode
+from core.model import Capture, Frame
+from core.patterns import Black, Code, Pattern, Phase, White, gray_and_phase, reference_sequence
+
+LINES = (160, 160)
+SHAPE = (180, 240)
+
+Frames = list[np.ndarray]
+
+
+def light(pattern: Pattern, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """As bright as the contract says, on every line."""
+    if isinstance(pattern, White | Black):
+        return np.full(u.shape, float(isinstance(pattern, White)))
+    i = np.floor((u if pattern.axis == "x" else v) + 0.5)
+    if isinstance(pattern, Phase):
+        wave = np.cos(2 * np.pi * (i + 0.5) / pattern.period - pattern.shift_rad)
+        return (wave > 0).astype(float) if pattern.profile == "square" else 0.5 + 0.5 * wave
+    assert isinstance(pattern, Code)
+    k = i.astype(int) // pattern.cell
+    k = k ^ (k >> 1) if pattern.kind == "gray" else k
+    return ((k >> (pattern.bits - 1 - pattern.bit) & 1) ^ pattern.inverse).astype(float)
+
+
+def render(patterns: list[Pattern], seed: int, *, gamma: float = 1.0, roll: float = 0.0, dots: bool = True) -> Frames:
+    rng = np.random.default_rng(seed)
+    fine = 3
+    y, x = np.mgrid[: SHAPE[0] * fine, : SHAPE[1] * fine] / fine
+    c, s = np.cos(roll), np.sin(roll)
+    dx, dy = x - SHAPE[1] / 2, y - SHAPE[0] / 2
+    scale = rng.uniform(0.42, 0.55)
+    bend = 1 + 4e-4 * dx * rng.uniform(0.5, 1)
+    u, v = 80 + scale * (c * dx - s * dy) * bend, 80 + scale * (s * dx + c * dy)
+    lit = (u > 0) & (u < LINES[0] - 1) & (v > 0) & (v < LINES[1] - 1)
+    albedo = np.full(x.shape, 0.9)
+    if dots:
+        albedo[(x % 24 - 12) ** 2 + (y % 24 - 12) ** 2 < 40] = 0.25
+    shade = albedo * (1 - 1e-5 * (dx**2 + dy**2))
+    images = []
+    for pattern in patterns:
+        scene = shade * (0.03 + lit * (0.02 + light(pattern, u, v)))
+        seen = cv2.resize(cv2.GaussianBlur(scene, (0, 0), fine * 0.6), SHAPE[::-1], interpolation=cv2.INTER_AREA)
+        grey = 8 + 190 * seen**gamma + rng.normal(0, 1.5, SHAPE)
+        images.append(np.clip(np.round(grey), 0, 255).astype(np.uint8))
+    return images
+
+
+def told(patterns: list[Pattern], images: Frames, role: str = "testfield") -> str:
+    frames = tuple(Frame(Path(f"{k:03d}.png"), p) for k, p in enumerate(patterns))
+    phase = decode(patterns, images, lines=LINES, where="test")
+    return "; ".join(f.text for f in check_stored(Capture(Path("a"), role, frames), images, phase, LINES))  # type: ignore[arg-type]
+
+
+def of(what: type, /, **changes: Callable) -> Callable[[Pattern], Pattern]:
+    def change(p: Pattern) -> Pattern:
+        return replace(p, **{k: f(p) for k, f in changes.items()}) if isinstance(p, what) else p
+
+    return change
+
+
+SEQUENCES: dict[str, list[Pattern]] = {
+    "reference": reference_sequence(*LINES),
+    "sine": [
+        *gray_and_phase("x", 160, cell=8, periods=(16.0,), steps=8, profile="sine"),
+        *gray_and_phase("y", 160, cell=8, periods=(16.0,), steps=8, profile="sine"),
+        White(),
+        Black(),
+    ],
+}
+
+
+# the search for the cause takes seconds a capture; with STRIPE_MANY the other sequence is tried too
+@pytest.fixture(scope="module", params=list(SEQUENCES) if "STRIPE_MANY" in os.environ else ["reference"])
+def taken(request: pytest.FixtureRequest) -> tuple[list[Pattern], Frames]:
+    patterns = list(SEQUENCES[request.param])
+    return patterns, render(patterns, 5)
+
+
+DESCRIBED = {
+    "phase a step late": (of(Phase, shift_rad=lambda p: p.shift_rad + np.pi / 2), "shift_rad|90°"),
+    "phase reversed": (of(Phase, shift_rad=lambda p: -p.shift_rad), "shift_rad|other way"),
+    "period doubled": (of(Phase, period=lambda p: 2 * p.period), "period|contradict"),
+    "cell doubled": (of(Code, cell=lambda p: 2 * p.cell), "cell|contradict|steadily"),
+    "bits reversed": (of(Code, bit=lambda p: p.bits - 1 - p.bit), "reverse order|contradict|steadily"),
+    "binary": (of(Code, kind=lambda p: "binary"), "gray code|contradict|steadily"),
+    "code inverted": (of(Code, inverse=lambda p: not p.inverse), "inverted|contradict"),
+}
+
+
+@pytest.mark.parametrize("kind", list(DESCRIBED))
+def test_patterns_described_wrongly_are_named(kind: str, taken: tuple[list[Pattern], Frames]) -> None:
+    patterns, images = taken
+    change, words = DESCRIBED[kind]
+    found = told([change(p) for p in patterns], images)
+    assert any(w in found for w in words.split("|")), found
+
+
+def swapped(f: Frames, i: int, k: int) -> Frames:
+    g = list(f)
+    g[i], g[k] = g[k], g[i]
+    return g
+
+
+EXCHANGED: dict[str, tuple[Callable[[Frames], Frames], str]] = {
+    "all inverted": (lambda f: [255 - i for i in f], "inverted"),
+    "one later": (lambda f: f[1:] + f[:1], "earlier|contradict"),
+    "white and black exchanged": (lambda f: swapped(f, -1, -2), "exchanged"),
+    "mirrored": (lambda f: [np.ascontiguousarray(i[:, ::-1]) for i in f], "mirrored"),
+    "upside down": (lambda f: [np.ascontiguousarray(i[::-1]) for i in f], "mirrored"),
+    "three times too long": (lambda f: [np.clip(3.0 * i, 0, 255).astype(np.uint8) for i in f], "saturated"),
+    "dark": (lambda f: [(i // 60).astype(np.uint8) for i in f], "light"),
+}
+
+
+@pytest.mark.parametrize("kind", list(EXCHANGED))
+def test_frames_that_are_not_what_they_claim_are_named(kind: str, taken: tuple[list[Pattern], Frames]) -> None:
+    patterns, images = taken
+    change, words = EXCHANGED[kind]
+    found = told(patterns, change(images))
+    assert any(w in found for w in words.split("|")), found
+
+
+def test_exchanged_axes_are_named(taken: tuple[list[Pattern], Frames]) -> None:
+    patterns, images = taken
+    other = {"x": "y", "y": "x"}
+    found = told([replace(p, axis=other[p.axis]) if hasattr(p, "axis") else p for p in patterns], images)
+    assert "exchanged" in found
+
+
+@pytest.mark.parametrize("name", list(SEQUENCES))
+@pytest.mark.parametrize(("gamma", "roll", "dots"), [(1.0, 0.0, True), (0.6, 1.57, True), (1.8, 0.4, False)])
+def test_sound_captures_raise_nothing(name: str, gamma: float, roll: float, dots: bool) -> None:
+    patterns = list(SEQUENCES[name])
+    assert told(patterns, render(patterns, 11, gamma=gamma, roll=roll, dots=dots)) == ""
