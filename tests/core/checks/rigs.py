@@ -94,9 +94,6 @@ def simulate(name: str, seed: int, *, vary: bool = False, poses: int = 9, honest
     plate = board(5, 5, size / 6)
     made = field.xyz_mm + rng.normal(0, [0.05, 0.05, 0.02], field.xyz_mm.shape)
     made[:, 2] += 0.2 * np.sin(made[:, 0] / size * 3)
-    ends = (0, 0), (6, 8)
-    length = float(np.linalg.norm(made[field.index()[ends[1]]] - made[field.index()[ends[0]]]))
-    scale = ScaleBar(*ends, length + rng.normal(0, 0.005), 0.005)
 
     def measure(capture: str, nominal: Testfield, points: np.ndarray) -> TargetSet:
         uv, lines = camera.see(points), projector.see(points @ R.T + t)
@@ -124,6 +121,11 @@ def simulate(name: str, seed: int, *, vary: bool = False, poses: int = 9, honest
         pose = turn("z", about) @ turn("x", tilt) @ turn("z", -about) @ turn("z", 90 * (k % 4) + rng.normal(0, 2))
         at = np.array([*rng.normal(0, 0.04 * size, 2), -distance + rng.uniform(-0.07, 0.07) * distance])
         fields.append(measure(f"testfield-{k + 1:02d}", field, made @ pose.T + at))
+    seen = [set(zip(t.row.tolist(), t.col.tolist(), strict=True)) for t in fields]
+    pairs = [((k, k), (6 - k, 8 - k)) for k in range(3)]
+    ends = next(pair for pair in pairs if all(sum(end in s for s in seen) > 2 for end in pair))
+    length = float(np.linalg.norm(made[field.index()[ends[1]]] - made[field.index()[ends[0]]]))
+    scale = ScaleBar(*ends, length + rng.normal(0, 0.005), 0.005)
     z_mm = {f"depth-{i + 1:02d}": z for i, z in enumerate(np.linspace(-50, 50, 7).tolist())}
     dots = plate.xyz_mm + rng.normal(0, [0.02, 0.02, 0.0], plate.xyz_mm.shape)
     square = turn("x", rng.normal(0, 0.5)) @ turn("y", rng.normal(0, 0.5))
