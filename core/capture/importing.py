@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,6 +53,7 @@ def import_frames(
     testfield: str | None = None,
     z_mm: float | None = None,
     angle_deg: float | None = None,
+    confirm: Callable[[Sequence[Pattern], Sequence[Image]], None] | None = None,
     progress: Progress = SILENT,
 ) -> ImportReport:
     """Copy frames into ``captures/NAME`` of a project and add the capture to it; whole or not at all.
@@ -70,6 +71,8 @@ def import_frames(
         "name": the files' names, numbers counted, are in the sequence's order. "list": the sequence names the files.
         "content": what each shows is found from the images. Without it "list" where the sequence names files, else
         "name".
+    confirm : callable, optional
+        Looks at patterns and images in the order found by content, and raises where it cannot be right.
 
     Raises
     ------
@@ -100,6 +103,8 @@ def import_frames(
         found = recognise(images, patterns, lines, str(folder), progress)
         words.append(order_in_words([f.name for f in files], patterns, found))
         files, images = [files[k] for k in found], [images[k] for k in found]
+        if confirm is not None:
+            confirm(patterns, images)
     _check_twice(files, images, patterns, lines)
     progress(0.7, "verifying")
     words += _verified(plan, images, lines, files)

@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from core.capture.lookup import dictionary
 from core.errors import InputError
-from core.patterns import Axis, Pattern, axis_of, brightness, describe, level_of
+from core.patterns import Axis, Pattern, axis_of, brightness, describe, level_of, use_of
 from core.progress import SILENT, Progress
 
 Array = NDArray[np.float32]
@@ -60,6 +60,14 @@ def recognise(
     InputError
         If no order makes the images show these patterns.
     """
+    for axis in ("x", "y"):
+        uses = {use_of(p) for p in patterns if axis_of(p) == axis}
+        if uses and not uses & {"code", "word"}:
+            raise InputError(
+                where,
+                f"the frames of axis {axis} are phases alone, of which any step could be the first",
+                "order the files by name, or by a list that says what each shows",
+            )
     stack = np.stack([np.asarray(image, np.float32) for image in images])
     white, black = np.quantile(stack[:, ::4, ::4], 0.95, axis=0), np.quantile(stack[:, ::4, ::4], 0.05, axis=0)
     contrast = float(np.quantile(white - black, 0.98))

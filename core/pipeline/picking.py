@@ -56,7 +56,10 @@ def current_targets(project: Project) -> dict[str, TargetSet]:
 
     Where several cameras saw one, those of the first.
     """
-    return {t.capture: t for t in reversed(current_target_sets(project))}
+    found: dict[str, TargetSet] = {}
+    for targets in current_target_sets(project):
+        found.setdefault(targets.capture, targets)
+    return found
 
 
 def current_target_sets(project: Project) -> list[TargetSet]:

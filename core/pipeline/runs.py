@@ -13,6 +13,7 @@ An operator's name for a run and his sign-off lie in the run's folder, in files 
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -215,7 +216,7 @@ def _file(project: Project, method: Method, name: str, number: int) -> Path | No
     if not (path := folder / name).is_file():
         run = read_run(folder)
         path = run_folder(project, run.holder(method)) / name if run is not None else path
-    return path if path.is_file() else None
+    return path if os.path.lexists(path) else None  # a pipe or a loose link is told where it is read
 
 
 def make_current(project: Project, run: Run) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,9 +18,15 @@ from core.patterns import Pattern, SequenceSpec, default_sequence, pattern_image
 from core.progress import SILENT, Progress
 from core.project import read_project, write_image
 from core.project.captures import write_capture_json
+from core.project.images import Image
+from core.project.made import FILE as MADE
 
 if TYPE_CHECKING:
     from core.capture.importing import ImportReport
+
+# of orders found by content, measured on shuffled captures of five sequences on five scenes: right ones have no jumps
+# but at steps of depth, wrong ones 0.1 % and more, or an axis that loses a tenth of its pixels
+JUMPING, EVEN = 8e-4, 0.95
 
 
 @dataclass(frozen=True)
@@ -115,10 +121,10 @@ def _stale(out: Path) -> Sequence[Path]:
     if not out.is_dir():
         raise InputError(out, "is a file", "choose a new or empty folder")
     held = sorted(out.iterdir())
-    other = [p for p in held if not re.fullmatch(r"\d{3,}\.png|capture\.json", p.name)]
+    other = [p for p in held if p.name != MADE and not re.fullmatch(r"\d{3,}\.png|capture\.json", p.name)]
     if other or (held and not (out / "capture.json").is_file()):
         raise InputError(out, f"holds {(other or held)[0].name}", "choose a new or empty folder")
-    return held
+    return [p for p in held if p.name != MADE]
 
 
 def import_into(
@@ -137,8 +143,9 @@ def import_into(
     """Make a capture of a project from frames that came from elsewhere, as `core.capture.importing.import_frames`."""
     from core.capture.importing import import_frames
 
+    project = read_project(folder)
     return import_frames(
-        read_project(folder),
+        project,
         frames,
         name,
         role,
@@ -147,5 +154,32 @@ def import_into(
         testfield=testfield,
         z_mm=z_mm,
         angle_deg=angle_deg,
+        confirm=_steady(str(frames), (project.projector.width, project.projector.height)),
         progress=progress,
     )
+
+
+def _steady(where: str, lines: tuple[int, int]) -> Callable[[Sequence[Pattern], Sequence[Image]], None]:
+    """Give what looks whether frames ordered by content decode to coordinates that run steadily over the image."""
+
+    def confirm(patterns: Sequence[Pattern], images: Sequence[Image]) -> None:
+        from core.decode import decode
+
+        phase = decode(patterns, images, lines=lines, where=where)
+        maps = [m for m in (phase.u, phase.v) if np.isfinite(m).any()]
+        valid = [int(np.isfinite(m).sum()) for m in maps]
+        if min(valid, default=0) < EVEN * max(valid, default=1) or max(map(_jumping, maps), default=1.0) > JUMPING:
+            raise InputError(
+                where,
+                "no order of the images is sure: the likeliest gives coordinates that jump from pixel to pixel",
+                "order the files by name, or by a list that says what each shows",
+            )
+
+    return confirm
+
+
+def _jumping(place: NDArray[np.float32]) -> float:
+    """Share of neighbouring pixels between which a coordinate jumps."""
+    steps = np.concatenate([np.abs(np.diff(place, axis=axis)).ravel() for axis in (0, 1)])
+    steps = steps[np.isfinite(steps)]
+    return float(np.mean(steps > max(2.0, 6 * float(np.median(steps))))) if len(steps) else 1.0

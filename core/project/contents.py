@@ -38,7 +38,7 @@ class Contents:
     >>> with tempfile.TemporaryDirectory() as name:
     ...     _ = (Path(name) / "a.txt").write_text("stripe")
     ...     Contents(Path(name)).of(Path(name) / "a.txt")
-    '2a86ff8131ac1deae43a'
+    '2bed2032ed3d8300b771'
     """
 
     def __init__(self, folder: Path) -> None:

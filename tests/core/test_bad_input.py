@@ -177,8 +177,11 @@ def test_an_unknown_capture_scenario_or_ending(calibrated: Path, refused: Callab
 
 
 def test_a_folder_with_something_in_it_is_not_overwritten(quick: Path, refused: Callable[..., str]) -> None:
-    refused("simulate", quick, "--scenario", "quick")
-    refused("demo", quick, "--scenario", "quick")
+    """What a user added is named and stays; what the bench itself wrote may be replaced."""
+    (quick / "captures" / "mine").mkdir()
+    (quick / "captures" / "mine" / "capture.json").write_text("{}")
+    assert "captures/mine/capture.json" in refused("simulate", quick, "--scenario", "quick")
+    assert "captures/mine/capture.json" in refused("demo", quick, "--scenario", "quick")
 
 
 def test_wrong_arguments(refused: Callable[..., str]) -> None:

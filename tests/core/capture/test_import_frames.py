@@ -17,6 +17,7 @@ from core.errors import InputError
 from core.model import DeviceSpec
 from core.patterns import axis_of, brightness, parse_sequence, pattern_to_dict
 from core.project import create_project, read_capture, read_project
+from core.project.made import FILE as MADE
 
 SIZE = (64, 48)  # of the projector
 CAMERA = (120, 90)
@@ -182,7 +183,7 @@ def test_patterns_are_written_pixel_for_pixel(project: Path, tmp_path: Path) -> 
     assert [f.pattern for f in capture.frames] == list(parse_sequence("gray-sine").patterns(SIZE))
     images = [cv2.imread(str(f.path), cv2.IMREAD_UNCHANGED) for f in capture.frames]
     assert {i.shape for i in images} == {(SIZE[1], SIZE[0])}
-    assert len(list(out.iterdir())) == len(images) + 1
+    assert {p.name for p in out.iterdir()} == {f.path.name for f in capture.frames} | {"capture.json", MADE}
     phase = decode([f.pattern for f in capture.frames], images, lines=SIZE)
     assert np.nanmax(np.abs(phase.u - np.arange(SIZE[0]))) < 0.05
     assert np.nanmax(np.abs(phase.v - np.arange(SIZE[1])[:, None])) < 0.05
@@ -209,3 +210,21 @@ def test_a_folder_of_something_else_is_left_alone(project: Path, tmp_path: Path)
     (tmp_path / "out" / "thesis.txt").write_text("x")
     assert main(["patterns", str(project), "--out", str(tmp_path / "out"), "--sequence", "paper"]) == 2
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize("sequence", ["paper", "gray-sine", "gray-inverse", "multi-frequency", "two-period"])
+def test_an_order_found_by_content_is_right_or_refused(project: Path, tmp_path: Path, sequence: str) -> None:
+    """Whatever is taken decodes to the coordinates of the frames in their true order."""
+    shuffled = np.random.default_rng(7).permutation(200)
+    patterns = take(tmp_path / "in", sequence, lambda k: f"{shuffled[k]:03d}.png")
+    code = main([*command(project, tmp_path), "--sequence", sequence, "--order", "content"])
+    if code == 2:
+        assert not (project / "captures" / "a").exists()
+        return
+    true = [cv2.imread(str(tmp_path / "in" / f"{shuffled[k]:03d}.png"), -1) for k in range(len(patterns))]
+    found = read_capture(project / "captures" / "a").frames
+    taken = decode([f.pattern for f in found], [cv2.imread(str(f.path), -1) for f in found], lines=SIZE)
+    truth = decode(patterns, true, lines=SIZE)
+    both = np.isfinite(taken.u) & np.isfinite(truth.u) & np.isfinite(taken.v) & np.isfinite(truth.v)
+    assert both.sum() > 0.9 * np.isfinite(truth.u).sum()
+    assert np.quantile(np.hypot(taken.u - truth.u, taken.v - truth.v)[both], 0.99) < 0.5
