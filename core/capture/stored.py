@@ -26,7 +26,7 @@ from core.patterns import Axis, Code, Pattern, Phase, axis_of, level_of
 Array = NDArray[np.float32]
 
 GRID = 24_000  # pixels sampled
-PIXELS = 1200  # of the brightest, looked up
+PIXELS = 600  # of the brightest, looked up
 CONTRADICTION = 0.3  # squared distance, white = 1, after the response is taken out; a wrong frame costs 0.5 and more
 PER_FRAME = 0.03
 SHARE = 0.12  # of the pixels that contradict themselves; sound captures have below 0.05
