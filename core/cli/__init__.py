@@ -47,11 +47,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         console.clear()
         if options.json is not None:
             write_figures(options.json, figures or {})
+        sys.stdout.flush()
         return 0
     except StripeError as error:
         console.clear()
         print(f"stripe-core: {error}", file=sys.stderr)
         return error.exit_code
+    except BrokenPipeError:  # who read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except OSError as error:
         console.clear()
         where, seen = error.filename or "the work", error.strerror or str(error)

@@ -173,3 +173,12 @@ def test_capture_runs_the_virtual_rig_of_the_project(quick: Path, tmp_path: Path
     capture = json.loads((quick / "captures/plane-new/capture.json").read_text())
     assert (capture["role"], capture["angle_deg"], len(capture["frames"])) == ("plane", 5, figures["frames"])
     run("decode", quick / "captures/plane-new", "--out", tmp_path / "phase.npz", tmp_path=tmp_path)
+
+
+def test_a_reader_that_has_seen_enough_is_no_failure_to_tell(calibrated: Path) -> None:
+    command = [sys.executable, "-m", "core", "status", str(calibrated)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
