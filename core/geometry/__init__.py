@@ -15,6 +15,7 @@ from core.geometry.projection import Projection, project_with_derivatives
 from core.geometry.rotation import (
     Pose,
     angle_of_rotation,
+    cross_matrix,
     matrix_from_axis_angle,
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
@@ -28,6 +29,7 @@ __all__ = [
     "angle_of_rotation",
     "at_radius",
     "calibration_of_pair",
+    "cross_matrix",
     "distort",
     "fitted",
     "image_to_pixel",

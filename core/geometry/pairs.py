@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.geometry.lens import lens_of
-from core.geometry.rotation import Pose
+from core.geometry.rotation import Pose, cross_matrix
 from core.model import AdjustedDevice, Orientation, Pair, PhaseMap, PhotogrammetricCalibration
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ def relative_derivatives(base_shift: Array, relative: Pose) -> tuple[Array, Arra
         Rotation vectors turn from the left.
     """
     R, arm = relative.rotation, relative.rotation @ base_shift
-    cross = np.array([[0.0, -arm[2], arm[1]], [arm[2], 0.0, -arm[0]], [-arm[1], arm[0], 0.0]])
+    cross = cross_matrix(arm)
     M_base, M_other = np.zeros((6, 6)), np.eye(6)
     M_base[:3, :3], M_base[3:, 3:], M_base[3:, :3] = -R, -R, -cross @ R
     M_other[3:, :3] = cross

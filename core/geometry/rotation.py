@@ -10,6 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 
+def cross_matrix(vector: ArrayLike) -> Array:
+    """Matrix K (3, 3) of a vector v (3,) with ``K x = v × x``."""
+    x, y, z = np.asarray(vector, dtype=np.float64)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def matrix_from_rotation_vector(vector: ArrayLike) -> Array:
     """Rotation matrix of a rotation vector (axis times angle), by Rodrigues' formula.
 
@@ -29,7 +35,7 @@ def matrix_from_rotation_vector(vector: ArrayLike) -> Array:
     """
     v = np.asarray(vector, dtype=np.float64)
     angle = float(np.linalg.norm(v))
-    K = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    K = cross_matrix(v)
     if angle < 1e-8:  # the series: the closed form divides by the angle
         return np.eye(3) + K + 0.5 * K @ K
     return np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * K @ K

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.geometry import Pose, matrix_from_rotation_vector, pair_for, ray_directions
+from core.geometry import Pose, cross_matrix, matrix_from_rotation_vector, pair_for, ray_directions
 from core.model import AdjustedDevice, Array, Interior, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
 from core.orient.residuals import Residuals, Sight, epipolar_residuals
 from core.progress import SILENT, Progress
@@ -140,7 +140,7 @@ def corrected_pair(pair: Pair, motion: RigMotion) -> Pair:
     pose = pair.projector_from_camera
     # from the motion in the camera's frame to left perturbations of projector_from_camera: R' = R exp(-w), so the
     # rotation is -R w; t' = -R' (p + s) changes by R (w x p) - R s
-    R, K = pose.rotation, _cross(pose.origin_mm)
+    R, K = pose.rotation, cross_matrix(pose.origin_mm)
     J = np.block([[-R, np.zeros((3, 3))], [-R @ K, -R]])
     whole = np.eye(len(pair.covariance))
     whole[-6:] += J @ motion.by_calibration
@@ -221,10 +221,6 @@ def _moved(pose: Pose, motion: Array) -> Pose:
     """Turn and shift the projector, in the camera's frame."""
     R = pose.rotation @ matrix_from_rotation_vector(motion[:3]).T
     return Pose(R, -R @ (pose.origin_mm + motion[3:]))
-
-
-def _cross(v: Array) -> Array:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def _spread(e: Array) -> float:
