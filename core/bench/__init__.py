@@ -8,7 +8,7 @@ optics.py       line aperture, contrast, defocus, pixel area
 sensor.py       line jitter, noise, saturation, quantisation
 tracing.py      one ray: undistort, meet a surface, find the projector's line
 raycast.py      all rays of a capture, worked out once
-tables.py       the kernels that run for every frame
+tables.py       the kernels that form pixels, of many frames at once
 render.py       `prepare` the geometry, expose a `frame`, `render` a sequence
 truth.py        what is really so: projector coordinates of pixels, places of targets, an operator's picks
 faults.py       what goes wrong, by name

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.bench.optics import pixel_weights, relative_tables
+from core.bench.optics import Lcd, pixel_weights, relative_tables
 from core.bench.raycast import Samples, cast
 from core.bench.rig import Rig
 from core.bench.scene import Scene
 from core.bench.sensor import digitise
-from core.bench.tables import expose_rows, gather_columns
+from core.bench.tables import expose_pixels
+from core.model import DeviceSpec
 from core.parallel import THREADS, run_in_bands
 from core.patterns import Pattern, axis_of, brightness
 from core.progress import SILENT, Progress
@@ -23,8 +25,8 @@ from core.progress import SILENT, Progress
 Floats = NDArray[np.float32]
 Array = NDArray[np.float64]
 Image = NDArray[Any]
-_OFF = np.zeros((1, 0), np.float32)
-Bands = Callable[[Callable[[int, int], None], int], None]
+_OFF = np.zeros((1, 0, 1), np.float32)
+_AT_ONCE = 8  # patterns in one way through the rays: 160 MB at 5 Mpx
 
 
 @dataclass(frozen=True)
@@ -68,19 +70,19 @@ class Prepared:
         light = self.light(columns, rows, lamp=lamp, room=room)
         return digitise(self.rig.sensor, light, np.random.default_rng(seed))
 
-    def light(
-        self, columns: ArrayLike, rows: ArrayLike, *, lamp: float = 1.0, room: float = 1.0, bands: Bands = run_in_bands
-    ) -> Floats:
+    def light(self, columns: ArrayLike, rows: ArrayLike, *, lamp: float = 1.0, room: float = 1.0) -> Floats:
         """Give the image before the camera's electronics, shape (H, W), grey values without offset and noise."""
-        s, lcd = self.samples, self.rig.lcd
-        weights = pixel_weights(self.rig.subsamples, self.rig.lens.blur_px)
-        c, r = (relative_tables(lcd, lines) if np.any(lines) else _OFF for lines in (columns, rows))
-        half = np.empty((s.u.shape[0], self.rig.camera.width), np.float32)
-        out = np.empty((self.rig.camera.height, self.rig.camera.width), np.float32)
-        per = self.rig.subsamples
-        expose = (s.u, s.v, s.gain, s.width, c, r, 1 / lcd.contrast, weights, per, half)
-        bands(lambda first, last: expose_rows(first, last, *expose), half.shape[0])
-        bands(lambda first, last: gather_columns(first, last, half, weights, per, out), out.shape[0])
+        c, r = (
+            _OFF if not np.any(lines) else relative_tables(self.rig.lcd, lines)[..., None] for lines in (columns, rows)
+        )
+        return self.lit(self.passed(c, r, 1)[0], lamp, room)
+
+    def passed(self, columns: Floats, rows: Floats, count: int) -> Floats:
+        """Give the light that passes, white as 1, shape (P, H, W), under tables (k, n, P) of P = `count` patterns."""
+        return _gathered(self.rig, self.samples, self.samples.gain, columns, rows, 1 / self.rig.lcd.contrast, count)
+
+    def lit(self, out: Floats, lamp: float, room: float) -> Floats:
+        """Make of light that passes (changed in place) the image before the camera's electronics."""
         out *= np.float32(self.rig.sensor.white_level * lamp)
         out += self.room * np.float32(self.scene.ambient * room)
         return out
@@ -110,15 +112,16 @@ def prepare(rig: Rig, scene: Scene) -> Prepared:
     ((240, 320), dtype('uint8'), True)
     """
     samples, _ = cast(rig, scene, rig.subsamples)
-    weights = pixel_weights(rig.subsamples, rig.lens.blur_px)
-    margin = (weights.size - rig.subsamples) // 2
-    padded = np.pad(samples.reflect, ((0, 0), (margin, margin)), mode="edge")
-    half = np.zeros((padded.shape[0], rig.camera.width), np.float32)
-    for k, w in enumerate(weights):
-        half += w * padded[:, k : k + rig.subsamples * rig.camera.width : rig.subsamples]
-    room = np.empty((rig.camera.height, rig.camera.width), np.float32)
-    gather_columns(0, room.shape[0], half, weights, rig.subsamples, room)
+    (room,) = _gathered(rig, samples, samples.reflect, _OFF, _OFF, 1.0, 1)
     return Prepared(rig, scene, samples, room)
+
+
+def _gathered(rig: Rig, s: Samples, gain: Floats, columns: Floats, rows: Floats, dark: float, count: int) -> Floats:
+    weights = pixel_weights(rig.subsamples, rig.lens.blur_px)
+    out = np.empty((count, rig.camera.height, rig.camera.width), np.float32)
+    expose = (s.u, s.v, gain, s.width, columns, rows, dark, weights, rig.subsamples, out)
+    run_in_bands(lambda first, last: expose_pixels(first, last, *expose), out.shape[1])
+    return out
 
 
 def render(
@@ -144,27 +147,35 @@ class Exposure:
 
 
 def expose(exposures: Sequence[Exposure], seed: int | Sequence[int], *, progress: Progress = SILENT) -> list[Image]:
-    """Take frames, several at a time; frame k draws its noise from the seed (seed, k)."""
+    """Take frames, several of what stands still at once; frame k draws its noise from the seed (seed, k)."""
     stream = [seed] if isinstance(seed, int) else list(seed)
+    images: dict[int, Image] = {}
+    alike: dict[tuple[int, bool], list[int]] = {}
+    for k, e in enumerate(exposures):
+        alike.setdefault((id(e.prepared), axis_of(e.pattern) == "y"), []).append(k)
+    groups = [
+        (along, group[k : k + _AT_ONCE]) for (_, along), group in alike.items() for k in range(0, len(group), _AT_ONCE)
+    ]
 
-    def take(k: int) -> Image:
-        e = exposures[k]
-        columns, rows = lines_of(e.pattern, e.prepared.rig)
-        light = e.prepared.light(columns, rows, lamp=e.lamp, room=e.room, bands=_in_this_thread)
-        return digitise(e.prepared.rig.sensor, light, np.random.default_rng([*stream, k]))
-
-    images = []
     with ThreadPoolExecutor(THREADS) as pool:
-        waiting = [pool.submit(take, k) for k in range(len(exposures))]
-        try:
-            for k, job in enumerate(waiting):
-                progress(k / len(waiting), "rendering")
-                images.append(job.result())
-        finally:
-            for job in waiting:
-                job.cancel()
-    return images
+        for n, (along_y, group) in enumerate(groups):
+            progress(n / len(groups), "rendering")
+            p = exposures[group[0]].prepared
+            tables = _tables(p.rig.lcd, p.rig.projector, tuple(exposures[k].pattern for k in group))
+            lights = p.passed(_OFF if along_y else tables, tables if along_y else _OFF, len(group))
+
+            def take(k: int, light: Floats) -> Image:
+                e = exposures[k]
+                lit = e.prepared.lit(light, e.lamp, e.room)
+                return digitise(e.prepared.rig.sensor, lit, np.random.default_rng([*stream, k]))
+
+            images |= zip(group, pool.map(take, group, lights), strict=True)
+    return [images[k] for k in range(len(exposures))]
 
 
-def _in_this_thread(work: Callable[[int, int], None], rows: int) -> None:
-    work(0, rows)
+@lru_cache(maxsize=8)
+def _tables(lcd: Lcd, projector: DeviceSpec, patterns: tuple[Pattern, ...]) -> Floats:
+    """Tabulate patterns along one axis, side by side; all captures of an experiment show the same ones."""
+    count = projector.height if axis_of(patterns[0]) == "y" else projector.width
+    shown = (brightness(pattern, np.arange(count)) for pattern in patterns)
+    return np.stack([relative_tables(lcd, lines) for lines in shown], axis=-1)

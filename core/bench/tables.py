@@ -37,51 +37,75 @@ def fade_rows(
                 gain[i, j] = gain[i, j] * edge if edge > 1e-6 else 0.0
 
 
+@inner
+def add_lines(tables: Floats, width: int, line: float, out: Floats) -> None:
+    """Turn `out` on or off by what each of several patterns shows at a projector coordinate: c + r - 2 c r."""
+    place = (line + PAD) * PER_LINE
+    if not 0 <= place < tables.shape[1] - 1:
+        return
+    i = int(place)
+    f = np.float32(place - i)
+    before, after = tables[width, i], tables[width, i + 1]
+    for p in range(out.size):
+        shown = before[p] + f * (after[p] - before[p])
+        out[p] += shown - 2 * out[p] * shown
+
+
 @njit(cache=True, nogil=True)
-def expose_rows(
+def expose_pixels(
     first: int, last: int, u: Floats, v: Floats, gain: Floats, width: NDArray[np.uint8],
     columns: Floats, rows: Floats, dark: float, weights: Floats, per_pixel: int, out: Floats,
 ) -> None:  # fmt: skip
-    """Light of subsample rows `first` to `last` - 1, gathered into pixels along the row: out (H s, W).
+    """Light of pixel rows `first` to `last` - 1 under P patterns at once, out (P, H, W): one way through the rays.
 
-    Light passes where exactly one of column and row is switched: ``T = d + (1 - d) (c + r - 2 c r)``. A table with no
-    columns of its own (shape (k, 0)) stands for lines that are all off.
+    Light passes where exactly one of column and row is switched: ``T = d + (1 - d) (c + r - 2 c r)``. The tables
+    (k, n, P) have the patterns side by side; none (k, 0, P) stand for lines that are all off. A pixel is the weighted
+    sum of its subsamples, along the row first; these lie apart by their place in the pixel, so that the sums run on.
     """
-    margin = (weights.size - per_pixel) // 2
-    n = u.shape[1]
-    light = np.empty(n + 2 * margin, np.float32)
-    bright = np.float32(1 - dark)
-    for i in range(first, last):
-        for j in range(n):
-            g = gain[i, j]
-            if g > 0:
-                c = look_up(columns, width[i, j], u[i, j]) if columns.shape[1] > 0 else np.float32(0)
-                r = look_up(rows, width[i, j], v[i, j]) if rows.shape[1] > 0 else np.float32(0)
-                g *= np.float32(dark) + bright * (c + r - 2 * c * r)
-            light[margin + j] = g
-        light[:margin] = light[margin]
-        light[margin + n :] = light[margin + n - 1]
-        gather_row(light, weights, per_pixel, out[i])
-
-
-@inner
-def gather_row(light: Floats, weights: Floats, per_pixel: int, out: Floats) -> None:
-    """Weighted sums of a padded row of subsamples, one per pixel."""
-    out[:] = 0
-    for k in range(weights.size):
-        w = weights[k]
-        for j in range(out.size):
-            out[j] += w * light[j * per_pixel + k]
-
-
-@njit(cache=True, nogil=True)
-def gather_columns(first: int, last: int, light: Floats, weights: Floats, per_pixel: int, out: Floats) -> None:
-    """Weighted sums down the columns for pixel rows `first` to `last` - 1: light (H s, W), out (H, W)."""
-    margin = (weights.size - per_pixel) // 2
-    for i in range(first, last):
-        out[i] = 0
-        for k in range(weights.size):
-            source = min(max(i * per_pixel + k - margin, 0), light.shape[0] - 1)
+    count, pixels, taps = out.shape[0], out.shape[2], weights.size
+    margin = (taps - per_pixel) // 2
+    lead = (margin + per_pixel - 1) // per_pixel  # pixels before the first and after the last
+    light = np.zeros((per_pixel, (pixels + 2 * lead) * count), np.float32)
+    half = np.empty(pixels * count, np.float32)
+    turns = (taps + per_pixel - 1) // per_pixel  # pixel rows under way
+    sums = np.zeros((turns, half.size), np.float32)
+    off, bright, done = np.float32(dark), np.float32(1 - dark), -1
+    for q in range(first * per_pixel - margin, (last - 1) * per_pixel - margin + taps):
+        i = min(max(q, 0), u.shape[0] - 1)
+        if i != done:
+            done = i
+            for m in range((pixels + 2 * lead) * per_pixel):
+                j = min(max(m - lead * per_pixel, 0), u.shape[1] - 1)
+                at = m // per_pixel * count
+                lit = light[m % per_pixel, at : at + count]
+                lit[:] = 0
+                g = gain[i, j]
+                if g > 0:
+                    add_lines(columns, width[i, j], u[i, j], lit)
+                    add_lines(rows, width[i, j], v[i, j], lit)
+                    for p in range(count):
+                        lit[p] = g * (off + bright * lit[p])
+            for start in range(0, half.size, 1024):  # what the processor keeps at hand
+                part = half[start : start + 1024]
+                part[:] = 0
+                for k in range(taps):
+                    place = k - margin + lead * per_pixel
+                    at = place // per_pixel * count + start
+                    taken = light[place % per_pixel, at : at + part.size]
+                    w = weights[k]
+                    for m in range(part.size):
+                        part[m] += w * taken[m]
+        newest = (q + margin) // per_pixel
+        for r in range(max(first, newest - turns + 1), min(last - 1, newest) + 1):
+            k = q + margin - r * per_pixel
+            if k >= taps:
+                continue
+            total = sums[r % turns]
             w = weights[k]
-            for j in range(out.shape[1]):
-                out[i, j] += w * light[source, j]
+            for m in range(half.size):
+                total[m] += w * half[m]
+            if k == taps - 1:
+                for j in range(pixels):
+                    for p in range(count):
+                        out[p, r, j] = total[j * count + p]
+                total[:] = 0
