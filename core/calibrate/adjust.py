@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -13,13 +12,14 @@ from core.calibrate.columns import without_unobservable
 from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
 from core.calibrate.elimination import invert
 from core.calibrate.equations import Equations, linearise, misclosures
+from core.calibrate.groups import without, wrong_group
 from core.calibrate.initial import initial_state
 from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
-from core.calibrate.problem import Problem, State, interior_of, problem_of, reweighted, station_orientations
+from core.calibrate.problem import Problem, State, interior_of, problem_of, station_orientations, weighted_problem
 from core.calibrate.robust import misfits, robust_state
-from core.calibrate.selection import adjustable, check_network, selected
+from core.calibrate.selection import adjustable, check_network
 from core.calibrate.snooping import (
     far_off,
     far_off_error,
@@ -107,11 +107,16 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
         warnings += more
         if options.reject_beyond is None:
             break
-        bad = gross_errors(solved.problem, solved.equations, solved.redundancy_numbers, options.reject_beyond)
+        size = sizes(normalised_residuals(solved.problem, solved.equations, solved.redundancy_numbers))
+        if group := wrong_group(solved.network, solved.problem, solved.state, size, solved.factors):
+            bad = group.rows
+            warnings.append(str(group))
+        else:
+            bad = gross_errors(solved.problem, size, options.reject_beyond)
         if not len(bad):
             break
         rejected += len(bad)
-        network, problem, state, more = _without(solved.network, solved.problem, solved.state, bad)
+        network, problem, state, more = without(solved.network, solved.problem, solved.state, bad)
         warnings += more
     if rejected:
         warnings.append(
@@ -123,13 +128,6 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
     warnings += outlier_warning(solved.network, solved.problem, _sizes_of_errors(solved))
     progress(1.0, "adjusted")
     return solved, warnings
-
-
-def weighted_problem(network: Network, factors: Mapping[str, float]) -> Problem:
-    """Give the problem of a network with every device's variances multiplied by its factor."""
-    problem = problem_of(network)
-    roots = np.array([factors[name] for name in problem.device_names]) ** -0.5
-    return reweighted(problem, roots[problem.device][:, None])
 
 
 def _solve_despite(
@@ -161,33 +159,13 @@ def _solve_despite(
             if options.reject_beyond is None:
                 with suppress(AdjustmentError):
                     return _solve(network, problem, robust, options, progress), 0, []
-            smaller, rest, start, warnings = _without(network, problem, robust, bad)
+            smaller, rest, start, warnings = without(network, problem, robust, bad)
             solved = _solve(smaller, rest, start, options, progress)
         except (SingularNormalsError, AdjustmentError):
             raise failure from None
         if options.reject_beyond is None:
             raise far_off_error(network, problem, bad, misfit) from None
         return solved, len(bad), warnings
-
-
-def _without(
-    network: Network, problem: Problem, state: State, bad: NDArray[np.int64]
-) -> tuple[Network, Problem, State, list[str]]:
-    """Leave out observations, numbered as in the problem, and what cannot be adjusted without them."""
-    keep = np.ones(len(problem.point), bool)
-    keep[problem.order[bad]] = False
-    smaller, warnings = adjustable(selected(network, keep))
-    rest = problem_of(smaller)
-    number = {name: k for k, name in enumerate(network.point_names)}
-    points = [number[name] for name in smaller.point_names]
-    poses = [network.station_pose.index(p) for p in smaller.station_pose]
-    pose_index = np.empty(rest.poses, np.int64)
-    pose_index[rest.station_pose] = problem.station_pose[poses]
-    shift, R = rest.origin_mm - problem.origin_mm, state.pose_rotation[pose_index]
-    carried = replace(
-        state, pose_rotation=R, pose_shift=state.pose_shift[pose_index] + R @ shift, xyz=state.xyz[points] - shift
-    )
-    return smaller, rest, carried, warnings
 
 
 def _sizes_of_errors(solved: Solved) -> Array:

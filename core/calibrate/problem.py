@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -436,6 +437,13 @@ def _matrices(vectors: Array) -> Array:
 def reweighted(problem: Problem, factor: Array) -> Problem:
     """Divide every observation's sigma by a factor, shape (m, 2) or (m, 1)."""
     return replace(problem, root_weight=problem.root_weight * factor)
+
+
+def weighted_problem(network: Network, factors: Mapping[str, float]) -> Problem:
+    """Give the problem of a network with every device's variances multiplied by its factor."""
+    problem = problem_of(network)
+    roots = np.array([factors[name] for name in problem.device_names]) ** -0.5
+    return reweighted(problem, roots[problem.device][:, None])
 
 
 def station_orientations(problem: Problem, state: State) -> tuple[Pose, ...]:

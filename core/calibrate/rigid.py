@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.adjust import Solved, solve_network, weighted_problem
+from core.calibrate.adjust import Solved, solve_network
 from core.calibrate.covariance import pose_cofactors
 from core.calibrate.iterate import NotConvergedError, Solution, iterate
 from core.calibrate.normals import SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
-from core.calibrate.problem import Problem, State, problem_of
+from core.calibrate.problem import Problem, State, problem_of, weighted_problem
 from core.calibrate.weakness import singular_error, unsolved_error
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix

@@ -48,12 +48,12 @@ def _limit(problem: Problem) -> float:
     return critical_value(int(np.count_nonzero(problem.root_weight)))
 
 
-def gross_errors(problem: Problem, equations: Equations, numbers: Array, limit: float) -> Ints:
-    """Observations beyond a limit that are sure to be wrong: gross errors make good observations look bad.
+def gross_errors(problem: Problem, size: Array, limit: float) -> Ints:
+    """Observations whose normalised residuals, shape (m,), are beyond a limit and that are sure to be wrong.
 
-    Those are the worst of each pose and of each point, not much smaller than the worst of all. Ask again without them.
+    Gross errors make good observations look bad. The sure ones are the worst of each pose and of each point, not much
+    smaller than the worst of all. Ask again without them.
     """
-    size = sizes(normalised_residuals(problem, equations, numbers))
     bad = np.flatnonzero(size > max(limit, SURE * float(size.max(initial=0.0))))
     taken: list[int] = []
     poses, points = set(), set()

@@ -14,7 +14,7 @@ left_out.py  points and captures that had no part, with the reasons
 """
 
 from core.checks.concern import Concern, verdict_of
-from core.checks.files import repeated_frames
+from core.checks.files import repeated_frames, repeated_targets
 from core.checks.left_out import left_out_of
 from core.checks.lengths import length_concerns
 from core.checks.network import adjustment_concerns, nominal_concerns, variance_ratios
@@ -35,6 +35,7 @@ __all__ = [
     "plane_concerns",
     "pose_plates",
     "repeated_frames",
+    "repeated_targets",
     "see_plates",
     "variance_ratios",
     "verdict_of",

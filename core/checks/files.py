@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from core.checks.concern import Concern
-from core.model import Capture, Frame
+from core.model import Capture, Frame, TargetSet
 from core.patterns import Pattern, axis_of, brightness, level_of
 
 PIECE = 4096  # bytes at the beginning, in the middle and at the end tell files apart; files alike there are compared
 MOST_NAMED = 4
+LEAST_COMMON = 8  # targets of two captures that are compared
+SAME = 0.2  # of sigma, r.m.s.: two images of a board that stands still differ by 1.4
 
 
 def repeated_frames(captures: Sequence[Capture], lines: tuple[int, int]) -> list[Concern]:
@@ -42,6 +44,26 @@ def repeated_frames(captures: Sequence[Capture], lines: tuple[int, int]) -> list
                 shared.setdefault((a.name, b.name), []).append((f, g))
     frames = {c.name: len([f for f in c.frames if not _dark(f.pattern)]) for c in captures}
     return [_told(a, b, pairs, frames[a]) for (a, b), pairs in shared.items()]
+
+
+def repeated_targets(sets: Sequence[TargetSet]) -> list[Concern]:
+    """Find captures whose measured targets are another's, whatever became of the files."""
+    concerns = []
+    for a, b in combinations(sets, 2):
+        if (a.camera, a.projector) != (b.camera, b.projector):
+            continue
+        keys = [[*zip(t.row.tolist(), t.col.tolist(), strict=True)] for t in (a, b)]
+        index = {key: k for k, key in enumerate(keys[1])}
+        first = np.array([k for k, key in enumerate(keys[0]) if key in index], np.int64)
+        if len(first) < LEAST_COMMON:
+            continue
+        second = np.array([index[keys[0][k]] for k in first])
+        off = a.camera_uv[first] - b.camera_uv[second]
+        variance = np.diagonal(a.camera_cov[first], axis1=1, axis2=2)
+        if np.mean(off**2 / variance) < SAME**2:
+            text = f"{b.capture} has the same targets as {a.capture}, to a fifth of their sigma: one capture measured "
+            concerns.append(Concern("failed", f"{text}twice; take one out"))
+    return concerns
 
 
 def _told(a: str, b: str, pairs: list[tuple[Frame, Frame]], frames: int) -> Concern:

@@ -128,15 +128,23 @@ def _systematic(adjustment: Adjustment) -> list[Concern]:
 def _rejected(rejected: Mapping[str, tuple[int, int]]) -> list[Concern]:
     total = sum(of for _, of in rejected.values())
     lost = sum(n for n, _ in rejected.values())
-    concerns = []
+    concerns, single = [], lost
+    by_capture: dict[str, list[tuple[str, int, int]]] = {}
     for station, (n, of) in rejected.items():
         if n > 0.5 * of and of >= 4:
-            text = (
-                f"{station}: {n} of {of} points do not fit the others and were left out: camera or projector moved in "
-                "this capture, its picks are wrong, or its frames are of another capture; capture it again"
-            )
-            concerns.append(Concern("doubtful", text))
-    if total and lost > LOST * total:
+            capture, _, device = station.rpartition("/")
+            by_capture.setdefault(capture or device, []).append((device, n, of))
+            single -= n
+    for capture, images in by_capture.items():
+        devices = " and ".join(device for device, _, _ in images if device != capture)
+        n, of = max((n, of) for _, n, of in images)
+        where = f"{capture}, image of {devices}" if devices else capture
+        text = (
+            f"{where}: {n} of {of} points do not fit the others and were left out: camera or projector moved in "
+            "this capture, its picks are wrong, or its frames are of another capture; capture it again"
+        )
+        concerns.append(Concern("doubtful", text))
+    if total and (single > LOST * total or lost > MOST_LOST * total):
         text = f"{lost} of {total} observations ({lost / total:.0%}) were left out as gross errors"
         remedy = "; check picks, exposure and what moved" if not concerns else ""
         concerns.append(Concern("failed" if lost > MOST_LOST * total else "doubtful", text + remedy))

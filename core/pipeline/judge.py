@@ -52,18 +52,26 @@ def judge_calibrations(
     options: CalibrateOptions,
 ) -> dict[Method, Calibration]:
     """Judge the calibrations of one run, each by itself and against the other, and list what was left out."""
-    from core.checks import adjustment_concerns, code_concerns, left_out_of, nominal_concerns, repeated_frames
+    from core.checks import (
+        adjustment_concerns,
+        code_concerns,
+        left_out_of,
+        nominal_concerns,
+        repeated_frames,
+        repeated_targets,
+    )
 
     captures = all_captures(project)
     kept = current_targets(project)
     lines = project.projector.width, project.projector.height
     taking_part = {c.name for chosen in used.values() for c in chosen}
+    sets = current_target_sets(project)
+    shown = [c for c in captures if c.name in taking_part or c.role in ("plane", "object")]
     of_captures = [
-        *repeated_frames([c for c in captures if c.name in taking_part or c.role in ("plane", "object")], lines),
+        *(repeated_frames(shown, lines) or repeated_targets([t for t in sets if t.capture in taking_part])),
         *code_concerns(captures, project.projector),
         *noted({name: kept[name].notes for name in sorted(taking_part) if name in kept}),
     ]
-    sets = current_target_sets(project)
     measured = {m: _of_captures(sets, chosen) for m, chosen in used.items()}
     result: dict[Method, Calibration] = {}
     photogrammetric = calibrations.get("photogrammetric")

@@ -71,6 +71,73 @@ def test_what_keeps_a_network_from_being_solved_is_left_out_where_that_is_wished
     assert any(w.startswith(f"{len(rows)} of") and "rejected" in w for w in adjustment.warnings)
 
 
+REJECTING = AdjustOptions(variance_components=True, reject_beyond=6.0)
+
+
+def left_out(network, adjustment):
+    """Observations by station that the adjusted network no longer has, where it lacks any."""
+    kept = adjustment.network
+    left = dict(zip(kept.station_names, np.bincount(kept.observation_station), strict=True))
+    of = dict(zip(network.station_names, np.bincount(network.observation_station), strict=True))
+    return {name: n - left.get(name, 0) for name, n in of.items() if n > left.get(name, 0)}
+
+
+@pytest.mark.parametrize(
+    ("shift", "device"), [((2.0, 0.0), "camera"), ((0.0, 8.0), "projector"), ((0.2, 0.2), "camera")]
+)
+def test_a_capture_that_moved_is_left_out_as_a_whole_and_nothing_else_is(simulate, shift, device):
+    """Nothing says which of two devices moved: both images of the capture go, in one adjustment more."""
+    network = simulate(poses=12, seed=5).network
+    station = network.station_names.index(f"5/{device}")
+    rows = np.flatnonzero(network.observation_station == station)
+    adjustment = adjust(spoilt(network, rows, [shift]), options=REJECTING)
+    counts = dict(zip(network.station_names, np.bincount(network.observation_station), strict=True))
+    assert left_out(network, adjustment) == {name: counts[name] for name in ("5/camera", "5/projector")}
+    assert any(w.startswith("5/camera and 5/projector left out as a whole") for w in adjustment.warnings)
+    expected = adjust(without_stations(network, ("5/camera", "5/projector")), options=REJECTING)
+    assert np.allclose(adjustment.points_mm, expected.points_mm, atol=1e-5)
+
+
+def without_stations(network, names):
+    from core.calibrate.selection import selected
+
+    keep = ~np.isin(network.observation_station, [network.station_names.index(name) for name in names])
+    return selected(network, keep)
+
+
+def test_of_a_capture_only_the_image_that_is_wrong_is_left_out(simulate):
+    """Points confused in the camera's image: no pose explains it, and the projector's fits the others."""
+    network = simulate(poses=12, seed=6).network
+    rows = np.flatnonzero(network.observation_station == network.station_names.index("4/camera"))
+    uv = network.observation_uv.copy()
+    rng = np.random.default_rng(1)
+    uv[rows] += rng.uniform(-5, 5, (len(rows), 2))
+    adjustment = adjust(replace(network, observation_uv=uv), options=REJECTING)
+    assert left_out(network, adjustment) == {"4/camera": len(rows)}
+
+
+@pytest.mark.parametrize("size_px", [0.5, 5.0, 200.0])
+def test_several_single_errors_in_one_image_do_not_take_the_image_with_them(simulate, size_px):
+    network = simulate(poses=9, seed=3).network
+    rng = np.random.default_rng(8)
+    rows = rng.choice(np.flatnonzero(network.observation_station == 6), 12, replace=False)
+    angle = rng.uniform(0, 2 * np.pi, len(rows))
+    bad = spoilt(network, rows, size_px * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    adjustment = adjust(bad, options=REJECTING)
+    assert left_out(network, adjustment)[network.station_names[6]] == len(rows)
+    assert not any("as a whole" in w for w in adjustment.warnings)
+
+
+def test_a_rig_that_moved_half_way_is_not_taken_apart(simulate):
+    """Half of the captures against the other half: no gross errors, and the test of rigidity says what it is."""
+    network = simulate(poses=12, seed=2).network
+    late = np.array([s.endswith("projector") and int(s.split("/")[0]) > 6 for s in network.station_names])
+    rows = np.flatnonzero(late[network.observation_station])
+    adjustment = adjust(spoilt(network, rows, [(0.0, 3.0)]), options=REJECTING)
+    assert not any("as a whole" in w for w in adjustment.warnings)
+    assert len(adjustment.residuals) > 0.9 * len(network.observation_uv)
+
+
 def test_resection_finds_the_pose_on_which_most_points_agree():
     rng = np.random.default_rng(5)
     x, y = np.meshgrid(np.linspace(-100, 100, 8), np.linspace(-70, 70, 6))

@@ -19,6 +19,7 @@ from core.checks import (
     adjustment_concerns,
     length_concerns,
     nominal_concerns,
+    repeated_targets,
     see_plates,
     verdict_of,
 )
@@ -51,6 +52,7 @@ def judge(p: Project) -> Verdict:
             rejected[name] = len(t.row) - int(count.get(name, 0)), len(t.row)
     plates = see_plates(calibration, p.plates, p.z_mm, p.plate)
     concerns = [
+        *repeated_targets(p.fields),
         *adjustment_concerns(adjustment, rejected),
         *length_concerns(adjustment, p.board, p.scale, plates, False),
         *nominal_concerns({"camera": calibration.camera, "projector": calibration.projector}),
@@ -77,6 +79,14 @@ def one(p: Project, k: int, change: Callable[[TargetSet], TargetSet]) -> Project
 
 def shifted(t: TargetSet, px: float, lines: float = 0.0) -> TargetSet:
     return replace(t, camera_uv=t.camera_uv + np.array([px, 0.0]), projector_uv=t.projector_uv + np.array([lines, 0.0]))
+
+
+def with_lines_of(other: TargetSet, t: TargetSet) -> TargetSet:
+    """Camera's coordinates of one capture, the projector's of another, for the targets that both have."""
+    at = {key: k for k, key in enumerate(zip(other.row.tolist(), other.col.tolist(), strict=True))}
+    keys = list(zip(t.row.tolist(), t.col.tolist(), strict=True))
+    lines = [other.projector_uv[at[key]] if key in at else [np.nan, np.nan] for key in keys]
+    return replace(t, projector_uv=np.array(lines))
 
 
 def half_turned(t: TargetSet, rows: int, cols: int) -> TargetSet:
@@ -156,9 +166,10 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
     ),
     "a capture moved by 2 px": (lambda p: one(p, 4, lambda t: shifted(t, 2.0)), "testfield-05"),
     "a capture's lines off by 8": (lambda p: one(p, 7, lambda t: shifted(t, 0.0, 8.0)), "testfield-08"),
-    "targets of another capture": (
-        lambda p: one(p, 2, lambda t: replace(p.fields[9], capture=t.capture)),
-        "testfield-",
+    "lines of another capture": (lambda p: one(p, 2, lambda t: with_lines_of(p.fields[8], t)), "testfield-03"),
+    "a capture measured twice": (
+        lambda p: one(p, 2, lambda t: replace(p.fields[8], capture=t.capture)),
+        "testfield-0[39].*same targets",
     ),
     "sigmas a tenth": (
         lambda p: replace(
@@ -201,17 +212,7 @@ def projects() -> dict[str, Project]:
 
 MANY = int(os.environ.get("STRIPE_MANY", "2"))
 # every kind on one of two rigs; with many, on both
-SLOW = (
-    "a capture moved by 2 px",
-    "a capture's lines off by 8",
-    "targets of another capture",
-)  # a station is taken apart
-CASES = [
-    (kind, name)
-    for i, kind in enumerate(KINDS)
-    for k, name in enumerate(RIGS)
-    if MANY > 2 or (i % 2 == k and kind not in SLOW)
-]
+CASES = [(kind, name) for i, kind in enumerate(KINDS) for k, name in enumerate(RIGS) if MANY > 2 or i % 2 == k]
 
 
 @pytest.mark.parametrize(("kind", "name"), CASES)
