@@ -1,6 +1,8 @@
 """From four picked targets to all visible ones: who is who, where exactly, and where the projector sees them.
 
 targets.py        `measure_targets`, the whole stage from top to bottom
+kinds/            what a kind of target is, one file each: dots
+estimators.py     how a dot's centre follows from its pixels, by name
 options.py        what an operator may choose
 board.py          the nominal testfield, checked, with everyone's neighbours
 picks.py          the operator's picks, checked and moved onto their dots
@@ -25,26 +27,35 @@ kernels.py        the two loops over pixels
 """
 
 from core.measure.eccentricity import eccentricity, recentred
+from core.measure.estimators import ESTIMATORS
+from core.measure.kinds import TARGET_KINDS, Marks, Sight, TargetKind, kind_of
 from core.measure.missing import EXCLUDED
 from core.measure.options import MeasureOptions
 from core.measure.picks import side_seen
 from core.measure.propose import find_dots, propose_picks
-from core.measure.recognise import recognise, unmeasured
+from core.measure.recognise import labellings, recognise, unmeasured
 from core.measure.single import dot_at, measured_view, predicted_view
 from core.measure.targets import measure_targets
 from core.measure.turns import SAME, Labelling, Turned, solve_turns, symmetries
 from core.measure.view import View
 
 __all__ = [
+    "ESTIMATORS",
     "EXCLUDED",
     "SAME",
+    "TARGET_KINDS",
     "Labelling",
+    "Marks",
     "MeasureOptions",
+    "Sight",
+    "TargetKind",
     "Turned",
     "View",
     "dot_at",
     "eccentricity",
     "find_dots",
+    "kind_of",
+    "labellings",
     "measure_targets",
     "measured_view",
     "predicted_view",

@@ -1,4 +1,4 @@
-"""The targets of one image without picks: the dots in order, laid onto the board in every way that they allow."""
+"""The targets of one image without picks: guesses of its picks, measured until one holds."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from core.errors import InputError, NotRecognisedError
+from core.measure.kinds import kind_of
 from core.measure.options import MeasureOptions
-from core.measure.propose import find_dots, propose_picks
 from core.measure.targets import measure_targets
-from core.measure.turns import SAME, Labelling, labelling_between
+from core.measure.turns import SAME, Labelling, labelling_between, symmetries
 from core.model import DeviceSpec, MissingTarget, PhaseMap, TargetSet, Testfield
 
 MOST_TRIES = 4  # guesses that are measured until one holds
@@ -40,12 +40,11 @@ def recognise(
     NotRecognisedError
         If the board cannot be recognised.
     """
-    dark = testfield.polarity == "black-on-white"
-    order = find_dots(phase.image, dark=dark)
-    side = "back" if options.side == "back" else "front"
-    guesses = propose_picks(phase.image, order, testfield, camera, side=side)
+    kind = kind_of(testfield, capture or "testfield.csv")
+    seen_uv, guesses = kind.guess(phase.image, testfield, camera, (), "back" if options.side == "back" else "front")
     if not guesses:
-        seen = f"{len(order.cell)} dots in order, which do not fit the board" if len(order.cell) else "no dots in order"
+        seen = f"{len(seen_uv)} {kind.plural} in order, which do not fit the board"
+        seen = seen if len(seen_uv) else f"no {kind.plural} in order"
         raise NotRecognisedError(capture or "image", f"the board is not recognised: {seen}", "pick 4 targets")
     failure: InputError | None = None
     for guess in guesses[:MOST_TRIES]:
@@ -68,6 +67,11 @@ def recognise(
         return found, (SAME, *dict.fromkeys(ways))
     assert failure is not None
     raise NotRecognisedError(capture or "image", f"the board is not recognised: {failure.seen}", "pick 4 targets")
+
+
+def labellings(testfield: Testfield, where: str = "testfield.csv") -> tuple[Labelling, ...]:
+    """Give the labellings by which a picked board may look the same, its own first."""
+    return (SAME,) if kind_of(testfield, where).coded else (SAME, *symmetries(testfield))
 
 
 def unmeasured(testfield: Testfield, capture: str, why: str) -> TargetSet:

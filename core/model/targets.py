@@ -21,6 +21,8 @@ class Testfield:
     xyz_mm: Array  # (n, 3) in the board's frame
     diameter_mm: Array  # (n,)
     polarity: Literal["white-on-black", "black-on-white"] = "white-on-black"
+    kind: str = "dots"  # one of core.measure.TARGET_KINDS
+    estimator: str = "centroid"  # of a dot's centre, one of core.measure.ESTIMATORS
 
     def index(self) -> dict[tuple[int, int], int]:
         """Position in the arrays of every (row, col)."""

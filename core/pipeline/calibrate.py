@@ -169,9 +169,12 @@ def _calibrate_photogrammetric(
 
 
 def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: Adjustment) -> list[TargetSet]:
-    """Take the eccentricity of every target from the adjusted camera and poses."""
-    from core.measure import recentred
+    """Take what a target's shape adds to its centre from the adjusted camera and poses."""
+    from core.measure import kind_of
 
+    recentred = kind_of(testfield).recentred
+    if recentred is None:
+        return list(targets)
     poses = dict(zip(adjustment.network.station_names, adjustment.station_from_object, strict=True))
     result = []
     for t in targets:

@@ -26,7 +26,7 @@ def lit_frame_of(capture: Capture) -> int:
 def look_for_picks(
     image: NDArray, capture: Capture, camera: DeviceSpec, known: tuple[Seed, ...] = (), side: Side = "front"
 ) -> tuple[Array, Guesses]:
-    """Find the dots of a board in its evenly lit image, and guess the picks.
+    """Find the targets of a board in its evenly lit image, and guess the picks.
 
     Parameters
     ----------
@@ -40,16 +40,15 @@ def look_for_picks(
 
     Returns
     -------
-    dots : array, shape (n, 2)
+    uv : array, shape (n, 2)
         px.
     guesses : tuple of tuple of Seed
-        The likeliest first; empty where the dots have no order that the testfield has.
+        The likeliest first; empty where the targets seen do not fit the testfield.
     """
-    from core.measure import find_dots, propose_picks
+    from core.measure import kind_of
 
     assert capture.testfield is not None
-    order = find_dots(image, dark=capture.testfield.polarity == "black-on-white")
-    return order.uv, propose_picks(image, order, capture.testfield, camera, known, side)
+    return kind_of(capture.testfield, str(capture.path)).guess(image, capture.testfield, camera, known, side)
 
 
 def guess_picks(

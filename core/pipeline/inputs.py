@@ -193,6 +193,7 @@ def _picked(capture: Capture) -> Record:
     return {"picks": picks, "board": None if capture.testfield is None else board_hash(capture.testfield)}
 
 
+_SAID_LATER = {"kind": "dots", "estimator": "centroid"}  # fields that older boards lack, and what they meant
 _boards: dict[int, tuple[Testfield, str]] = {}  # by identity: many captures share a board
 
 
@@ -200,7 +201,8 @@ def board_hash(board: Testfield) -> str:
     """Hash the targets of a board: a comment in its table changes none."""
     known = _boards.get(id(board))
     if known is None or known[0] is not board:
-        values = [getattr(board, field.name) for field in fields(board)]
+        named = {field.name: getattr(board, field.name) for field in fields(board)}
+        values = [v for name, v in named.items() if name not in _SAID_LATER or v != _SAID_LATER[name]]
         sign = hash_value([v.tolist() if isinstance(v, np.ndarray) else _plain(v) for v in values])
         known = _boards[id(board)] = board, sign
         while len(_boards) > 64:

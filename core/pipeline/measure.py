@@ -78,13 +78,13 @@ def _measured_by(
     project: Project, captures: list[Capture], sides: Mapping[Role, Side], signs: Mapping[Path, str], progress: Progress
 ) -> list[TargetSet]:
     """Targets of captures by one camera and one projector."""
-    from core.measure import SAME, symmetries
+    from core.measure import labellings
 
     pair = captures[0].camera, captures[0].projector
     found = {t.made_from: t for t in kept_targets(project) if len(t.row) and (t.camera, t.projector) == pair}
     due = [c for c in captures if signs[c.path] not in found]
     ways: dict[Path, Sequence[Labelling]] = {
-        c.path: (SAME, *symmetries(c.testfield)) for c in captures if c.testfield is not None
+        c.path: labellings(c.testfield, str(c.path)) for c in captures if c.testfield is not None
     }
     failures = []
     for capture, phase in phase_maps(project, due, progress):
@@ -113,11 +113,11 @@ def measured_or_why(
 
 def _measured(capture: Capture, phase: PhaseMap, project: Project, side: Side) -> tuple[TargetSet, Sequence[Labelling]]:
     """Targets of one decoded capture, from its picks or without, and the labellings that they allow."""
-    from core.measure import SAME, MeasureOptions, recognise, symmetries
+    from core.measure import SAME, MeasureOptions, labellings, recognise
 
     if capture.seeds or capture.testfield is None:
         targets = measure_capture(capture, phase, project, side)
-        return targets, (SAME, *symmetries(capture.testfield)) if capture.testfield is not None else (SAME,)
+        return targets, labellings(capture.testfield) if capture.testfield is not None else (SAME,)
     targets, ways = recognise(
         phase,
         capture.testfield,

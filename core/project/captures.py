@@ -224,10 +224,11 @@ def _testfield(path: str, version: tuple[int, ...]) -> Testfield:
 
 
 def _read_testfield(path: Path) -> Testfield:
-    polarity, rows = "white-on-black", read_table(path, _COLUMNS)
-    for line in path.read_text(encoding="utf-8-sig").splitlines():
-        if line.startswith("#") and line[1:].partition(":")[0].strip() == "polarity":
-            polarity = line.partition(":")[2].strip()
+    rows = read_table(path, _COLUMNS)
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    comments = (line[1:].partition(":") for line in lines if line.startswith("#"))
+    told = {key.strip(): value.strip() for key, _, value in comments}
+    polarity = told.get("polarity", "white-on-black")
     if polarity not in ("white-on-black", "black-on-white"):
         raise InputError(path, f"polarity is {polarity!r}", 'use "white-on-black" or "black-on-white"')
     seen: dict[tuple[int, int], str] = {}
@@ -244,6 +245,8 @@ def _read_testfield(path: Path) -> Testfield:
         np.array([[row.real(f"{axis}_mm") for axis in "xyz"] for row in rows]),
         np.array([row.real("diameter_mm", above=0.0) for row in rows]),
         polarity,  # type: ignore[arg-type]
+        told.get("kind", "dots"),
+        told.get("estimator", "centroid"),
     )
 
 
@@ -350,6 +353,8 @@ def write_project(
 def write_testfield(path: Path, testfield: Testfield, comment: str = "") -> None:
     """Write the nominal targets of a board."""
     lines = [f"# {line}" for line in comment.splitlines()]
+    usual = {"kind": "dots", "estimator": "centroid"}
+    lines += [f"# {key}: {said}" for key, value in usual.items() if (said := getattr(testfield, key)) != value]
     lines += [f"# polarity: {testfield.polarity}", ",".join(_COLUMNS)]
     for row, col, xyz, diameter in zip(
         testfield.row, testfield.col, testfield.xyz_mm, testfield.diameter_mm, strict=True

@@ -44,8 +44,10 @@ class _Step:
 def _unpicked(capture: Capture) -> tuple[object, ...]:
     """Tell one content of a capture from another, whatever was picked in it."""
     field = capture.testfield
-    board = (field.polarity, field.xyz_mm.tobytes(), field.diameter_mm.tobytes()) if field is not None else ()
-    return (capture.path, capture.frames, *board)
+    if field is None:
+        return (capture.path, capture.frames)
+    arrays = field.xyz_mm.tobytes(), field.diameter_mm.tobytes()
+    return (capture.path, capture.frames, field.kind, field.estimator, field.polarity, *arrays)
 
 
 def corner_targets(field: Testfield) -> tuple[Target, ...]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure import dot_at
+from core.measure import kind_of
 from core.model import Array, Capture, DeviceSpec, PhaseMap, Project, Seed, Testfield
 from core.pipeline import decode_capture
 from core.pipeline.guessing import look_for_picks
@@ -50,9 +50,8 @@ def look_at(
 
 
 def snapped(image: NDArray, field: Testfield, at: tuple[float, float], reach_px: float) -> tuple[float, float] | None:
-    """Give the centre of the dot at or next to a position; dots further than a 20th of the image are never meant."""
-    dark = field.polarity == "black-on-white"
-    return dot_at(image, *at, dark=dark, reach_px=min(reach_px, image.shape[1] / 20))
+    """Give the centre of the target at or next to a position; one further than a 20th of the image is never meant."""
+    return kind_of(field).nearest(image, field, at, min(reach_px, image.shape[1] / 20))
 
 
 def decode_board(capture: Capture, progress: Progress = SILENT) -> PhaseMap:

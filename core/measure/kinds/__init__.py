@@ -1,0 +1,29 @@
+"""Kinds of target by the name that `# kind:` gives in a testfield's file; others may be added to `TARGET_KINDS`."""
+
+from __future__ import annotations
+
+from core.errors import InputError
+from core.measure.estimators import ESTIMATORS
+from core.measure.kinds.dots import DOTS
+from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
+from core.model import Testfield
+
+TARGET_KINDS: dict[str, TargetKind] = {"dots": DOTS}
+
+
+def kind_of(testfield: Testfield, where: str = "testfield.csv") -> TargetKind:
+    """Look up the kind of a board's targets.
+
+    Raises
+    ------
+    InputError
+        If it, or the estimator of centres that the board names, is unknown.
+    """
+    for key, said, known in (("kind", testfield.kind, TARGET_KINDS), ("estimator", testfield.estimator, ESTIMATORS)):
+        if said not in known:
+            seen = f"the testfield's {key} of targets is {said!r}"
+            raise InputError(where, seen, f'write "# {key}:" with one of {", ".join(known)}')
+    return TARGET_KINDS[testfield.kind]
+
+
+__all__ = ["TARGET_KINDS", "Guesses", "Marks", "Sight", "TargetKind", "kind_of"]

@@ -1,0 +1,133 @@
+"""Round dots of one size and print: found as spots, told apart by the lattice they form, measured by their weight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.measure.blobs import find_blobs
+from core.measure.board import Board
+from core.measure.centroid import centroids, light_gradient, noise_model
+from core.measure.eccentricity import eccentricity, recentred
+from core.measure.estimators import ESTIMATORS
+from core.measure.faults import shape_faults
+from core.measure.grow import Lattice
+from core.measure.identify import identify
+from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
+from core.measure.missing import EXCLUDED, reasons
+from core.measure.picks import check_picks, snap
+from core.measure.profile import Profiles, profiles
+from core.measure.propose import find_dots, propose_picks
+from core.measure.rays import Rays
+from core.measure.single import dot_at
+from core.measure.view import fit_both_tilts
+from core.model import DeviceSpec, Seed, Testfield
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
+
+ECCENTRICITY_SHARE = (
+    0.05  # uncertainty of the correction: nominal focal length, one lens parameter, board taken as flat
+)
+
+
+def _dark(testfield: Testfield) -> bool:
+    return testfield.polarity == "black-on-white"
+
+
+def _measure(sight: Sight, seeds: Sequence[Seed]) -> Marks:
+    """Find, identify and measure all dots from at least 4 picks that do not lie on one line."""
+    board, camera, options, progress = sight.board, sight.camera, sight.options, sight.progress
+    image = -sight.image if _dark(sight.testfield) else sight.image
+    picks = check_picks(board, seeds, (camera.width, camera.height), sight.where, options.side)
+    progress(0.0, "looking for dots")
+    blobs = find_blobs(image, _diameters(board, picks.affine), picks.uv)
+    spots, notes = snap(board, picks, blobs)
+    progress(0.3, "identifying targets")
+    lattice = identify(board, camera, blobs, picks, spots)
+    progress(0.6, "measuring centroids")
+    dots, fault = _measure_dots(sight, image, lattice)
+    fault = [EXCLUDED if t in sight.unwanted else f for t, f in zip(dots.target.tolist(), fault, strict=True)]
+    return replace(_centred(sight, lattice, dots, fault), notes=notes)
+
+
+def _diameters(board: Board, affine: Array) -> tuple[float, float]:
+    """Least and greatest diameter in px that dots may have, with room for perspective across the field."""
+    long, short = np.linalg.svd(affine, compute_uv=False)
+    return 1.2 * short * float(board.radius_mm.min()), 3.2 * long * float(board.radius_mm.max())
+
+
+def _measure_dots(sight: Sight, image: Floats, lattice: Lattice) -> tuple[Marks, list[str]]:
+    """Profiles and centroids of all identified dots, eccentric yet; and why each must not be used, empty if it may."""
+    board, dark, threshold = lattice.board, _dark(sight.testfield), sight.options.threshold
+    target = np.flatnonzero(lattice.known)
+    if not len(target):
+        pairs, matrices, none = np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0)
+        return Marks(target, pairs, matrices, matrices, none, none, pairs, {}), []
+    centre = lattice.blobs.uv[lattice.blob[target]]
+    nominal = lattice.view.jacobian(board.xyz_mm[target]) * board.radius_mm[target, None, None]
+    spacing = board.spacing_mm[target] / board.radius_mm[target]
+    start = Rays(centre, nominal)
+    first = profiles(image, start, spacing)
+    # by now the size is known: again with rays that end where the contour is, from the centre it has
+    size = np.clip(np.nan_to_num(first.contour[:, 0], nan=1.0), 0.5, 2.0)
+    moved, _ = centroids(image, start, first, np.zeros_like(centre), (0.0, 0.0), threshold)
+    moved = np.where(np.isfinite(moved), moved, centre)
+    rays = Rays(moved, nominal * size[:, None, None])
+    profile = profiles(image, rays, spacing / size)
+    light = light_gradient(moved, profile.contrast, profile.plane if dark else None)
+    noise = noise_model(image, rays, profile)
+    uv, cov = ESTIMATORS[sight.testfield.estimator](image, rays, profile, light, noise, threshold)
+    profile = _recentred(profile, rays.ellipse, uv - moved)
+    modulation = np.ascontiguousarray(sight.phase.modulation, np.float32)
+    fault = shape_faults(image, modulation, Rays(uv, rays.ellipse), profile, size, noise, dark)
+    scale = profile.contour[:, 0]
+    ellipse = rays.ellipse * scale[:, None, None]
+    return Marks(target, uv, cov, ellipse, profile.window / scale, profile.blur, np.zeros_like(uv), {}), fault
+
+
+def _recentred(profile: Profiles, ellipse: Array, shift: Array) -> Profiles:
+    """Refer the contour's centre to centroids that have moved by `shift` (m, 2) px."""
+    offset = np.einsum("mij,mj->mi", ellipse, profile.contour[:, 1:3]) - shift
+    return replace(profile, off_centre=np.linalg.norm(offset, axis=1))
+
+
+def _centred(sight: Sight, lattice: Lattice, dots: Marks, fault: list[str]) -> Marks:
+    """Leave out faulty dots, correct the others' eccentricity, and tell why the rest is missing."""
+    board, good = lattice.board, np.array([not f for f in fault], dtype=bool)
+    target, uv = dots.target[good], dots.uv[good]
+    view, shift = lattice.view, np.zeros_like(uv)
+    for _ in range(2):  # the second view is fitted to the circles' centres, no longer to the ellipses'
+        if len(target) >= 6:
+            view = fit_both_tilts(view, board.xyz_mm[target], uv - shift, radial=len(target) >= 12)
+        shift = eccentricity(view, board.xyz_mm[target], board.radius_mm[target])
+    faults = {int(t): f for t, f in zip(dots.target, fault, strict=True) if f}
+    return Marks(
+        target,
+        uv - shift,
+        dots.cov[good] + ECCENTRICITY_SHARE**2 * shift[:, :, None] * shift[:, None, :],
+        dots.ellipse[good],
+        dots.window[good],
+        dots.blur[good],
+        shift,
+        reasons(sight.phase, replace(lattice, view=view), faults),
+    )
+
+
+def _guess(
+    image: NDArray, testfield: Testfield, camera: DeviceSpec, known: Sequence[Seed], side: str
+) -> tuple[Array, Guesses]:
+    order = find_dots(image, dark=_dark(testfield))
+    return order.uv, propose_picks(image, order, testfield, camera, known, side)
+
+
+def _nearest(
+    image: NDArray, testfield: Testfield, uv: tuple[float, float], reach_px: float
+) -> tuple[float, float] | None:
+    return dot_at(image, *uv, dark=_dark(testfield), reach_px=reach_px)
+
+
+DOTS = TargetKind("dots", _guess, _measure, _nearest, recentred=recentred)
