@@ -19,7 +19,7 @@ from core.decode.noise import contrasts
 from core.decode.notes import notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
-from core.decode.response import Response, estimate_response, sine_waves, straighten
+from core.decode.response import Response, Wave, estimate_response, sine_waves, straighten
 from core.decode.rim import drop_rim
 from core.decode.sample import (
     check_duplicates,
@@ -160,10 +160,10 @@ def _measure(
     check_duplicates(sequence.frames, sample, where)
     measured = [n for table in sequence.tables for n in (*table.phase_frames, *table.line_frames)]
     saturation = full_scale(images, tuple(measured), sample, options)
-    response = estimate_response(sequence.frames, patterns, sample, saturation, images)
-    bent = sine_waves(sequence.frames) if response else ()
+    response = estimate_response(sequence.waves, patterns, sample, saturation, images)
+    bent = sequence.waves if response else ()
     noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images, bent)
-    tables = straighten(sequence.tables, response, sequence.frames) if response else sequence.tables
+    tables = straighten(sequence.tables, response, sequence.waves) if response else sequence.tables
     x, y = (
         measure_bend(measure_fading(table, sample, noise), sharp, sample, noise)
         for table, sharp in zip(tables, sequence.spectra, strict=True)
@@ -177,6 +177,7 @@ class _Prepared:
 
     frames: SortedFrames
     tables: tuple[AxisTable, AxisTable]
+    waves: tuple[Wave, ...]
     spectra: tuple[tuple[Spectrum, ...], tuple[Spectrum, ...]]
     image_rows: Rows
     contrasts: NDArray[np.float64]
@@ -198,6 +199,7 @@ def _prepare(patterns: tuple[Pattern, ...], lines: tuple[int, int] | None) -> _P
     return _Prepared(
         frames,
         (x, y),
+        sine_waves(frames),
         (spectra(patterns, x), spectra(patterns, y)),
         make_rows([image_row(frames)]),
         contrasts(frames, len(patterns)),

@@ -10,9 +10,9 @@ runs slowly. How uneven the scene's own phases are is seen in harmonics that the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 Terms = NDArray[np.complex128]
 
 PIXELS = 900  # of the sample that tell the curve
+FIRST = 250  # that tell if it is worth looking for
 FEWEST = 100  # pixels, fewer tell nothing
 ROUNDS = 12
 STEP = 1e-3  # of a parameter, for differences
@@ -41,6 +42,7 @@ STEEP = 1.5  # squared slope of the straightening from which all periods are fit
 DIM = 0.1  # part of the brightest pixels' modulation that one must have
 LEAST = 1.0  # grey value, modulation
 SIGNIFICANT = 30.0  # twice the logarithm of the likelihood by which a curve must explain more than a straight line
+WORTH = 12.0  # the same at the first look; without a curve it is 5 in the mean
 SETTLED = 0.05  # standard deviations squared of the last change
 CROWDED = 2  # rounds
 CROWD = 40000  # pixels whose phases' density is looked at
@@ -48,7 +50,7 @@ MULTIPLES = 2  # of the number of steps, harmonics of the phases' density that a
 NEIGHBOURS = 4  # harmonics on either side that tell how uneven the scene is
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Wave:
     """Sine fringes of one period: which axis' how manieth, its frames, and their sum to cosine plus i sine part."""
 
@@ -90,6 +92,11 @@ class Response:
         """Variance of the blur of axis x and y in lines²."""
         return np.exp(self.values[PARAMETERS : PARAMETERS + 2])
 
+    @property
+    def straight(self) -> Response:
+        """The same blur and fields of a projector without a curve."""
+        return Response(np.concatenate([np.zeros(PARAMETERS), self.values[PARAMETERS:]]), self.normal)
+
     def moved(self, k: int) -> Response:
         """The same with one value changed by `STEP`."""
         values = self.values.copy()
@@ -115,8 +122,9 @@ class _Model:
     """The sample's pixels with their unknowns, and what the frames would show."""
 
     def __init__(
-        self, frames: SortedFrames, all_waves: Sequence[Wave], patterns: Sequence[Pattern], sample: Singles, top: float
+        self, all_waves: tuple[Wave, ...], patterns: Sequence[Pattern], sample: Singles, top: float, pixels: int
     ) -> None:
+        sample = sample[:, :: max(1, sample.shape[1] // (4 * pixels))]
         self.waves = all_waves
         fringes = [n for wave in all_waves for n in wave.frames.frames]
         fields = [n for n, p in enumerate(patterns) if use_of(p) == "level"]
@@ -144,11 +152,10 @@ class _Model:
         amplitude = np.abs(quadratures)
         dimmest = amplitude.min(axis=0)
         good = (seen.max(axis=0) < top) & (dimmest > DIM * np.percentile(dimmest, 90)) & (dimmest > LEAST)
-        self.turns = np.angle(quadratures[:, good]) / (2 * np.pi)
         if codes and (good & clear).sum() >= FEWEST:
             good &= clear
         where = np.flatnonzero(good)
-        where = where[:: max(1, len(where) // PIXELS)]
+        where = where[:: max(1, len(where) // pixels)]
         self.size = len(where)
         self.seen = seen[:, where].T  # (n, F)
         self.phase = np.angle(quadratures[:, where]).T  # (n, J)
@@ -157,20 +164,44 @@ class _Model:
 
     def terms(self, r: Response) -> Terms:
         """Terms of every frame over the phase, shape (F, HARMONICS + 1); of whole fields only the first."""
-        found = np.zeros((len(self.member), HARMONICS + 1), complex)
-        at = 0
-        for wave in self.waves:
-            each = waves(wave.frames.patterns, wave.frames.period, r.table)
-            each = each * dimming(wave.frames.period, r.blur[wave.axis])
-            found[at : at + len(each)] = each[:, : HARMONICS + 1]
-            at += len(each)
-        light, (dark, more) = light_at(r.table, self.levels), r.values[-2:]
-        found[at:, 0] = dark * (1 - light) + (1 + more) * light
-        return found
+        return _terms(self.waves, self.levels, r)
+
+    def slopes(self, r: Response) -> tuple[Terms, Terms]:
+        """The terms, and their changes by every value of the response, shape (values, F, HARMONICS + 1)."""
+        if r.values.tobytes() == _START:  # every look begins with the same
+            return _first_slopes(self.waves, tuple(self.levels))
+        return _slopes(self.waves, self.levels, r)
+
+
+_START = np.concatenate([np.zeros(PARAMETERS), [BLUR[0], BLUR[0], 0.0, 0.0]]).tobytes()
+
+
+def _terms(all_waves: tuple[Wave, ...], levels: Array, r: Response) -> Terms:
+    found = np.zeros((sum(len(w.frames.frames) for w in all_waves) + len(levels), HARMONICS + 1), complex)
+    at = 0
+    for wave in all_waves:
+        each = waves(wave.frames.patterns, wave.frames.period, r.table)
+        each = each * dimming(wave.frames.period, r.blur[wave.axis])
+        found[at : at + len(each)] = each[:, : HARMONICS + 1]
+        at += len(each)
+    light, (dark, more) = light_at(r.table, levels), r.values[-2:]
+    found[at:, 0] = dark * (1 - light) + (1 + more) * light
+    return found
+
+
+def _slopes(all_waves: tuple[Wave, ...], levels: Array, r: Response) -> tuple[Terms, Terms]:
+    terms = _terms(all_waves, levels, r)
+    moved = [_terms(all_waves, levels, r.moved(k)) for k in range(len(r.values))]
+    return terms, (np.array(moved) - terms) / STEP
+
+
+@lru_cache(maxsize=16)
+def _first_slopes(all_waves: tuple[Wave, ...], levels: tuple[float, ...]) -> tuple[Terms, Terms]:
+    return _slopes(all_waves, np.array(levels), Response(np.frombuffer(_START), np.zeros((0, 0))))
 
 
 def estimate_response(
-    frames: SortedFrames,
+    all_waves: tuple[Wave, ...],
     patterns: Sequence[Pattern],
     sample: Singles,
     saturation: float,
@@ -180,7 +211,8 @@ def estimate_response(
 
     Parameters
     ----------
-    frames : SortedFrames
+    all_waves : tuple of Wave
+        Of `sine_waves`.
     patterns : sequence of Pattern
         Of all frames.
     sample : float32 (frames, n)
@@ -195,13 +227,26 @@ def estimate_response(
     response : Response, optional
         None where there are no sine fringes or too few pixels see them.
     """
-    all_waves = sine_waves(frames)
     if not all_waves:
         return None
-    model = _Model(frames, all_waves, patterns, sample, saturation)
-    if model.size < FEWEST:
+    turns = _turns(all_waves, sample, saturation)
+    first = _Model(all_waves, patterns, sample, saturation, FIRST)
+    if first.size < FEWEST:
         return None
-    start = np.concatenate([np.zeros(PARAMETERS), [BLUR[0], BLUR[0], 0.0, 0.0]])
+    crowds = [_Crowd(wave, each) for wave, each in zip(all_waves, turns, strict=True)]
+    looked = _search(first, crowds)
+    if looked is None or _significance(*_explained(crowds, looked)) < WORTH:
+        return None
+    found = _search(_Model(all_waves, patterns, sample, saturation, PIXELS))
+    assert found is not None
+    phases = _phases(images, all_waves, saturation)
+    values, normal = _explained([_Crowd(wave, each) for wave, each in zip(all_waves, phases, strict=True)], found)
+    return Response(values, normal) if _significance(values, normal) > SIGNIFICANT else None
+
+
+def _search(model: _Model, crowds: Sequence[_Crowd] = ()) -> Response | None:
+    """Least squares over all frames; with `crowds`, None where neither they nor the first round show a curve."""
+    start = np.frombuffer(_START)
     prior = np.diag(np.concatenate([SPREAD, [BLUR[1], BLUR[1], FIELD, FIELD]]) ** -2.0)
     found = Response(start, prior)
     for k in range(ROUNDS):
@@ -209,19 +254,15 @@ def estimate_response(
         right -= prior @ (found.values - start)
         normal += prior
         change = np.asarray(np.linalg.solve(normal, right), float)
-        if k == 0 and _significance(change, normal) < SIGNIFICANT and not _crowded(model):
-            return None
+        nothing = k == 0 and crowds and _significance(change, normal) < WORTH
         change *= min(1.0, LARGEST / np.abs(change).max())
         _follow(model, change)
-        values = found.values + change
-        found = Response(values, normal)
+        found = Response(found.values + change, normal)
+        if nothing and not _crowded(crowds, found.straight):
+            return None
         if change @ normal @ change < SETTLED:
             break
-    base = found
-    model.turns = _phases(images, all_waves, saturation)
-    for _ in range(CROWDED):
-        found = _use_crowding(model, base, found)
-    return found if _significance(found.values, found.normal) > SIGNIFICANT else None
+    return found
 
 
 def _significance(values: Array, normal: Array) -> float:
@@ -234,17 +275,23 @@ def _phases(images: Sequence[Image], all_waves: Sequence[Wave], saturation: floa
     """Phases (turns) of all periods in many pixels, as if the projector were linear, shape (J, n)."""
     height, width = images[0].shape
     step = max(1, int(np.sqrt(height * width / CROWD)))
+    some = {n: images[n][step // 2 :: step, step // 2 :: step].ravel() for w in all_waves for n in w.frames.frames}
+    return _turns(all_waves, some, saturation)
+
+
+def _turns(all_waves: Sequence[Wave], shown: Mapping[int, NDArray] | Singles, saturation: float) -> Array:
+    """Phases (turns) of all periods in those pixels, given by frame, that see all of them well."""
     found, good = [], np.array(True)
     for wave in all_waves:
-        shown = np.stack([images[n][step // 2 :: step, step // 2 :: step] for n in wave.frames.frames])
-        z = np.tensordot(wave.both.astype(np.complex64), shown.astype(np.float32), 1)
+        grey = np.stack([shown[n] for n in wave.frames.frames]).astype(np.float32)
+        z = np.einsum("f,fn->n", wave.both.astype(np.complex64), grey)
         amplitude = np.abs(z)
-        good = good & (shown.max(axis=0) < saturation) & (amplitude > max(DIM * np.percentile(amplitude, 90), LEAST))
+        good = good & (grey.max(axis=0) < saturation) & (amplitude > max(DIM * np.percentile(amplitude, 90), LEAST))
         found.append(z)
     return np.asarray(np.angle(np.array(found)[:, good]) / (2 * np.pi), float)
 
 
-def _reduced(model: _Model, r: Response, first: bool) -> tuple[Array, Array]:
+def _reduced(model: _Model, r: Response, first: bool = False) -> tuple[Array, Array]:
     """Normal equations of the common unknowns, those of the pixels eliminated; remembers how these follow."""
     double = np.full(HARMONICS + 1, 2.0)
     double[0] = 1.0
@@ -257,7 +304,7 @@ def _reduced(model: _Model, r: Response, first: bool) -> tuple[Array, Array]:
             light[:, mine] = (power @ (t[mine] * double).T).real
         return light
 
-    terms = model.terms(r)
+    terms, changes = model.slopes(r)
     light = shown(terms)
     if first:
         mean, grey = light.mean(axis=1, keepdims=True), model.seen.mean(axis=1, keepdims=True)
@@ -268,7 +315,7 @@ def _reduced(model: _Model, r: Response, first: bool) -> tuple[Array, Array]:
     gain = model.gain[:, None]
     residual = model.seen - model.ground[:, None] - gain * light
     slope = gain * shown(terms * 1j * np.arange(HARMONICS + 1))
-    common = np.stack([gain * shown((model.terms(r.moved(k)) - terms) / STEP) for k in range(len(r.values))], axis=2)
+    common = np.stack([gain * shown(change) for change in changes], axis=2)
     pixel = np.concatenate([np.ones((*light.shape, 1)), light[..., None], slope[..., None] * model.member], axis=2)
     fringe = np.arange(light.shape[1]) < model.fringes
     freedom = max(light.shape[1] - pixel.shape[2], 1) / light.shape[1]
@@ -295,51 +342,60 @@ def _follow(model: _Model, change: Array) -> None:
     model.phase = model.phase + np.clip(own[:, 2:], -0.5, 0.5)
 
 
-def _crowded(model: _Model) -> bool:
-    """Whether phases crowd at as many places of their period as there are steps, beyond what the scene itself shows."""
-    for wave, turns in zip(model.waves, model.turns, strict=True):
-        steps, others = _harmonics(wave)
-        crowding, usual = (np.abs(_density(turns, k)) ** 2 for k in (steps, others))
-        if crowding[0] > SIGNIFICANT / 2 * max(float(usual.mean()), 1 / len(turns)):
+def _crowded(crowds: Sequence[_Crowd], r: Response) -> bool:
+    """Whether phases crowd beyond what the scene and `r` explain, at as many places of their period as steps."""
+    for crowd in crowds:
+        crowding, usual = (np.abs(each) ** 2 for each in crowd.densities(r))
+        if crowding.max() > SIGNIFICANT / 2 * max(float(usual.mean()), 1 / crowd.count):
             return True
     return False
 
 
-def _harmonics(wave: Wave) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Harmonics of the phases' density that bending makes, and others of the kind that it does not."""
-    steps = len({round(p.shift_rad, 6) for p in wave.frames.patterns})
-    made = steps * np.arange(1, MULTIPLES + 1)
-    others = np.arange(max(2, steps - NEIGHBOURS), made[-1] + NEIGHBOURS + 1)
-    return made, others[others % steps != 0]
+class _Crowd:
+    """Harmonics of the density of a wave's phases (turns), whatever they are straightened by.
+
+    A straightening is a table over `GRID` parts of a turn: sums over the phases of each part are enough.
+    """
+
+    def __init__(self, wave: Wave, turns: Array) -> None:
+        self.wave, self.count = wave, max(len(turns), 1)
+        steps = len({round(p.shift_rad, 6) for p in wave.frames.patterns})
+        self.made = steps * np.arange(1, MULTIPLES + 1)  # harmonics that bending makes
+        others = np.arange(max(2, steps - NEIGHBOURS), self.made[-1] + NEIGHBOURS + 1)
+        self.others = others[others % steps != 0]  # of the same kind, that it does not
+        at = np.minimum(((turns + 0.5) * GRID).astype(np.intp), GRID - 1)
+        number = np.bincount(at, minlength=GRID)
+        middle = (np.arange(GRID) + 0.5) / GRID - 0.5
+        within = np.bincount(at, turns - middle[at], minlength=GRID) / np.maximum(number, 1)
+        self.number, self.place = number, middle + within
+
+    def densities(self, r: Response) -> tuple[Terms, Terms]:
+        """Harmonics that bending makes, and the others, of the phases as a response straightens them."""
+        first = np.exp(2j * np.pi * (self.place + correction(self.wave.spectrum(r))))
+        power, found = self.number.astype(complex), np.zeros(int(self.others[-1]) + 1, complex)
+        for k in range(1, len(found)):  # a power of a complex number takes many times as long
+            power = power * first
+            found[k] = power.sum() / self.count
+        return found[self.made], found[self.others]
 
 
-def _density(turns: Array, harmonics: NDArray[np.int64]) -> Terms:
-    """Harmonics of the density of phases (turns)."""
-    first = np.exp(2j * np.pi * turns)
-    power, found = np.ones_like(first), np.zeros(int(harmonics.max()) + 1, complex)
-    for k in range(1, len(found)):  # a power of a complex number takes many times as long
-        power = power * first
-        found[k] = power.mean()
-    return np.asarray(found[harmonics])
+def _explained(crowds: Sequence[_Crowd], base: Response) -> tuple[Array, Array]:
+    """Values of the response, and the inverse of their covariance, that explain the crowding of phases as well."""
+    found = base
+    for _ in range(CROWDED):
+        found = _use_crowding(crowds, base, found)
+    return found.values, found.normal
 
 
-def _use_crowding(model: _Model, base: Response, r: Response) -> Response:
+def _use_crowding(crowds: Sequence[_Crowd], base: Response, r: Response) -> Response:
     """Let the straightened phases be spread as evenly over their period as the scene allows; `base` is without."""
     full, right = base.normal.copy(), base.normal @ (base.values - r.values)
-    for wave, turns in zip(model.waves, model.turns, strict=True):
-        at = np.minimum(((turns + 0.5) * GRID).astype(np.intp), GRID - 1)
-        made, others = _harmonics(wave)
-
-        def density(each: Response, wave: Wave = wave, at: NDArray[np.intp] = at, turns: Array = turns) -> Terms:
-            return _density(turns + correction(wave.spectrum(each))[at], _harmonics(wave)[0])
-
-        bent = turns + correction(wave.spectrum(r))[at]
-        uneven = float(np.mean(np.abs(_density(bent, others)) ** 2))
-        weight = 2 / max(uneven, 0.25 / len(turns))
-        seen = _density(bent, made)
-        slopes = np.zeros((len(r.values), len(made)), complex)
-        for k in (*range(PARAMETERS), PARAMETERS + wave.axis):
-            slopes[k] = (density(r.moved(k)) - seen) / STEP
+    for crowd in crowds:
+        seen, others = crowd.densities(r)
+        weight = 2 / max(float(np.mean(np.abs(others) ** 2)), 0.25 / crowd.count)
+        slopes = np.zeros((len(r.values), len(seen)), complex)
+        for k in (*range(PARAMETERS), PARAMETERS + crowd.wave.axis):
+            slopes[k] = (crowd.densities(r.moved(k))[0] - seen) / STEP
         full += weight * (slopes @ slopes.conj().T).real
         right -= weight * (slopes @ seen.conj()).real
     change = np.linalg.solve(full, right)
@@ -347,11 +403,13 @@ def _use_crowding(model: _Model, base: Response, r: Response) -> Response:
     return Response(values, full)
 
 
-def straighten(tables: tuple[AxisTable, AxisTable], r: Response, frames: SortedFrames) -> tuple[AxisTable, AxisTable]:
+def straighten(
+    tables: tuple[AxisTable, AxisTable], r: Response, all_waves: Sequence[Wave]
+) -> tuple[AxisTable, AxisTable]:
     """Set how the phases of sine fringes are straightened, and where the middle between off and on is."""
     out = list(tables)
     covariance = np.linalg.inv(r.normal)
-    for wave in sine_waves(frames):
+    for wave in all_waves:
         table = out[wave.axis]
         if len(table.period) == 0:
             continue
@@ -364,10 +422,10 @@ def straighten(tables: tuple[AxisTable, AxisTable], r: Response, frames: SortedF
         bends[wave.number] = [straight, np.clip(slope, 1 / STEEPEST, STEEPEST) ** 2, unsure]
         out[wave.axis] = table._replace(bend=bends)
     for axis, table in enumerate(out):
-        mine = [wave for wave in sine_waves(frames) if wave.axis == axis]
+        mine = [wave for wave in all_waves if wave.axis == axis]
         if len(mine) == len(table.period) > 0 and table.bend[:, 1].max() > STEEP:
             out[axis] = table._replace(joint=np.array([_shape(wave, r) for wave in mine], np.float32))
-    return _lift(out[0], r, frames), _lift(out[1], r, frames)
+    return _lift(out[0], r, all_waves), _lift(out[1], r, all_waves)
 
 
 def _shape(wave: Wave, r: Response) -> Array:
@@ -385,12 +443,12 @@ def _shape(wave: Wave, r: Response) -> Array:
     return np.array([mean.real, np.abs(first), mean_slope.real, change.real, change.imag])
 
 
-def _lift(table: AxisTable, r: Response, frames: SortedFrames) -> AxisTable:
+def _lift(table: AxisTable, r: Response, all_waves: Sequence[Wave]) -> AxisTable:
     """Put the threshold of a code, where it is the mean of the steps, to the middle between off and on."""
-    mine = [w for w in sine_waves(frames) if w.number == 0 and set(w.frames.frames) <= set(table.phase_frames.tolist())]
+    mine = [w for w in all_waves if w.number == 0 and set(w.frames.frames) <= set(table.phase_frames.tolist())]
     start, middle, stop = table.rows.first[:3].tolist() if table.has_threshold else (0, 0, 0)
     used = set(table.rows.column[start:middle].tolist())
-    if not mine or not used or not used <= {n for w in sine_waves(frames) for n in w.frames.frames}:
+    if not mine or not used or not used <= {n for w in all_waves for n in w.frames.frames}:
         return table
     mean, first = waves(mine[0].frames.patterns, mine[0].frames.period, r.table)[0, :2]
     lift = (0.5 - float(mean.real)) / (2 * abs(first))
