@@ -40,6 +40,7 @@ class ImportReport:
     order: str
     files: tuple[str, ...]  # in the order of the sequence
     words: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()  # of the checks, which `words` tell too
 
 
 def import_frames(
@@ -53,7 +54,7 @@ def import_frames(
     testfield: str | None = None,
     z_mm: float | None = None,
     angle_deg: float | None = None,
-    confirm: Callable[[Sequence[Pattern], Sequence[Image]], None] | None = None,
+    confirm: Callable[[Sequence[Pattern], Sequence[Image]], str] | None = None,
     progress: Progress = SILENT,
 ) -> ImportReport:
     """Copy frames into ``captures/NAME`` of a project and add the capture to it; whole or not at all.
@@ -72,7 +73,8 @@ def import_frames(
         "content": what each shows is found from the images. Without it "list" where the sequence names files, else
         "name".
     confirm : callable, optional
-        Looks at patterns and images in the order found by content, and raises where it cannot be right.
+        Looks at patterns and images in the order found by content, says how sure it is, and raises where it cannot be
+        right.
 
     Raises
     ------
@@ -85,12 +87,12 @@ def import_frames(
     if order is not None and order not in ORDERS:
         raise InputError("--order", f"{order!r}", f"use {', '.join(ORDERS)}")
     lines = project.projector.width, project.projector.height
-    spec = sequence or _sequence_beside(folder) or sequence_of(project)
+    spec = sequence or sequence_beside(folder, project)
     patterns = spec.patterns(lines)
     plan = make_plan(project, name, role, patterns=patterns, testfield=testfield, z_mm=z_mm, angle_deg=angle_deg)
     if target.exists():
         raise InputError(target, "is there already", "choose another name, or remove that capture")
-    files = sorted((p for p in folder.iterdir() if p.suffix.lower() in ENDINGS and p.is_file()), key=natural)
+    files = frames_in(folder)
     by = order or ("list" if spec.files else "name")
     if by == "list":
         files = _listed(folder, files, spec)
@@ -104,10 +106,11 @@ def import_frames(
         words.append(order_in_words([f.name for f in files], patterns, found))
         files, images = [files[k] for k in found], [images[k] for k in found]
         if confirm is not None:
-            confirm(patterns, images)
+            words.append(confirm(patterns, images))
     _check_twice(files, images, patterns, lines)
     progress(0.7, "verifying")
-    words += _verified(plan, images, lines, files)
+    findings = _verified(plan, images, lines)
+    words += [_finding_words(finding, files) for finding in findings]
     progress.check()
     converted = _write(target, plan, files, images, str(folder.resolve()))
     try:
@@ -118,7 +121,12 @@ def import_frames(
     if converted:
         words.insert(0, f"{converted} of {len(files)} files were converted to grey PNG (colour, or another format)")
     progress(1.0, "imported")
-    return ImportReport(target, len(files), by, tuple(f.name for f in files), tuple(words))
+    return ImportReport(target, len(files), by, tuple(f.name for f in files), tuple(words), findings)
+
+
+def frames_in(folder: Path) -> list[Path]:
+    """List the images in a folder, by name, numbers counted."""
+    return sorted((p for p in folder.iterdir() if p.suffix.lower() in ENDINGS and p.is_file()), key=natural)
 
 
 def natural(path: Path) -> tuple[tuple[int, int, str], ...]:
@@ -152,9 +160,10 @@ def sequence_of(project: Project) -> SequenceSpec:
     raise InputError(project.path / "project.json", seen, 'give --sequence, such as "gray-sine", or a list of patterns')
 
 
-def _sequence_beside(folder: Path) -> SequenceSpec | None:
+def sequence_beside(folder: Path, project: Project) -> SequenceSpec:
+    """Give the sequence that frames show where nothing else is said: of their capture.json, else the project's."""
     path = folder / "capture.json"
-    return read_sequence_file(path) if path.is_file() else None
+    return read_sequence_file(path) if path.is_file() else sequence_of(project)
 
 
 def _listed(folder: Path, files: Sequence[Path], spec: SequenceSpec) -> list[Path]:
@@ -212,20 +221,21 @@ def _check_twice(
             raise InputError(files[k], seen, "record the frame of each pattern")
 
 
-def _verified(plan: Plan, images: Sequence[Image], lines: tuple[int, int], files: Sequence[Path]) -> list[str]:
-    """Say what the checks of a capture find: frames that do not show their patterns, light."""
+def _verified(plan: Plan, images: Sequence[Image], lines: tuple[int, int]) -> tuple[Finding, ...]:
+    """Give what the checks of a capture find: frames that do not show their patterns, light."""
     shape = images[0].shape
     at = sample_grid((shape[0], shape[1]))
     bare = Plan(plan.name, plan.role, plan.patterns, ())
     grey = np.array([image[at[0], at[1]] for image in images], np.float64)
     sampled = summarise(bare, grey, at, (shape[0], shape[1]), 255 if images[0].itemsize == 1 else int(grey.max()))
     findings: list[Finding] = [*identity(bare, sampled, lines), modulation(bare, sampled), saturation(sampled)]
-    words = []
-    for finding in sorted(findings, key=lambda f: f.level != "bad"):
-        named = ", ".join(files[k].name for k in finding.shots[:3]) if len(finding.shots) <= 3 else ""
-        hint = "; see whether --order content finds another order" if finding.level == "bad" else ""
-        words.append(f"{finding.text}{named and f' [{named}]'}{hint}")
-    return words
+    return tuple(sorted(findings, key=lambda f: f.level != "bad"))
+
+
+def _finding_words(finding: Finding, files: Sequence[Path]) -> str:
+    named = ", ".join(files[k].name for k in finding.shots[:3]) if len(finding.shots) <= 3 else ""
+    hint = "; see whether --order content finds another order" if finding.level == "bad" else ""
+    return f"{finding.text}{named and f' [{named}]'}{hint}"
 
 
 def _write(target: Path, plan: Plan, files: Sequence[Path], images: Sequence[Image], source: str) -> int:

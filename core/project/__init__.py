@@ -13,6 +13,7 @@ from core.project.archive import load_archive, save_archive
 from core.project.boards import create_project, nominal_testfield, refuse_used_folder
 from core.project.captures import (
     add_capture,
+    choose_sequence,
     find_project,
     read_capture,
     read_picks,
@@ -31,6 +32,7 @@ __all__ = [
     "ENOUGH",
     "add_capture",
     "atomic_write",
+    "choose_sequence",
     "create_project",
     "find_project",
     "iterate_images",

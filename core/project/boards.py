@@ -11,6 +11,7 @@ import numpy as np
 from core.atomic import undone_on_failure
 from core.errors import InputError
 from core.model import DeviceSpec, ScaleBar, Testfield
+from core.patterns import SequenceSpec
 from core.project.captures import write_project, write_testfield
 
 
@@ -61,6 +62,7 @@ def create_project(
     projector: DeviceSpec,
     boards: Mapping[str, Testfield],
     scale: ScaleBar | None = None,
+    sequence: SequenceSpec | None = None,
 ) -> None:
     """Write a project without captures: its boards first, then project.json, so that what it needs is there.
 
@@ -81,4 +83,4 @@ def create_project(
     with undone_on_failure(folder):
         for file, testfield in boards.items():
             write_testfield(folder / file, testfield, f"nominal targets, {name}")
-        write_project(folder, name, camera, projector, scale)
+        write_project(folder, name, camera, projector, scale, sequence=sequence)

@@ -441,3 +441,15 @@ def add_capture(folder: Path, name: str) -> None:
         names = list(fields.items("captures")) if "captures" in fields.data else []
         if name not in names:
             write_json(path, {**fields.data, "captures": [*names, name]})
+
+
+def choose_sequence(folder: Path, sequence: SequenceSpec | None) -> None:
+    """Keep in project.json what is captured from now on; None leaves it to the projector. All else stays."""
+    path = Path(folder) / "project.json"
+    with lock(Path(folder) / DOCUMENT_LOCK, "choosing a sequence", wait_s=PATIENCE_S):
+        data = dict(read_document(path, "stripe-project").data)
+        before = data.pop("sequence", None)
+        if sequence is not None:
+            data |= {"version": max(VERSIONS), "sequence": sequence.data}
+        if data.get("sequence") != before:
+            write_json(path, data)

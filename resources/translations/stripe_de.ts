@@ -187,6 +187,14 @@
         <source>Connect projector and camera, check the rig, and record a sequence.</source>
         <translation>Projektor und Kamera verbinden, den Aufbau prüfen und eine Folge aufnehmen.</translation>
     </message>
+    <message>
+        <source>&amp;Import frames…</source>
+        <translation>Bilder &amp;einlesen …</translation>
+    </message>
+    <message>
+        <source>Make a capture of images that another program or projector has made.</source>
+        <translation>Aus Bildern eines anderen Programms oder Projektors eine Aufnahme machen.</translation>
+    </message>
 </context>
 <context>
     <name>Background</name>
@@ -585,6 +593,14 @@
         <translation>noch keine Marken angewählt</translation>
     </message>
     <message>
+        <source>level {value:g}</source>
+        <translation>Stufe {value:g}</translation>
+    </message>
+    <message>
+        <source>word {axis} {shown}</source>
+        <translation>Wort {axis} {shown}</translation>
+    </message>
+    <message>
         <source>white</source>
         <translation>weiß</translation>
     </message>
@@ -753,12 +769,20 @@
         <translation>Fertig</translation>
     </message>
     <message>
+        <source>The projector&apos;s own</source>
+        <translation>Die des Projektors</translation>
+    </message>
+    <message>
         <source>Devices</source>
         <translation>Geräte</translation>
     </message>
     <message>
         <source>What</source>
         <translation>Was</translation>
+    </message>
+    <message>
+        <source>Sequence</source>
+        <translation>Folge</translation>
     </message>
     <message>
         <source>Live picture</source>
@@ -771,6 +795,10 @@
     <message>
         <source>Take</source>
         <translation>Aufnehmen</translation>
+    </message>
+    <message>
+        <source>Before and after them {g} more are shown, to see whether anything moved and whether the lamp is steady. The choice is kept in the project.</source>
+        <translation>Davor und danach werden {g} weitere gezeigt, um zu sehen, ob sich etwas bewegt hat und ob die Lampe stetig ist. Die Wahl wird im Projekt festgehalten.</translation>
     </message>
 </context>
 <context>
@@ -1585,6 +1613,33 @@
     </message>
 </context>
 <context>
+    <name>FramesStep</name>
+    <message>
+        <source>Folder of the images</source>
+        <translation>Ordner der Bilder</translation>
+    </message>
+    <message>
+        <source>Choose…</source>
+        <translation>Wählen …</translation>
+    </message>
+    <message>
+        <source>Choose the folder of the images</source>
+        <translation>Den Ordner der Bilder wählen</translation>
+    </message>
+    <message>
+        <source>Images</source>
+        <translation>Bilder</translation>
+    </message>
+    <message>
+        <source>All images of one sequence, of the size that the project&apos;s camera has. A capture.json beside them says what each shows. The files stay where they are; the project gets copies.</source>
+        <translation>Alle Bilder einer Folge, so groß wie die der Kamera im Projekt. Eine capture.json daneben sagt, was jedes zeigt. Die Dateien bleiben, wo sie sind; das Projekt erhält Kopien.</translation>
+    </message>
+    <message>
+        <source>Choose the folder that holds the images</source>
+        <translation>Den Ordner mit den Bildern wählen</translation>
+    </message>
+</context>
+<context>
     <name>HelpPanel</name>
     <message>
         <source>Help</source>
@@ -1685,6 +1740,127 @@
     <message>
         <source>no value</source>
         <translation>kein Wert</translation>
+    </message>
+</context>
+<context>
+    <name>ImportStep</name>
+    <message>
+        <source>Import the frames</source>
+        <translation>Bilder einlesen</translation>
+    </message>
+    <message>
+        <source>What the checks said</source>
+        <translation>Was die Prüfungen ergaben</translation>
+    </message>
+</context>
+<context>
+    <name>ImportWizard</name>
+    <message>
+        <source>Import frames</source>
+        <translation>Bilder einlesen</translation>
+    </message>
+    <message>
+        <source>Make a capture of images that another program has taken.</source>
+        <translation>Aus Bildern, die ein anderes Programm aufgenommen hat, eine Aufnahme machen.</translation>
+    </message>
+    <message>
+        <source>Done</source>
+        <translation>Fertig</translation>
+    </message>
+    <message>
+        <source>As the folder says, else the project&apos;s</source>
+        <translation>Wie der Ordner sagt, sonst die des Projekts</translation>
+    </message>
+    <message>
+        <source>Which image shows which pattern</source>
+        <translation>Welches Bild welches Muster zeigt</translation>
+    </message>
+    <message>
+        <source>Images</source>
+        <translation>Bilder</translation>
+    </message>
+    <message>
+        <source>What</source>
+        <translation>Was</translation>
+    </message>
+    <message>
+        <source>Sequence</source>
+        <translation>Folge</translation>
+    </message>
+    <message>
+        <source>Import</source>
+        <translation>Einlesen</translation>
+    </message>
+    <message>
+        <source>Import the frames.</source>
+        <translation>Die Bilder einlesen.</translation>
+    </message>
+    <message>
+        <source>reading and checking the images …</source>
+        <translation>Bilder werden gelesen und geprüft …</translation>
+    </message>
+    <message>
+        <source>Stopped. Nothing was imported.</source>
+        <translation>Abgebrochen. Nichts wurde eingelesen.</translation>
+    </message>
+    <message>
+        <source>Choose the sequence: neither the folder nor the project says which it is.</source>
+        <translation>Die Folge wählen: weder der Ordner noch das Projekt sagt, welche es ist.</translation>
+    </message>
+    <message>
+        <source>{n} images become the capture {name}.</source>
+        <translation>{n} Bilder werden zur Aufnahme {name}.</translation>
+    </message>
+</context>
+<context>
+    <name>Importing</name>
+    <message>
+        <source>Choose the folder that holds the images.</source>
+        <translation>Den Ordner mit den Bildern wählen.</translation>
+    </message>
+    <message>
+        <source>There are no images (PNG, TIFF, BMP, JPEG) in this folder.</source>
+        <translation>In diesem Ordner sind keine Bilder (PNG, TIFF, BMP, JPEG).</translation>
+    </message>
+    <message>
+        <source>{n} images, {first} to {last}, {w} × {h} px.</source>
+        <translation>{n} Bilder, {first} bis {last}, {w} × {h} px.</translation>
+    </message>
+    <message>
+        <source>Unless another is chosen they show: {sequence}, {n} patterns.</source>
+        <translation>Ist keine andere gewählt, zeigen sie: {sequence}, {n} Muster.</translation>
+    </message>
+    <message>
+        <source>as the list of patterns names the files, else by name</source>
+        <translation>wie die Liste der Muster die Dateien nennt, sonst nach Namen</translation>
+    </message>
+    <message>
+        <source>by the files&apos; names, numbers counted</source>
+        <translation>nach den Namen der Dateien, Zahlen gezählt</translation>
+    </message>
+    <message>
+        <source>found from the images themselves</source>
+        <translation>aus den Bildern selbst gefunden</translation>
+    </message>
+    <message>
+        <source>in the order of their names</source>
+        <translation>in der Reihenfolge ihrer Namen</translation>
+    </message>
+    <message>
+        <source>as the list names them</source>
+        <translation>wie die Liste sie nennt</translation>
+    </message>
+    <message>
+        <source>in the order found from the images</source>
+        <translation>in der Reihenfolge, die aus den Bildern folgt</translation>
+    </message>
+    <message>
+        <source>{n} frames are in {folder}, {order}.</source>
+        <translation>{n} Bilder liegen in {folder}, {order}.</translation>
+    </message>
+    <message>
+        <source>The images do not show this sequence: see what the checks found, and try another.</source>
+        <translation>Die Bilder zeigen diese Folge nicht: siehe, was die Prüfungen ergaben, und eine andere versuchen.</translation>
     </message>
 </context>
 <context>
@@ -2063,6 +2239,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Eine ebene Platte mit einigen Marken, längs einer Achse bewegt: nur für die Tiefenkalibrierung mit dem Polynom.</translation>
     </message>
     <message>
+        <source>The projector&apos;s own, chosen when it answers</source>
+        <translation>Die des Projektors, gewählt, sobald er antwortet</translation>
+    </message>
+    <message>
         <source>Name and place</source>
         <translation>Name und Ort</translation>
     </message>
@@ -2081,6 +2261,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>Scale</source>
         <translation>Maßstab</translation>
+    </message>
+    <message>
+        <source>Sequence</source>
+        <translation>Folge</translation>
     </message>
     <message>
         <source>Summary</source>
@@ -3100,6 +3284,168 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
+    <name>Sequence</name>
+    <message>
+        <source>Gray code and four square steps of period 4, as in 1999</source>
+        <translation>Graycode und vier Rechteckschritte der Periode 4, wie 1999</translation>
+    </message>
+    <message>
+        <source>Gray code and sine steps</source>
+        <translation>Graycode und Sinusschritte</translation>
+    </message>
+    <message>
+        <source>Gray code with inverse frames, and sine steps</source>
+        <translation>Graycode mit inversen Bildern, und Sinusschritte</translation>
+    </message>
+    <message>
+        <source>sine steps of ever longer periods</source>
+        <translation>Sinusschritte immer längerer Perioden</translation>
+    </message>
+    <message>
+        <source>sine steps of two neighbouring periods</source>
+        <translation>Sinusschritte zweier benachbarter Perioden</translation>
+    </message>
+    <message>
+        <source>words in which half the frames switch at every line</source>
+        <translation>Wörter, in denen an jeder Linie die Hälfte der Bilder wechselt</translation>
+    </message>
+    <message>
+        <source>Axes</source>
+        <translation>Achsen</translation>
+    </message>
+    <message>
+        <source>White and black frame</source>
+        <translation>Weißes und schwarzes Bild</translation>
+    </message>
+    <message>
+        <source>Period [lines]</source>
+        <translation>Periode [Linien]</translation>
+    </message>
+    <message>
+        <source>Periods [lines]</source>
+        <translation>Perioden [Linien]</translation>
+    </message>
+    <message>
+        <source>Phase steps</source>
+        <translation>Phasenschritte</translation>
+    </message>
+    <message>
+        <source>Cell of the code [lines]</source>
+        <translation>Zelle des Codes [Linien]</translation>
+    </message>
+    <message>
+        <source>Code</source>
+        <translation>Code</translation>
+    </message>
+    <message>
+        <source>Profile</source>
+        <translation>Profil</translation>
+    </message>
+    <message>
+        <source>Inverse frames</source>
+        <translation>Inverse Bilder</translation>
+    </message>
+    <message>
+        <source>Frames</source>
+        <translation>Bilder</translation>
+    </message>
+    <message>
+        <source>Blur [lines]</source>
+        <translation>Unschärfe [Linien]</translation>
+    </message>
+    <message>
+        <source>Seed</source>
+        <translation>Startwert</translation>
+    </message>
+    <message>
+        <source>sequence</source>
+        <translation>Folge</translation>
+    </message>
+    <message>
+        <source>Chosen once the projector answers: the sequence it is made for, else sine fringes if it can show grey.</source>
+        <translation>Gewählt, sobald der Projektor antwortet: die Folge, für die er gemacht ist, sonst Sinusstreifen, wenn er Grau zeigen kann.</translation>
+    </message>
+    <message>
+        <source>{n} patterns.</source>
+        <translation>{n} Muster.</translation>
+    </message>
+    <message>
+        <source>{n} images, about {s:.0f} s at {ms:.0f} ms an image.</source>
+        <translation>{n} Bilder, etwa {s:.0f} s bei {ms:.0f} ms je Bild.</translation>
+    </message>
+    <message>
+        <source>Black and white only: any projector of this size can show it.</source>
+        <translation>Nur Schwarz und Weiß: Jeder Projektor dieser Größe kann sie zeigen.</translation>
+    </message>
+    <message>
+        <source>It has levels of grey: a projector of black and white cannot show it.</source>
+        <translation>Sie hat Graustufen: Ein Projektor, der nur Schwarz und Weiß kann, kann sie nicht zeigen.</translation>
+    </message>
+    <message>
+        <source>This projector cannot show {n} of {of} patterns, such as “{pattern}”: {why}.</source>
+        <translation>Dieser Projektor kann {n} von {of} Mustern nicht zeigen, etwa „{pattern}“: {why}.</translation>
+    </message>
+    <message>
+        <source>This projector can show it.</source>
+        <translation>Dieser Projektor kann sie zeigen.</translation>
+    </message>
+    <message>
+        <source>the projector&apos;s own</source>
+        <translation>die des Projektors</translation>
+    </message>
+    <message>
+        <source>a list of {n} patterns</source>
+        <translation>eine Liste von {n} Mustern</translation>
+    </message>
+</context>
+<context>
+    <name>SequenceForm</name>
+    <message>
+        <source>Sequence</source>
+        <translation>Folge</translation>
+    </message>
+    <message>
+        <source>A list of patterns from a file</source>
+        <translation>Eine Liste von Mustern aus einer Datei</translation>
+    </message>
+    <message>
+        <source>File of patterns</source>
+        <translation>Datei der Muster</translation>
+    </message>
+    <message>
+        <source>a JSON list of patterns, a capture.json or a project.json</source>
+        <translation>eine JSON-Liste von Mustern, eine capture.json oder eine project.json</translation>
+    </message>
+    <message>
+        <source>Choose…</source>
+        <translation>Wählen …</translation>
+    </message>
+    <message>
+        <source>Choose the file of patterns</source>
+        <translation>Die Datei der Muster wählen</translation>
+    </message>
+    <message>
+        <source>Patterns of the sequence</source>
+        <translation>Muster der Folge</translation>
+    </message>
+    <message>
+        <source>Choose the file of patterns.</source>
+        <translation>Die Datei der Muster wählen.</translation>
+    </message>
+    <message>
+        <source>working out the sequence …</source>
+        <translation>Die Folge wird berechnet …</translation>
+    </message>
+    <message>
+        <source>automatic</source>
+        <translation>automatisch</translation>
+    </message>
+    <message>
+        <source>Choose a file of patterns</source>
+        <translation>Eine Datei der Muster wählen</translation>
+    </message>
+</context>
+<context>
     <name>SheetView</name>
     <message>
         <source>Picture of the board</source>
@@ -3348,7 +3694,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
-    <name>SubjectStep</name>
+    <name>SubjectForm</name>
     <message>
         <source>Position of the plate</source>
         <translation>Stellung der Platte</translation>
@@ -3382,6 +3728,17 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Neue Aufnahme</translation>
     </message>
     <message>
+        <source>Open a project.</source>
+        <translation>Ein Projekt öffnen.</translation>
+    </message>
+    <message>
+        <source>There is a capture of this name already: choose another.</source>
+        <translation>Eine Aufnahme dieses Namens gibt es schon: einen anderen wählen.</translation>
+    </message>
+</context>
+<context>
+    <name>SubjectStep</name>
+    <message>
         <source>Interrupted captures</source>
         <translation>Unterbrochene Aufnahmen</translation>
     </message>
@@ -3390,28 +3747,8 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Eine unterbrochene Aufnahme fortsetzen</translation>
     </message>
     <message>
-        <source>Planned patterns</source>
-        <translation>Geplante Muster</translation>
-    </message>
-    <message>
-        <source>Sequence</source>
-        <translation>Folge</translation>
-    </message>
-    <message>
-        <source>Open a project.</source>
-        <translation>Ein Projekt öffnen.</translation>
-    </message>
-    <message>
         <source>A capture of this name was interrupted: choose it in the list, or another name.</source>
         <translation>Eine Aufnahme dieses Namens wurde unterbrochen: sie in der Liste wählen, oder einen anderen Namen.</translation>
-    </message>
-    <message>
-        <source>There is a capture of this name already: choose another.</source>
-        <translation>Eine Aufnahme dieses Namens gibt es schon: einen anderen wählen.</translation>
-    </message>
-    <message>
-        <source>{n} patterns, one image each. Before and after them {g} more are shown, to see whether anything moved and whether the lamp is steady.</source>
-        <translation>{n} Muster, je ein Bild; davor und danach {g} weitere, um Bewegung und Lampe zu prüfen.</translation>
     </message>
 </context>
 <context>
@@ -3439,6 +3776,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>Scale</source>
         <translation>Maßstab</translation>
+    </message>
+    <message>
+        <source>Sequence</source>
+        <translation>Folge</translation>
     </message>
     <message>
         <source>Will be written</source>

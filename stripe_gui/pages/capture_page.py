@@ -17,7 +17,7 @@ class CapturePage(Page):
     """What was recorded: captures to the left, their frames to the right, the chosen frame between."""
 
     id = stage = "capture"
-    action_ids = ("capture.new",)
+    action_ids = ("capture.import", "capture.new")
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication
 
-from core.patterns import Code, Line, Pattern, Phase, describe
+from core.patterns import Code, Level, Line, Lines, Pattern, Phase, describe
 from core.progress import SILENT, Progress
 from core.project import read_image
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
@@ -93,6 +93,16 @@ def _line(pattern: Line) -> str:
     return translate("Capture", "line {axis} {index}").format(axis=pattern.axis, index=pattern.index)
 
 
+def _level(pattern: Level) -> str:
+    return translate("Capture", "level {value:g}").format(value=pattern.value)
+
+
+def _lines(pattern: Lines) -> str:
+    values = pattern.values if isinstance(pattern.values, str) else "".join(str(round(v)) for v in pattern.values)
+    shown = values[:12] + ("…" if len(values) > 12 else "")
+    return translate("Capture", "word {axis} {shown}").format(axis=pattern.axis, shown=shown)
+
+
 _WORDS: dict[str, Callable[[Any], str]] = {
     "white": lambda pattern: translate("Capture", "white"),
     "black": lambda pattern: translate("Capture", "black"),
@@ -100,6 +110,8 @@ _WORDS: dict[str, Callable[[Any], str]] = {
     "binary": _code,
     "phase": _phase,
     "line": _line,
+    "level": _level,
+    "lines": _lines,
 }
 
 

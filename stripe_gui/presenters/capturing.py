@@ -20,6 +20,7 @@ from core.progress import SILENT, Progress
 from core.project import read_project
 from core.project.captures import read_document
 from stripe_gui.presenters.looking import Rig
+from stripe_gui.presenters.sequences import Shown
 
 translate = QCoreApplication.translate
 SCENES = ("virtual", "emulated")  # kinds of devices that look at a scene of the virtual bench
@@ -70,8 +71,13 @@ class Connection:
 
     words: tuple[str, ...]
     patterns: tuple[Pattern, ...]
-    lines: tuple[int, int]
+    shown: Shown
     setting: Setting | None
+
+    @property
+    def lines(self) -> tuple[int, int]:
+        """The projector's columns and rows."""
+        return self.shown.lines
 
 
 def projector_kinds(virtual: str, screens: Sequence[str] = ()) -> tuple[DeviceKind, ...]:
@@ -298,7 +304,7 @@ def connect(project: Project, rig: Rig, urls: tuple[str, str], progress: Progres
     StripeError
         What does not answer or does not fit, and what to check.
     """
-    from core.capture.plan import sequence_for
+    from core.capture.plan import own_sequence, sequence_for
     from core.capture.run import check_sizes
 
     projector, camera = rig.open(urls, progress)
@@ -323,7 +329,9 @@ def connect(project: Project, rig: Rig, urls: tuple[str, str], progress: Progres
         ),
         translate("Capturing", "Both have the sizes of this project."),
     )
-    return Connection(words, patterns, (columns, rows), rig.setting)
+    frame_s = projector.settle_s + look.seconds
+    shown = Shown((columns, rows), own_sequence(projector), projector.refusal, frame_s)
+    return Connection(words, patterns, shown, rig.setting)
 
 
 def take(recording: Recording, subject: Subject, progress: Progress = SILENT) -> CaptureReport:

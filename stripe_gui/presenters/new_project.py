@@ -15,6 +15,7 @@ from PySide6.QtCore import QCoreApplication
 from core.errors import InputError
 from core.fields import Fields
 from core.model import ScaleBar, Testfield
+from core.patterns import SequenceSpec, read_sequence
 from core.project import create_project, nominal_testfield, read_testfield, refuse_used_folder
 from core.project.rigs import read_device
 from stripe_gui.presenters.rig_view import Cover, RigPlan, presets
@@ -56,6 +57,7 @@ class Draft:
     plate: BoardPlan = BoardPlan(7, 9, 24.0, 3.0, "black-on-white")
     with_scale: bool = False
     scale: ScaleBar = field(default_factory=lambda: ScaleBar((0, 0), (12, 18), 0.0, 0.02))
+    sequence: Any = None  # as project.json has it; None leaves it to the projector
 
 
 @dataclass(frozen=True)
@@ -238,8 +240,14 @@ def create(draft: Draft, field_: Testfield, plate: Testfield | None) -> Path:
     folder = Path(draft.folder.strip()).expanduser()
     boards = {FIELD_FILE: field_} | ({PLATE_FILE: plate} if plate is not None else {})
     scale = draft.scale if draft.with_scale else None
-    create_project(folder, draft.name.strip(), draft.rig.camera, draft.rig.projector, boards, scale)
+    spec = sequence_of(draft)
+    create_project(folder, draft.name.strip(), draft.rig.camera, draft.rig.projector, boards, scale, spec)
     return folder
+
+
+def sequence_of(draft: Draft) -> SequenceSpec | None:
+    """Give the sequence that was chosen; None where it is left to the projector."""
+    return None if draft.sequence is None else read_sequence(draft.sequence, "draft: sequence")
 
 
 def draft_text(draft: Draft) -> str:
@@ -252,7 +260,7 @@ def draft_from_text(text: str) -> Draft | None:
     try:
         all_ = Fields.of(json.loads(text), "draft")
         rig, scale = all_.nested("rig"), all_.nested("scale")
-        return Draft(
+        draft = Draft(
             all_.text("name"),
             all_.text("folder"),
             RigPlan(
@@ -271,7 +279,10 @@ def draft_from_text(text: str) -> Draft | None:
                 scale.real("length_mm"),
                 scale.real("sigma_mm"),
             ),
+            all_.data.get("sequence"),
         )
+        sequence_of(draft)
+        return draft
     except (ValueError, InputError):
         return None
 

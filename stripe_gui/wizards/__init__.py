@@ -12,7 +12,7 @@ from importlib import import_module
 from stripe_gui.actions import Action
 
 # modules below stripe_gui.wizards
-WIZARDS: tuple[str, ...] = ("new_project", "capture")
+WIZARDS: tuple[str, ...] = ("new_project", "capture", "import_frames")
 
 
 def wizard_actions() -> list[Action]:

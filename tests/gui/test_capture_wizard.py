@@ -50,7 +50,8 @@ def test_from_the_capture_page_to_a_stored_capture(wizard, window, project: Path
     assert "160 × 160" in wizard.devices.connection.words[0]
     click(wizard.next_button, qtbot)
     assert wizard.subject.name.text() == "testfield-09"
-    assert wizard.subject.strip.count() == len(wizard.devices.connection.patterns)
+    click(wizard.next_button, qtbot)
+    assert wizard.sequence.strip.count() == len(wizard.devices.connection.patterns)
     take(wizard, qtbot)
     assert set(wizard.taking.strip.states) == {"taken"}
     assert {f.check for f in wizard.taking.findings.findings} >= {"identity", "movement", "lamp", "saturation"}
@@ -245,11 +246,11 @@ def test_a_capture_that_fails_is_told_and_can_go_on(wizard, window, project: Pat
 
 
 def test_everything_has_a_name_for_those_who_cannot_see(wizard, qtbot) -> None:
-    for step in ("devices", "subject", "picture", "checks", "take"):
+    for step in ("devices", "subject", "sequence", "picture", "checks", "take"):
         assert wizard.go_to(step)
         for button in wizard.step.body.findChildren(QPushButton):
             assert button.accessibleName(), (step, button.text())
-    assert wizard.subject.strip.item(0).data(Qt.ItemDataRole.AccessibleTextRole).endswith("not taken yet")
+    assert wizard.taking.strip.item(0).data(Qt.ItemDataRole.AccessibleTextRole).endswith("not taken yet")
 
 
 # ------------------------------------------------------------------------------------------------- without a window

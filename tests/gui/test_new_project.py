@@ -71,8 +71,8 @@ def test_from_the_empty_start_page_to_the_opened_project_by_clicks(
     retype(qtbot, page.field.spacing, "20")
     click(page.next_button, qtbot)
     qtbot.mouseClick(page.plate.wanted, LEFT, pos=on_sign(page.plate.wanted))
-    click(page.next_button, qtbot)
-    click(page.next_button, qtbot)
+    for _ in range(3):  # depth plate, scale, sequence
+        click(page.next_button, qtbot)
     assert page.step.name == "summary"
     assert "9 rows × 11 columns" in page.summary.rows["field"].text()
     assert list(answers.path.iterdir()) == []  # nothing is written before the last button
@@ -95,7 +95,7 @@ def test_the_keyboard_alone_makes_a_project(
     window: MainWindow, wizard: NewProjectWizard, tmp_path: Path, qtbot
 ) -> None:
     with qtbot.waitActive(window):
-        for _ in range(5):
+        for _ in range(6):
             qtbot.keyClick(window, Qt.Key.Key_Right, ALT)
     assert wizard.step.name == "summary"
     wizard.next_button.setFocus()
@@ -300,7 +300,7 @@ def test_the_open_projects_testfield_is_printed_by_its_shortcut(
 
 def test_parts_show_every_step_and_change_nothing(wizard: NewProjectWizard, bench) -> None:
     before, kept = wizard.draft(), bench.settings.text("new-project")
-    assert list(wizard.parts()) == ["-place", "-rig", "-testfield", "-plate", "-scale", "-summary"]
+    assert list(wizard.parts()) == ["-place", "-rig", "-testfield", "-plate", "-scale", "-sequence", "-summary"]
     assert (wizard.draft(), bench.settings.text("new-project")) == (before, kept)
     assert wizard.step.name == "place"
 

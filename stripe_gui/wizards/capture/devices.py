@@ -84,7 +84,7 @@ class DevicesStep(QWidget):
         self.bench, self.rig = bench, rig
         self.connection: Connection | None = None
         self._tested: tuple[str, str] | None = None
-        self._project: Project | None = None
+        self.project: Project | None = None
         self.projector = DeviceCard(self.tr("Projector"), self.tr("Projector"))
         self.camera = DeviceCard(self.tr("Camera"), self.tr("Camera"))
         self.scene = QComboBox()
@@ -123,7 +123,7 @@ class DevicesStep(QWidget):
 
     def offer(self, project: Project, virtual: str, urls: tuple[str, str]) -> None:
         """Offer what suits a project."""
-        self._project, self.connection, self._tested = project, None, None
+        self.project, self.connection, self._tested = project, None, None
         self.projector.offer(projector_kinds(virtual, screen_names()), urls[0])
         self.camera.offer(camera_kinds(virtual), urls[1])
         self._say(None, ())
@@ -153,7 +153,7 @@ class DevicesStep(QWidget):
 
     def test(self) -> None:
         """Ask both devices, in the background."""
-        if self._project is None:
+        if self.project is None:
             return
         urls = self.urls
         if problem := url_problem(urls[0]) or url_problem(urls[1]):
@@ -166,7 +166,7 @@ class DevicesStep(QWidget):
         self.bench.views.run(
             self.tr("Connection test"),
             connect,
-            self._project,
+            self.project,
             self.rig,
             urls,
             on_done=lambda connection: self._answered(urls, connection),

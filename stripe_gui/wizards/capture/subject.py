@@ -1,15 +1,23 @@
-"""What is to be recorded: role, name, what belongs to it, and the planned sequence."""
+"""What is to be recorded: role, name, and what belongs to it."""
 
 from __future__ import annotations
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
-from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFormLayout, QLineEdit, QListWidget, QListWidgetItem, QWidget
+from PySide6.QtWidgets import (
+    QComboBox,
+    QDoubleSpinBox,
+    QFormLayout,
+    QLineEdit,
+    QListWidget,
+    QListWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
 
-from core.capture.plan import guards_for, make_plan
+from core.capture.plan import make_plan
 from core.errors import StripeError
 from core.model import Project
 from stripe_gui.presenters.capturing import (
-    Connection,
     Subject,
     Unfinished,
     boards,
@@ -19,22 +27,18 @@ from stripe_gui.presenters.capturing import (
     unfinished,
 )
 from stripe_gui.presenters.words import sentence
-from stripe_gui.widgets.layout import boxed, card, column, label, row
-from stripe_gui.widgets.pattern_strip import PatternStrip
-from stripe_gui.workbench import Workbench
+from stripe_gui.widgets.layout import card, column, label
 
 
-class SubjectStep(QWidget):
-    """Role and name of the new capture, or an interrupted one to go on with."""
+class SubjectForm(QWidget):
+    """Role and name of a new capture, and what belongs to its role."""
 
     changed = Signal()
 
-    def __init__(self, bench: Workbench) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.bench = bench
         self._project: Project | None = None
-        self._taken: list[str] = []
-        self._unfinished: tuple[Unfinished, ...] = ()
+        self.taken: list[str] = []
         self._proposed = ""
         self.role, self.name, self.board = QComboBox(), QLineEdit(), QComboBox()
         self.z = _number(-10_000, 10_000, " mm", self.tr("Position of the plate"))
@@ -59,27 +63,12 @@ class SubjectStep(QWidget):
         inside.addLayout(self.form)
         inside.addWidget(self.explanation)
         inside.addStretch(1)
-        self.interrupted = QListWidget()
-        self.interrupted.setAccessibleName(self.tr("Interrupted captures"))
-        self.interrupted.setWordWrap(True)
-        self.interrupted.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.interrupted.setMaximumHeight(130)
-        self.interrupted_card, inside = card(self.tr("Go on with an interrupted capture"))
-        inside.addWidget(self.interrupted)
-        inside.addStretch(1)
-        top = row(questions, self.interrupted_card)
-        top.setStretch(0, 3)
-        top.setStretch(1, 2)
-        self.planned = label("", "muted", wrap=True)
-        self.strip = PatternStrip(self.tr("Planned patterns"))
-        self.setLayout(column(boxed(top), label(self.tr("Sequence"), "heading"), self.strip, self.planned, None))
+        self.setLayout(column(questions))
         self.role.currentIndexChanged.connect(self._role_chosen)
         for spin in (self.z, self.angle):
             spin.valueChanged.connect(self._propose)
         self.name.textChanged.connect(lambda _: self.changed.emit())
         self.board.currentIndexChanged.connect(lambda _: self.changed.emit())
-        self.interrupted.itemActivated.connect(self._go_on)
-        self.interrupted.itemClicked.connect(self._go_on)
 
     @property
     def subject(self) -> Subject:
@@ -98,12 +87,16 @@ class SubjectStep(QWidget):
         """What is wrong with the answers."""
         if self._project is None:
             return self.tr("Open a project.")
-        subject = self.subject
-        if subject.name in self._taken and subject != self._going_on():
-            if any(u.subject.name == subject.name for u in self._unfinished):
-                return self.tr("A capture of this name was interrupted: choose it in the list, or another name.")
+        if self.subject.name in self.taken:
             return self.tr("There is a capture of this name already: choose another.")
+        return self.wrong
+
+    @property
+    def wrong(self) -> str:
+        """What the core says against such a capture."""
+        subject = self.subject
         try:
+            assert self._project is not None
             make_plan(
                 self._project,
                 subject.name,
@@ -117,37 +110,30 @@ class SubjectStep(QWidget):
         return ""
 
     def offer(self, project: Project) -> None:
-        """Offer what suits a project: free names, boards, interrupted captures."""
-        self._project, self._taken = project, taken_names(project)
-        self._unfinished = unfinished(project)
+        """Offer what suits a project: free names and boards."""
+        self._project, self.taken = project, taken_names(project)
         board = self.board.currentText()
         with QSignalBlocker(self.board):
             self.board.clear()
             self.board.addItems(boards(project))
             self.board.setCurrentText(board)
-        with QSignalBlocker(self.interrupted):
-            self.interrupted.clear()
-            for item in self._unfinished:
-                self.interrupted.addItem(QListWidgetItem(f"{item.subject.name}\n{item.state}"))
-        self.interrupted_card.setVisible(bool(self._unfinished))
         self._role_chosen()
-
-    def show_sequence(self, connection: Connection) -> None:
-        """Show what the projector will show."""
-        self.strip.set_patterns(connection.patterns, connection.lines)
-        guards = len(guards_for(connection.patterns, connection.lines))
-        text = self.tr(
-            "{n} patterns, one image each. Before and after them {g} more are shown, to see whether anything moved and "
-            "whether the lamp is steady."
-        )
-        self.planned.setText(text.format(n=len(connection.patterns), g=guards))
 
     def another(self) -> None:
         """Propose the next name for one more like this."""
         if self._project is not None:
-            self._taken = taken_names(self._project)
-            self.name.setText(next_name(self.subject, self._taken))
+            self.taken = taken_names(self._project)
+            self.name.setText(next_name(self.subject, self.taken))
             self._proposed = self.name.text()
+
+    def show_subject(self, subject: Subject) -> None:
+        """Show the answers of another capture."""
+        self.role.setCurrentIndex(self.role.findData(subject.role))
+        self.z.setValue(subject.z_mm or 0.0)
+        self.angle.setValue(subject.angle_deg or 0.0)
+        self.board.setCurrentText(subject.testfield or "")
+        self.name.setText(subject.name)
+        self.changed.emit()
 
     def _role_chosen(self) -> None:
         role = self.role.currentData()
@@ -162,24 +148,58 @@ class SubjectStep(QWidget):
     def _propose(self) -> None:
         """Propose a name, unless the operator has typed one."""
         if self.name.text() in ("", self._proposed):
-            self._proposed = next_name(self.subject, self._taken)
+            self._proposed = next_name(self.subject, self.taken)
             self.name.setText(self._proposed)
         self.changed.emit()
+
+
+class SubjectStep(SubjectForm):
+    """The same, or an interrupted capture to go on with."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._unfinished: tuple[Unfinished, ...] = ()
+        self.interrupted = QListWidget()
+        self.interrupted.setAccessibleName(self.tr("Interrupted captures"))
+        self.interrupted.setWordWrap(True)
+        self.interrupted.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.interrupted.setMaximumHeight(130)
+        self.interrupted_card, inside = card(self.tr("Go on with an interrupted capture"))
+        inside.addWidget(self.interrupted)
+        layout = self.layout()
+        assert isinstance(layout, QVBoxLayout)
+        layout.addWidget(self.interrupted_card)
+        layout.addStretch(1)
+        self.interrupted.itemActivated.connect(self._go_on)
+        self.interrupted.itemClicked.connect(self._go_on)
+
+    @property
+    def missing(self) -> str:
+        """What is wrong with the answers."""
+        subject = self.subject
+        if self._project is not None and subject == self._going_on():
+            return self.wrong
+        if any(u.subject.name == subject.name for u in self._unfinished):
+            return self.tr("A capture of this name was interrupted: choose it in the list, or another name.")
+        return super().missing
+
+    def offer(self, project: Project) -> None:
+        """Offer what suits a project: free names, boards, interrupted captures."""
+        self._unfinished = unfinished(project)
+        with QSignalBlocker(self.interrupted):
+            self.interrupted.clear()
+            for item in self._unfinished:
+                self.interrupted.addItem(QListWidgetItem(f"{item.subject.name}\n{item.state}"))
+        self.interrupted_card.setVisible(bool(self._unfinished))
+        super().offer(project)
 
     def _going_on(self) -> Subject | None:
         at = self.interrupted.currentRow()
         return self._unfinished[at].subject if 0 <= at < len(self._unfinished) else None
 
     def _go_on(self) -> None:
-        subject = self._going_on()
-        if subject is None:
-            return
-        self.role.setCurrentIndex(self.role.findData(subject.role))
-        self.z.setValue(subject.z_mm or 0.0)
-        self.angle.setValue(subject.angle_deg or 0.0)
-        self.board.setCurrentText(subject.testfield or "")
-        self.name.setText(subject.name)
-        self.changed.emit()
+        if subject := self._going_on():
+            self.show_subject(subject)
 
 
 def _number(least: float, most: float, unit: str, name: str) -> QDoubleSpinBox:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from PySide6.QtGui import QHideEvent
 
+from core.capture.plan import guards_for
 from core.errors import StripeError
 from core.pipeline.capture import virtual_rig
+from core.project import choose_sequence
 from stripe_gui.jobs import JobQueue
 from stripe_gui.presenters.capturing import scene_for
 from stripe_gui.presenters.looking import Rig
-from stripe_gui.widgets.layout import scrolled
+from stripe_gui.widgets.layout import boxed, column, label, scrolled
+from stripe_gui.widgets.sequence_form import SequenceForm
 from stripe_gui.wizards.capture.checks import ChecksStep
 from stripe_gui.wizards.capture.devices import DevicesStep
 from stripe_gui.wizards.capture.picture import PictureStep
@@ -38,7 +43,9 @@ class CaptureWizard(Wizard):
         self._closing = JobQueue(self)  # of its own: what the next page looks at would take its place
         self._path = ""
         self.devices = DevicesStep(bench, self.rig)
-        self.subject = SubjectStep(bench)
+        self.subject = SubjectStep()
+        self.sequence = SequenceForm(bench, self.tr("The projector's own"))
+        self.planned = label("", "muted", wrap=True)
         self.picture = PictureStep(bench, self.devices)
         self.checks = ChecksStep(bench, self.devices)
         self.taking = TakingStep(bench, self.devices)
@@ -56,6 +63,13 @@ class CaptureWizard(Wizard):
             enter=self._enter_subject,
             missing=lambda: self.subject.missing,
         )
+        self.add_step(
+            "sequence",
+            self.tr("Sequence"),
+            scrolled(boxed(column(self.sequence, self.planned, None)), across=False),
+            enter=self._enter_sequence,
+            missing=lambda: self.sequence.missing,
+        )
         self.add_step("picture", self.tr("Live picture"), self.picture, enter=self.picture.enter)
         self.add_step("checks", self.tr("Check the rig"), self.checks)
         self.add_step(
@@ -68,6 +82,8 @@ class CaptureWizard(Wizard):
         for step in (self.devices, self.subject, self.picture, self.checks, self.taking):
             step.changed.connect(self.update_steps)
         self.subject.changed.connect(self._choose_scene)
+        self.sequence.changed.connect(self._sequence_chosen)
+        self.step_changed.connect(self._keep_sequence)
         self.taking.another_wanted.connect(self.another)
 
     def refresh(self) -> None:
@@ -84,6 +100,7 @@ class CaptureWizard(Wizard):
         urls = (kept[1], kept[2]) if len(kept) == 3 and kept[0] == self._path else (virtual, virtual)
         self.subject.name.clear()
         self.subject.offer(folder.project)
+        self.sequence.show_spec(folder.project.sequence)
         self.devices.offer(folder.project, virtual, urls)
         self.checks.clear()
         self._choose_scene()
@@ -112,8 +129,36 @@ class CaptureWizard(Wizard):
 
     def _enter_subject(self) -> None:
         if self.devices.connection is not None:
-            self.subject.show_sequence(self.devices.connection)
             self.bench.settings.set(RIG, "\n".join((self._path, *self.devices.urls)))
+
+    def _enter_sequence(self) -> None:
+        if self.devices.connection is not None:
+            self.sequence.show_projector(self.devices.connection.shown)
+        if self.sequence.view is None:
+            self.sequence.look()
+
+    def _sequence_chosen(self) -> None:
+        """Plan with what was chosen, and say what more is shown."""
+        view, connection = self.sequence.view, self.devices.connection
+        patterns = view.patterns if view is not None else ()
+        self.planned.setVisible(bool(patterns))
+        if connection is not None and patterns:
+            self.devices.connection = replace(connection, patterns=patterns)
+            text = self.tr(
+                "Before and after them {g} more are shown, to see whether anything moved and whether the lamp is "
+                "steady. The choice is kept in the project."
+            )
+            self.planned.setText(text.format(g=len(guards_for(patterns, connection.lines))))
+        self.update_steps()
+
+    def _keep_sequence(self, step: str) -> None:
+        """Keep the choice in the project once the operator goes on."""
+        folder = self.session.folder
+        if folder is None or step in ("devices", "subject", "sequence") or self.sequence.missing:
+            return
+        if self.sequence.spec != folder.project.sequence:
+            self.bench.guarded(choose_sequence, folder.path, self.sequence.spec)
+            self.devices.project = folder.project
 
     def _choose_scene(self) -> None:
         """Put before the virtual rig what suits the new capture."""

@@ -20,8 +20,11 @@ from stripe_gui.presenters.new_project import (
     look_at_board,
     scale_problem,
     scale_words,
+    sequence_of,
 )
 from stripe_gui.presenters.rig_view import RigView, rig_text
+from stripe_gui.presenters.sequences import sequence_text
+from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.layout import boxed, button, card, column, label, row
 from stripe_gui.wizards.new_project import print_board
 from stripe_gui.wizards.new_project.pictures import SheetView
@@ -292,7 +295,8 @@ class SummaryStep(QWidget):
         self._grid.setColumnStretch(1, 1)
         self._layout.addLayout(self._grid)
         self.rows = {
-            name: label("", wrap=True) for name in ("name", "folder", "rig", "field", "plate", "scale", "files")
+            name: label("", wrap=True)
+            for name in ("name", "folder", "rig", "field", "plate", "scale", "sequence", "files")
         }
         titles = (
             self.tr("Name"),
@@ -301,6 +305,7 @@ class SummaryStep(QWidget):
             self.tr("Testfield"),
             self.tr("Depth plate"),
             self.tr("Scale"),
+            self.tr("Sequence"),
             self.tr("Will be written"),
         )
         for i, (title, value) in enumerate(zip(titles, self.rows.values(), strict=True)):
@@ -326,6 +331,7 @@ class SummaryStep(QWidget):
             "field": board_text(draft.board, field),
             "plate": board_text(draft.plate, plate) if draft.with_plate else none,
             "scale": scale if draft.with_scale else self.tr("from the nominal coordinates of the testfield"),
+            "sequence": sentence(sequence_text(sequence_of(draft))),
             "files": ", ".join(files),
         }
         for key, value in values.items():

@@ -1,11 +1,14 @@
-"""A new project in six steps: place, rig, testfield, depth plate, scale, summary; the last writes it."""
+"""A new project in seven steps: place, rig, testfield, depth plate, scale, sequence, summary; the last writes it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
 
-from stripe_gui.presenters.new_project import Draft, create, draft_from_text, draft_text, new_draft
+from stripe_gui.presenters.new_project import Draft, create, draft_from_text, draft_text, new_draft, sequence_of
+from stripe_gui.presenters.sequences import Shown
+from stripe_gui.widgets.layout import boxed, column, scrolled
+from stripe_gui.widgets.sequence_form import SequenceForm
 from stripe_gui.wizards.new_project.boards import BoardStep, ScaleStep, SummaryStep
 from stripe_gui.wizards.new_project.steps import PlaceStep, RigStep
 from stripe_gui.wizards.wizard import Wizard
@@ -35,6 +38,7 @@ class NewProjectWizard(Wizard):
             self.tr("A flat plate with a few targets, moved along an axis: for the polynomial depth calibration only."),
         )
         self.scale, self.summary = ScaleStep(), SummaryStep()
+        self.sequence = SequenceForm(bench, self.tr("The projector's own, chosen when it answers"))
         self._showing = False
         self.add_step("place", self.tr("Name and place"), self.place, missing=self.place.problem)
         self.add_step("rig", self.tr("Rig"), self.rig, missing=self.rig.problem)
@@ -45,9 +49,16 @@ class NewProjectWizard(Wizard):
             "plate", self.tr("Depth plate"), self.plate, enter=self.plate.look_again, missing=self.plate.problem
         )
         self.add_step("scale", self.tr("Scale"), self.scale, missing=self.scale.problem)
+        self.add_step(
+            "sequence",
+            self.tr("Sequence"),
+            scrolled(boxed(column(self.sequence, None)), across=False),
+            enter=self.sequence.look,
+            missing=lambda: self.sequence.missing,
+        )
         self.add_step("summary", self.tr("Summary"), self.summary, enter=self._show_summary)
         self.show_draft(draft_from_text(bench.settings.text(KEPT)) or self._fresh())
-        for step in (self.place, self.rig, self.field, self.plate, self.scale):
+        for step in (self.place, self.rig, self.field, self.plate, self.scale, self.sequence):
             step.changed.connect(self._answered)
         self.start()
 
@@ -64,6 +75,7 @@ class NewProjectWizard(Wizard):
             self.plate.plan(),
             self.scale.wanted.isChecked(),
             self.scale.scale(),
+            spec.data if (spec := self.sequence.spec) else None,
         )
 
     def show_draft(self, draft: Draft) -> None:
@@ -74,6 +86,7 @@ class NewProjectWizard(Wizard):
         self.field.show_plan(draft.board)
         self.plate.show_plan(draft.plate, draft.with_plate)
         self.scale.show_scale(draft.scale, draft.with_scale)
+        self.sequence.show_spec(sequence_of(draft))
         self._showing = False
         self._pass_on()
 
@@ -90,6 +103,8 @@ class NewProjectWizard(Wizard):
         for board in (self.field, self.plate):
             board.show_rig(self.rig.view)
         self.scale.show_board(self.field.board)
+        projector = self.rig.rig().projector
+        self.sequence.show_projector(Shown((projector.width, projector.height)))
         self.update_steps()
 
     def _fresh(self) -> Draft:
