@@ -111,10 +111,11 @@ def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
 
 
 def _settle(figure: Figure) -> None:
-    """Let the figure lay its parts out, once: savefig would do so anew, by drawing all of it, for every format."""
-    if isinstance(figure.get_layout_engine(), ConstrainedLayoutEngine):
+    """Let the figure lay its parts out, once: savefig would draw all of it twice more to do so, for every format."""
+    engine = figure.get_layout_engine()
+    if isinstance(engine, ConstrainedLayoutEngine):
         FigureCanvasAgg(figure)
-        figure.draw_without_rendering()
+        engine.execute(figure)
         figure.set_layout_engine("none")
 
 
@@ -123,8 +124,8 @@ def svg_text(drawing: Drawing, dpi: int = 200) -> str:
     out = StringIO()
     with drawing_style():
         _settle(drawing.figure)
-        FigureCanvasSVG(drawing.figure)
-        drawing.figure.savefig(out, format="svg", dpi=dpi, metadata={"Date": None, "Creator": None})
+        drawing.figure.set_dpi(dpi)
+        FigureCanvasSVG(drawing.figure).print_svg(out, metadata={"Date": None, "Creator": None})
     text = out.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, count=1, flags=re.DOTALL)
@@ -142,8 +143,11 @@ def png_bytes(drawing: Drawing, dpi: int = 180) -> bytes:
     out = BytesIO()
     with drawing_style():
         _settle(drawing.figure)
-        FigureCanvasAgg(drawing.figure)
-        drawing.figure.savefig(out, format="png", dpi=dpi, facecolor="white", metadata={"Software": None})
+        drawing.figure.set_dpi(dpi)
+        drawing.figure.set_facecolor("white")
+        fast = {"compress_level": 1}
+        FigureCanvasAgg(drawing.figure).print_png(out, metadata={"Software": None}, pil_kwargs=fast)
+        drawing.figure.set_facecolor("none")
     return out.getvalue()
 
 
