@@ -38,14 +38,14 @@ demo: setup
 
 test: setup
 	@echo "Running all tests: about ten minutes on two cores."
-	@$(BIN)/python -m pytest -n 2
+	@$(BIN)/python -m pytest -n 2 --dist worksteal
 
 # rooms whose tests need no rendered project, and the rules of the house
 QUICK := tests/test_architecture.py tests/core/geometry tests/core/patterns tests/core/numerics tests/core/decode \
 	tests/core/reconstruct tests/core/evaluate tests/core/project tests/core/test_api.py
 
 quick: setup
-	@$(BIN)/python -m pytest -n 2 $(QUICK)
+	@$(BIN)/python -m pytest -n 2 --dist worksteal $(QUICK)
 
 check: setup
 	$(BIN)/ruff check .

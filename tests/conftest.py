@@ -1,8 +1,10 @@
-"""What tests of whole commands share: small projects from the virtual bench, each made once a session."""
+"""What tests of whole commands share: small projects from the virtual bench, each made once for all workers."""
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -10,23 +12,76 @@ from typing import Any
 
 import pytest
 
-from core.pipeline import calibrate_project, simulate_project
+from core.pipeline import calibrate_project, simulate_project, update_project
 from core.project import read_project
 
+Make = Callable[[Path], Any]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the module that takes longest: a worker that began it last would end alone."""
+    items.sort(key=lambda item: item.path.name != "test_paper_experiment.py")
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """What is shared is no clue to a failure and takes gigabytes."""
+    made = session.config._tmp_path_factory._basetemp  # type: ignore[attr-defined]
+    if made is not None and "PYTEST_XDIST_WORKER" not in os.environ:
+        shutil.rmtree(made / "shared", ignore_errors=True)
+
 
 @pytest.fixture(scope="session")
-def quick_original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Make], Path]:
+    """Make a folder once in a run, whichever worker needs it first; nobody may change it."""
+    root = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        root = root.parent
+
+    def make(name: str, how: Make) -> Path:
+        folder, done = root / "shared" / name, root / f"{name}.made"
+        with (root / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not done.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                how(folder)
+                done.touch()
+        return folder
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def quick_original(once: Callable[[str, Make], Path]) -> Path:
     """The `quick` scenario as the bench records it; never change it."""
-    return simulate_project(tmp_path_factory.mktemp("bench") / "quick", "quick", seed=3).path
+    return once("quick-3", lambda folder: simulate_project(folder, "quick", seed=3))
 
 
 @pytest.fixture(scope="session")
-def calibrated_original(quick_original: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def calibrated_original(quick_original: Path, once: Callable[[str, Make], Path]) -> Path:
     """The same, calibrated both ways; never change it."""
-    folder = tmp_path_factory.mktemp("calibrated") / "quick"
-    shutil.copytree(quick_original, folder)
-    calibrate_project(read_project(folder))
-    return folder
+
+    def calibrated(folder: Path) -> None:
+        shutil.copytree(quick_original, folder)
+        calibrate_project(read_project(folder))
+
+    return once("quick-3-calibrated", calibrated)
+
+
+@pytest.fixture(scope="session")
+def whole_original(calibrated_original: Path, once: Callable[[str, Make], Path]) -> Path:
+    """The same with every stage done; never change it."""
+
+    def whole(folder: Path) -> None:
+        shutil.copytree(calibrated_original, folder)
+        update_project(read_project(folder))
+
+    return once("quick-3-whole", whole)
+
+
+@pytest.fixture(scope="session")
+def recorded(once: Callable[[str, Make], Path]) -> Path:
+    """The `quick` scenario with other noise, as the window's tests have it; never change it."""
+    return once("quick-0", lambda folder: simulate_project(folder, "quick"))
 
 
 @pytest.fixture

@@ -18,9 +18,9 @@ def paper():
     return experiment("paper", 0)
 
 
-@pytest.fixture(scope="module")
-def quick(tmp_path_factory):
-    return simulate(tmp_path_factory.mktemp("bench") / "quick", "quick", 3)
+@pytest.fixture
+def quick(quick_original):
+    return quick_original
 
 
 def by_role(e, role):

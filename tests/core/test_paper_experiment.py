@@ -6,7 +6,9 @@ built to, and the published results.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,6 +35,7 @@ from core.pipeline import (
     phase_maps,
     simulate_project,
 )
+from core.project import read_project
 from core.reconstruct import reconstruct
 
 pytestmark = pytest.mark.timeout(900)  # the first test waits for the whole experiment
@@ -55,8 +58,8 @@ class Outcome:
 
 
 @pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
-    project = simulate_project(tmp_path_factory.mktemp("paper") / "project", "paper", SEED)
+def outcome(once: Callable[..., Path]) -> Outcome:
+    project = read_project(once("paper", lambda folder: simulate_project(folder, "paper", SEED)))
     truth = build_experiment("paper", SEED)
     targets = measure_project(project)
     calibrate_project(project)

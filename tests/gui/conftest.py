@@ -118,23 +118,16 @@ def window(program: Program, qtbot) -> MainWindow:
 
 
 @pytest.fixture(scope="session")
-def recorded(tmp_path_factory) -> Path:
-    """A small project as the virtual bench records it; read only."""
-    from core.bench import simulate
-
-    return simulate(tmp_path_factory.mktemp("bench") / "quick", "quick")
-
-
-@pytest.fixture(scope="session")
-def finished(recorded: Path, tmp_path_factory) -> Path:
-    """The same with every stage done; read only."""
+def finished(recorded: Path, once) -> Path:
+    """A small project with every stage done; read only."""
     from core.pipeline import update_project
     from core.project import read_project
 
-    folder = tmp_path_factory.mktemp("finished") / "quick"
-    shutil.copytree(recorded, folder)
-    update_project(read_project(folder))
-    return folder
+    def finish(folder: Path) -> None:
+        shutil.copytree(recorded, folder)
+        update_project(read_project(folder))
+
+    return once("quick-0-finished", finish)
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ import shutil
 import numpy as np
 import pytest
 
-from core.bench import simulate
 from core.bench.scenarios import experiment
 from core.bench.truth import true_targets
 from core.errors import InputError
@@ -16,14 +15,14 @@ from core.project import read_project
 E = experiment("quick")
 
 
-@pytest.fixture(scope="module")
-def project(tmp_path_factory):
-    return simulate(tmp_path_factory.mktemp("quick") / "project", "quick")
+@pytest.fixture
+def project(recorded):
+    return recorded
 
 
 @pytest.fixture
-def copied(project, tmp_path):
-    return shutil.copytree(project, tmp_path / "copy")
+def copied(recorded, tmp_path):
+    return shutil.copytree(recorded, tmp_path / "copy")
 
 
 def edit(project, capture, change):

@@ -32,15 +32,6 @@ from core.report import SignOff
 ALL = ("decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
 
 
-@pytest.fixture(scope="module")
-def whole_original(quick_original: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The `quick` project with every stage done; never change it."""
-    folder = tmp_path_factory.mktemp("whole") / "quick"
-    shutil.copytree(quick_original, folder)
-    update_project(read_project(folder))
-    return folder
-
-
 @pytest.fixture
 def whole(whole_original: Path, tmp_path: Path) -> Path:
     """A copy of it to work on."""
