@@ -281,7 +281,7 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
     calibrations = _calibrations(job.project, job.calibrations)
     if step == "reconstruct":
         method, calibration = next(iter(calibrations.items()))
-        return {"method": method, "points": write_cloud(path, phase, reconstruct(phase, calibration))}
+        return {"method": method, "points": write_cloud(path, phase.image, reconstruct(phase, calibration))}
     name, angle = job.capture.name, job.capture.angle_deg
     planes = tuple(
         evaluate_plane(phase, reconstruct(phase, calibration), capture=name, angle_deg=angle, method=method)

@@ -56,6 +56,12 @@ class Commands:
         return parser
 
 
+def add_devices(parser: Parser) -> None:
+    """Declare the choice of a camera and a projector."""
+    parser.add_argument("--camera", default="", metavar="NAME", help="of this one, where a capture has several cameras")
+    parser.add_argument("--projector", default="", metavar="NAME", help="the same of several projectors")
+
+
 def sequence_argument(parser: Parser) -> None:
     """Declare the choice of a sequence."""
     words = "a preset, as gray-sine or gray-sine:period=24,steps=8, or a JSON file of patterns"

@@ -36,3 +36,5 @@ class RigMotion:
     corrected_rms: float  # and after it
     projector_from_camera: Pose  # corrected
     unobserved: tuple[str, ...] = ("base length", "c")
+    camera: str = "camera"
+    projector: str = "projector"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.model.arrays import Array, Floats
 from core.model.calibration import Method
@@ -19,6 +20,7 @@ class PointCloud:
     xyz_mm: Floats
     sigma_mm: Floats | None = None  # (H, W, 3), phase noise and calibration; photogrammetric only
     sigma_depth_mm: Floats | None = None  # (H, W) of the camera's Z, phase noise alone; both methods
+    sight: NDArray[np.uint8] | None = None  # (H, W), how many saw it: `core.reconstruct.Sight`; several cameras only
 
 
 @dataclass(frozen=True)

@@ -128,6 +128,8 @@ def find_motion(
         residual_rms=_spread(start.e),
         corrected_rms=_spread(e),
         projector_from_camera=_moved(pose, basis @ x[:5]),
+        camera=phase.camera,
+        projector=phase.projector,
     )
 
 

@@ -42,7 +42,9 @@ if TYPE_CHECKING:
     from core.pipeline.options import CalibrateOptions as CalibrateOptions
     from core.pipeline.orient import motion_figures as motion_figures
     from core.pipeline.orient import motion_words as motion_words
+    from core.pipeline.orient import motions_figures as motions_figures
     from core.pipeline.orient import orient_capture as orient_capture
+    from core.pipeline.orient import orient_pairs as orient_pairs
     from core.pipeline.preflight import preflight_rig as preflight_rig
     from core.pipeline.reconstruct import check_cloud as check_cloud
     from core.pipeline.reconstruct import reconstruct_capture as reconstruct_capture
@@ -75,6 +77,8 @@ if TYPE_CHECKING:
     from core.pipeline.update import keep_points as keep_points
     from core.pipeline.update import points_file as points_file
     from core.pipeline.update import update_project as update_project
+    from core.pipeline.views import reconstruct_views as reconstruct_views
+    from core.pipeline.views import seen_by_several as seen_by_several
 
 _HOMES = {
     "core.pipeline.calibrate": "adjust_network calibrate_project load_calibrations",
@@ -87,7 +91,7 @@ _HOMES = {
     "core.pipeline.guessing": "accept_guesses guess_picks",
     "core.pipeline.measure": "measure_project",
     "core.pipeline.options": "METHODS CalibrateOptions",
-    "core.pipeline.orient": "motion_figures motion_words orient_capture",
+    "core.pipeline.orient": "motion_figures motion_words motions_figures orient_capture orient_pairs",
     "core.pipeline.preflight": "preflight_rig",
     "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",
     "core.pipeline.report": "failed_verdicts load_sign_off report_data report_project result_tables save_sign_off"
@@ -98,6 +102,7 @@ _HOMES = {
     " read_profiles",
     "core.pipeline.testfield": "print_testfield",
     "core.pipeline.update": "Update decode_project keep_points points_file update_project",
+    "core.pipeline.views": "reconstruct_views seen_by_several",
 }
 if not TYPE_CHECKING:  # else every name would be right
     __getattr__, __dir__, __all__ = attach(__name__, _HOMES)

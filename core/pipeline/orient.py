@@ -6,17 +6,24 @@ import hashlib
 from pathlib import Path
 
 from core.errors import InputError
-from core.geometry import pair_of
-from core.model import Figures, Pair, PhotogrammetricCalibration, Project, RigMotion
+from core.geometry import pair_for, pair_of
+from core.model import Capture, Figures, Pair, PhotogrammetricCalibration, Project, RigMotion
 from core.pipeline.calibrate import load_calibrations
-from core.pipeline.decode import decode_images
+from core.pipeline.decode import decode_images, one_series
 from core.pipeline.folders import find_capture, result_path
 from core.progress import SILENT, Progress
 from core.project import iterate_images, load_archive, save_archive
 
 
 def orient_capture(
-    project: Project, name: str, *, correct: bool = False, significance: float = 1e-3, progress: Progress = SILENT
+    project: Project,
+    name: str,
+    *,
+    camera: str = "",
+    projector: str = "",
+    correct: bool = False,
+    significance: float = 1e-3,
+    progress: Progress = SILENT,
 ) -> RigMotion:
     """Say whether the projector still stands where the calibration put it, by one capture.
 
@@ -25,6 +32,8 @@ def orient_capture(
     project : Project
     name : str
         The capture: its name, or its folder.
+    camera, projector : str
+        Which pair, where the capture holds frames of several.
     correct : bool
         Keep the corrected orientation, for `reconstruct_capture(..., orient=True)`. The calibration stays as it is.
     significance : float
@@ -41,16 +50,46 @@ def orient_capture(
     if not 0 < significance < 1:
         raise InputError("the significance", f"is {significance:g}", "give a share between 0 and 1, such as 0.001")
     calibration = _calibration(project)
-    capture = find_capture(project, name)
-    phase = decode_images(capture, list(iterate_images(capture, project.camera)), project, progress.part(0.0, 0.3))
+    capture = one_series(find_capture(project, name), camera, projector)
+    images = list(iterate_images(capture, project.rig.cameras[capture.camera]))
+    phase = decode_images(capture, images, project, progress.part(0.0, 0.3))
     options = OrientOptions(significance=significance)
     motion = find_motion(phase, calibration, capture=capture.name, options=options, progress=progress.part(0.3, 1.0))
     if correct:
-        save_archive(_kept(project, capture.name), (motion, _signature(calibration)))
+        save_archive(_kept(project, capture), (motion, _signature(pair_for(phase, calibration))))
     return motion
 
 
-def oriented(project: Project, capture: str, calibration: PhotogrammetricCalibration) -> Pair:
+def orient_pairs(
+    project: Project,
+    name: str,
+    *,
+    camera: str = "",
+    projector: str = "",
+    correct: bool = False,
+    significance: float = 1e-3,
+    progress: Progress = SILENT,
+) -> list[RigMotion]:
+    """Say it of every camera and projector of a capture, or of those named; for the rest see `orient_capture`."""
+    capture = find_capture(project, name)
+    pairs = [pair for pair in capture.pairs if camera in ("", pair[0]) and projector in ("", pair[1])]
+    if not pairs:
+        one_series(capture, camera, projector)
+    return [
+        orient_capture(
+            project,
+            name,
+            camera=pair[0],
+            projector=pair[1],
+            correct=correct,
+            significance=significance / len(pairs),
+            progress=progress.part(i / len(pairs), (i + 1) / len(pairs)),
+        )
+        for i, pair in enumerate(pairs)
+    ]
+
+
+def oriented(project: Project, capture: Capture, calibration: PhotogrammetricCalibration) -> Pair:
     """Give camera and projector of a calibration with the projector where a kept result of this capture has it.
 
     Raises
@@ -60,21 +99,38 @@ def oriented(project: Project, capture: str, calibration: PhotogrammetricCalibra
     """
     from core.orient import corrected_pair
 
-    path = _kept(project, capture)
-    again = f"run `stripe-core orient {project.path} {capture} --correct` first"
+    path, pair = _kept(project, capture), _pair(calibration, capture)
+    again = f"run `stripe-core orient {project.path} {capture.name} --correct` first"
     if not path.exists():
         raise InputError(path, "no corrected orientation is kept for this capture", again)
     motion, signature = load_archive(path, tuple)
-    if signature != _signature(calibration):
+    if signature != _signature(pair):
         raise InputError(path, "was found with another calibration", again)
-    return corrected_pair(pair_of(calibration), motion)
+    return corrected_pair(pair, motion)
+
+
+def motions_figures(motions: list[RigMotion]) -> Figures:
+    """What `orient --json` writes: of one pair its figures, of several those of each under "pairs".
+
+    The p of all together is the least of them times their number (Bonferroni).
+    """
+    if len(motions) == 1:
+        return motion_figures(motions[0])
+    return {
+        "capture": motions[0].capture,
+        "moved": any(motion.moved for motion in motions),
+        "p": min(1.0, len(motions) * min(motion.p for motion in motions)),
+        "pairs": {f"{motion.camera}-{motion.projector}": motion_figures(motion) for motion in motions},
+    }
 
 
 def motion_figures(motion: RigMotion) -> Figures:
-    """What `orient --json` writes."""
+    """Give the figures of one pair."""
     sigma = motion.covariance.diagonal() ** 0.5
     return {
         "capture": motion.capture,
+        "camera": motion.camera,
+        "projector": motion.projector,
         "moved": motion.moved,
         "p": motion.p,
         "rotation_urad": [float(x) for x in 1e6 * motion.rotation_rad],
@@ -100,10 +156,13 @@ def motion_words(motion: RigMotion) -> list[str]:
             for axis, value, s in zip("XYZ", figures[key], figures[sigma], strict=True)
         )
 
+    sure = f"p = {motion.p:.2g}, {motion.pixels} pixels"
+    projector = "the projector" if motion.projector == "projector" else motion.projector
+    camera = "the camera" if motion.camera == "camera" else motion.camera
     if not motion.moved:
-        return [f"{motion.capture}: no sign that the rig has moved (p = {motion.p:.2g}, {motion.pixels} pixels)"]
+        return [f"{motion.capture}: no sign that {projector} has moved against {camera} ({sure})"]
     return [
-        f"{motion.capture}: the projector has moved against the camera (p = {motion.p:.2g}, {motion.pixels} pixels)",
+        f"{motion.capture}: {projector} has moved against {camera} ({sure})",
         f"turned, µrad: {three('rotation_urad', 'sigma_urad')}",
         f"shifted across the base, µm: {three('shift_mm', 'sigma_mm', 1e3)}",
         f"depth changes by {motion.depth_change_mm:+.3f} ± {motion.depth_sigma_mm:.3f} mm (median over the pixels)",
@@ -122,12 +181,17 @@ def _calibration(project: Project) -> PhotogrammetricCalibration:
     return found
 
 
-def _signature(calibration: PhotogrammetricCalibration) -> str:
-    """What tells one calibration from another: its orientation's digits."""
-    pair = pair_of(calibration)
+def _pair(calibration: PhotogrammetricCalibration, capture: Capture) -> Pair:
+    known = {capture.camera, capture.projector} <= set(calibration.devices)
+    return pair_of(calibration, capture.camera, capture.projector) if known else pair_of(calibration)
+
+
+def _signature(pair: Pair) -> str:
+    """What tells one calibration from another: the digits of its orientation and interiors."""
     pose, interiors = pair.projector_from_camera, (pair.camera.interior.vector, pair.projector.interior.vector)
     return hashlib.sha256(b"".join(a.tobytes() for a in (pose.rotation, pose.translation_mm, *interiors))).hexdigest()
 
 
-def _kept(project: Project, capture: str) -> Path:
-    return result_path(project, "orientations") / f"{capture}.npz"
+def _kept(project: Project, capture: Capture) -> Path:
+    of = "" if project.rig.is_pair else f".{capture.camera}-{capture.projector}"
+    return result_path(project, "orientations") / f"{capture.name}{of}.npz"

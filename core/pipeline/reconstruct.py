@@ -9,6 +9,7 @@ from core.errors import InputError
 from core.model import (
     Calibration,
     DepthCalibration,
+    Floats,
     Method,
     Pair,
     PhaseMap,
@@ -56,20 +57,20 @@ def reconstruct_capture(
     if orient:
         if not isinstance(calibration, PhotogrammetricCalibration):
             raise InputError("--orient", f"does not go with the {chosen} method", "leave one of the two out")
-        calibration = oriented(project, capture.name, calibration)
+        calibration = oriented(project, capture, calibration)
     images = list(iterate_images(capture, project.rig.cameras[capture.camera]))
     phase = decode_images(capture, images, project, progress.part(0.0, 0.5))
     cloud = reconstruct(phase, calibration, extrapolate=extrapolate, progress=progress.part(0.5, 1.0))
     return phase, cloud
 
 
-def write_cloud(out: Path, phase: PhaseMap, cloud: PointCloud) -> int:
-    """Write a point cloud for another program, chosen by the name's ending; give the number of valid points."""
+def write_cloud(out: Path, image: Floats, cloud: PointCloud) -> int:
+    """Write points with their grey values (H, W) in the form that the name's ending says; give the number of points."""
     from core.reconstruct import exporter_for
 
     exporter = exporter_for(out)
     with atomic_write(out) as file:
-        return exporter.write(file, cloud, phase.image)
+        return exporter.write(file, cloud, image)
 
 
 def check_cloud(out: Path) -> None:

@@ -179,7 +179,7 @@ def keep_points(project: Project, name: str, method: Method, progress: Progress 
         record = reconstructed_from(project, capture, calibration_hashes(project, [method]))
         phase, cloud = reconstruct_capture(project, str(capture.path), method, progress=progress)
         progress.check()
-        write_cloud(path, phase, cloud)
+        write_cloud(path, phase.image, cloud)
         write_json(path.with_suffix(".json"), {"files": {path.name: hash_file(path)}, "made_from": record})
         contents_of(project.path).keep()
     return path

@@ -2,6 +2,7 @@
 
 * `points` dispatches: `reconstruct` is the stage;
 * `intersect` forward intersection by the photogrammetric calibration, from 4 or 3 observations;
+* `joint` intersection from all cameras and projectors that saw a point;
 * `system` what of a photogrammetric calibration is prepared once: camera rays and projection along a ray;
 * `sigma_table` what the calibration's covariance does to a point;
 * `lookup` depth by the polynomial or the table of every pixel;
@@ -13,7 +14,18 @@ u and v, which carry the phase noise, say how far along.
 """
 
 from core.reconstruct.export import EXPORTERS, exporter_for, write_npz, write_ply
+from core.reconstruct.joint import Sight, intersect_all, merged
 from core.reconstruct.points import reconstruct
 from core.reconstruct.rays import camera_rays
 
-__all__ = ["EXPORTERS", "camera_rays", "exporter_for", "reconstruct", "write_npz", "write_ply"]
+__all__ = [
+    "EXPORTERS",
+    "Sight",
+    "camera_rays",
+    "exporter_for",
+    "intersect_all",
+    "merged",
+    "reconstruct",
+    "write_npz",
+    "write_ply",
+]

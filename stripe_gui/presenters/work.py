@@ -53,7 +53,7 @@ def export_points(project: Project, capture: str, method: Method, out: Path, pro
     pipeline.check_cloud(out)
     phase, cloud = pipeline.reconstruct_capture(project, capture, method, progress=progress)
     progress.check()
-    return pipeline.write_cloud(out, phase, cloud)
+    return pipeline.write_cloud(out, phase.image, cloud)
 
 
 def evaluate(

@@ -102,3 +102,51 @@ def test_a_command_says_it_too(project: Project, tmp_path: Path) -> None:
     folder = str(project.path / "captures" / "plane+00")
     assert main(["decode", folder, "--out", str(tmp_path / "a.npz")]) == 2
     assert main(["decode", folder, "--camera", "left", "--out", str(tmp_path / "a.npz")]) == 0
+
+
+def flatness(cloud: Path) -> tuple[float, float, int]:
+    """R.m.s. of the deviations from a plane, the same over their sigmas, and the number of points."""
+    with np.load(cloud) as stored:
+        valid = np.isfinite(stored["xyz"]).all(axis=-1)
+        points, sigma = stored["xyz"][valid].astype(float), stored["sigma_depth"][valid]
+    points -= points.mean(axis=0)
+    off = points @ np.linalg.svd(points, full_matrices=False)[2][-1]
+    return float(off.std()), float((off / sigma).std()), len(points)
+
+
+def test_points_are_made_from_all_that_saw_them(project: Project, tmp_path: Path) -> None:
+    figures = {}
+    for name, words in {
+        "pair": ["--camera", "left", "--rays", "pair"],
+        "joint": ["--camera", "left"],
+        "cameras": ["--camera", "left", "--rays", "cameras"],
+        "one cloud": [],
+    }.items():
+        out = tmp_path / f"{name}.npz"
+        assert main(["reconstruct", str(project.path), "plane+15", *words, "--out", str(out)]) == 0
+        figures[name] = flatness(out)
+    # 0.55 of the noise at best (two thirds of a pixel's are left between pixels); the plane's part of Z is its cosine
+    assert figures["joint"][0] < 0.72 * figures["pair"][0]
+    assert figures["cameras"][0] < figures["pair"][0]
+    for name in ("joint", "cameras"):
+        assert figures[name][1] == pytest.approx(1.0, abs=0.15), name
+    assert figures["one cloud"][2] > figures["joint"][2] > figures["cameras"][2]
+
+
+def test_rays_that_contradict_one_another_are_refused(project: Project, tmp_path: Path) -> None:
+    words = ["reconstruct", str(project.path), "plane+15", "--out", str(tmp_path / "a.npz"), "--rays", "all"]
+    assert main([*words, "--orient"]) == 2
+    assert main([*words, "--camera", "top"]) == 2
+
+
+def test_every_pair_is_watched(project: Project, tmp_path: Path) -> None:
+    """Nothing has moved: at the stated rate one capture in a thousand would say so."""
+    out = tmp_path / "orient.json"
+    assert main(["orient", str(project.path), "plane+15", "--correct", "--json", str(out)]) == 0
+    figures = json.loads(out.read_text())
+    assert set(figures["pairs"]) == {"left-projector", "right-projector"}
+    assert figures["moved"] is any(pair["moved"] for pair in figures["pairs"].values()) is False
+    words = ["reconstruct", str(project.path), "plane+15", "--orient", "--camera", "right"]
+    assert main([*words, "--out", str(tmp_path / "right.npz")]) == 0
+    # the corrected projector is that of this camera: the plane stays flat
+    assert flatness(tmp_path / "right.npz")[1] == pytest.approx(1.0, abs=0.15)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import sys
-from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
 
-from core.cli.arguments import Commands, Options, check_out
+from core.cli.arguments import Commands, Options, add_devices, check_out
 from core.cli.verdicts import print_left_out, print_verdict
 from core.errors import InputError
 from core.progress import Progress
@@ -19,7 +18,7 @@ def add(commands: Commands) -> None:
     sub = commands.add("decode", _decode, "projector coordinates of every camera pixel")
     sub.add_argument("capture", type=Path, metavar="CAPTURE")
     sub.add_argument("--out", type=Path, required=True, metavar="F.npz")
-    _add_devices(sub)
+    add_devices(sub)
 
     commands.add_on_project("measure", _measure, "targets of all captures that have picks")
 
@@ -42,19 +41,20 @@ def add(commands: Commands) -> None:
     sub.add_argument("capture", metavar="CAPTURE")
     sub.add_argument("--method", choices=("photogrammetric", "polynomial"))
     sub.add_argument("--orient", action="store_true", help="with the orientation that `orient --correct` kept")
+    sub.add_argument(
+        "--rays",
+        choices=("all", "cameras", "pair"),
+        help="what points are intersected from: every device that saw them (what captures by several cameras begin"
+        " with), cameras alone, or one camera and one projector",
+    )
     sub.add_argument("--extrapolate", action="store_true", help="polynomial: beyond the calibrated depths too")
-    _add_devices(sub)
+    add_devices(sub)
     sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="npz ply stl obj glb pcd xyz e57 las")
 
     commands.add_on_project("evaluate", _evaluate, "deviations of every plane capture, by every calibration")
 
     sub = commands.add_on_project("report", _report, "the HTML and PDF report")
     sub.add_argument("--out", type=Path, metavar="DIR")
-
-
-def _add_devices(sub: ArgumentParser) -> None:
-    sub.add_argument("--camera", default="", metavar="NAME", help="whose frames, where the capture has several cameras")
-    sub.add_argument("--projector", default="", metavar="NAME", help="the same of several projectors")
 
 
 def _decode(options: Options, progress: Progress) -> dict[str, Any]:
@@ -136,22 +136,32 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import check_cloud, reconstruct_capture, write_cloud
+    from core.pipeline import check_cloud, reconstruct_capture, reconstruct_views, seen_by_several, write_cloud
     from core.project import read_project
 
     check_cloud(options.out)
     project = read_project(options.project)
-    phase, cloud = reconstruct_capture(
-        project,
-        options.capture,
-        options.method,
-        options.extrapolate,
-        progress,
-        orient=options.orient,
-        camera=options.camera,
-        projector=options.projector,
-    )
-    points = write_cloud(options.out, phase, cloud)
+    one_pair = options.orient or options.projector or options.method == "polynomial"
+    rays: Any = options.rays or ("all" if not one_pair and seen_by_several(project, options.capture) else "pair")
+    if rays != "pair":
+        if one_pair:
+            raise InputError(
+                "--rays", f"{rays} does not go with --orient, --projector or the polynomial method", "leave one out"
+            )
+        image, cloud = reconstruct_views(project, options.capture, camera=options.camera, rays=rays, progress=progress)
+    else:
+        phase, cloud = reconstruct_capture(
+            project,
+            options.capture,
+            options.method,
+            options.extrapolate,
+            progress,
+            orient=options.orient,
+            camera=options.camera,
+            projector=options.projector,
+        )
+        image = phase.image
+    points = write_cloud(options.out, image, cloud)
     print(f"{options.out}: {points} points")
     _tell_outdated(options)
     return {"points": points, "out": str(options.out)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from core.cli.arguments import Commands, Options
+from core.cli.arguments import Commands, Options, add_devices
 from core.progress import Progress
 
 
@@ -16,18 +16,26 @@ def add(commands: Commands) -> None:
     sub.add_argument(
         "--significance", type=float, default=1e-3, metavar="P", help="share of false alarms (default 0.001)"
     )
+    add_devices(sub)
 
 
 def _orient(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import motion_figures, motion_words, orient_capture
+    from core.pipeline import motion_words, motions_figures, orient_pairs
     from core.project import read_project
 
     project = read_project(options.project)
-    motion = orient_capture(
-        project, options.capture, correct=options.correct, significance=options.significance, progress=progress
+    motions = orient_pairs(
+        project,
+        options.capture,
+        camera=options.camera,
+        projector=options.projector,
+        correct=options.correct,
+        significance=options.significance,
+        progress=progress,
     )
-    for line in motion_words(motion):
-        print(line)
+    for motion in motions:
+        for line in motion_words(motion):
+            print(line)
     if options.correct:
-        print(f"kept: `stripe-core reconstruct {project.path} {motion.capture} --orient` uses it")
-    return motion_figures(motion)
+        print(f"kept: `stripe-core reconstruct {project.path} {motions[0].capture} --orient` uses it")
+    return motions_figures(motions)

@@ -1,0 +1,71 @@
+"""Stage 5 for captures by several cameras: points from all that saw them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from core.errors import InputError
+from core.model import Floats, PhotogrammetricCalibration, PointCloud, Project
+from core.pipeline.calibrate import load_calibrations
+from core.pipeline.decode import phase_maps
+from core.pipeline.folders import find_capture
+from core.progress import SILENT, Progress
+
+
+def seen_by_several(project: Project, name: str) -> bool:
+    """Whether several cameras took a capture."""
+    return len({camera for camera, _ in find_capture(project, name).pairs}) > 1
+
+
+def reconstruct_views(
+    project: Project,
+    name: str,
+    *,
+    camera: str = "",
+    rays: Literal["all", "cameras"] = "all",
+    progress: Progress = SILENT,
+) -> tuple[Floats, PointCloud]:
+    """Reconstruct a capture by the photogrammetric calibration from all cameras and projectors, or cameras alone.
+
+    Parameters
+    ----------
+    project : Project
+    name : str
+        The capture: its name, or its folder.
+    camera : str
+        Give this camera's points in its raster and frame; unsaid, those of all cameras, each once, in the frame of the
+        first one.
+    rays : {"all", "cameras"}
+    progress : Progress
+
+    Returns
+    -------
+    image : array, (H, W) or (1, n)
+        Grey values of the points.
+    cloud : PointCloud
+        With `sight`.
+
+    Raises
+    ------
+    InputError
+        If there is no photogrammetric calibration, or the capture holds no frames of that camera.
+    """
+    from core.reconstruct import intersect_all, merged
+
+    calibration = load_calibrations(project).get("photogrammetric")
+    if not isinstance(calibration, PhotogrammetricCalibration):
+        remedy = "run `stripe-core calibrate --method photogrammetric` first"
+        raise InputError(project.path, "no photogrammetric calibration", remedy)
+    capture = find_capture(project, name)
+    decoded = (phase for _, phase in phase_maps(project, [capture], progress.part(0.0, 0.5)))
+    phases = [phase for phase in decoded if {phase.camera, phase.projector} <= set(calibration.devices)]
+    images = {phase.camera: phase.image for phase in phases}
+    wanted = [camera] if camera else list(images)
+    clouds = {}
+    for i, each in enumerate(wanted):
+        part = progress.part(0.5 + 0.5 * i / len(wanted), 0.5 + 0.5 * (i + 1) / len(wanted))
+        clouds[each] = intersect_all(phases, calibration, each, rays=rays, progress=part)
+    if camera:
+        return images[camera], clouds[camera]
+    cloud, image = merged(clouds, images, calibration)
+    return image, cloud

@@ -1,0 +1,306 @@
+"""Forward intersection from all that saw a point: several cameras, several projectors.
+
+A pixel of the camera whose cloud is made has a fixed ray, and the inverse depth q on it is the one unknown, as in
+`intersect`. The projector coordinates that this camera decoded are observed once; another camera decoded them where the
+point appears in its image, between pixels, and observes them once more:
+
+    r = L(x(q)) - f(q),    L: coordinates decoded by that camera, interpolated at its image x(q) of the point
+
+with the same projection f into the projector. Their noise is independent, so that plain weights hold. Of cameras alone,
+the projector only labels corresponding places: ``r = L(x(q)) - L_own``, and neither the projector's orientation nor its
+drift enters. Newton's step is ``q <- q + Σ w J r / Σ w J²`` with ``J = -dr/dq``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import InputError
+from core.geometry import project, ray_directions
+from core.model import Array, Floats, PhaseMap, PhotogrammetricCalibration, PointCloud
+from core.numerics import chi_square_limit
+from core.parallel import run_in_bands
+from core.progress import SILENT, Progress
+from core.reconstruct.intersect import LEAST_VARIANCE, intersect
+from core.reconstruct.labels import Labels, labels_of
+from core.reconstruct.placed import Device, moved, placed
+
+Rays = Literal["all", "cameras"]
+
+STEPS = 2  # from one camera's own solution
+SLIGHT = 1e-6  # relative change of q for a derivative
+REACH_PX = 4.0  # another camera that sees other coordinates farther off than this looks at something else
+BEYOND = 1e-6  # share of sound points whose rays may be called disagreeing
+SAMPLES = 600  # points at which the calibration's covariance is carried through
+
+
+class Sight(IntEnum):
+    """How a point was seen."""
+
+    NONE = 0
+    OWN = 1  # by the one camera and its projector; no other camera has coordinates there
+    JOINT = 2  # by other cameras too
+    HIDDEN = 3  # another camera sees something else where the point should appear; this camera and projector alone
+    DISAGREE = 4  # others see it, but the rays miss one another; this camera and projector alone
+
+
+@dataclass(frozen=True)
+class _View:
+    """The coordinates that a camera decoded of a projector."""
+
+    camera: str
+    projector: str
+    labels: Labels
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """Residuals r, slopes J and weights w of some pixels, each (n, 2 views)."""
+
+    r: Array
+    J: Array
+    w: Array
+    off_px: Array  # (n,), by how much other cameras see something else; NaN where none sees the point
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """The devices, what was decoded, and whose pixels are asked for."""
+
+    devices: Mapping[str, Device]
+    views: Sequence[_View]
+    camera: str
+    rays: Rays
+
+    def directions(self, at: Array) -> Array:
+        """Directions (n, 3) in which pixels (n, 2) look."""
+        device = self.devices[self.camera]
+        return ray_directions(device.spec, device.interior, at)
+
+    def seen(self, name: str, directions: Array, q: Array) -> tuple[Array, Array]:
+        """Where a device sees the points at inverse depths q (n,), (n, 2), and how that changes with q."""
+        device = self.devices[name]
+        pose = device.from_base @ self.devices[self.camera].from_base.inverse()
+        here, beside = (
+            project(device.spec, device.interior, directions / inverse[:, None], pose)
+            for inverse in (q, q * (1 + SLIGHT))
+        )
+        return here, (beside - here) / (q * SLIGHT)[:, None]
+
+    def terms(self, at: NDArray, directions: Array, q: Array) -> _Terms:
+        """Compare what was decoded with what pixels (n, 2) should see at inverse depths q (n,)."""
+        own = {v.projector: v.labels.at_pixels(at) for v in self.views if v.camera == self.camera}
+        views = [v for v in self.views if self.rays == "all" or (v.camera != self.camera and v.projector in own)]
+        other = {v.camera for v in views} - {self.camera}
+        lines = {v.projector for v in views} if self.rays == "all" else set()
+        seen = {name: self.seen(name, directions, q) for name in other | lines}
+        parts, off, unknown = [], [np.full(len(q), np.nan)], np.full((len(q), 2), np.nan)
+        for view in views:
+            value, variance = own.get(view.projector, (unknown, unknown))
+            by_q = np.zeros((len(q), 2))
+            if self.rays == "all":
+                expected, by_q = seen[view.projector]
+            else:
+                expected, extra = value, variance
+            if view.camera != self.camera:
+                place, walk = seen[view.camera]
+                value, variance, gradient = view.labels.between(place)
+                by_q = by_q - np.einsum("nij,nj->ni", gradient, walk)
+                variance = variance if self.rays == "all" else variance + extra
+            rest = value - expected
+            known = np.isfinite(rest) & np.isfinite(by_q)
+            parts.append([np.where(known, x, 0.0) for x in (rest, by_q, 1 / np.maximum(variance, LEAST_VARIANCE))])
+            if view.camera != self.camera:
+                away = np.where(known, np.abs(rest) / np.linalg.norm(gradient, axis=2), np.nan)
+                off.append(np.fmax(away[:, 0], away[:, 1]))
+        r, J, w = (np.concatenate(column, axis=1) for column in zip(*parts, strict=True))
+        return _Terms(r, J, w, np.fmax.reduce(off))
+
+    def solve(self, at: NDArray, directions: Array, q: Array) -> tuple[Array, Array, Array, Array, NDArray]:
+        """Give inverse depths, their variances by noise, weighted squares, numbers of observations, and sight."""
+        terms = self.terms(at, directions, q)
+        sight = np.where(np.isfinite(terms.off_px), np.uint8(Sight.JOINT), np.uint8(Sight.OWN))
+        sight[terms.off_px > REACH_PX] = Sight.HIDDEN
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for _ in range(STEPS):
+                variance = 1 / np.sum(terms.w * terms.J**2, axis=1)
+                q = q + np.sum(terms.w * terms.J * terms.r, axis=1) * variance
+                terms = self.terms(at, directions, q)
+        sight[(sight == Sight.JOINT) & ~np.isfinite(terms.off_px)] = Sight.OWN  # it walked off what was decoded
+        return q, variance, np.sum(terms.w * terms.r**2, axis=1), np.count_nonzero(terms.w, axis=1), sight
+
+
+def intersect_all(
+    phases: Sequence[PhaseMap],
+    calibration: PhotogrammetricCalibration,
+    camera: str,
+    *,
+    rays: Rays = "all",
+    progress: Progress = SILENT,
+) -> PointCloud:
+    """Intersect the pixels of one camera with all that saw the same points.
+
+    Parameters
+    ----------
+    phases : sequence of PhaseMap
+        Of one capture, one for each camera and projector.
+    calibration : PhotogrammetricCalibration
+    camera : str
+        Whose pixels; it must be among `phases`.
+    rays : {"all", "cameras"}
+        Cameras and projectors, or cameras alone, for which the projector labels places and no more.
+    progress : Progress
+
+    Returns
+    -------
+    cloud : PointCloud
+        In this camera's frame. `sight` holds a `Sight` for each pixel. Of cameras alone, only joint points remain.
+
+    Raises
+    ------
+    InputError
+        If `phases` lack the camera, or cameras alone are wanted and there is but one.
+    """
+    views = [_View(p.camera, p.projector, labels_of(p)) for p in phases]
+    own = [phase for phase in phases if phase.camera == camera]
+    if not own:
+        known = ", ".join(sorted({p.camera for p in phases}))
+        raise InputError("the capture", f"holds nothing decoded of {camera}", f"choose one of {known}")
+    if rays == "cameras" and len(own) == len(phases):
+        raise InputError("the capture", "was seen by one camera alone", "use rays from the projector too")
+    scene, alone = _Scene(placed(calibration), views, camera, rays), [intersect(phase, calibration) for phase in own]
+    directions = scene.directions(np.stack(np.meshgrid(*(np.arange(n) for n in own[0].u.shape[::-1])), axis=-1))
+    progress(0.3, "intersecting all rays")
+    start = alone[0].xyz_mm.copy()
+    for cloud in alone[1:]:  # where the first projector's light does not reach
+        missing = np.isnan(start[..., 2])
+        start[missing] = cloud.xyz_mm[missing]
+    q = -1 / start[..., 2].astype(np.float64)
+    sight = np.where(np.isfinite(q), np.uint8(Sight.OWN), np.uint8(Sight.NONE))
+    rss, count, noise = np.zeros(q.shape), np.zeros(q.shape, int), np.full(q.shape, np.nan)
+
+    def band(first: int, last: int) -> None:
+        progress.check()
+        rows, columns = np.nonzero(sight[first:last])
+        at = np.stack([columns, rows + first], axis=1)
+        if len(at):
+            place = tuple(at.T[::-1])
+            q[place], noise[place], rss[place], count[place], sight[place] = scene.solve(
+                at, directions[place], q[place]
+            )
+
+    run_in_bands(band, len(q))
+    _tell_disagreeing(sight, rss, count)
+    if rays == "cameras":
+        sight[sight != Sight.JOINT] = Sight.NONE
+    back = (sight != Sight.JOINT) & (sight != Sight.NONE)  # the camera's own solution holds there
+    q[back], noise[back] = -1 / start[back][:, 2], np.nan
+    q[sight == Sight.NONE] = np.nan
+    sigma, sigma_depth = _own_sigmas(alone, start)
+    joint = sight == Sight.JOINT
+    sigma_depth[joint] = (np.sqrt(noise) / q**2)[joint]
+    sigma[joint] = np.sqrt(
+        (directions * sigma_depth[..., None])[joint] ** 2 + _by_calibration(scene, calibration, joint, q)
+    )
+    sigma[~np.isfinite(q)], sigma_depth[~np.isfinite(q)] = np.nan, np.nan
+    progress(1.0, "points are reconstructed")
+    return PointCloud((directions / q[..., None]).astype(np.float32), sigma, sigma_depth, sight)
+
+
+def merged(
+    clouds: Mapping[str, PointCloud], images: Mapping[str, Floats], calibration: PhotogrammetricCalibration
+) -> tuple[PointCloud, Floats]:
+    """Join the clouds of several cameras, each point once, in the frame of the device that orientations refer to.
+
+    Parameters
+    ----------
+    clouds : mapping
+        From `intersect_all`, by camera.
+    images : mapping
+        Grey values (H, W) of the same cameras.
+    calibration : PhotogrammetricCalibration
+
+    Returns
+    -------
+    cloud : PointCloud
+        Shape (1, n, 3). A joint point is taken from the first camera; sigmas stay along the axes of the camera whose
+        point it is.
+    image : array, shape (1, n)
+    """
+    devices, parts = placed(calibration), []
+    for i, (name, cloud) in enumerate(clouds.items()):
+        assert cloud.sight is not None
+        assert cloud.sigma_mm is not None
+        assert cloud.sigma_depth_mm is not None
+        keep = np.isfinite(cloud.xyz_mm[..., 2]) & ((cloud.sight != Sight.JOINT) | (i == 0))
+        xyz = devices[name].from_base.inverse().apply(cloud.xyz_mm[keep]).astype(np.float32)
+        own = (cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight, images[name])
+        parts.append((xyz, *(values[keep] for values in own)))
+    *columns, image = (np.concatenate(column)[None] for column in zip(*parts, strict=True))
+    return PointCloud(*columns), image
+
+
+def _tell_disagreeing(sight: NDArray, rss: Array, count: NDArray) -> None:
+    """Mark joint points whose rays miss one another by more than chance and the image's usual misfit allow."""
+    joint = sight == Sight.JOINT
+    for n in np.unique(count[joint]):
+        alike = joint & (count == n)
+        if n > 1:
+            usual = max(1.0, float(np.median(rss[alike])) / (n - 1))
+            sight[alike & (rss > usual * chi_square_limit(int(n) - 1, BEYOND))] = Sight.DISAGREE
+
+
+def _own_sigmas(alone: Sequence[PointCloud], start: NDArray) -> tuple[NDArray, NDArray]:
+    """Sigmas of what one camera and one projector give, of the projector that gave the point."""
+    shape = start.shape[:2]
+    sigma, depth = np.full((*shape, 3), np.nan, np.float32), np.full(shape, np.nan, np.float32)
+    for cloud in alone[::-1]:
+        made = np.isfinite(cloud.xyz_mm[..., 2])
+        assert cloud.sigma_mm is not None
+        assert cloud.sigma_depth_mm is not None
+        sigma[made], depth[made] = cloud.sigma_mm[made], cloud.sigma_depth_mm[made]
+    return sigma, depth
+
+
+def _by_calibration(scene: _Scene, calibration: PhotogrammetricCalibration, joint: NDArray, q: Array) -> Array:
+    """Variances (n, 3), mm², of joint points by the calibration's covariance.
+
+    They are worked out for points spread over the image, and fitted as smooth functions of pixel and inverse depth.
+    """
+    rows, columns = np.nonzero(joint)
+    C = calibration.covariance
+    uncertain = np.flatnonzero(np.diag(C) > 0)
+    if not len(rows) or not len(uncertain):
+        return np.zeros((len(rows), 3))
+    some = np.unique(np.linspace(0, len(rows) - 1, SAMPLES).astype(int))
+    at, depths = np.stack([columns[some], rows[some]], axis=1), q[rows[some], columns[some]]
+    directions = scene.directions(at)
+    terms = scene.terms(at, directions, depths)
+    per = terms.w * terms.J / np.sum(terms.w * terms.J**2, axis=1)[:, None]
+    G = np.empty((len(some), 3, len(uncertain)))
+    for k, parameter in enumerate(uncertain):
+        step = np.zeros(len(C))
+        step[parameter] = np.sqrt(C[parameter, parameter])
+        ends = []
+        for sign in (1, -1):
+            there = replace(scene, devices=moved(scene.devices, calibration, sign * step))
+            turned = there.directions(at)
+            depth = depths + np.sum(per * (there.terms(at, turned, depths).r - terms.r), axis=1)
+            ends.append(turned / depth[:, None])
+        G[:, :, k] = (ends[0] - ends[1]) / (2 * step[parameter])
+    variance = np.einsum("nik,kl,nil->ni", G, C[np.ix_(uncertain, uncertain)], G)
+    scale = np.array([joint.shape[1], joint.shape[0], np.median(depths)])
+
+    def powers(columns: NDArray, rows: NDArray, depths: Array) -> Array:
+        x, y, z = (np.stack([columns, rows, depths], axis=1) / scale - [0.5, 0.5, 1.0]).T
+        return np.stack([np.ones_like(x), x, y, z, x * x, y * y, z * z, x * y, x * z, y * z], axis=1)
+
+    sound = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)
+    logs = np.linalg.lstsq(powers(at[sound, 0], at[sound, 1], depths[sound]), np.log(variance[sound]), rcond=None)[0]
+    return np.exp(powers(columns, rows, q[joint]) @ logs)

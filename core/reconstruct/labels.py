@@ -1,0 +1,66 @@
+"""Projector coordinates that a camera decoded, between its pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.model import Array, Floats, PhaseMap
+
+PLANE = np.array([[-1.0, 0.0, 1.0]] * 3) / 6  # slope of the plane through 3 by 3 values, along a row
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Coordinates of both axes with their variances and slopes.
+
+    Attributes
+    ----------
+    values, variances : array, shape (H, W, 2)
+        Lines and lines².
+    slopes : array, shape (H, W, 2, 2)
+        Lines a pixel: ``slopes[..., i, j]`` of coordinate i along the image's axis j; NaN beside pixels without one.
+    """
+
+    values: Floats
+    variances: Floats
+    slopes: Floats
+
+    def at_pixels(self, at: NDArray) -> tuple[Array, Array]:
+        """Values and variances (n, 2) of pixels (n, 2)."""
+        place = tuple(at.T[::-1])
+        return self.values[place].astype(np.float64), self.variances[place].astype(np.float64)
+
+    def between(self, at: Array) -> tuple[Array, Array, Array]:
+        """Values, variances (n, 2) and slopes (n, 2, 2) at places (n, 2) of the image, bilinear; NaN outside."""
+        height, width = self.values.shape[:2]
+        inside = np.all((at >= 0) & (at <= [width - 1, height - 1]), axis=1)
+        at = np.where(inside[:, None], at, 0.0)
+        corner = np.minimum(at.astype(int), [width - 2, height - 2])
+        part = at - corner
+        value, variance = np.zeros((len(at), 2)), np.zeros((len(at), 2))
+        for down in (0, 1):
+            for right in (0, 1):
+                share = np.abs(1 - right - part[:, 0]) * np.abs(1 - down - part[:, 1])
+                place = corner[:, 1] + down, corner[:, 0] + right
+                value += share[:, None] * self.values[place]
+                variance += share[:, None] ** 2 * self.variances[place]
+        nearest = (at + 0.5).astype(int)
+        slope = self.slopes[nearest[:, 1], nearest[:, 0]].astype(np.float64)
+        value[~inside] = np.nan
+        return value, variance, slope
+
+
+def labels_of(phase: PhaseMap) -> Labels:
+    """Prepare what was decoded; a coordinate that an image lacks is NaN all over."""
+    import cv2
+
+    values: Floats = np.stack([phase.u, phase.v], axis=-1)
+    variances = np.stack([phase.sigma_u, phase.sigma_v], axis=-1) ** 2
+    slopes: Floats = np.stack(
+        [cv2.filter2D(values, -1, kernel.astype(np.float32)) for kernel in (PLANE, PLANE.T)], axis=-1
+    )
+    slopes[[0, -1]], slopes[:, [0, -1]] = np.nan, np.nan
+    return Labels(values, variances, slopes)

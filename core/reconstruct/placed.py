@@ -1,0 +1,58 @@
+"""The devices of a calibration as one camera sees them, and what moves when a parameter of the calibration moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from core.errors import InputError
+from core.geometry import Pose, matrix_from_rotation_vector
+from core.geometry.pairs import names_of, orientation_names
+from core.model import Array, DeviceSpec, Interior, PhotogrammetricCalibration
+
+
+@dataclass(frozen=True)
+class Device:
+    """A device and where it stands."""
+
+    spec: DeviceSpec
+    interior: Interior
+    from_base: Pose
+
+
+def placed(calibration: PhotogrammetricCalibration) -> dict[str, Device]:
+    """Give all devices, each with its pose in the frame of the device that the orientations refer to.
+
+    Raises
+    ------
+    InputError
+        If not all devices were tied to one another.
+    """
+    bases = {orientation.base for orientation in calibration.orientations.values()}
+    if len(bases) > 1:
+        remedy = "capture the board where all see it, and calibrate again"
+        raise InputError("calibration", f"its devices stand in several frames: {', '.join(sorted(bases))}", remedy)
+    poses = {name: orientation.device_from_base for name, orientation in calibration.orientations.items()}
+    return {
+        name: Device(device.spec, device.interior, poses.get(name, Pose()))
+        for name, device in calibration.devices.items()
+    }
+
+
+def moved(devices: Mapping[str, Device], calibration: PhotogrammetricCalibration, step: Array) -> dict[str, Device]:
+    """Change the devices by a step of the calibration's parameters, in the order of its covariance."""
+    change = dict(zip(calibration.parameter_names, step, strict=True))
+    found = {}
+    for name, device in devices.items():
+        interior, pose = device.interior, device.from_base
+        own = np.array([change[n] for n in names_of(name, calibration.devices[name])])
+        if own.any():
+            interior = Interior.from_vector(interior.vector + own, interior.r0_mm, interior.model)
+        if name in calibration.orientations:
+            turn, shift = np.split(np.array([change[n] for n in orientation_names(name)]), 2)
+            if turn.any() or shift.any():
+                pose = Pose(matrix_from_rotation_vector(turn) @ pose.rotation, pose.translation_mm + shift)
+        found[name] = replace(device, interior=interior, from_base=pose)
+    return found

@@ -1,0 +1,221 @@
+"""Several cameras and one projector over surfaces in closed form: what each pixel sees, worked out here by rays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import pytest
+
+from core.errors import InputError
+from core.geometry import Pose, matrix_from_rotation_vector
+from core.model import AdjustedDevice, DeviceSpec, Interior, Orientation, PhaseMap, PhotogrammetricCalibration
+from core.reconstruct import Sight, intersect_all, merged, reconstruct
+from core.reconstruct.placed import moved, placed
+
+NOISE = 0.03  # lines
+CAMERA = DeviceSpec(240, 180, (0.025, 0.025), 12.0)
+PROJECTOR = DeviceSpec(640, 640, (0.09, 0.09), 180.0)
+BASE_MM = 255.0
+Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]  # origin (3,) and directions (..., 3): distances, inf for none
+
+
+@dataclass(frozen=True)
+class Place:
+    """A pinhole device: rows of R are its axes X, Y, Z in space; it looks along -Z."""
+
+    spec: DeviceSpec
+    c: float
+    centre: np.ndarray
+    R: np.ndarray
+
+    @classmethod
+    def looking(cls, spec: DeviceSpec, c: float, centre: list[float]) -> Place:
+        z = np.array(centre) / np.linalg.norm(centre)  # back from the origin, at which it looks
+        x = np.cross([0.0, 1.0, 0.0], z)
+        x /= np.linalg.norm(x)
+        return cls(spec, c, np.array(centre), np.stack([x, np.cross(z, x), z]))
+
+    def rays(self) -> np.ndarray:
+        u, v = np.meshgrid(np.arange(self.spec.width), np.arange(self.spec.height))
+        x = (u - (self.spec.width - 1) / 2) * self.spec.pitch_mm[0] / self.c
+        y = ((self.spec.height - 1) / 2 - v) * self.spec.pitch_mm[1] / self.c
+        return np.stack([x, y, -np.ones_like(x)], axis=-1) @ self.R
+
+    def image(self, X: np.ndarray) -> np.ndarray:
+        own = (X - self.centre) @ self.R.T
+        x, y = -self.c * own[..., 0] / own[..., 2], -self.c * own[..., 1] / own[..., 2]
+        middle = (np.array([self.spec.width, self.spec.height]) - 1) / 2
+        return np.stack([x / self.spec.pitch_mm[0], -y / self.spec.pitch_mm[1]], axis=-1) + middle
+
+    def device(self) -> AdjustedDevice:
+        return AdjustedDevice(self.spec, Interior(self.c), np.zeros(9), (0.0, 0.0), 0)
+
+
+LEFT = Place.looking(CAMERA, 12.0, [-BASE_MM, 10.0, 900.0])
+RIGHT = Place.looking(CAMERA, 12.5, [BASE_MM, -15.0, 905.0])
+LAMP = Place.looking(PROJECTOR, 181.0, [0.0, 0.0, 910.0])
+
+
+def plane(origin: np.ndarray, d: np.ndarray) -> np.ndarray:
+    n = np.array([0.15, -0.1, 1.0])
+    return -(origin @ n) / (d @ n)
+
+
+def ball(origin: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """A ball of 30 mm, 70 mm before the plane."""
+    to, dd = origin - [0.0, 0.0, 70.0], np.sum(d * d, axis=-1)
+    b = d @ to
+    root = b**2 - dd * (to @ to - 900.0)
+    return np.where(root > 0, (-b - np.sqrt(np.maximum(root, 0))) / dd, np.inf)
+
+
+def capture(camera: Place, lamp: Place, surfaces: list[Surface], name: str, noise: float, seed: int) -> PhaseMap:
+    d = camera.rays()
+    X = camera.centre + d * np.min([s(camera.centre, d) for s in surfaces], axis=0)[..., None]
+    to = X - lamp.centre
+    lit = np.min([s(lamp.centre, to) for s in surfaces], axis=0) > 1 - 1e-6
+    uv = lamp.image(X) + noise * np.random.default_rng(seed).standard_normal((*X.shape[:2], 2))
+    uv = np.where(lit[..., None], uv, np.nan).astype(np.float32)
+    sigma, plain = np.full(uv.shape[:2], noise, np.float32), np.ones(uv.shape[:2], np.float32)
+    flags = np.zeros(uv.shape[:2], np.uint8)
+    return PhaseMap(uv[..., 0], uv[..., 1], sigma, sigma, plain, plain, flags, camera=name, projector="projector")
+
+
+def calibration(left: Place = LEFT, right: Place = RIGHT, lamp: Place = LAMP) -> PhotogrammetricCalibration:
+    def from_left(place: Place) -> Orientation:
+        return Orientation("left", Pose(place.R @ left.R.T, place.R @ (left.centre - place.centre)))
+
+    names = [
+        f"{n}.{p}" for n in ("left", "right", "projector") for p in ("c", "x0", "y0", *(f"A{k}" for k in range(1, 7)))
+    ]
+    names += [f"{n}.{p}" for n in ("right", "projector") for p in ("rx", "ry", "rz", "tx", "ty", "tz")]
+    return PhotogrammetricCalibration(
+        {"left": left.device(), "right": right.device(), "projector": lamp.device()},
+        ("left", "right"), {"right": from_left(right), "projector": from_left(lamp)},
+        np.zeros((len(names), len(names))), tuple(names), 1.0, 1, 1, 1, 1, (0.0, 0.0, 0.0),
+    )  # fmt: skip
+
+
+def captures(surfaces: list[Surface], lamp: Place = LAMP, noise: float = NOISE) -> list[PhaseMap]:
+    places = {"left": LEFT, "right": RIGHT}
+    return [capture(place, lamp, surfaces, name, noise, i) for i, (name, place) in enumerate(places.items())]
+
+
+def truth(camera: Place, surfaces: list[Surface]) -> np.ndarray:
+    """Distances along the camera's -Z."""
+    d = camera.rays()
+    return np.min([s(camera.centre, d) for s in surfaces], axis=0)
+
+
+def depth_errors(cloud, camera: Place, surfaces: list[Surface]) -> np.ndarray:
+    return -cloud.xyz_mm[..., 2] - truth(camera, surfaces)
+
+
+def test_two_cameras_are_better_than_one_and_say_by_how_much() -> None:
+    """Bounds: two thirds of a pixel's noise are left between pixels, so that 1/sqrt(1 + 1/0.44) = 0.55 is to be had."""
+    both, found = captures([plane]), calibration()
+    alone, joint = reconstruct(both[0], found), intersect_all(both, found, "left")
+    seen = joint.sight == Sight.JOINT
+    assert seen.mean() > 0.8
+    assert np.median(joint.sigma_depth_mm[seen]) < 0.65 * np.median(alone.sigma_depth_mm[seen])
+    for cloud in (alone, joint):
+        error = depth_errors(cloud, LEFT, [plane])[seen]
+        assert np.sqrt(np.mean((error / cloud.sigma_depth_mm[seen]) ** 2)) == pytest.approx(1.0, abs=0.03)
+
+
+def test_cameras_alone_do_not_care_where_the_projector_stands() -> None:
+    """The projector has turned by 0.1 mrad, and its c drifted by 50 um since the calibration."""
+    drifted = replace(LAMP, c=LAMP.c + 0.05, R=matrix_from_rotation_vector([0.0, 1e-4, 0.0]) @ LAMP.R)
+    both, found = captures([plane], drifted), calibration()
+    pair = reconstruct(both[0], found)
+    cameras = intersect_all(both, found, "left", rays="cameras")
+    seen = cameras.sight == Sight.JOINT
+    error = depth_errors(cameras, LEFT, [plane])[seen]
+    assert abs(np.mean(depth_errors(pair, LEFT, [plane])[seen])) > 0.05
+    assert abs(np.mean(error)) < 0.1 * np.median(cameras.sigma_depth_mm[seen])
+    assert np.sqrt(np.mean((error / cameras.sigma_depth_mm[seen]) ** 2)) == pytest.approx(1.0, abs=0.03)
+
+
+def test_hidden_places_are_told_from_rays_that_miss() -> None:
+    surfaces = [plane, ball]
+    both, found = captures(surfaces), calibration()
+    # a patch in which the right camera's coordinates are off by two lines, as light reflected twice would do it
+    at = np.s_[100:110, 60:80]
+    both[1].u[at] += 2.0
+    joint = intersect_all(both, found, "left")
+    X = LEFT.centre + LEFT.rays() * truth(LEFT, surfaces)[..., None]
+    place, to = RIGHT.image(X), X - RIGHT.centre
+    free = ball(RIGHT.centre, to) > 1 - 1e-6
+    inside = np.all((place > 3) & (place < [236, 176]), axis=-1)
+    lit = np.isfinite(both[0].u)
+    hidden = lit & inside & ~free
+    assert hidden.sum() > 200
+    assert np.mean(joint.sight[hidden] == Sight.JOINT) < 0.01  # pixels that straddle the ball's outline
+    assert np.mean(np.abs(depth_errors(joint, LEFT, surfaces)[hidden]) < 6 * joint.sigma_depth_mm[hidden]) > 0.99
+    spoilt = lit & free & np.all((place > [61, 101]) & (place < [78, 108]), axis=-1)
+    assert np.mean(joint.sight[spoilt] == Sight.DISAGREE) > 0.95
+    # not what straddles the ball's outline in an image, nor its flanks, seen at a grazing angle
+    curved = ~lit | ~free | (np.linalg.norm(X - [0.0, 0.0, 70.0], axis=-1) < 30.1)
+    sound = inside & (cv2.dilate(curved.astype(np.uint8), np.ones((9, 9))) == 0)
+    sound &= np.abs(place - [70, 105]).max(axis=-1) > 15
+    assert sound.sum() > 20_000
+    assert np.mean(joint.sight[sound] == Sight.DISAGREE) < 1e-4
+
+
+def test_covariance_of_the_calibration_goes_into_the_sigma() -> None:
+    """Each parameter moved by its sigma moves the points; their squares add up. Noise: next to nothing."""
+    both, found = captures([plane], noise=1e-4), calibration()
+    sigma = {
+        "c": 0.01,
+        "x0": 0.002,
+        "y0": 0.002,
+        "A1": 1e-6,
+        "rx": 2e-5,
+        "ry": 2e-5,
+        "rz": 2e-5,
+        "tx": 0.02,
+        "ty": 0.02,
+        "tz": 0.02,
+    }
+    spread = np.array([sigma.get(name.split(".")[1], 0.0) for name in found.parameter_names])
+    wide = replace(found, covariance=np.diag(spread**2))
+    predicted = intersect_all(both, wide, "left")
+    at = np.s_[60:140:20, 84:180:24]
+    thin = np.full_like(both[0].u, np.nan)
+    thin[at] = both[0].u[at]
+    some = [replace(both[0], u=thin), both[1]]
+    there, variance = intersect_all(some, found, "left").xyz_mm[at], 0.0
+    for step in np.diag(spread)[spread > 0]:
+        devices = moved(placed(found), found, step)
+        one = replace(
+            found,
+            devices={n: replace(found.devices[n], interior=d.interior) for n, d in devices.items()},
+            orientations={n: Orientation("left", devices[n].from_base) for n in found.orientations},
+        )
+        variance = variance + (intersect_all(some, one, "left").xyz_mm[at] - there) ** 2
+    # a tenth: what the smooth fit over the image and float32 leave
+    np.testing.assert_allclose(predicted.sigma_mm[at], np.sqrt(variance), rtol=0.1)
+
+
+def test_both_clouds_become_one_without_doubles() -> None:
+    both, found = captures([plane, ball]), calibration()
+    clouds = {name: intersect_all(both, found, name) for name in ("left", "right")}
+    one, grey = merged(clouds, {phase.camera: phase.image for phase in both}, found)
+    joint = {name: int(np.sum(cloud.sight == Sight.JOINT)) for name, cloud in clouds.items()}
+    points = {name: int(np.isfinite(cloud.xyz_mm[..., 2]).sum()) for name, cloud in clouds.items()}
+    assert grey.shape == one.xyz_mm.shape[:2]
+    assert one.xyz_mm.shape == (1, points["left"] + points["right"] - joint["right"], 3)
+    X = one.xyz_mm[0] @ LEFT.R + LEFT.centre
+    error = np.minimum(np.abs(X @ [0.15, -0.1, 1.0]), np.abs(np.linalg.norm(X - [0, 0, 70.0], axis=-1) - 30.0))
+    assert np.quantile(error, 0.99) < 1.0
+
+
+def test_wrong_requests_are_refused() -> None:
+    both, found = captures([plane]), calibration()
+    with pytest.raises(InputError, match="choose one of left, right"):
+        intersect_all(both, found, "top")
+    with pytest.raises(InputError, match="one camera alone"):
+        intersect_all(both[:1], found, "left", rays="cameras")
