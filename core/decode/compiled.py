@@ -156,12 +156,18 @@ def _add_to_three(frames, factors, count, out):  # type: ignore[no-untyped-def]
 @part
 def pixel_sum(rows, r, source, pixel):  # type: ignore[no-untyped-def]
     """One row times the grey values of one pixel of the tile."""
-    addresses, item_size, start = source
-    total, at = F(0), np.uint64(item_size * (start + pixel))
+    total = F(0)
     for entry in range(rows.first[r], rows.first[r + 1]):
-        a = addresses[rows.column[entry]] + at
-        total += rows.value[entry] * (F(narrow(a, 1)[0]) if item_size == 1 else F(wide(a, 1)[0]))
+        total += rows.value[entry] * grey_of(source, rows.column[entry], pixel)
     return total
+
+
+@part
+def grey_of(source, frame, pixel):  # type: ignore[no-untyped-def]
+    """Grey value of one pixel of the tile in a frame."""
+    addresses, item_size, start = source
+    a = addresses[frame] + np.uint64(item_size * (start + pixel))
+    return F(narrow(a, 1)[0]) if item_size == 1 else F(wide(a, 1)[0])
 
 
 @part

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import HALF, INT, NONE, ONE, TILE, TINY, F, angle, fill, part, three_sums, turn_of
+from core.decode.compiled import HALF, INT, NONE, ONE, TILE, TINY, F, angle, fill, grey_of, part, three_sums, turn_of
 from core.decode.options import Flag
 from core.decode.tables import CODE
 
 LOW, UNSURE, DISAGREEMENT = INT(Flag.LOW_MODULATION), INT(Flag.UNSURE), INT(Flag.DISAGREEMENT)
+SATURATED = INT(Flag.SATURATED)
 
 TWO_PI = F(2 * np.pi)
 SIGMAS = F(4.5)  # a step that rounds is trusted when this many of its standard deviations stay below half a cycle
@@ -19,16 +20,20 @@ EVIDENCE = F(20)  # twice the logarithm of how much likelier than the second the
 FITTING = F(25)  # chi squared of the phases at the best place
 GATE = F(0.4)  # cycles: phases that differ by more contradict each other
 SAME = F(0.02)  # cycles²: less does not tell the two ends of the longest beat apart
+LEFT = F(1e-3)  # part of what a step tells that must follow from the others, so that it can be left out
+ROUNDS = 4  # in which a wave that is no sine is put in the place of steps left out
 
 
 @part
 def fit_phases(  # type: ignore[no-untyped-def]
-    table, source, limits, count, parts, turns, variance, means, amplitudes, modulation, flags
+    table, source, limits, count, scratch, turns, variance, means, amplitudes, modulation, flags, mended
 ):
     """Phase (turns), its variance (turns²) and modulation of every period; the finest period's modulation is kept.
 
-    Where all periods are to be fitted together, their means and amplitudes are kept too.
+    Where all periods are to be fitted together, their means and amplitudes are kept too. Pixels with saturated steps
+    that the others make up for lose the flag, and are 1 in `mended`; tells if there are any.
     """
+    parts = scratch.parts
     covariance, dark, shot, floor = table.covariance, limits.dark, limits.shot, limits.floor
     dimmest, least = limits.modulation, limits.snr * limits.snr * TWO_PI * TWO_PI
     for j in range(len(covariance)):
@@ -52,8 +57,92 @@ def fit_phases(  # type: ignore[no-untyped-def]
             for i in range(count):
                 c, s = cosine[i], sine[i]
                 means[j, i], amplitudes[j, i] = mean[i], np.sqrt(c * c + s * s)
-        if len(table.bend) > 0:
-            _straighten(table.bend, j, count, turn, var)
+    any_mended = NONE
+    for i in range(count):
+        mended[i] = NONE
+        if flags[i] & SATURATED != NONE:
+            flags[i] = _leave_out(table, source, limits, i, scratch, turns, variance, means, amplitudes)
+            modulation[i] = amplitudes[0, i]
+            mended[i] = INT(1) if flags[i] & SATURATED == NONE else NONE
+            any_mended |= mended[i]
+    for j in range(len(table.bend)):
+        _straighten(table.bend, j, count, turns[j], variance[j])
+    return any_mended
+
+
+@part
+def _leave_out(table, source, limits, i, scratch, turns, variance, means, amplitudes):  # type: ignore[no-untyped-def]
+    """Fit every period of one pixel by least squares without its saturated steps; gives the pixel's flags.
+
+    A step left out is the one that the others would be fitted with just as well: of the hat matrix ``H`` of all steps,
+    ``(1 - H_mm) g_m = H_mk g_k``. A wave that is no sine shows `rest` besides, by the phase fitted before.
+    """
+    fits, hats, rests, flag = table.fits, table.hat, table.rest, NONE
+    holes, missing = scratch.holes, scratch.missing
+    seen, plain = holes[len(holes) - 2], holes[len(holes) - 1]
+    for j in range(len(table.covariance)):
+        first, size, number = fits.first[j], fits.first[j + 1] - fits.first[j], 0
+        hat, value = hats[j], fits.value[:, first : first + size]
+        for a in range(size):
+            g = grey_of(source, fits.frame[first + a], i)
+            lost = g >= limits.saturation and hat[a, a] > F(0)
+            if lost:
+                missing[number] = a
+                number += 1
+            seen[a], plain[a] = F(0) if lost else g, F(0) if lost else g
+        mean, c, s, turn, amplitude = F(0), F(0), F(0), F(0), F(0)
+        cc, cs, ss = table.covariance[j, 0], table.covariance[j, 1], table.covariance[j, 2]
+        for k in range(ROUNDS if len(rests) > 0 and number > 0 else 1):
+            if k > 0:
+                at = min(max(INT((turn + HALF) * F(rests.shape[2])), 0), rests.shape[2] - 1)
+                for a in range(size):
+                    plain[a] = seen[a] - amplitude * rests[j, a, at]
+                for p in range(number):
+                    plain[missing[p]] = F(0)
+            for p in range(number):
+                row, known = missing[p], F(0)
+                for q in range(number):
+                    holes[p, q] = (ONE if p == q else F(0)) - hat[row, missing[q]]
+                for a in range(size):
+                    known += hat[row, a] * plain[a]
+                holes[p, number], holes[p, number + 1], holes[p, number + 2] = known, value[1, row], value[2, row]
+            if not _solve(holes, number):
+                return SATURATED
+            for p in range(number):
+                row = missing[p]
+                plain[row] = holes[p, number]
+                if k == 0:
+                    cc += value[1, row] * holes[p, number + 1]
+                    cs += value[1, row] * holes[p, number + 2]
+                    ss += value[2, row] * holes[p, number + 2]
+            mean, c, s = F(0), F(0), F(0)
+            for a in range(size):
+                mean, c, s = mean + value[0, a] * plain[a], c + value[1, a] * plain[a], s + value[2, a] * plain[a]
+            turn, amplitude = angle(c, s), np.sqrt(c * c + s * s)
+        square = c * c + s * s + TINY
+        noise = max(limits.dark + limits.shot * mean, limits.floor)
+        v = noise * (cc * s * s - F(2) * cs * c * s + ss * c * c + TINY) / (square * square * TWO_PI * TWO_PI)
+        turns[j, i], variance[j, i], means[j, i], amplitudes[j, i] = turn, v, mean, amplitude
+        weak = (not v * limits.snr * limits.snr * TWO_PI * TWO_PI <= ONE) or amplitude < limits.modulation
+        flag |= LOW if weak else NONE
+    return flag
+
+
+@part
+def _solve(system, count):  # type: ignore[no-untyped-def]
+    """Replace the three right sides of a small positive system, its last columns, by their solutions, if it has any."""
+    for p in range(count):
+        pivot = system[p, p]
+        if not pivot > LEFT:
+            return False
+        for q in range(p, count + 3):
+            system[p, q] /= pivot
+        for r in range(count):
+            if r != p:
+                factor = system[r, p]
+                for q in range(p, count + 3):
+                    system[r, q] -= factor * system[p, q]
+    return True
 
 
 @part

@@ -28,7 +28,7 @@ class Scratch(NamedTuple):
 
     `rows` (8, TILE) and `integers` (3, TILE) are for any use; `phases` (4, periods, TILE) are turns, variance, mean and
     amplitude, `parts` the mean, cosine and sine part of one period; `widths`, `edges`, `octets` and `masks` serve
-    `read_bits`, and `soft` holds the bits of one pixel.
+    `read_bits`, `soft` holds the bits of one pixel, `holes` and `missing` the saturated steps of one.
     """
 
     rows: Singles
@@ -41,11 +41,14 @@ class Scratch(NamedTuple):
     octets: NDArray[np.uint8]
     masks: Shorts
     soft: Singles
+    holes: Singles
+    missing: Shorts
 
 
 def scratch_for(tables: tuple[AxisTable, AxisTable]) -> Scratch:
     """Make the scratch memory for decoding with these tables."""
     periods, bits = max(len(t.period) for t in tables), max(len(t.sign) for t in tables)
+    steps = max(t.hat.shape[1] for t in tables)
     return Scratch(
         rows=np.empty((8, TILE), F),
         integers=np.empty((3, TILE), INT),
@@ -57,6 +60,8 @@ def scratch_for(tables: tuple[AxisTable, AxisTable]) -> Scratch:
         octets=np.empty((bits // 8 + 1, 3 * TILE), np.uint8),
         masks=np.empty(3 * TILE, INT),
         soft=np.empty(bits, F),
+        holes=np.empty((steps + 2, steps + 3), F),
+        missing=np.empty(steps, INT),
     )
 
 
@@ -136,13 +141,16 @@ def decode_pixels(  # type: ignore[no-untyped-def]
             for i in range(count):
                 flag[i] = SATURATED if one[i] >= saturation else NONE
             fill(m, 0, count, F(0))
-            fit_phases(table, source, limits, count, scratch.parts, turns, variance, means, amplitudes, m, flag)
+            fitted = (turns, variance, means, amplitudes, m, flag, doubtful)
+            any_mended = fit_phases(table, source, limits, count, scratch, *fitted)
             if table.start != CODE:
                 join(table, limits, count, turns, variance, means, amplitudes, one, two, False)
             fill(u, 0, count, HALF * (table.lines - ONE))
             if table.start == CODE:
                 weighted_sum(table.rows, 0, source, count, threshold)
                 weighted_sum(table.rows, 1, source, count, contrast)
+                if any_mended != NONE:
+                    _reset_middle(means, m, doubtful, count, threshold, contrast)
                 if table.lift != F(0):
                     _lift(table.lift, table.contrast_lift, m, count, threshold, contrast)
                 both = table.has_contrast and table.lift == F(0)
@@ -173,6 +181,16 @@ def _lift(lift, contrast_lift, modulation, count, threshold, contrast):  # type:
     for i in range(count):
         threshold[i] += lift * modulation[i]
         contrast[i] += contrast_lift * modulation[i]
+
+
+@part
+def _reset_middle(means, modulation, mended, count, threshold, contrast):  # type: ignore[no-untyped-def]
+    """Where steps are saturated, so is white: the phase's mean is the middle between off and on."""
+    for i in range(count):
+        if mended[i] != NONE:
+            low = threshold[i] - contrast[i]
+            threshold[i] = means[0, i]
+            contrast[i] = max(threshold[i] - low, modulation[i])
 
 
 @part

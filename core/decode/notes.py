@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from core.decode.frames import Image
 from core.decode.noise import MEDIAN_OF_SQUARE, spatial_residual
 from core.decode.options import Flag
-from core.decode.tables import NOTHING, AxisTable, Limits, Singles
+from core.decode.tables import NOTHING, PHASES, AxisTable, Limits, Singles
 
 LIT = 12.0  # standard deviations of a grey value that the frames of a lit pixel differ by: noise alone reaches 6
 NOWHERE = 0.005  # part of the image: less light is none
@@ -22,6 +22,8 @@ MIXED = (
     "shown, or the object moved. Take the capture again."
 )
 LARGER = "Compare its width and height in project.json with those that the patterns were made for."
+ORDER = int(Flag.DISAGREEMENT | Flag.UNSURE)
+HALF = 0.5
 MANY = 0.1  # part of the lit pixels that a cause must have to be told
 
 
@@ -90,10 +92,14 @@ def _causes(
         agree = f"frames that should agree differ by {noise:.1f} grey values, where their noise is {grain:.1f}."
         weak = f"{agree} {MIXED}"
     contrary = f"the frames contradict each other. {MIXED}" if told else "the phase is too noisy. Expose longer."
+    open_order = np.count_nonzero(lost & int(Flag.UNSURE)) > HALF * np.count_nonzero(lost & ORDER)
+    if open_order and noise <= APART * grain and all(table.start in (NOTHING, PHASES) for table in tables):
+        more = "Expose longer, show more steps, or add a code or a longer period."
+        contrary = f"the noise of {noise:.1f} grey values leaves the order of the fringe open. {more}"
     kinds = {
-        int(Flag.SATURATED): f"a step is at full scale ({full:.0f}). Expose shorter or stop the lens down.",
+        int(Flag.SATURATED): f"too many steps are at full scale ({full:.0f}). Expose shorter or stop the lens down.",
         int(Flag.LOW_MODULATION): weak,
-        int(Flag.DISAGREEMENT | Flag.UNSURE): contrary,
+        ORDER: contrary,
         int(Flag.OUTSIDE): f"the coordinate is beyond the projector's lines. {LARGER}",
     }
     parts = {text: float(np.count_nonzero(lost & bits)) / lit for bits, text in kinds.items()}

@@ -12,7 +12,7 @@ class Flag(IntFlag):
     LOW_MODULATION = 1
     """Too little light from the projector compared with the noise."""
     SATURATED = 2
-    """A phase step or the peak of a light section is at the sensor's full scale."""
+    """So many phase steps are at the sensor's full scale that the others do not tell the phase; or a section's peak."""
     UNSURE = 4
     """Bits too close to their threshold, or phases too noisy, to settle the order of the fringe."""
     DISAGREEMENT = 8

@@ -17,7 +17,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.curves import PARAMETERS, SPREAD, both_sides, dimming, light_at, light_of, waves
+from core.decode.curves import HIGHEST, PARAMETERS, SPREAD, both_sides, dimming, light_at, light_of, waves
 from core.decode.frames import Image, PhaseFrames, SortedFrames
 from core.decode.harmonics import GRID, STEEPEST, STRAIGHT, correction
 from core.decode.tables import AxisTable, Singles
@@ -423,9 +423,32 @@ def straighten(
         out[wave.axis] = table._replace(bend=bends)
     for axis, table in enumerate(out):
         mine = [wave for wave in all_waves if wave.axis == axis]
+        if len(mine) > 0:
+            out[axis] = table = table._replace(rest=_rests(mine, table, r))
         if len(mine) == len(table.period) > 0 and table.bend[:, 1].max() > STEEP:
             out[axis] = table._replace(joint=np.array([_shape(wave, r) for wave in mine], np.float32))
     return _lift(out[0], r, all_waves), _lift(out[1], r, all_waves)
+
+
+def _rests(mine: Sequence[Wave], table: AxisTable, r: Response) -> Singles:
+    """What the waves of an axis show beyond the fit of all steps, see `AxisTable.rest`."""
+    found = np.zeros((len(table.period), table.hat.shape[1], GRID), np.float32)
+    turns = (np.arange(GRID) + 0.5) / GRID - 0.5
+    places = np.exp(2j * np.pi * np.outer(np.arange(-HIGHEST, HIGHEST + 1), turns))
+    for wave in mine:
+        numbers = list(wave.frames.frames)
+        first = table.fits.first[wave.number]
+        if table.fits.frame[first : first + len(numbers)].tolist() != numbers:
+            continue
+        shown = waves(wave.frames.patterns, wave.frames.period, r.table).copy()
+        shown[:, HARMONICS + 1 :] = 0
+        light = (both_sides(shown * dimming(wave.frames.period, r.blur[wave.axis])) @ places).real
+        beyond = light - table.hat[wave.number, : len(numbers), : len(numbers)] @ light
+        z = wave.both @ light
+        measured = np.angle(z) / (2 * np.pi)
+        for out, step in zip(found[wave.number], beyond / np.abs(z), strict=False):
+            out[:] = np.interp(turns, measured, step, period=1.0)
+    return found
 
 
 def _shape(wave: Wave, r: Response) -> Array:

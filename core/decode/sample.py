@@ -16,6 +16,8 @@ from core.parallel import run_in_bands
 
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
 RESIDUALS, FEWEST = 4096, 512  # residuals that are enough, but from no fewer pixels
+UNSATURATED = 100  # pixels without a saturated step, fewer do not tell the noise
+WIDE = 0.25  # part of a frame that must not be saturated to tell it
 ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit
 OWN = 0.7  # part of the contrast of white and black that that of bits and their inverses should have
 SEVERAL = 0.03  # part of the lit pixels in which it is less, from which the bits themselves tell the contrast
@@ -100,6 +102,9 @@ def measure_noise(
         g = sample[used, ::every]
         g_top = g.max(axis=0)
         g = np.compress(g_top < saturation, g, axis=1)  # an index would leave it in a slower order
+        if g.shape[1] < UNSATURATED < len(g_top):
+            residual, level = _smoothest(images, saturation)
+            return estimate_noise(residual, level, step)
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
         residual = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g)
         if bent:
@@ -183,12 +188,23 @@ def _smoothness(
             residual = without_harmonics(residual, quadratures, also=lambda part: spatial_residual(part)[0]).astype(
                 float
             )
-    else:
-        # the frame with the widest stripes
-        each = [spatial_residual(image[rows].astype(np.float32)) for image in images]
-        residual, level = min(each, key=lambda pair: float(np.median(np.abs(pair[0]))))
-    good = level < saturation
-    return residual[good].astype(np.float32), level[good].astype(np.float32)
+        good = level < saturation
+        return residual[good].astype(np.float32), level[good].astype(np.float32)
+    return _smoothest(images, saturation)
+
+
+def _smoothest(images: Sequence[Image], saturation: float) -> tuple[Singles, Singles]:
+    """Second differences along some rows of the frame with the widest stripes, and their levels."""
+    height = images[0].shape[0]
+    best, found = np.inf, (np.zeros(0, np.float32), np.zeros(0, np.float32))
+    for image in images:
+        grey = image[height // 64 :: max(1, height // 32)].astype(np.float32)
+        good = np.maximum(np.maximum(grey[:, 2:], grey[:, :-2]), grey[:, 1:-1]) < saturation
+        if good.mean() > WIDE:
+            residual, level = (each[good].astype(np.float32) for each in spatial_residual(grey))
+            median = float(np.median(np.abs(residual)))
+            best, found = (median, (residual, level)) if median < best else (best, found)
+    return found
 
 
 def limits_of(noise: Noise, saturation: float, options: DecodeOptions) -> Limits:

@@ -84,6 +84,8 @@ class AxisTable(NamedTuple):
     `joint` (J, 5, places of a turn), where bent waves are worth it, are the mean of the steps and the amplitude of
     their first harmonic over the phase, as parts of full light, the changes of both by the phase (turns), and the
     amplitude times the change of the measured phase; `mean_cofactor` (J,) is the mean's.
+    `hat` (J, K, K) leads from the grey values of a period's entries in `fits` to those fitted; `rest` (J, K, places of
+    a turn) is what bent waves show beyond that over the measured phase, as parts of the amplitude.
     `lift` and `contrast_lift` times the modulation are added to the code's threshold and half contrast: where these
     come from the mean of sine steps, a projector's response puts that off the middle.
     """
@@ -101,6 +103,8 @@ class AxisTable(NamedTuple):
     bend: Singles
     joint: Singles
     mean_cofactor: Singles
+    hat: Singles
+    rest: Singles
     rim: np.float32
     steps: Singles
     step_period: Singles
@@ -123,12 +127,13 @@ class AxisTable(NamedTuple):
 class PhaseFit:
     """Least squares of one period: ``g = mean + c cos(phi) + s sin(phi)``, linear in the frames.
 
-    `frames` (K,), `solution` (3, K) gives mean, c and s; `cofactors` (3,) are (cc, cs, ss). `even` says that the mean
-    has no fringes: it is the scene lit evenly.
+    `frames` (K,), `solution` (3, K) gives mean, c and s; `cofactors` (3,) are (cc, cs, ss); `hat` (K, K) leads to the
+    fitted values. `even` says that the mean has no fringes: it is the scene lit evenly.
     """
 
     frames: Numbers
     solution: Array
+    hat: Array
     cofactors: tuple[float, float, float]
     even: bool
 
@@ -175,11 +180,12 @@ def fit_phase(phase: PhaseFrames, white: Numbers = (), black: Numbers = ()) -> P
         wide = np.vstack([np.column_stack([design, level]), np.reshape(extra, (-1, 4))])
         if np.linalg.matrix_rank(wide, tol=1e-3) == 4:
             design, frames = wide, (*frames, *white, *black)
-    solution = np.linalg.pinv(design)[:3]
+    inverse = np.linalg.pinv(design)
+    solution = inverse[:3]
     cofactors = solution @ solution.T
     light = [brightness(p, np.arange(int(8 * phase.period) + 8)) for p in phase.patterns]
     flat = bool(even and np.ptp(solution[0] @ np.array(light)) < 0.02)
-    return PhaseFit(frames, solution, (cofactors[1, 1], cofactors[1, 2], cofactors[2, 2]), flat)
+    return PhaseFit(frames, solution, design @ inverse, (cofactors[1, 1], cofactors[1, 2], cofactors[2, 2]), flat)
 
 
 def make_rows(rows: Iterable[dict[int, float]]) -> Rows:
@@ -217,6 +223,14 @@ def _pack_fits(fits: Sequence[PhaseFit]) -> Fits:
         value.append(np.pad(fit.solution, ((0, 0), (0, more))))
         first.append(len(frame))
     return Fits(np.array(first, np.int32), np.array(frame, np.int32), np.hstack(value).astype(np.float32))
+
+
+def _hats(fits: Sequence[PhaseFit]) -> Singles:
+    size = max((len(fit.frames) + -len(fit.frames) % TOGETHER for fit in fits), default=1)
+    found = np.zeros((len(fits), size, size), np.float32)
+    for hat, fit in zip(found, fits, strict=True):
+        hat[: len(fit.frames), : len(fit.frames)] = fit.hat
+    return found
 
 
 def mean_of(frames: Numbers, weight: float = 1.0) -> dict[int, float]:
@@ -285,6 +299,8 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         bend=np.zeros((0, 3, 1), np.float32),
         joint=np.zeros((0, 5, 1), np.float32),
         mean_cofactor=np.array([fit.solution[0] @ fit.solution[0] for fit in fits], np.float32),
+        hat=_hats(fits),
+        rest=np.zeros((0, 1, 1), np.float32),
         rim=np.float32(max(1.0, RIM * min(phase.period for phase in axis.phases)) if fits else 0),
         steps=steps,
         step_period=step_period,
@@ -295,7 +311,7 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         spread=np.array(spread, np.float32),
         fading=np.ones(len(sign), np.float32),
         least_contrast=np.float32(0),
-        phase_frames=np.array([n for phase in axis.phases for n in phase.frames] if fits else [], np.int32),
+        phase_frames=np.unique(np.array([n for fit in fits for n in fit.frames], np.int32)),
         line_frames=np.array(lines.frames if lines else [], np.int32),
         line_centre=np.array(lines.centre if lines else [], np.float32),
         line_reach=np.float32(lines.width + 2 * _pitch(lines.centre) + 3 if lines else 0),

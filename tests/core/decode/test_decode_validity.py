@@ -8,7 +8,7 @@ import pytest
 from core.decode import DecodeOptions, Flag, decode
 from core.decode.frames import sort_frames
 from core.decode.noise import contrasts, estimate_noise
-from core.patterns import Black, Phase, White, gray_and_phase, reference_sequence
+from core.patterns import Black, Lines, Phase, White, brightness, gray_and_phase, reference_sequence
 
 N = 640
 REFERENCE = [White(), Black()]
@@ -90,16 +90,43 @@ def test_unlit_pixels_are_invalid(bench, judge) -> None:
 
 
 @pytest.mark.parametrize(("bits", "shift"), [(8, 0), (12, 0), (12, 4)])
-def test_saturated_steps_are_invalid(bench, bits, shift) -> None:
-    """At the container's full scale, and at that of a 12-bit sensor in 16-bit files."""
+def test_steps_are_invalid_where_too_many_saturate(bench, bits, shift) -> None:
+    """At the full scale of the container, or of a 12-bit sensor in 16-bit files: two of four steps tell no phase."""
     patterns = [*gray_and_phase("x", N, cell=8, periods=[16]), *REFERENCE]
     full = 2.0**bits
-    b = bench(gain=np.where(np.arange(40) < 20, 0.6, 1.1)[:, None] * full, ambient=0.05 * full, bits=bits, shift=shift)
+    b = bench(gain=np.where(np.arange(40) < 20, 0.6, 1.5)[:, None] * full, ambient=0.05 * full, bits=bits, shift=shift)
     phase = decode(patterns, b.take(patterns), lines=(N, N))
     assert np.isfinite(phase.u[:20]).mean() > 0.99
     peaks = phase.flags[20:] & Flag.SATURATED > 0
     assert peaks.mean() > 0.3
     assert np.isnan(phase.u[20:][peaks]).all()
+
+
+@pytest.mark.parametrize("name", ["square", "sine", "power law"])
+def test_a_saturated_step_does_not_cost_the_pixel(bench, judge, name) -> None:
+    """In half of the image; it is as good as the other three steps, or seven, make it, and sigma says so."""
+    steps, gain = (8, 310.0) if name == "power law" else (4, 280.0)
+    gray = gray_and_phase("x", N, cell=8, periods=[16], steps=steps)
+    patterns = reference_sequence(axes=["x"]) if name == "square" else [*gray, *REFERENCE]
+    b = bench(gain=np.where(np.arange(40) < 20, 150.0, gain)[:, None], shot=0.02)
+    if name == "power law":
+        shown = [_bent(p) if isinstance(p, Phase) else p for p in patterns]
+        images = b.take(shown)
+    else:
+        images = b.take(patterns)
+    phase = decode(patterns, images, lines=(N, N))
+    steps_seen = [image for image, p in zip(images, patterns, strict=True) if isinstance(p, Phase)]
+    lost = np.max(steps_seen, axis=0) == 255
+    assert 0.1 < lost.mean() < 0.9
+    z = ((phase.u - b.u) / phase.sigma_u)[lost]
+    assert np.isfinite(z).mean() > 0.99
+    assert 0.9 < np.sqrt(np.nanmean(z**2)) < 1.12
+    assert judge(phase, b.u, 1).gross == 0
+
+
+def _bent(pattern: Phase) -> Lines:
+    light = brightness(pattern, np.arange(N)) ** 1.8
+    return Lines("x", tuple(light.tolist()))
 
 
 def test_a_saturated_white_frame_does_no_harm(bench, judge) -> None:

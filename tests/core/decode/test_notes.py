@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.decode import decode
-from core.patterns import Black, White, gray_and_phase
+from core.patterns import Black, Phase, White, gray_and_phase
 
 PATTERNS = [*gray_and_phase("x", 640, cell=8, periods=[16]), White(), Black()]
 
@@ -48,3 +48,11 @@ def test_fringes_that_do_not_show(bench) -> None:
     (note, *_) = decode(patterns, b.take(patterns), lines=(640, 640)).notes
     assert "too weak for the noise" in note
     assert "Focus" in note
+
+
+def test_periods_that_noise_makes_ambiguous_are_not_said_to_contradict(bench) -> None:
+    patterns = [Phase("x", period, 3, k, 2 * np.pi * k / 3, "sine") for period in (16.0, 17.0, 18.0) for k in range(3)]
+    b = bench(dark=30.0, gain=60.0)
+    (note,) = decode(patterns, b.take(patterns), lines=(640, 640)).notes
+    assert "noise of 5.5 grey values" in note  # sqrt(30)
+    assert "contradict" not in note
