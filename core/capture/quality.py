@@ -17,6 +17,7 @@ SAMPLES = 100_000
 LIT = 0.01  # of the image must be lit by the projector
 MOVED_PX = 0.1  # a tenth of a pixel is ten times the centroid's precision
 MOVED_LINES = 0.15  # about what the phase of the reference rig resolves in a single pixel
+REPEATS = 0.02  # of all commands: a sound line needs none
 DRIFT = 0.02  # two per cent of light between first and last frame is a fifth of a phase step's noise
 
 
@@ -130,6 +131,16 @@ def lamp(plan: Plan, sampled: Sampled) -> Finding:
         text = f"the light changed by {drift:+.1%} during the capture: let the lamp warm up, keep daylight out"
         return Finding("lamp", "warning", text, {"drift": drift})
     return Finding("lamp", "good", f"the light changed by {drift:+.2%}", {"drift": drift})
+
+
+def line(repeats: int, asked: int) -> Finding:
+    """Judge how often the projector had to be asked again."""
+    figures = {"repeats": float(repeats), "asked": float(asked)}
+    text = f"{repeats} of {asked} commands to the projector had to be repeated"
+    if repeats > max(2, REPEATS * asked):
+        text += ": look at the cable, its length, the baud rate and answer_ms of the profile"
+        return Finding("line", "warning", text, figures)
+    return Finding("line", "good", text, figures)
 
 
 def movement(plan: Plan, first: list[Array], last: list[Array], noise: float) -> Finding:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from core.capture.finding import Finding
 from core.capture.identity import identity
 from core.capture.plan import Plan, check_shown, make_plan, sequence_for
-from core.capture.quality import lamp, modulation, movement, sample_grid, saturation, summarise
+from core.capture.quality import lamp, line, modulation, movement, sample_grid, saturation, summarise
 from core.capture.store import Listen, Store, capture_status, is_complete, no_listener, open_store, read_findings
 from core.capture.writer import Writer
 from core.devices import Camera, Image, Projector, open_devices, wait_until
@@ -40,6 +40,7 @@ class CaptureReport:
     retakes: int
     seconds: float
     resumed: int = 0  # frames that an interrupted run had taken before
+    repeats: int = 0  # questions to the projector that had to be put again
 
     @property
     def words(self) -> list[str]:
@@ -175,8 +176,11 @@ class Loop:
         """List the verified frames, and tell how it went."""
         self._write_notes()
         seconds = time.monotonic() - start_s
-        self.store.finish(findings, seconds, retakes)
-        return CaptureReport(self.store.folder, len(self.plan.patterns), tuple(findings), retakes, seconds, resumed)
+        repeats, asked = getattr(self.projector, "repeats", (0, 0))
+        findings = [*findings, line(repeats, asked)] if asked else list(findings)
+        self.store.finish(findings, seconds, retakes, repeats)
+        frames = len(self.plan.patterns)
+        return CaptureReport(self.store.folder, frames, tuple(findings), retakes, seconds, resumed, repeats)
 
     def _take(self, planned: int, progress: Progress) -> Image:
         """Show, wait until steady, expose."""

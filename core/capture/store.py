@@ -99,7 +99,7 @@ class Store:
         planned = [pattern_to_dict(pattern) for pattern in self.plan.patterns]
         self._write("taking", [], {"planned": planned})
 
-    def finish(self, findings: Sequence[Finding], seconds: float, retakes: int) -> None:
+    def finish(self, findings: Sequence[Finding], seconds: float, retakes: int, repeats: int = 0) -> None:
         """List the verified frames in capture.json, then remove the files of rejected shots."""
         frames = [(self.shots[i].file, self.plan.shots[i]) for i in self.plan.own]
         guards = [i for i in range(len(self.plan.shots)) if i not in self.plan.own]
@@ -107,9 +107,10 @@ class Store:
             "guards": [{"file": self.shots[i].file, "pattern": pattern_to_dict(self.plan.shots[i])} for i in guards],
             "camera_bits": self.shots[self.plan.own.start].bits,
             "findings": [finding.as_dict() for finding in findings],
+            "repeats": repeats,
             "transcript": TRANSCRIPT,
         }
-        self.note("verified", True, seconds=round(seconds, 3), retakes=retakes)
+        self.note("verified", True, seconds=round(seconds, 3), retakes=retakes, repeats=repeats)
         self._write("complete", frames, extra)
         listed = {shot.file for shot in self.shots.values()}
         for path in self.folder.glob("shot-*.png"):

@@ -8,7 +8,9 @@ benchscene.py  ... of the virtual bench
 virtual.py   a projector and a camera that share such a scene
 profile.py   how a given serial projector is spoken to: a data file in resources/profiles
 template.py  its commands and answers, filled in and recognised
-link.py      a serial line that always comes back in time, lines of text and binary frames
+framing.py, sums.py  lines of text and binary frames, and their check values
+link.py, ports.py, hid.py  a serial line that always comes back in time; which ports there are; HID reports
+dialogue.py  questions and answers on that line
 rs232.py     a projector on that line
 emulator.py, server.py, emulated.py  the other end of the line: a projector made of bytes, on a pty or a socket
 screen.py    any HDMI projector as a second screen

@@ -11,6 +11,7 @@ from core.devices.protocol import Check, Note, no_check, no_note
 from core.devices.rs232 import SerialProjector
 from core.devices.server import EmulatedLine
 from core.devices.virtual import Stage
+from core.errors import InputError
 
 
 class EmulatedProjector(SerialProjector):
@@ -26,6 +27,9 @@ class EmulatedProjector(SerialProjector):
         settle_s: float | None = None,
         check: Check = no_check,
     ) -> None:
+        if "load" not in profile.commands:
+            remedy = "emulate one that is loaded, as stripe-lines; try this one on its device with `stripe-core probe`"
+            raise InputError(profile.name, "patterns are not loaded by this profile", remedy)
         settle_s = profile.settle_s if settle_s is None else settle_s
         stage.switching_s = settle_s
         # a pseudo-terminal has no parity and refuses to be told of one

@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from core.devices.faults import LINK_FAULTS, Faults
-from core.devices.link import unwrap, wrap
+from core.devices.framing import unwrap, wrap
 from core.devices.profile import Profile
 from core.devices.scene import Lines
-from core.devices.template import Value, Values, checksum, unpack_lines
+from core.devices.sums import CHECKS
+from core.devices.template import Value, Values, unpack_lines
 from core.devices.virtual import Stage
 from core.patterns import Black
 
@@ -60,7 +61,7 @@ class Emulator:
         columns, rows = self.profile.columns, self.profile.rows
         self._slots: dict[int, tuple[Lines, Lines]] = {}
         self._dark = np.zeros(columns, bool), np.zeros(rows, bool)
-        self._slot, self._lamp = 0, 0
+        self._slot, self._lamp = self.profile.first_slot, 0
         self.stage.switch(Black())
 
     def gap(self) -> None:
@@ -107,7 +108,7 @@ class Emulator:
         answer = self._refuse(body, "busy") if fault == "refused" else self._execute(body, fault)
         if answer is None or fault == "no-answer":
             return []
-        raw = wrap(self.profile.framing, answer)
+        raw = wrap(self.profile.answers, answer)
         if fault == "garbage":
             raw = self._random.randbytes(len(raw))
         elif fault == "half-reply":
@@ -118,24 +119,25 @@ class Emulator:
 
     def _spoil_check(self, raw: bytes) -> bytes:
         """Change the last byte of the check value."""
-        at = len(raw) - 1 - len(self.profile.framing.ending)
+        at = len(raw) - 1 - len(self.profile.answers.end)
         return raw[:at] + bytes([raw[at] ^ 1]) + raw[at + 1 :]
 
     def _execute(self, body: bytes, fault: str | None) -> bytes | None:
-        for name, command in self.profile.commands.items():
-            values = command.send.match(body)
-            if values is None:
+        for name, steps in self.profile.commands.items():
+            step, values = next(((s, v) for s in steps if (v := s.send.match(body)) is not None), (None, {}))
+            if step is None:
                 continue
+            if step.expect is None:
+                return None
             actions: dict[str, Callable[[Values], str | dict[str, Value]]] = {
                 "identify": lambda v: {"columns": self.profile.columns, "rows": self.profile.rows},
                 "lamp": self._switch_lamp,
                 "load": self._load,
                 "select": lambda v: self._show(int(v["slot"]), fault),
-                "rewind": lambda v: self._show(0, fault),
+                "rewind": lambda v: self._show(self.profile.first_slot, fault),
                 "step": lambda v: self._show(self._slot + 1, fault),
-                "query": lambda v: {},
             }
-            outcome = actions[name](values)
+            outcome = actions[name](values) if name in actions else {}
             if isinstance(outcome, str):
                 return self._refuse(body, outcome)
             state: dict[str, Value] = {
@@ -145,19 +147,19 @@ class Emulator:
                 "on": self._lamp,
                 "tag": 0,
             }
-            return command.expect.fill({**state, **values, **outcome})
+            return step.expect.fill({**state, **values, **outcome})
         return self._refuse(body, "unknown")
 
-    def _refuse(self, body: bytes, meaning: str) -> bytes:
+    def _refuse(self, body: bytes, meaning: str) -> bytes | None:
         """Say no, with the tag of the command as far as it can be read."""
+        if self.profile.refusal is None:
+            return None
         code = self.refusals.get(meaning, 0)
-        tag: Value = 0
-        for command in self.profile.commands.values():
-            if (values := command.send.match(body)) is not None:
-                tag = values.get("tag", 0)
+        matched = (s.send.match(body) for steps in self.profile.commands.values() for s in steps)
+        tag: Value = next((values.get("tag", 0) for values in matched if values is not None), 0)
         if tag == 0 and self.profile.framing.kind == "text":
             head = body.split(b" ", 1)[0]
-            tag = head.decode("ascii") if head.isdigit() else 0
+            tag = int(head) if head.isdigit() else 0
         elif tag == 0 and body:
             tag = body[0]
         return self.profile.refusal.fill({"tag": tag, "code": code, "text": meaning})
@@ -167,34 +169,37 @@ class Emulator:
         return {}
 
     def _load(self, values: Values) -> str | dict[str, Value]:
-        slot, first = int(values["slot"]), self.profile.first
-        if slot >= self.profile.slots:
+        slot, profile = int(values["slot"]), self.profile
+        if not 0 <= slot - profile.first_slot < profile.slots:
             return "range"
-        if self.profile.both_plates:
-            columns, rows = _bytes(values["column_lines"]), _bytes(values["row_lines"])
-            self._slots[slot] = (
-                unpack_lines(columns, self.profile.columns, first),
-                unpack_lines(rows, self.profile.rows, first),
-            )
-            return {"check": checksum(self.profile.lines_check, columns + rows)}
-        if values["plate"] not in self.profile.plates:
-            return "range"
-        which = self.profile.plates.index(str(values["plate"]))
-        count = (self.profile.columns, self.profile.rows)[which]
-        lines = _bytes(values["lines"])
-        if len(lines) != -(-count // 8):
-            return "damaged"
-        plates = list(self._slots.get(slot, self._dark))
-        plates[which] = unpack_lines(lines, count, first)
-        self._slots[slot] = (plates[0], plates[1])
-        return {"check": f"{checksum(self.profile.lines_check, lines):04X}"}
+        plates = {"x": "column_lines", "y": "row_lines"}
+        if not profile.both_plates:
+            axis = values.get("axis") or profile.axis
+            if not profile.by_axis:
+                if values["plate"] not in profile.plates:
+                    return "range"
+                axis = "xy"[profile.plates.index(str(values["plate"]))]
+            plates = {str(axis): "lines"}
+        held = dict(zip("xy", self._slots.get(slot, self._dark), strict=True))
+        if profile.by_axis:
+            held = dict(zip("xy", self._dark, strict=True))
+        for axis, name in plates.items():
+            count, data = {"x": profile.columns, "y": profile.rows}[axis], _bytes(values[name])
+            if len(data) != -(-count * profile.level_bits // 8):
+                return "damaged"
+            if profile.level_bits == 8:
+                return "range"  # the stage behind it is lit by lines that are on or off
+            held[axis] = unpack_lines(data, count, profile.first)
+        self._slots[slot] = (held["x"], held["y"])
+        return {"check": CHECKS[profile.lines_check].of(b"".join(_bytes(values[n]) for n in plates.values()))}
 
     def _show(self, slot: int, fault: str | None) -> str | dict[str, Value]:
         """Show a slot, and tell which; with a fault tell the same and show another."""
         if slot not in self._slots:
             return "empty"
         self._slot = slot
-        shown = (slot + 1) % len(self._slots) if fault == "skipped-pattern" else slot
+        first = self.profile.first_slot
+        shown = (slot + 1 - first) % len(self._slots) + first if fault == "skipped-pattern" else slot
         if fault != "repeated-pattern" and self._lamp:
             delay = SLOW * max(self.profile.settle_s, 0.002) if fault == "slow-switching" else 0.0
             self.stage.switch(self._slots.get(shown, self._dark), delay)
@@ -202,7 +207,4 @@ class Emulator:
 
 
 def _bytes(value: Value) -> bytes:
-    if isinstance(value, bytes):
-        return value
-    text = str(value)
-    return bytes.fromhex(text) if len(text) % 2 == 0 else b""
+    return value if isinstance(value, bytes) else b""

@@ -1,4 +1,4 @@
-"""A serial line that always comes back within a bounded time, and bodies wrapped for it.
+"""A serial line that always comes back within a bounded time.
 
 pyserial tells of a lost line in many ways: `SerialException` from reading and writing, `OSError` from asking,
 `termios.error` from flushing, `TypeError` from a port closed meanwhile. Here all of them are one error.
@@ -11,9 +11,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from core.devices.profile import Framing, Port
+from core.devices.hid import HidPort, is_hid
+from core.devices.ports import Identity, find_again, identity_of, opening_remedy
+from core.devices.profile import Port
 from core.devices.protocol import Check, no_check
-from core.devices.template import CHECKS, checksum
 from core.errors import DeviceError
 
 _WRITE_S = 2.0
@@ -25,11 +26,17 @@ class LineDownError(DeviceError):
 
 
 class Link:
-    """An open serial line: ``/dev/ttyUSB0``, ``COM3``, ``socket://host:port``, ``rfc2217://...``."""
+    """An open serial line: ``/dev/ttyUSB0``, ``COM3``, ``/dev/hidraw0``, ``socket://host:port``, ``rfc2217://...``.
 
-    def __init__(self, url: str, port: Port) -> None:
+    With the `identity` of a device that was there before, the port is opened that has it now, under whatever name;
+    `place` says which.
+    """
+
+    def __init__(self, url: str, port: Port, identity: Identity | None = None) -> None:
         self.url = url
         serial = _pyserial()
+        self.place = find_again(identity) or url if identity is not None else url
+        self._remedy = "check cable and port name, and that no other program uses the port"
         with self._wrapped("cannot be opened"):
             options: dict[str, Any] = {
                 "baudrate": port.baud,
@@ -44,7 +51,12 @@ class Link:
             }
             if "://" not in url:
                 options["exclusive"] = True  # keeps a second program from speaking in between
-            self._port = serial.serial_for_url(url, **options)
+                self._remedy = opening_remedy(self.place)
+            self._port = (
+                HidPort(self.place, _GRAIN_S) if is_hid(self.place) else serial.serial_for_url(self.place, **options)
+            )
+        self._remedy = "check the cable"
+        self.identity = identity_of(self.place) or identity
 
     def send(self, data: bytes) -> None:
         """Send bytes, within `_WRITE_S`.
@@ -100,56 +112,7 @@ class Link:
         try:
             yield
         except (OSError, ValueError, TypeError, AttributeError, _termios_error()) as error:
-            raise LineDownError(
-                self.url,
-                f"the line {what} ({error})",
-                "check cable and port name, and that no other program uses the port",
-            ) from error
-
-
-def wrap(framing: Framing, body: bytes) -> bytes:
-    """Make a line or a frame of a body."""
-    if framing.kind == "text":
-        return body + framing.ending
-    check = checksum(framing.check, body).to_bytes(CHECKS[framing.check], "big")
-    return framing.start + len(body).to_bytes(framing.length, "big") + body + check
-
-
-def unwrap(framing: Framing, buffer: bytearray, wrong: list[bytes] | None = None) -> bytes | None:
-    """Take the next whole body out of a buffer; None while it is incomplete.
-
-    Bytes before a frame's start are skipped; frames with a wrong check value are taken out and added to `wrong`.
-
-    Examples
-    --------
-    >>> framing = Framing("frame", start=bytes([2]), length=1, check="sum8")
-    >>> buffer = bytearray(b"?" + wrap(framing, b"abc") + b"x")
-    >>> unwrap(framing, buffer), bytes(buffer)
-    (b'abc', b'x')
-    """
-    if framing.kind == "text":
-        end = buffer.find(framing.ending)
-        if end < 0:
-            return None
-        body = bytes(buffer[:end])
-        del buffer[: end + len(framing.ending)]
-        return body
-    while True:
-        start = buffer.find(framing.start)
-        if start < 0:
-            return None
-        head = start + len(framing.start) + framing.length
-        size = int.from_bytes(buffer[head - framing.length : head], "big")
-        end = head + size + CHECKS[framing.check]
-        if len(buffer) < head or len(buffer) < end:
-            return None
-        body, check = bytes(buffer[head : head + size]), int.from_bytes(buffer[head + size : end], "big")
-        if checksum(framing.check, body) == check:
-            del buffer[:end]
-            return body
-        del buffer[: start + 1]  # perhaps this was no start
-        if wrong is not None:
-            wrong.append(body)
+            raise LineDownError(self.url, f"the line {what} ({error})", self._remedy) from error
 
 
 def _pyserial() -> Any:

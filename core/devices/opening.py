@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -152,13 +152,27 @@ def _emulated(address: Address, note: Note, check: Check) -> Projector:
 
 
 def _screen(address: Address, note: Note, check: Check) -> Projector:
-    from core.devices.screen import SETTLE_S, ScreenProjector, open_surface
+    from core.devices.dialogue import Dialogue
+    from core.devices.screen import SETTLE_S, ScreenProjector, no_release, open_surface
 
     number = address.place_number("screen")
     gamma = address.real("gamma", 1.0, 0.1, 10.0)
     settle_s = address.real("settle_ms", 1000 * SETTLE_S, 0.0, 10_000.0) / 1000
+    port, profile = address.text("control", ""), address.text("profile", "optoma")
     address.finish()
-    return ScreenProjector(open_surface(number), gamma=gamma, settle_s=settle_s, name=f"screen {number}", note=note)
+    with ExitStack() as stack:
+        if port:  # the projector behind the screen is switched by a line of its own
+            talk = Dialogue(port, read_profile(profile), note)
+            stack.callback(talk.close)
+            talk.cancel = check
+            talk.settle()
+            talk.do("start")
+        surface = open_surface(number)
+        name = f"screen {number}"
+        release = talk.close if port else no_release
+        projector = ScreenProjector(surface, gamma=gamma, settle_s=settle_s, name=name, note=note, release=release)
+        stack.pop_all()
+    return projector
 
 
 def _uvc(address: Address, note: Note, check: Check) -> Camera:

@@ -1,39 +1,33 @@
 """A projector on a serial line, spoken to by a command profile.
 
-Every command ends within a bounded time: acknowledged, repeated and acknowledged, or as a `DeviceError` that says what
-to check. A command that must not be repeated blindly (a step forward whose answer was lost) is followed by the question
-where the device stands. A device that has lost its sequence is loaded again, a line that was cut is opened again.
-Whoever waits may cancel meanwhile: the check that a call brings is asked between short reads.
+A command that must not be repeated blindly (a step forward whose answer was lost) is followed by the question where
+the device stands. A device that has lost its sequence is loaded again, a line that was cut is opened again.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from core.devices.link import LineDownError, Link, unwrap, wrap
-from core.devices.profile import MEANINGS, Profile
-from core.devices.protocol import Check, Note, check_sequence, no_check, no_note, pattern_at, refuse_grey, wait_until
-from core.devices.template import Value, Values, checksum, pack_lines
-from core.errors import Cancelled, DeviceError
-from core.patterns import CrossPatternLcd, Pattern
+import numpy as np
 
-_REOPEN_S = 3.0  # for a line to come back
+from core.devices.dialogue import Dialogue, EmptyError, UnansweredError
+from core.devices.link import LineDownError
+from core.devices.profile import Profile
+from core.devices.protocol import Check, Note, check_sequence, no_check, no_note, pattern_at, refuse_grey
+from core.devices.sums import CHECKS
+from core.devices.template import Value, pack_lines
+from core.errors import Cancelled, DeviceError, InputError
+from core.patterns import CrossPatternLcd, Pattern, axis_of, brightness
+from core.patterns.kinds.kind import fields_of
+
 _RECOVERIES = 3  # of a lost line or sequence, in one call
+_MANY = 4096  # patterns that need no place in the device
 T = TypeVar("T")
 
 
-class _EmptyError(DeviceError):
-    """The device says that nothing is stored where something was."""
-
-
-class _UnansweredError(DeviceError):
-    """No valid answer, however often the question was repeated."""
-
-
 class SerialProjector:
-    """A cross-pattern LCD projector on a serial line."""
+    """A projector on a serial line: its patterns are loaded, stand in it beforehand, or are described to it."""
 
     def __init__(
         self,
@@ -44,17 +38,17 @@ class SerialProjector:
         settle_s: float | None = None,
         check: Check = no_check,
     ) -> None:
-        self.name = f"projector {profile.name} on {url}"
+        if not profile.shows:
+            remedy = f"use it beside a screen: screen:1?control={url}&profile={profile.name}"
+            raise InputError(profile.name, "switches a projector and shows no patterns", remedy)
         self.profile, self.url, self.note = profile, url, note
         self.settle_s = profile.settle_s if settle_s is None else settle_s
-        self.capacity = profile.slots
-        self.sequence: tuple[Pattern, ...] | None = None
-        self._lcd = CrossPatternLcd(profile.columns, profile.rows)
+        self.capacity = profile.slots if "load" in profile.commands else _MANY
+        self.sequence: tuple[Pattern, ...] | None = tuple(profile.stored) or None
         self._loaded: tuple[Pattern, ...] = ()
-        self._buffer, self._tag, self._shown = bytearray(), 0, -1
-        self._open = True
-        self._cancel = no_check  # of the call that is under way
-        self._link: Link | None = Link(url, profile.port)
+        self._shown, self._open = -1, True
+        self.dialogue = Dialogue(url, profile, note)
+        self.name = self.dialogue.name
         try:
             self._recovering(self._greet, check)
         except BaseException:
@@ -64,11 +58,23 @@ class SerialProjector:
     @property
     def size(self) -> tuple[int, int]:
         """Columns and rows, in lines."""
-        return self._lcd.width, self._lcd.height
+        return self.profile.columns, self.profile.rows
+
+    @property
+    def repeats(self) -> tuple[int, int]:
+        """How many questions had to be repeated, of how many."""
+        return self.dialogue.repeats, self.dialogue.asked
 
     def refusal(self, pattern: Pattern) -> str | None:
         """Why this pattern cannot be shown."""
-        return refuse_grey(pattern)
+        profile = self.profile
+        if "load" in profile.commands:
+            if len(profile.plates) == 1 and axis_of(pattern) not in (None, profile.axis):
+                return f"it has lines along {profile.axis} only"
+            return refuse_grey(pattern) if profile.level_bits == 1 else None
+        if profile.stored:
+            return None if pattern in profile.stored else "it is not among the patterns that are stored in the device"
+        return None if f"show-{pattern.kind}" in profile.commands else f"the profile has no command show-{pattern.kind}"
 
     def show(self, pattern: Pattern, check: Check = no_check) -> None:
         """Load one pattern and show it."""
@@ -80,20 +86,23 @@ class SerialProjector:
         """Store a sequence in the device."""
         self._check_open()
         self._loaded = check_sequence(self, patterns, check)
-        self._recovering(self._send_sequence, check, reload=False)
+        if "load" in self.profile.commands:
+            self._recovering(self._send_sequence, check, reload=False)
 
     def step(self, index: int, check: Check = no_check) -> None:
         """Show a pattern of the loaded sequence."""
         self._check_open()
-        pattern_at(self, self._loaded, index)
-        self._recovering(lambda: self._go(index), check)
+        pattern = pattern_at(self, self._loaded, index)
+        if not self.profile.stored and "load" not in self.profile.commands:
+            self._recovering(lambda: self.dialogue.do(f"show-{pattern.kind}", **described(pattern)), check)
+            return
+        slot = self.profile.stored[pattern] if self.profile.stored else self.profile.first_slot + index
+        self._recovering(lambda: self._go(slot), check)
 
     def close(self) -> None:
         """Let the line go."""
         self._open = False
-        if self._link is not None:
-            self._link.close()
-            self._link = None
+        self.dialogue.close()
 
     def _check_open(self) -> None:
         if not self._open:
@@ -102,149 +111,68 @@ class SerialProjector:
     # -------------------------------------------------------------------------------- what a call is made of
 
     def _greet(self) -> None:
-        """See who is there."""
-        self._settle_line()
-        if "identify" in self.profile.commands:
-            answer = self._ask("identify")
-            told = tuple(int(answer.get(k, self.size[i])) for i, k in enumerate(("columns", "rows")))
-            if told != self.size:
-                raise DeviceError(
-                    self.name,
-                    f"has {told[0]}x{told[1]} lines, the profile says {self.size[0]}x{self.size[1]}",
-                    "use the profile of this device, or give columns= and rows= in the URL",
-                )
-            self.capacity = min(self.capacity, int(answer.get("slots", self.capacity)))
+        """Start the device, and see who is there."""
+        self.dialogue.settle()
+        self.dialogue.do("start")
+        answer = self.dialogue.do("identify")
+        told = tuple(_whole(answer.get(k, self.size[i])) for i, k in enumerate(("columns", "rows")))
+        if told != self.size:
+            raise DeviceError(
+                self.name,
+                f"has {told[0]}x{told[1]} lines, the profile says {self.size[0]}x{self.size[1]}",
+                "use the profile of this device, or give columns= and rows= in the URL",
+            )
+        self.capacity = min(self.capacity, _whole(answer.get("slots", self.capacity)))
+        if "load" not in self.profile.commands:
+            self.dialogue.do("lamp", on=1)
         self._shown = -1
 
     def _send_sequence(self) -> None:
         """Switch the lamp on, load, and see that both have lasted: a device may be reset without a word."""
         self._shown = -1
-        if "lamp" in self.profile.commands:
-            self._ask("lamp", on=1)
-        for slot, pattern in enumerate(self._loaded):
-            self._cancel()
-            plates = [pack_lines(lines, self.profile.first) for lines in self._lcd.switch(pattern)]
-            if self.profile.both_plates:
-                total = checksum(self.profile.lines_check, plates[0] + plates[1])
-                self._ask("load", slot=slot, column_lines=plates[0], row_lines=plates[1], check=self._check(total))
-                continue
-            for plate, lines in zip(self.profile.plates, plates, strict=True):
-                total = checksum(self.profile.lines_check, lines)
-                self._ask("load", slot=slot, plate=plate, lines=lines, check=self._check(total))
+        self.dialogue.do("lamp", on=1)
+        for slot, pattern in enumerate(self._loaded, self.profile.first_slot):
+            self.dialogue.cancel()
+            for values in load_values(self.profile, pattern):
+                self.dialogue.do("load", slot=slot, **values)
         if "query" in self.profile.commands:
-            state = self._ask("query")
-            if int(state["loaded"]) < len(self._loaded) or int(state.get("on", 1)) == 0:
-                raise _EmptyError(self.name, "was reset while it was loaded", "check its supply")
+            state = self.dialogue.do("query")
+            if _whole(state["loaded"]) < len(self._loaded) or _whole(state.get("on", 1)) == 0:
+                raise EmptyError(self.name, "was reset while it was loaded", "check its supply")
 
-    def _check(self, value: int) -> Value:
-        return value if self.profile.framing.kind == "frame" else f"{value:04X}"
-
-    def _go(self, index: int) -> None:
+    def _go(self, slot: int) -> None:
         """Make the device show a slot: by its number, or by going there step by step."""
         if "select" in self.profile.commands:
-            self._ask("select", slot=index)
+            self.dialogue.do("select", slot=slot)
             return
-        at = self._shown if self._shown >= 0 else None
-        for _ in range(2 * len(self._loaded) + 4):
-            if at is None or at > index:
-                at = self._move("rewind", 0)
-            elif at == index and self._shown == index:
+        first, at = self.profile.first_slot, self._shown if self._shown >= 0 else None
+        for _ in range(2 * slot + 8):
+            if at is None or at > slot:
+                at = self._move("rewind", first)
+            elif at == slot and self._shown == slot:
                 return
-            elif at < index:
+            elif at < slot:
                 at = self._move("step", at + 1)
             self._shown = -1 if at is None else at
-        raise DeviceError(self.name, f"does not get to pattern {index}", "switch it off and on, then start again")
+        raise DeviceError(self.name, f"does not get to slot {slot}", "switch it off and on, then start again")
 
     def _move(self, command: str, expected: int) -> int | None:
         """Move forward or to the start; without an answer ask where the device stands. None: it must be rewound."""
         try:
-            return int(self._ask(command, once=command == "step", slot=expected).get("slot", expected))
-        except _UnansweredError:
+            return _whole(self.dialogue.do(command, once=command == "step", slot=expected).get("slot", expected))
+        except UnansweredError:
             if "query" not in self.profile.commands:
                 return None
-            state = self._ask("query")
-            if int(state["loaded"]) < len(self._loaded):
-                raise _EmptyError(self.name, "has lost its sequence", "check its supply") from None
-            return int(state["slot"]) if int(state["slot"]) == expected else None
-
-    # -------------------------------------------------------------------------------- one question, one answer
-
-    def _ask(self, command: str, once: bool = False, **values: Value) -> dict[str, Value]:
-        """Send a command until it is acknowledged.
-
-        Raises
-        ------
-        DeviceError
-            When the device refuses, or all tries stay without a valid answer.
-        LineDownError
-            When the line is gone.
-        """
-        patience = self.profile.load_s if command == "load" else self.profile.answer_s
-        reason = "no answer"
-        for attempt in range(1 if once else self.profile.retries + 1):
-            if attempt:
-                self._settle_line()
-                self.note(self.name, f"{command}: {reason}, try {attempt + 1}")
-            self._tag = self._tag % 250 + 1
-            sent = {**values, "tag": self._tag if self.profile.framing.kind == "frame" else str(self._tag)}
-            self._up.send(wrap(self.profile.framing, self.profile.commands[command].send.fill(sent)))
-            answer, reason = self._answer(command, sent, time.monotonic() + patience)
-            if answer is not None:
-                return answer
-            if reason == "empty":
-                raise _EmptyError(self.name, f"{command}: nothing is stored there", "check the device's supply")
-        self._settle_line()
-        if reason in MEANINGS:
-            reason = f"refused ({reason})"
-        raise _UnansweredError(
-            self.name,
-            f"{command}: {reason}, {self.profile.retries + 1} times",
-            "check that the projector is on, the cable, the baud rate and the profile",
-        )
-
-    def _answer(self, command: str, sent: Values, until_s: float) -> tuple[dict[str, Value] | None, str]:
-        """Wait for the answer to a command; answers to earlier ones are passed over."""
-        expect, reason = self.profile.commands[command].expect, "no answer"
-        wrong: list[bytes] = []
-        while True:
-            body = unwrap(self.profile.framing, self._buffer, wrong)
-            if wrong:
-                reason = "wrong checksum"
-                wrong.clear()
-            if body is None:
-                data = self._up.receive(until_s, self._cancel)
-                if not data:
-                    return None, reason
-                self._buffer += data
-                continue
-            if (values := expect.match(body)) is not None:
-                differing = [k for k in values if k in sent and str(values[k]) != str(sent[k])]
-                if not differing:
-                    return values, ""
-                if "tag" not in differing:
-                    return None, f"the answer has another {differing[0]}"
-                reason = "an answer to another question"
-            elif (values := self.profile.refusal.match(body)) is not None and _tag_agrees(values, sent):
-                return None, self.profile.codes.get(_number(values.get("code")), "unknown")
-            else:
-                reason = "an answer that cannot be read"
-
-    def _settle_line(self) -> None:
-        """Let late answers and noise pass."""
-        self._up.drain(self.profile.gap_s, self._cancel)
-        self._buffer.clear()
+            state = self.dialogue.do("query")
+            if _whole(state["loaded"]) < len(self._loaded):
+                raise EmptyError(self.name, "has lost its sequence", "check its supply") from None
+            return _whole(state["slot"]) if _whole(state["slot"]) == expected else None
 
     # -------------------------------------------------------------------------------- lost lines, lost sequences
 
-    @property
-    def _up(self) -> Link:
-        if self._link is None:
-            raise LineDownError(self.name, "the line is closed", "open the projector again")
-        return self._link
-
     def _recovering(self, action: Callable[[], T], check: Check, reload: bool = True) -> T:
         """Do something; if the line or the sequence is lost, restore it and do it again, a bounded number of times."""
-        self._cancel = check
+        self.dialogue.cancel = check
         for recovery in range(_RECOVERIES + 1):
             try:
                 if recovery:
@@ -253,46 +181,51 @@ class SerialProjector:
             except Cancelled:
                 self._loaded, self._shown = (), -1  # the answer will not be waited for: nobody knows what was done
                 raise
-            except (LineDownError, _EmptyError, _UnansweredError) as error:
+            except (LineDownError, EmptyError, UnansweredError) as error:
                 self.note(self.name, str(error))
-                if recovery == _RECOVERIES or isinstance(error, _UnansweredError):
+                if recovery == _RECOVERIES or isinstance(error, UnansweredError):
                     raise
         raise AssertionError("unreachable")
 
     def _restore(self, reload: bool) -> None:
         """Open the line anew if it is gone, and load again what the device has lost."""
-        try:
-            self._settle_line()
-        except LineDownError:
-            self._reopen()
+        self.dialogue.restore()
         self._greet()
-        if self._loaded and reload:
+        if self._loaded and reload and "load" in self.profile.commands:
             self._send_sequence()
         self.note(self.name, "restored")
 
-    def _reopen(self) -> None:
-        if self._link is not None:
-            self._link.close()
-        end = time.monotonic() + _REOPEN_S
-        while True:
-            try:
-                self._link = Link(self.url, self.profile.port)
-                self._buffer.clear()
-                return
-            except LineDownError as error:
-                if time.monotonic() > end:
-                    raise DeviceError(
-                        self.name, f"the line did not come back within {_REOPEN_S:g} s", "check cable and supply"
-                    ) from error
-                wait_until(time.monotonic() + 0.02, self._cancel)
+
+def load_values(profile: Profile, pattern: Pattern) -> list[dict[str, Any]]:
+    """Give what the commands that load a pattern carry: its lines, and their check value."""
+    if profile.by_axis:
+        axis = axis_of(pattern) or profile.axis
+        light = brightness(pattern, np.arange(profile.rows if axis == "y" else profile.columns))
+        data = np.rint(255 * light).astype(np.uint8).tobytes()
+        if profile.level_bits == 1:
+            data = pack_lines(light > 0.5, profile.first)
+        plate = profile.plates[axis == "y" and len(profile.plates) > 1]
+        loads: list[dict[str, Any]] = [{"plate": plate, "axis": axis, "lines": data}]
+    else:
+        lcd = CrossPatternLcd(profile.columns, profile.rows)
+        columns, rows = (pack_lines(lines, profile.first) for lines in lcd.switch(pattern))
+        loads = [{"plate": p, "lines": lines} for p, lines in zip(profile.plates, (columns, rows), strict=True)]
+        if profile.both_plates:
+            loads = [{"column_lines": columns, "row_lines": rows}]
+    check = CHECKS[profile.lines_check]
+    return [{**v, "check": check.of(b"".join(d for d in v.values() if isinstance(d, bytes)))} for v in loads]
 
 
-def _tag_agrees(values: Values, sent: Values) -> bool:
-    return "tag" not in values or str(values["tag"]) == str(sent["tag"])
+def described(pattern: Pattern) -> dict[str, Any]:
+    """Give the fields by which a pattern is described to a device: its own, angles in degrees, levels up to 255."""
+    values = fields_of(pattern)
+    values.pop("kind", None)
+    if "shift_rad" in values:
+        values["shift_deg"] = float(np.rad2deg(values.pop("shift_rad")) % 360)
+    if "value" in values:
+        values["level"] = round(255 * values.pop("value"))
+    return values
 
 
-def _number(value: Value | None) -> int:
-    try:
-        return int(value) if value is not None else -1
-    except ValueError:
-        return -1
+def _whole(value: Value) -> int:
+    return int(value)

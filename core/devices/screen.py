@@ -80,6 +80,10 @@ def screen_image(pattern: Pattern, width: int, height: int, gamma: float = 1.0) 
     return np.rint(255 * light ** (1 / gamma)).astype(np.uint8)
 
 
+def no_release() -> None:
+    """Let nothing go: the projector behind the screen is switched by hand."""
+
+
 class ScreenProjector:
     """A projector that is a screen: rows, columns and grey values alike."""
 
@@ -91,8 +95,10 @@ class ScreenProjector:
         settle_s: float = SETTLE_S,
         name: str = "screen",
         note: Note = no_note,
+        release: Callable[[], None] = no_release,
     ) -> None:
         self.name, self.settle_s, self.note = name, settle_s, note
+        self._release = release  # of what switches the projector behind the screen
         self.capacity = 4096  # images are made when they are shown: only the list is kept
         self.sequence: tuple[Pattern, ...] | None = None
         self.surface, self.gamma = surface, gamma
@@ -137,3 +143,4 @@ class ScreenProjector:
         if self._open:
             self._open = False
             self.surface.close()
+            self._release()

@@ -1,27 +1,40 @@
 """Commands and answers as templates, filled in and recognised: text lines, or bytes.
 
-A text template is the line itself with fields in braces: ``{tag} LOAD {slot} {plate} {lines}``. A byte template is a
-list of bytes in hexadecimal and fields with their width: ``{tag:u8} 10 {slot:u16}``; a field without a width is a run
-of bytes whose length the device's number of lines gives.
+A text template is the line itself with fields in braces: ``{tag} LOAD {slot:03d} {plate} {lines}``. A byte template is
+a list of bytes in hexadecimal, of texts in quotes, and of fields with their width: ``{tag:u8} 10 'P' {slot:u16le}``; a
+field without a width is a run of bytes whose length the device's number of lines gives. A field may be calculated from
+its value, step by step from the left: ``{slot%24*4:u8}``. A bar separates the head of a frame from its body.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
 
-Value = int | str | bytes
+Value = int | float | str | bytes
 Values = Mapping[str, Value]
-_FIELD = re.compile(r"\{(\w+)(?::(u8|u16|u32))?\}")
-_FORMS = {"text": ".*", "plate": r"\S+", "lines": "[0-9A-F]+", "check": "[0-9A-F]+"}  # in text; others are numbers
-_WIDTHS = {"u8": 1, "u16": 2, "u32": 4}
+Words = Mapping[str, Mapping[str, Value]]  # of a field: what stands for each of its values
+_FIELD = re.compile(r"\{(\w+)((?:[-+*/%&]\d+)*)(?::([\w.]+))?\}")
+_NUMBER = re.compile(r"0?\d*(?:\.\d+)?[dxXfg]")
+_WIDTH = re.compile(r"u(?:8|16|32)(?:le)?")
+_TOKEN = re.compile(r"'[^']*'|\S+")
+_DEFAULTS = {"check": "04X", "lines": "hex", "column_lines": "hex", "row_lines": "hex"}  # formats in text
+_TEXTS = ("plate", "axis", "kind", "profile")
+_OPERATIONS = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": lambda a, b: a // b,
+    "%": lambda a, b: a % b,
+    "&": lambda a, b: a & b,
+}
 
 
 class Template(Protocol):
@@ -30,6 +43,11 @@ class Template(Protocol):
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields, in their order."""
+        ...
+
+    @property
+    def sizes(self) -> tuple[int | None, int | None]:
+        """Bytes of the head and of the body; None where the length is not fixed."""
         ...
 
     def fill(self, values: Values) -> bytes:
@@ -42,39 +60,91 @@ class Template(Protocol):
 
 
 @dataclass(frozen=True)
+class Field:
+    """A field: its name, the steps of its calculation, its format, and the words for its values."""
+
+    name: str
+    steps: str
+    form: str
+    words: Mapping[str, Value]
+
+    def value(self, values: Values) -> Any:
+        """Give what is to be written."""
+        value = calculated(self.name + self.steps, values)
+        key = str(int(value) if isinstance(value, bool) else value)
+        return self.words.get(key, value)
+
+    def told(self, value: Value) -> tuple[str, Value]:
+        """Give name and value of what was read; a calculation that cannot be undone stays in the name."""
+        for key, word in self.words.items():
+            if word == value:
+                return self.name, int(key) if key.isdigit() else key
+        if re.fullmatch(r"(?:[-+]\d+)*", self.steps) and isinstance(value, int):
+            return self.name, value - sum(int(n) for n in re.findall(r"[-+]\d+", self.steps))
+        return self.name + self.steps, value
+
+
+def calculated(expression: str, values: Values) -> Any:
+    """Calculate a field from its value: ``slot%24*4``, step by step from the left.
+
+    Examples
+    --------
+    >>> calculated("slot%24*4", {"slot": 27})
+    12
+    """
+    name, *steps = re.split(r"(?=[-+*/%&])", expression)
+    value: Any = values[name]
+    for step in steps:
+        value = _OPERATIONS[step[0]](value, int(step[1:]))
+    return value
+
+
+@dataclass(frozen=True)
 class TextTemplate:
     """A line of text.
 
     Examples
     --------
-    >>> template = TextTemplate("{tag} OK SHOW {slot}")
+    >>> template = TextTemplate("{tag} OK SHOW {slot:03d}")
     >>> template.fill({"tag": 7, "slot": 3})
-    b'7 OK SHOW 3'
-    >>> template.match(b"8 OK SHOW 12")
-    {'tag': '8', 'slot': '12'}
+    b'7 OK SHOW 003'
+    >>> template.match(b"8 OK SHOW 012")
+    {'tag': 8, 'slot': 12}
     """
 
     text: str
+    words: Words = field(default_factory=dict)
 
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields, in their order."""
         return tuple(m[1] for m in _FIELD.finditer(self.text))
 
+    @property
+    def sizes(self) -> tuple[int | None, int | None]:
+        """Not fixed."""
+        return 0, None
+
+    def _field(self, m: re.Match[str]) -> Field:
+        name, words = m[1], self.words.get(m[1], {})
+        form = m[3] or _DEFAULTS.get(name) or ("s" if name in _TEXTS or words else "")
+        return Field(name, m[2], form, words)
+
     def fill(self, values: Values) -> bytes:
         """Write the values in; bytes are written in hexadecimal."""
-        return _FIELD.sub(lambda m: _as_text(values[m[1]]), self.text).encode("ascii")
+        return _FIELD.sub(lambda m: _as_text((f := self._field(m)).value(values), f.form), self.text).encode("ascii")
 
     def match(self, body: bytes) -> dict[str, Value] | None:
         """Read the values from a line; None if it is of another form."""
-        parts, end = [], 0
+        parts, end, fields = [], 0, []
         for m in _FIELD.finditer(self.text):
             parts.append(re.escape(self.text[end : m.start()]))
-            parts.append(f"(?P<{m[1]}>{_FORMS.get(m[1], '[0-9]+')})")
+            fields.append(self._field(m))
+            parts.append(f"({_pattern(fields[-1])})")
             end = m.end()
         parts.append(re.escape(self.text[end:]))
         found = re.fullmatch("".join(parts), body.decode("ascii", "replace"))
-        return None if found is None else dict(found.groupdict())
+        return None if found is None else dict(f.told(_read(g, f)) for f, g in zip(fields, found.groups(), strict=True))
 
 
 @dataclass(frozen=True)
@@ -92,60 +162,119 @@ class ByteTemplate:
 
     text: str
     lengths: Mapping[str, int]  # of fields without a width
+    words: Words = field(default_factory=dict)
 
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields, in their order."""
         return tuple(m[1] for m in _FIELD.finditer(self.text))
 
-    def fill(self, values: Values) -> bytes:
-        """Write the values in; numbers with the high byte first."""
-        out = b""
-        for token in self.text.split():
-            field = _FIELD.fullmatch(token)
-            if field is None:
-                out += bytes.fromhex(token)
+    @property
+    def sizes(self) -> tuple[int | None, int | None]:
+        """Bytes of the head and of the body; None where the length is not fixed."""
+        head, bar, body = self.text.partition("|")
+        return (self._size(head), self._size(body)) if bar else (0, self._size(head))
+
+    def _size(self, text: str) -> int | None:
+        sizes = [len(t) if isinstance(t, bytes) else self._width(t) for t in self._tokens(text)]
+        return None if None in sizes else sum(s for s in sizes if s is not None)
+
+    def _tokens(self, text: str) -> list[bytes | Field]:
+        tokens: list[bytes | Field] = []
+        for token in _TOKEN.findall(text.replace("|", " ")):
+            m = _FIELD.fullmatch(token)
+            if m is not None:
+                tokens.append(Field(m[1], m[2], m[3] or "", self.words.get(m[1], {})))
             else:
-                value = values[field[1]]
-                out += value if isinstance(value, bytes) else int(value).to_bytes(_WIDTHS[field[2] or "u8"], "big")
+                tokens.append(token[1:-1].encode("ascii") if token[0] == "'" else bytes.fromhex(token))
+        return tokens
+
+    def _width(self, f: Field) -> int | None:
+        """Bytes of a field; None: all that is left."""
+        if _WIDTH.fullmatch(f.form):
+            return int(f.form.removeprefix("u").removesuffix("le")) // 8
+        if f.form:
+            return int(f.form.rstrip("dxX").split(".")[0] or 1)
+        return self.lengths.get(f.name)
+
+    def fill(self, values: Values) -> bytes:
+        """Write the values in."""
+        out = b""
+        for token in self._tokens(self.text):
+            if isinstance(token, bytes):
+                out += token
+                continue
+            value = token.value(values)
+            if isinstance(value, bytes):
+                out += value
+            elif _WIDTH.fullmatch(token.form):
+                width = self._width(token) or 1
+                out += int(value).to_bytes(width, "little" if token.form.endswith("le") else "big")
+            else:
+                out += _as_text(value, token.form).encode("ascii")
         return out
 
     def match(self, body: bytes) -> dict[str, Value] | None:
         """Read the values from bytes; None if they are of another form."""
         values: dict[str, Value] = {}
         at = 0
-        for token in self.text.split():
-            field = _FIELD.fullmatch(token)
-            width = self.lengths.get(field[1], 1) if field and not field[2] else _WIDTHS[field[2]] if field else 1
+        for token in self._tokens(self.text):
+            width = len(token) if isinstance(token, bytes) else self._width(token)
+            if width is None:
+                width = len(body) - at
             part, at = body[at : at + width], at + width
-            if len(part) < width or (field is None and part != bytes.fromhex(token)):
+            if len(part) < width or (isinstance(token, bytes) and part != token):
                 return None
-            if field is not None:
-                values[field[1]] = int.from_bytes(part, "big") if field[2] else part
+            if isinstance(token, bytes):
+                continue
+            value: Value = part
+            if _WIDTH.fullmatch(token.form):
+                value = int.from_bytes(part, "little" if token.form.endswith("le") else "big")
+            elif token.form:
+                text = part.decode("ascii", "replace")
+                if not re.fullmatch(_pattern(token), text):
+                    return None
+                value = _read(text, token)
+            name, value = token.told(value)
+            values[name] = value
         return values if at == len(body) else None
 
 
-def make_template(text: str, kind: str, lengths: Mapping[str, int], where: str) -> Template:
+def make_template(text: str, kind: str, lengths: Mapping[str, int], where: str, words: Words | None = None) -> Template:
     """Make the template of a kind of framing.
 
     Raises
     ------
     InputError
-        For braces or bytes that cannot be read.
+        For braces or bytes that cannot be read, a field that is written twice or whose format is not known.
     """
     if "{" in _FIELD.sub("", text) or "}" in _FIELD.sub("", text):
-        raise InputError(where, f"{text!r}", "write fields as {name} or {name:u8}")
+        raise InputError(where, f"{text!r}", "write fields as {name}, {name:03d} or {name:u8}")
+    found = list(_FIELD.finditer(text))
+    names = [m[1] + m[2] for m in found]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(where, f"field {{{twice[0]}}} twice in {text!r}", "write every field once")
+    for m in found:
+        form = m[3] or ""
+        if form and not _NUMBER.fullmatch(form) and form not in ("s", "hex") and not _WIDTH.fullmatch(form):
+            raise InputError(
+                where, f"format {form!r} of {m[0]}", "use d, x or X with a width as in 03d, or u8 to u32le"
+            )
+        if _WIDTH.fullmatch(form) and kind == "text":
+            raise InputError(where, f"format {form!r} of {m[0]}", "give numbers of text a format as 03d or 02X")
     if kind == "text":
         if not text.isascii():
             raise InputError(where, f"{text!r}", "use ASCII characters")
-        return TextTemplate(text)
-    for token in text.split():
-        field = _FIELD.fullmatch(token)
-        if field is None and not re.fullmatch("[0-9A-Fa-f]{2}", token):
-            raise InputError(where, f"byte {token!r}", "write bytes as two hexadecimal digits, separated by spaces")
-        if field is not None and not field[2] and field[1] not in lengths:
-            raise InputError(where, f"field {token!r}", f"give its width, as in {{{field[1]}:u8}}")
-    return ByteTemplate(text, lengths)
+        return TextTemplate(text, words or {})
+    for token in _TOKEN.findall(text.replace("|", " ")):
+        one = _FIELD.fullmatch(token)
+        if one is None and not re.fullmatch(r"[0-9A-Fa-f]{2}|'[ -&(-~]*'", token):
+            raise InputError(
+                where, f"byte {token!r}", "write bytes as two hexadecimal digits, separated by spaces, or 'text'"
+            )
+        if one is not None and not one[3] and one[1] not in (*lengths, "text"):
+            raise InputError(where, f"field {token!r}", f"give its width, as in {{{one[1]}:u8}}")
+    return ByteTemplate(text, lengths, words or {})
 
 
 def pack_lines(lines: NDArray[np.bool_], first: str) -> bytes:
@@ -165,33 +294,35 @@ def unpack_lines(data: bytes, count: int, first: str) -> NDArray[np.bool_]:
     return bits[:count].astype(bool)
 
 
-def checksum(kind: str, data: bytes) -> int:
-    """Compute a check value: crc16 (CRC-16/CCITT-FALSE), sum16, sum8 or xor8.
-
-    Examples
-    --------
-    The catalogue's check value of CRC-16/CCITT-FALSE:
-
-    >>> hex(checksum("crc16", b"123456789"))
-    '0x29b1'
-    """
-    if kind == "sum16":
-        return sum(data) & 0xFFFF
-    if kind == "sum8":
-        return sum(data) & 0xFF
-    if kind == "xor8":
-        return int(np.bitwise_xor.reduce(np.frombuffer(data, np.uint8))) if data else 0
-    value = 0xFFFF
-    for byte in data:
-        value ^= byte << 8
-        for _ in range(8):
-            value = (value << 1) ^ 0x1021 if value & 0x8000 else value << 1
-        value &= 0xFFFF
-    return value
+def _pattern(f: Field) -> str:
+    """Give the regular expression of a field in text."""
+    if f.words:
+        return "|".join(re.escape(_as_text(w, f.form)) for w in f.words.values())
+    if f.name == "text" or f.name.startswith("_"):
+        return ".*?"
+    if f.form == "s":
+        return r"\S+"
+    if f.form == "hex" or f.form[-1:] in ("x", "X"):
+        width = int(f.form[:-1]) if f.form[:-1].isdigit() else 0
+        return "[0-9A-Fa-f]" + (f"{{{width},}}" if width else "+")
+    return r"-?[0-9]+(?:\.[0-9]+)?" if f.form[-1:] in ("f", "g") else r" *-?[0-9]+"
 
 
-CHECKS = {"crc16": 2, "sum16": 2, "sum8": 1, "xor8": 1}  # name to width in bytes
+def _read(text: str, f: Field) -> Value:
+    if f.words:
+        return next(w for w in f.words.values() if _as_text(w, f.form) == text)
+    if f.name == "text" or f.name.startswith("_") or f.form == "s":
+        return text
+    if f.form == "hex":
+        return bytes.fromhex(text) if len(text) % 2 == 0 else b""
+    if f.form[-1:] in ("x", "X"):
+        return int(text, 16)
+    return float(text) if f.form[-1:] in ("f", "g") else int(text)
 
 
-def _as_text(value: Value) -> str:
-    return value.hex().upper() if isinstance(value, bytes) else str(value)
+def _as_text(value: Value, form: str) -> str:
+    if isinstance(value, bytes):
+        return value.hex().upper()
+    if form and form not in ("s", "hex") and not isinstance(value, str):
+        return format(int(value) if form[-1] in "dxX" else float(value), form)
+    return f"{value:g}" if isinstance(value, float) else str(int(value) if isinstance(value, bool) else value)

@@ -22,6 +22,12 @@ def add(commands: Commands) -> None:
     sub.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
     sub.add_argument("--angle-deg", type=float, help="angle of the plane-table, for role plane")
 
+    sub = commands.add(
+        "probe", _probe, "try every command of a profile once on a device, with all bytes in hexadecimal"
+    )
+    sub.add_argument("profile", metavar="PROFILE", help="its name, or the path of a .toml file of your own")
+    sub.add_argument("port", metavar="PORT", help="/dev/ttyUSB0, COM3, socket://host:port, /dev/hidraw0")
+
     sub = commands.add_on_project("preflight", _preflight, "check a rig before its first calibration")
     sub.add_argument("--projector", metavar="URL")
     sub.add_argument("--camera", metavar="URL")
@@ -47,7 +53,35 @@ def _capture(options: Options, progress: Progress) -> dict[str, Any]:
     print(report.folder)
     for words in report.words:
         print(f"  {words}")
-    return {"capture": str(report.folder), "frames": report.frames, "retakes": report.retakes, "findings": report.words}
+    return {
+        "capture": str(report.folder),
+        "frames": report.frames,
+        "retakes": report.retakes,
+        "repeats": report.repeats,
+        "findings": report.words,
+    }
+
+
+def _probe(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.cli.arguments import write_figures
+    from core.errors import DeviceError
+    from core.pipeline import probe_device
+
+    tried = []
+    for exchange in probe_device(options.profile, options.port, progress):
+        tried.append(exchange)
+        print(f"{exchange.command}  {1000 * exchange.seconds:.0f} ms")
+        for sign, data in ((">", exchange.sent), ("<", exchange.heard)):
+            text = "".join(chr(b) if 32 <= b < 127 else "." for b in data)
+            print(f"  {sign} {data.hex(' ')}   {text}" if data else f"  {sign} nothing")
+        print(f"  {'ok' if exchange.understood else 'NOT UNDERSTOOD'}: {exchange.words}", flush=True)
+    figures = {"exchanges": [exchange.as_dict() for exchange in tried]}
+    if wrong := [exchange.command for exchange in tried if not exchange.understood]:
+        if options.json is not None:
+            write_figures(options.json, figures)
+        seen = f"{len(wrong)} of {len(tried)} commands were not understood ({', '.join(wrong)})"
+        raise DeviceError(options.port, seen, "set the bytes beside the device's manual, and correct the profile")
+    return figures
 
 
 def _preflight(options: Options, progress: Progress) -> dict[str, Any]:

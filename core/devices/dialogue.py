@@ -1,0 +1,223 @@
+"""A conversation with a device by a command profile: questions, answers, repetitions, and waiting for a state.
+
+Every command ends within a bounded time: acknowledged, repeated and acknowledged, or as a `DeviceError` that says what
+to check. Whoever waits may cancel meanwhile: the check that a call brings is asked between short reads.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+
+from core.devices.framing import unwrap, wrap
+from core.devices.link import LineDownError, Link
+from core.devices.profile import MEANINGS, Profile, Step
+from core.devices.protocol import Check, Note, no_check, no_note, wait_until
+from core.devices.template import Value, Values, calculated
+from core.errors import DeviceError
+
+_REOPEN_S = 3.0  # for a line to come back
+_SHOWN_BYTES = 24  # of an answer that cannot be read
+
+
+class EmptyError(DeviceError):
+    """The device says that nothing is stored where something was."""
+
+
+class UnansweredError(DeviceError):
+    """No valid answer, however often the question was repeated."""
+
+
+class Dialogue:
+    """A line and the profile that is spoken on it.
+
+    `asked` counts the questions, `repeats` those that had to be put again, `heard` the last bytes that came.
+    """
+
+    def __init__(self, url: str, profile: Profile, note: Note = no_note, name: str = "") -> None:
+        self.name = name or f"projector {profile.name} on {url}"
+        self.url, self.profile, self.note = url, profile, note
+        self.cancel: Check = no_check  # of the call that is under way
+        self.asked, self.repeats = 0, 0
+        self.sent, self.heard = b"", bytearray()
+        self._buffer, self._tag = bytearray(), 0
+        self._link: Link | None = Link(url, profile.port)
+
+    def do(self, command: str, once: bool = False, **values: Value) -> dict[str, Value]:
+        """Go through the steps of a command; give all that was answered. One that is not in the profile does nothing.
+
+        Raises
+        ------
+        DeviceError
+            When the device refuses, or all tries stay without a valid answer, or the state that is waited for does not
+            come.
+        LineDownError
+            When the line is gone.
+        """
+        told: dict[str, Value] = {}
+        for step in self.profile.commands.get(command, ()):
+            told |= self.take(command, step, once, values)
+        return told
+
+    def take(self, command: str, step: Step, once: bool, values: Values) -> dict[str, Value]:
+        """Take one step of a command, again and again while its state has to be waited for."""
+        end = time.monotonic() + step.within_s
+        while True:
+            told = self._ask(command, step, once, values)
+            waiting = [key for key, wanted in step.until.items() if calculated(key, told) not in wanted]
+            if not waiting:
+                wait_until(time.monotonic() + step.pause_s, self.cancel)
+                return told
+            if time.monotonic() > end:
+                seen = f"{waiting[0]} is {calculated(waiting[0], told)} after {step.within_s:g} s"
+                wanted = ", ".join(map(str, step.until[waiting[0]]))
+                raise DeviceError(
+                    self.name, f"{command}: {seen}, {wanted} was waited for", "look what the device waits for"
+                )
+            wait_until(time.monotonic() + step.every_s, self.cancel)
+
+    def _ask(self, command: str, step: Step, once: bool, values: Values) -> dict[str, Value]:
+        """Send a command until it is acknowledged."""
+        reason = "no answer"
+        patience = step.answer_s or (self.profile.load_s if command == "load" else self.profile.answer_s)
+        for attempt in range(1 if once else self.profile.retries + 1):
+            if attempt:
+                self.settle()
+                self.repeats += 1
+                self.note(self.name, f"{command}: {reason}, try {attempt + 1}")
+            self.asked += 1
+            self._tag = self._tag % 250 + 1
+            sent = {**values, "tag": self._tag}
+            self.sent, self.heard = wrap(self.profile.framing, step.send.fill(sent)), bytearray()
+            self.up.send(self.sent)
+            if step.expect is None:
+                return {}
+            answer, reason = self._answer(step, sent, time.monotonic() + patience)
+            if answer is not None:
+                return answer
+            if reason == "empty":
+                raise EmptyError(self.name, f"{command}: nothing is stored there", "check the device's supply")
+        self.settle()
+        if reason in MEANINGS:
+            reason = f"refused ({reason})"
+        tries = "" if once or not self.profile.retries else f", {self.profile.retries + 1} times"
+        raise UnansweredError(
+            self.name,
+            f"{command}: {reason}{tries}",
+            "check that the projector is on, the cable, the baud rate and the profile",
+        )
+
+    def _answer(self, step: Step, sent: Values, until_s: float) -> tuple[dict[str, Value] | None, str]:
+        """Wait for the answer to a command; answers to earlier ones are passed over."""
+        reason = "no answer"
+        wrong: list[bytes] = []
+        echo = self.profile.echo
+        while True:
+            body = unwrap(self.profile.answers, self._buffer, wrong)
+            if wrong:
+                reason = "wrong checksum"
+                wrong.clear()
+            if body is None:
+                data = self.up.receive(until_s, self.cancel)
+                if not data:
+                    rest = self._buffer[:_SHOWN_BYTES].hex(" ")
+                    return None, f"bytes that cannot be read ({rest})" if rest and reason == "no answer" else reason
+                self._buffer += data
+                self.heard += data
+                continue
+            if echo and body == step.send.fill(sent):
+                echo = False
+            elif step.expect is not None and (values := step.expect.match(body)) is not None:
+                differing = [k for k in values if _base(k) in sent and calculated(k, sent) != values[k]]
+                if not differing:
+                    self._await_prompt(until_s)
+                    return values, ""
+                if "tag" not in differing:
+                    return None, f"the answer has another {_base(differing[0])}"
+                reason = "an answer to another question"
+            elif (refused := self._refused(body, sent)) is not None:
+                self._await_prompt(until_s)
+                return None, refused
+            else:
+                reason = f"an answer that cannot be read ({body[:_SHOWN_BYTES].hex(' ')})"
+
+    def _refused(self, body: bytes, sent: Values) -> str | None:
+        """Say what a refusal means; None where a body is none of this question."""
+        values = self.profile.refusal.match(body) if self.profile.refusal else None
+        if values is None or values.get("tag", sent["tag"]) != sent["tag"]:
+            return None
+        code = values.get("code")
+        return self.profile.codes.get(code, "unknown") if isinstance(code, int) else "unknown"
+
+    def _await_prompt(self, until_s: float) -> None:
+        """Wait until a device that says so is ready for the next line."""
+        prompt = self.profile.answers.prompt
+        while prompt and prompt not in self._buffer:
+            data = self.up.receive(until_s, self.cancel)
+            if not data:
+                return
+            self._buffer += data
+        if prompt:
+            del self._buffer[: self._buffer.index(prompt) + len(prompt)]
+
+    def settle(self) -> None:
+        """Let late answers and noise pass."""
+        self.up.drain(self.profile.gap_s, self.cancel)
+        self._buffer.clear()
+
+    # ------------------------------------------------------------------------------------------- the line itself
+
+    @property
+    def up(self) -> Link:
+        """The line.
+
+        Raises
+        ------
+        LineDownError
+            If it has been closed.
+        """
+        if self._link is None:
+            raise LineDownError(self.name, "the line is closed", "open the projector again")
+        return self._link
+
+    def restore(self) -> None:
+        """See that the line is there and quiet, and open it anew if it is gone."""
+        try:
+            self.settle()
+        except LineDownError:
+            self._reopen()
+
+    def _reopen(self) -> None:
+        identity = None
+        if self._link is not None:
+            identity = self._link.identity
+            self._link.close()
+        end = time.monotonic() + _REOPEN_S
+        while True:
+            try:
+                self._link = Link(self.url, self.profile.port, identity)
+                if self._link.place != self.url:
+                    self.note(self.name, f"came back as {self._link.place}")
+                self._buffer.clear()
+                return
+            except LineDownError as error:
+                if time.monotonic() > end:
+                    raise DeviceError(
+                        self.name, f"the line did not come back within {_REOPEN_S:g} s", "check cable and supply"
+                    ) from error
+                wait_until(time.monotonic() + 0.02, self.cancel)
+
+    def close(self) -> None:
+        """Go through the commands that switch the device off, as far as it answers, and let the line go."""
+        link, self.cancel = self._link, no_check
+        if link is not None:
+            if "stop" in self.profile.commands:
+                with suppress(DeviceError):
+                    self.do("stop")
+            link.close()
+            self._link = None
+
+
+def _base(name: str) -> str:
+    """Give the field that a calculated value belongs to."""
+    return next(part for part in [name.split(sign)[0] for sign in "+-*/%&"] if part.isidentifier())

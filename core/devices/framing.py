@@ -1,0 +1,175 @@
+"""How a body travels: a line with an ending, or a frame of start, head, length, body, check value and end.
+
+A `Framing` is of one direction. A body is the bytes of a command's template; where a frame has a head (what stands
+before the length), the template's first bytes are the head.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from core.devices.sums import CHECKS, CheckSum
+from core.devices.template import Template
+
+PARTS = ("start", "head", "length", "body", "mark", "check", "end")
+Order = Literal["big", "little"]
+
+
+@dataclass(frozen=True)
+class Framing:
+    """One direction of a line.
+
+    Attributes
+    ----------
+    kind : str
+        "text" or "frame": how templates are written.
+    parts : tuple of str
+        Which of `PARTS` a frame has, in their order.
+    length_over, check_over : tuple of str
+        The parts that the length counts, to which `length_add` is added, and that the check value covers.
+    mark : bytes
+        What stands before the check value of a line.
+    check_text : bool
+        The check value is written in hexadecimal digits.
+    pad : int
+        Frames are filled with zeros to a multiple of so many bytes.
+    forms : tuple of Template
+        What a body can look like, where neither a length nor an end tells how long it is.
+    prompt : bytes
+        What a device writes when it is ready for the next line.
+    """
+
+    kind: str
+    parts: tuple[str, ...]
+    start: bytes = b""
+    end: bytes = b""
+    mark: bytes = b""
+    head: int = 0
+    length: int = 0
+    length_order: Order = "big"
+    length_over: tuple[str, ...] = ("body",)
+    length_add: int = 0
+    check: CheckSum = CHECKS["none"]
+    check_over: tuple[str, ...] = ("body",)
+    check_order: Order = "big"
+    check_text: bool = False
+    pad: int = 0
+    forms: tuple[Template, ...] = ()
+    prompt: bytes = b""
+
+    @property
+    def check_size(self) -> int:
+        """Bytes that the check value takes."""
+        return self.check.width * (1 + self.check_text)
+
+    @property
+    def fixed(self) -> dict[str, int]:
+        """Sizes of all parts but the body."""
+        sizes = {"start": len(self.start), "head": self.head, "length": self.length, "mark": len(self.mark)}
+        return {**sizes, "check": self.check_size, "end": len(self.end)}
+
+    def check_of(self, pieces: dict[str, bytes]) -> bytes:
+        """Compute the check value of the parts that it covers, as it is written."""
+        if not self.check.bits:
+            return b""
+        value = self.check.of(b"".join(pieces[p] for p in self.parts if p in self.check_over))
+        if self.check_text:
+            return f"{value:0{self.check_size}X}".encode()
+        return value.to_bytes(self.check.width, self.check_order)
+
+
+def wrap(framing: Framing, body: bytes) -> bytes:
+    """Make a line or a frame of a body.
+
+    Examples
+    --------
+    A Modbus frame has neither start nor length: CRC, low byte first, after the body.
+
+    >>> modbus = Framing("frame", ("body", "check"), check=CHECKS["crc16-modbus"], check_order="little")
+    >>> wrap(modbus, bytes.fromhex("11 03 00 6B 00 03")).hex(" ")
+    '11 03 00 6b 00 03 76 87'
+    """
+    pieces = {"start": framing.start, "head": body[: framing.head], "body": body[framing.head :]}
+    pieces |= {"mark": framing.mark, "end": framing.end}
+    counted = {**framing.fixed, "body": len(pieces["body"])}
+    if framing.length:
+        value = framing.length_add + sum(counted[p] for p in framing.length_over)
+        pieces["length"] = value.to_bytes(framing.length, framing.length_order)
+    pieces["check"] = framing.check_of(pieces)
+    whole = b"".join(pieces[p] for p in framing.parts)
+    return whole + bytes(-len(whole) % framing.pad if framing.pad else 0)
+
+
+def unwrap(framing: Framing, buffer: bytearray, wrong: list[bytes] | None = None) -> bytes | None:
+    """Take the next whole body out of a buffer; None while it is incomplete.
+
+    Bytes before a frame's start are skipped; frames with a wrong check value are taken out and added to `wrong`.
+
+    Examples
+    --------
+    >>> parts = ("start", "length", "body", "check")
+    >>> framing = Framing("frame", parts, start=bytes([2]), length=1, check=CHECKS["sum8"])
+    >>> buffer = bytearray(b"?" + wrap(framing, b"abc") + b"x")
+    >>> unwrap(framing, buffer), bytes(buffer)
+    (b'abc', b'x')
+    """
+    at = 0
+    while 0 <= (at := buffer.find(framing.start, at)) < len(buffer):
+        complete = True
+        for size in _whole_sizes(framing, buffer, at):
+            filling = -size % framing.pad if size is not None and framing.pad else 0
+            if size is None or len(buffer) < at + size + filling:
+                complete = False
+                continue
+            pieces = _split(framing, bytes(buffer[at : at + size]))
+            ends = all(pieces.get(p, own) == own for p, own in (("end", framing.end), ("mark", framing.mark)))
+            body = pieces.get("head", b"") + pieces["body"]
+            # a CRC over one byte more agrees too when that byte is the CRC's own: the form has to fit as well
+            fits = not framing.forms or any(form.match(body) is not None for form in framing.forms)
+            if ends and fits and framing.check_of(pieces).upper() == pieces.get("check", b"").upper():
+                del buffer[: at + size + filling]
+                return body.removeprefix(framing.prompt)
+            if wrong is not None and not framing.forms:
+                wrong.append(pieces["body"])
+        if not complete and not framing.forms:
+            return None
+        at += 1  # perhaps this was no start
+        if complete and not framing.forms:
+            if framing.kind == "text":  # a line that is damaged is over at its end
+                at = buffer.index(framing.end, at - 1) + len(framing.end)
+            del buffer[:at]
+            at = 0
+    return None
+
+
+def _whole_sizes(framing: Framing, buffer: bytearray, at: int) -> Iterator[int | None]:
+    """Give the sizes that the frame that starts at a place can have; None: it cannot be told yet."""
+    fixed = framing.fixed
+    around = sum(fixed[p] for p in framing.parts if p != "body")
+    if framing.length:
+        head = sum(fixed[p] for p in framing.parts[: framing.parts.index("length")])
+        field = buffer[at + head : at + head + framing.length]
+        if len(field) < framing.length:
+            yield None
+            return
+        counted = framing.length_add + sum(fixed[p] for p in framing.length_over if p != "body")
+        body = int.from_bytes(field, framing.length_order) - counted
+        if body >= 0:
+            yield around + body
+    elif framing.forms:
+        yield from sorted({around + (form.sizes[1] or 0) for form in framing.forms})
+    else:
+        end = buffer.find(framing.end, at + len(framing.start) + framing.head)
+        after = sum(fixed[p] for p in framing.parts[framing.parts.index("end") :])
+        yield None if end < 0 else max(end - at + after, around)
+
+
+def _split(framing: Framing, whole: bytes) -> dict[str, bytes]:
+    fixed = framing.fixed
+    sizes = {**fixed, "body": len(whole) - sum(fixed[p] for p in framing.parts if p != "body")}
+    pieces, at = {}, 0
+    for part in framing.parts:
+        pieces[part], at = whole[at : at + sizes[part]], at + sizes[part]
+    return pieces

@@ -1,0 +1,337 @@
+"""Profiles against devices that were written from their manuals, over a pseudo-terminal."""
+
+import binascii
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from core.cli import main
+from core.devices import offer_screens, open_projector
+from core.devices.dialogue import Dialogue
+from core.devices.framing import unwrap, wrap
+from core.devices.profile import profile_names, read_profile
+from core.devices.sums import CHECKS, CheckSum
+from core.errors import DeviceError, InputError
+from core.patterns import Black, Code, Level, Line, Phase, White, parse_sequence
+from core.resources import resource
+from tests.devices.manuals import Device, Dlpc350, Modbus, Optoma, Prompting, modbus_crc, plugged
+
+PROMPTING = """
+format = "stripe-projector-profile"
+version = 1
+[device]
+columns = 16
+rows = 1
+slots = 9
+first_slot = 1
+plates = ["X"]
+[framing]
+kind = "text"
+start = "$"
+ending = "\\r"
+answer_ending = "\\r\\n"
+check = "sum8"
+check_mark = "*"
+prompt = "> "
+echo = true
+[timing]
+answer_ms = 500
+settle_ms = 1
+[commands.load]
+send = "L{slot:03d} {plate} {lines}"
+expect = "A{slot:03d}"
+[commands.select]
+send = "S{slot:03d}"
+expect = "A{slot:03d}"
+"""
+
+
+@pytest.fixture
+def own(tmp_path: Path):
+    """Write a profile of one's own; give its path."""
+
+    def write(text: str) -> str:
+        path = tmp_path / "mine.toml"
+        path.write_text(text)
+        return str(path)
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),  # of the catalogue of parametrised CRC algorithms, for "123456789"; the sums by hand
+    [
+        ("crc8", 0xF4),
+        ("crc8-maxim", 0xA1),
+        ("crc16", 0x29B1),
+        ("crc16-xmodem", 0x31C3),
+        ("crc16-kermit", 0x2189),
+        ("crc16-arc", 0xBB3D),
+        ("crc16-modbus", 0x4B37),
+        ("crc32", 0xCBF43926),
+        ("sum8", 0xDD),
+        ("sum16", 0x01DD),
+        ("lrc", 0x23),
+        ("xor8", 0x31),
+        ("none", 0),
+    ],
+)
+def test_check_values_are_those_of_the_catalogue(name: str, value: int) -> None:
+    assert CHECKS[name].of(b"123456789") == value
+
+
+def test_a_crc_by_its_parameters_is_the_one_of_binascii() -> None:
+    data = bytes(range(200))
+    assert CheckSum("crc", 16, 0x1021, 0xFFFF).of(data) == binascii.crc_hqx(data, 0xFFFF)
+    assert CheckSum("crc", 32, 0x04C11DB7, 0xFFFFFFFF, True, 0xFFFFFFFF).of(data) == binascii.crc32(data)
+
+
+def test_an_optoma_is_switched_on_and_waited_for_before_the_first_picture(own) -> None:
+    device, shown = Optoma(), []
+    surface = SimpleNamespace(size=(64, 48), present=lambda image: shown.append(len(device.commands)), close=list)
+    offer_screens(lambda number: surface)
+    text = resource("profiles", "optoma.toml").read_text().replace("every_ms = 1000", "every_ms = 1")
+    try:
+        with plugged(device) as port:
+            projector = open_projector(f"screen:1?control={port}&profile={own(text.replace('= 100', '= 5'))}")
+            projector.show(White())
+            projector.close()
+    finally:
+        offer_screens(None)
+    assert device.commands == ["~0000 1", "~00124 1", "~00124 1", "~00124 1", "~0002 0", "~0004 0"]
+    assert shown == [6]
+
+
+def test_a_profile_that_only_switches_says_how_it_is_used() -> None:
+    with pytest.raises(InputError, match="screen:1\\?control="):
+        open_projector("serial:/dev/null?profile=optoma")
+
+
+def test_modbus_shows_every_stored_pattern_and_switches_the_lamp_off(own) -> None:
+    text = resource("profiles", "modbus.toml").read_text().replace("500", "1")
+    text = text.replace('parity = "even"', "")  # a pseudo-terminal has none
+    device = Modbus(patterns=28)
+    patterns = parse_sequence("paper").patterns((640, 640))
+    with plugged(device) as port:
+        projector = open_projector(f"serial:{port}?profile={own(text)}&settle_ms=0")
+        assert device.lamp
+        assert projector.sequence == patterns
+        for number, pattern in enumerate(patterns, 1):
+            projector.show(pattern)
+            assert (device.shown, device.busy) == (number, 0)
+        assert "not among" in projector.refusal(Line("x", 3))
+        projector.close()
+    assert not device.lamp
+
+
+def test_modbus_recovers_from_damaged_answers_and_counts_them(own) -> None:
+    text = resource("profiles", "modbus.toml").read_text().replace("500", "1").replace("300", "40")
+    device, count = Modbus(patterns=28, warming=0), [0]
+
+    def spoil(data: bytes) -> bytes:
+        count[0] += 1
+        return bytes([data[0], data[1] ^ 4, *data[2:]]) if count[0] % 5 == 4 else data
+
+    device.spoil = spoil
+    with plugged(device) as port:
+        projector = open_projector(f"serial:{port}?profile={own(text.replace('even', 'none'))}&settle_ms=0")
+        for number in (3, 9, 28):
+            projector.show(projector.sequence[number - 1])
+            assert device.shown == number
+        repeats, asked = projector.repeats
+        projector.close()
+    assert repeats == sum(1 for n in range(1, asked + 1) if n % 5 == 4)
+
+
+def test_a_modbus_exception_is_a_refusal_with_its_meaning(own) -> None:
+    text = resource("profiles", "modbus.toml").read_text().replace("500", "1").replace('parity = "even"', "")
+    with plugged(Modbus(patterns=5)) as port:
+        projector = open_projector(f"serial:{port}?profile={own(text.replace('retries = 3', 'retries = 0'))}")
+        with pytest.raises(DeviceError, match=r"refused \(range\)"):
+            projector.show(projector.sequence[7])
+        projector.close()
+
+
+@pytest.mark.parametrize("numbered", [False, True], ids=["over serial", "as HID reports"])
+def test_a_dlpc350_shows_the_bit_plane_that_holds_a_pattern(own, numbered: bool, monkeypatch) -> None:
+    text = resource("profiles", "lightcrafter4500.toml").read_text().replace("pause_ms = 100", "")
+    device = Dlpc350(numbered)
+    with plugged(device) as port:
+        if numbered:  # what Linux calls hidraw takes the report's number before each report
+            from core.devices import link
+
+            monkeypatch.setattr(link, "is_hid", lambda place: place == port)
+        projector = open_projector(f"serial:{port}?profile={own(text)}&settle_ms=0")
+        for slot in (0, 5, 23, 24, 27):
+            projector.show(projector.sequence[slot])
+            assert device.shown == (slot // 24, slot % 24)
+        projector.close()
+    assert device.running == 0
+
+
+def test_a_controller_with_prompt_echo_and_checksum_shows_one_plate(own) -> None:
+    device = Prompting()
+    with plugged(device) as port:
+        projector = open_projector(f"serial:{port}?profile={own(PROMPTING)}")
+        projector.load([White(), Line("x", 4, 4), Black()])
+        projector.step(1)
+        assert "along x only" in projector.refusal(Line("y", 2))
+        projector.close()
+    assert device.slots == {1: b"\xff\xff", 2: b"\x0f\x00", 3: b"\0\0"}
+    assert device.shown == 2
+
+
+DESCRIBED = """
+format = "stripe-projector-profile"
+version = 1
+[device]
+columns = 64
+rows = 64
+[words.axis]
+x = "V"
+y = "H"
+[words.inverse]
+false = 0
+true = 1
+[framing]
+kind = "text"
+ending = "\\n"
+[timing]
+answer_ms = 500
+settle_ms = 1
+[commands.show-gray]
+send = "GRAY {axis} {bit+1:02X}/{bits} {inverse}"
+expect = "OK"
+[commands.show-phase]
+send = "SINE {axis} {period:.2f} {shift_deg:05.1f}"
+expect = "OK"
+[commands.show-level]
+send = "FULL {level:02X}"
+expect = "OK"
+"""
+
+
+class Describing(Device):
+    """Says OK to every line."""
+
+    def take(self, buffer: bytearray):
+        while (end := buffer.find(b"\n")) >= 0:
+            del buffer[: end + 1]
+            yield b"OK\n"
+
+
+def test_patterns_are_described_by_their_parameters(own) -> None:
+    device = Describing()
+    with plugged(device) as port:
+        projector = open_projector(f"serial:{port}?profile={own(DESCRIBED)}")
+        for pattern in (Code("gray", "y", 9, 12, 1, True), Phase("x", 12.5, 4, 1, np.pi / 2), Level(0.5)):
+            projector.show(pattern)
+        assert "show-white" in projector.refusal(White())
+        projector.close()
+    assert device.heard == b"GRAY H 0A/12 1\nSINE V 12.50 090.0\nFULL 80\n"
+
+
+def test_grey_lines_are_loaded_a_byte_each(own) -> None:
+    text = PROMPTING.replace("[timing]", "[lines]\nbits = 8\n[timing]")
+    device = Prompting()
+    with plugged(device) as port:
+        projector = open_projector(f"serial:{port}?profile={own(text)}")
+        projector.show(Phase("x", 16.0, 4, 0, 0.0))
+        projector.close()
+    light = 0.5 + 0.5 * np.cos(2 * np.pi * (np.arange(16) + 0.5) / 16)
+    assert list(device.slots[1]) == np.rint(255 * light).astype(int).tolist()
+
+
+MODBUS_WIRE = (b"S\2\1" + modbus_crc(b"S\2\1")).hex(" ").upper()
+FRAMED = PROMPTING[: PROMPTING.index("[framing]")] + "[framing]\nkind = 'frame'\n{}\n"
+FRAMED += "[timing]\nanswer_ms = 100\nsettle_ms = 1\n[commands.load]\nsend = \"4C {{slot:u16le}} 'P' {{lines}}\"\n"
+FRAMED += "expect = '4C {{slot:u16le}}'\n[commands.select]\nsend = '53 {{slot:u16le}}'\nexpect = '53 {{slot:u16le}}'\n"
+
+
+@pytest.mark.parametrize(
+    ("entries", "wire"),  # of "select slot 258", written by hand
+    [
+        ("start = '02'\nlength = 'u8'\ncheck = 'sum8'", "02 03 53 02 01 56"),
+        ("start = '02'\nlength = 'u16le'\nlength_over = 'body check'\ncheck = 'xor8'", "02 04 00 53 02 01 50"),
+        (
+            "start = 'AA'\nlength = 'u8'\nlength_over = 'start length body check end'\n"
+            "check = 'lrc'\ncheck_over = 'length body'\nend = '03'",
+            "AA 07 53 02 01 A3 03",
+        ),
+        ("start = '02'\nend = '03'\ncheck = 'sum8'\ncheck_as = 'hex'", "02 53 02 01 35 36 03"),
+        (
+            "start = '02'\nend = '0D'\nlayout = 'start length check body end'\nlength = 'u8'\ncheck = 'sum8'",
+            "02 03 56 53 02 01 0D",
+        ),
+        ("check = {{ bits = 16, poly = 0x8005, init = 0xFFFF, reflect = true }}\ncheck_order = 'low'", MODBUS_WIRE),
+        ("start = '02'\nlength = 'u8'\nlength_add = 1\npad = 8", "02 04 53 02 01 00 00 00"),
+    ],
+)
+def test_frames_are_the_bytes_written_by_hand(own, entries: str, wire: str) -> None:
+    profile = read_profile(own(FRAMED.format(entries.replace("{{", "{").replace("}}", "}"))))
+    body = profile.commands["select"][0].send.fill({"slot": 258})
+    assert wrap(profile.framing, body).hex(" ").upper() == wire
+    assert profile.commands["load"][0].send.fill({"slot": 1, "lines": b"\x0f\xf0"}).hex() == "4c0100500ff0"
+    for noise in (b"", b"\x55\x00\x55"):
+        buffer = bytearray(noise + bytes.fromhex(wire) + b"\x99")
+        while (found := unwrap(profile.answers, buffer)) is not None and found != body:
+            pass
+        assert found == body
+
+
+@pytest.mark.parametrize(
+    ("profile", "change", "seen"),
+    [
+        ("stripe-lines", ("settle_ms", "settel_ms"), "line 41: timing.settel_ms: no such key; write settle_ms"),
+        ("stripe-lines", ("[commands.query]", "[commands.qurey]"), "commands.qurey: no such key; write query"),
+        ("stripe-frames", ('check = "crc16"', 'check = "crc16"\nend_byte = "03"'), "framing.end_byte: no such key"),
+        ("stripe-lines", ("{tag} SHOW {slot}", "{tag} SHOW {slot} {slot}"), r"line \d+: commands.select.send: .*twice"),
+        ("stripe-lines", ("OK SHOW {slot}", "OK SHOW {slott}"), r"line \d+: commands.select.expect: .*write slot"),
+        ("stripe-lines", ("SHOW {slot}", "SHOW {slot:u8}"), r"line \d+: commands.select.send: format 'u8'"),
+        ("modbus", ('"_warm&1" = 1', '"_cold&1" = 1'), r"commands.start.1.until: '_cold'"),
+        ("modbus", ('check = "crc16-modbus"', ""), "end cannot be told"),
+        ("modbus", ('sequence = "paper"', 'sequence = "papre"'), "papre"),
+        ("lightcrafter4500", ('"40 {tag:u8} | 24', '"{tag:u8} | 24'), "heads of several lengths"),
+    ],
+)
+def test_a_wrong_entry_is_named_with_its_line(own, profile: str, change: tuple[str, str], seen: str) -> None:
+    text = resource("profiles", f"{profile}.toml").read_text()
+    assert change[0] in text
+    with pytest.raises(InputError, match=seen):
+        read_profile(own(text.replace(*change, 1)))
+
+
+@pytest.mark.parametrize("name", ["modbus", "optoma", "lightcrafter4500"])
+def test_every_profile_that_comes_along_says_what_it_was_tried_on(name: str) -> None:
+    assert name in profile_names()
+    assert "Tried against an emulator" in resource("profiles", f"{name}.toml").read_text()
+
+
+def test_probe_shows_every_byte_and_what_was_not_understood(own, capsys) -> None:
+    device = Prompting()
+    with plugged(device) as port:
+        assert main(["probe", own(PROMPTING), port]) == 0
+        good = capsys.readouterr().out
+        device.spoil = lambda data: b"what?\r\n"
+        text = PROMPTING.replace("answer_ms = 500", "answer_ms = 50")
+        assert main(["probe", own(text), port, "--json", "-"]) == 1
+    bad = capsys.readouterr()
+    sent = b"$L001 X FFFF*"
+    sent += b"%02X\r" % (sum(b"L001 X FFFF") & 0xFF)
+    assert f"> {sent.hex(' ')}   $L001 X FFFF*" in good
+    assert "ok: slot = 1" in good
+    assert "NOT UNDERSTOOD" in bad.out
+    assert b"what?".hex(" ") in bad.out
+    assert "2 of 2 commands were not understood (load, select)" in bad.err
+
+
+def test_bytes_that_cannot_be_read_are_shown_in_the_error(own) -> None:
+    device = Prompting()
+    device.spoil = lambda data: b"\xfe\xff\x00"
+    with plugged(device) as port:
+        talk = Dialogue(port, read_profile(own(PROMPTING.replace("= 500", "= 40"))))
+        with pytest.raises(DeviceError, match=r"bytes that cannot be read \(fe ff 00\)"):
+            talk.do("select", slot=1)
+        talk.close()
