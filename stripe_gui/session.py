@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Signal
 
 from core.errors import InputError
+from core.model import DeviceSpec
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
 from stripe_gui.presenters.status import StageStatus, stage_statuses
 from stripe_gui.settings import Settings
@@ -31,6 +33,7 @@ class Session(QObject):
         self.settings = settings
         self._folder: ProjectFolder | None = None
         self._capture = ""
+        self._pair = ("", "")
         self._target: tuple[int, int] | None = None
         self.line: Line | None = None  # of the profiles; None: across the middle
         self._statuses: dict[str, StageStatus] = {}
@@ -107,9 +110,29 @@ class Session(QObject):
         return self._capture
 
     @property
+    def pair(self) -> tuple[str, str]:
+        """The camera and the projector whose frames are looked at."""
+        rig = self.opened.project.rig
+        return self._pair if self._pair in rig.pairs else (rig.camera_name, rig.projector_name)
+
+    @property
+    def projector(self) -> DeviceSpec:
+        """The projector of these."""
+        return self.opened.project.rig.projectors[self.pair[1]]
+
+    def choose_pair(self, pair: tuple[str, str]) -> None:
+        """Look at the frames of another camera, or of another projector."""
+        if pair != self.pair:
+            self._pair = pair
+            self.capture_changed.emit(self._capture)
+
+    @property
     def capture(self) -> CaptureEntry | None:
-        """The same, as read from its folder."""
-        return self._folder.entry(self._capture) if self._folder and self._capture else None
+        """The same, as read from its folder: the frames of the chosen camera and projector."""
+        entry = self._folder.entry(self._capture) if self._folder and self._capture else None
+        if entry is None or entry.capture is None:
+            return entry
+        return replace(entry, capture=entry.capture.seen_by(*self.pair))
 
     def choose_capture(self, name: str, target: tuple[int, int] | None = None) -> None:
         """Look at another capture; `target` (row, col) is what the page that comes next shall point at."""

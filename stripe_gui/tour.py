@@ -51,14 +51,13 @@ def _this_program() -> list[str]:
 
 def _demo(folder: Path) -> Path:
     from core.demo import run_demo
-    from core.pipeline import captures_of
+    from core.pipeline import captures_of, keep_points
     from core.project import read_project
-    from stripe_gui.presenters.work import reconstruct
 
     run_demo(folder, "quick")
     project = read_project(folder)
     for capture in captures_of(project, "object")[:1]:
-        reconstruct(project, capture.name, "photogrammetric")
+        keep_points(project, capture.name, "photogrammetric")
     return folder
 
 

@@ -19,7 +19,7 @@ from core.capture.quality import modulation, sample_grid, saturation, summarise
 from core.capture.recognise import order_in_words, recognise
 from core.errors import InputError
 from core.fields import regular
-from core.model import Project
+from core.model import DeviceSpec, Project
 from core.patterns import Pattern, SequenceSpec, brightness, read_sequence_file
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_capture, read_image, write_image
@@ -54,6 +54,8 @@ def import_frames(
     testfield: str | None = None,
     z_mm: float | None = None,
     angle_deg: float | None = None,
+    camera: str = "",
+    projector: str = "",
     confirm: Callable[[Sequence[Pattern], Sequence[Image]], str] | None = None,
     progress: Progress = SILENT,
 ) -> ImportReport:
@@ -66,6 +68,8 @@ def import_frames(
         Holds the images: PNG or TIFF of 8 or 16 bit; colour files, BMP and JPEG are converted to grey PNG.
     name, role, testfield, z_mm, angle_deg
         As for a capture that is taken.
+    camera, projector : str
+        Whose frames they are, in a rig of several.
     sequence : SequenceSpec, optional
         What was shown; without it the ``capture.json`` in the folder, else the project's sequence.
     order : str, optional
@@ -86,10 +90,12 @@ def import_frames(
         raise InputError(folder, "no such folder", "give the folder that holds the frames")
     if order is not None and order not in ORDERS:
         raise InputError("--order", f"{order!r}", f"use {', '.join(ORDERS)}")
-    lines = project.projector.width, project.projector.height
+    shown_by = project.rig.projectors.get(projector, project.projector)
+    lines = shown_by.width, shown_by.height
     spec = sequence or sequence_beside(folder, project)
     patterns = spec.patterns(lines)
-    plan = make_plan(project, name, role, patterns=patterns, testfield=testfield, z_mm=z_mm, angle_deg=angle_deg)
+    where = {"testfield": testfield, "z_mm": z_mm, "angle_deg": angle_deg}
+    plan = make_plan(project, name, role, patterns=patterns, camera=camera, projector=projector, **where)  # type: ignore[arg-type]
     if target.exists():
         raise InputError(target, "is there already", "choose another name, or remove that capture")
     files = frames_in(folder)
@@ -98,7 +104,7 @@ def import_frames(
         files = _listed(folder, files, spec)
     _check_count(folder, files, spec, patterns, by)
     images = [image for path in progress.part(0.0, 0.4).over(files, "reading frame {}") for image in [read_image(path)]]
-    _check_images(files, images, project)
+    _check_images(files, images, project.rig.cameras.get(camera, project.camera))
     words = []
     if by == "content":
         progress(0.4, "looking what each frame shows")
@@ -192,8 +198,8 @@ def _check_count(
         raise InputError(folder, seen, remedy)
 
 
-def _check_images(files: Sequence[Path], images: Sequence[Image], project: Project) -> None:
-    camera, first = project.camera, images[0]
+def _check_images(files: Sequence[Path], images: Sequence[Image], camera: DeviceSpec) -> None:
+    first = images[0]
     for path, image in zip(files, images, strict=True):
         if image.shape != (camera.height, camera.width):
             seen = (
@@ -256,7 +262,14 @@ def _write(target: Path, plan: Plan, files: Sequence[Path], images: Sequence[Ima
             entries.append((entry, pattern))
         extra = {"imported": {"from": source, "files": [path.name for path in files]}}
         write_capture_json(
-            part, plan.role, entries, testfield=plan.testfield, z_mm=plan.z_mm, angle_deg=plan.angle_deg, extra=extra
+            part,
+            plan.role,
+            entries,
+            testfield=plan.testfield,
+            z_mm=plan.z_mm,
+            angle_deg=plan.angle_deg,
+            extra=extra,
+            more=[plan.devices] * len(entries) if plan.devices else None,
         )
         part.rename(target)
     except OSError as error:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, get_args
 
 import numpy as np
@@ -32,6 +32,7 @@ class Plan:
     testfield: str | None = None
     z_mm: float | None = None
     angle_deg: float | None = None
+    devices: Mapping[str, str] = field(default_factory=dict)  # "camera", "projector": where they need names
 
     @property
     def shots(self) -> tuple[Pattern, ...]:
@@ -58,13 +59,17 @@ def make_plan(
     testfield: str | None = None,
     z_mm: float | None = None,
     angle_deg: float | None = None,
+    camera: str = "",
+    projector: str = "",
 ) -> Plan:
     """Plan a capture of a project; by default the project's sequence, else the reference sequence of its size.
+
+    `camera` and `projector` are names in the rig, by default those meant where none is named.
 
     Raises
     ------
     InputError
-        For a name that is no folder name, an unknown role, a depth capture without its z, an empty sequence.
+        For a name that is no folder name, an unknown role or device, a depth capture without its z, an empty sequence.
     """
     where = f"capture {name!r}"
     shaped = name == name.strip() and name.isprintable() and not any(c in name for c in '/\\:*?"<>|')
@@ -84,14 +89,21 @@ def make_plan(
         testfield = "testfield.csv"
     if testfield is not None and not (project.path / testfield).is_file():
         raise InputError(project.path / testfield, "no such testfield", "give its path from the project's folder")
-    lines = project.projector.width, project.projector.height
+    rig = project.rig
+    chosen_devices = {"camera": camera or rig.camera_name, "projector": projector or rig.projector_name}
+    for kind, known in (("camera", rig.cameras), ("projector", rig.projectors)):
+        if chosen_devices[kind] not in known:
+            raise InputError(where, f"{kind} {chosen_devices[kind]!r}", f"use {', '.join(known)}")
+    shown_by = rig.projectors[chosen_devices["projector"]]
+    lines = shown_by.width, shown_by.height
     if patterns is None:
         spec = project.sequence or default_sequence(grey=False)
         patterns = spec.patterns(lines, f"{project.path / 'project.json'}: sequence")
     chosen = tuple(patterns)
+    devices = {kind: name for kind, name in chosen_devices.items() if name != kind}
     if not chosen:
         raise InputError(where, "no patterns", "plan at least one")
-    return Plan(name, role, chosen, guards_for(chosen, lines), testfield, z_mm, angle_deg)  # type: ignore[arg-type]
+    return Plan(name, role, chosen, guards_for(chosen, lines), testfield, z_mm, angle_deg, devices)  # type: ignore[arg-type]
 
 
 def sequence_for(project: Project, projector: Projector) -> tuple[Pattern, ...]:

@@ -128,6 +128,7 @@ class Store:
                 z_mm=plan.z_mm,
                 angle_deg=plan.angle_deg,
                 extra={"state": state, **extra},
+                more=[plan.devices] * len(frames) if plan.devices else None,
             )
 
 

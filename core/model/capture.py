@@ -80,6 +80,11 @@ class Capture:
             found.append(replace(self, frames=frames, seeds=self.seeds_in(camera)))
         return tuple(found)
 
+    def seen_by(self, camera: str, projector: str) -> Capture:
+        """Give one camera's and one projector's series; the first where there is none of these."""
+        series = self.series
+        return next((s for s in series if (s.camera, s.projector) == (camera, projector)), series[0])
+
     def seeds_in(self, camera: str) -> tuple[Seed, ...]:
         """Give the picks in one camera's image; those that name none count for the capture's first camera."""
         return tuple(seed for seed in self.seeds if (seed.camera or self.camera) == camera)

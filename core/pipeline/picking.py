@@ -6,12 +6,20 @@ from dataclasses import replace
 
 from core.errors import InputError
 from core.model import PhaseMap, Project, TargetSet
-from core.pipeline.decode import phase_maps
+from core.pipeline.decode import one_series, phase_maps
 from core.pipeline.measure import boards_of, kept_targets, measure_capture, save_targets, sides_of, signs_of
 from core.progress import SILENT, Progress
 
 
-def measure_one(project: Project, name: str, phase: PhaseMap | None = None, progress: Progress = SILENT) -> TargetSet:
+def measure_one(
+    project: Project,
+    name: str,
+    phase: PhaseMap | None = None,
+    progress: Progress = SILENT,
+    *,
+    camera: str = "",
+    projector: str = "",
+) -> TargetSet:
     """Measure the targets of one capture and keep them; kept targets of other captures stay while they are current.
 
     Parameters
@@ -22,6 +30,8 @@ def measure_one(project: Project, name: str, phase: PhaseMap | None = None, prog
     phase : PhaseMap, optional
         The capture decoded already.
     progress : Progress
+    camera, projector : str
+        Whose frames, where the capture holds those of several; without them all of those that have picks.
 
     Raises
     ------
@@ -35,6 +45,10 @@ def measure_one(project: Project, name: str, phase: PhaseMap | None = None, prog
     sides = sides_of(boards)
     signs = signs_of(project, boards, sides)
     series = [one for one in capture.series if one.seeds]
+    if camera or projector:
+        series = [one for one in (one_series(capture, camera, projector),) if one.seeds]
+    if not series:
+        raise InputError(capture.path, f"no picks in the image of {camera}", "pick 4 targets there first")
     if phase is not None:
         decoded = [(one, phase) for one in series if (one.camera, one.projector) == (phase.camera, phase.projector)]
     else:

@@ -138,12 +138,15 @@ def import_into(
     testfield: str | None = None,
     z_mm: float | None = None,
     angle_deg: float | None = None,
+    camera: str = "",
+    projector: str = "",
     progress: Progress = SILENT,
 ) -> ImportReport:
     """Make a capture of a project from frames that came from elsewhere, as `core.capture.importing.import_frames`."""
     from core.capture.importing import import_frames
 
     project = read_project(folder)
+    shown_by = project.rig.projectors.get(projector, project.projector)
     return import_frames(
         project,
         frames,
@@ -154,7 +157,9 @@ def import_into(
         testfield=testfield,
         z_mm=z_mm,
         angle_deg=angle_deg,
-        confirm=_steady(str(frames), (project.projector.width, project.projector.height)),
+        camera=camera,
+        projector=projector,
+        confirm=_steady(str(frames), (shown_by.width, shown_by.height)),
         progress=progress,
     )
 

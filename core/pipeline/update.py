@@ -9,7 +9,7 @@ from pathlib import Path
 
 from core.errors import Cancelled, InputError, StripeError
 from core.figures import phase_figures
-from core.model import Method, Project
+from core.model import Capture, Method, Project
 from core.pipeline.calibrate import calibrate_project, load_calibrations
 from core.pipeline.decode import phase_maps
 from core.pipeline.evaluate import evaluate_project
@@ -165,19 +165,34 @@ def _reconstruct(project: Project, states: ProjectStates, progress: Progress) ->
     for name in progress.over(names, "reconstructing {0}"):
         capture = graph.captures[name].name
         methods = [method for cloud, method in graph.clouds if cloud == capture] or [first]
+        several = graph.captures[name].pairs if len(graph.captures[name].pairs) > 1 else (("", ""),)
         for method in methods:
-            keep_points(project, capture, method)
-            done += 1
+            for camera, projector in several if method == "photogrammetric" else several[:1]:
+                keep_points(project, capture, method, camera=camera, projector=projector)
+                done += 1
     return f"points of {len(names)} captures" if done else ""
 
 
-def keep_points(project: Project, name: str, method: Method, progress: Progress = SILENT) -> Path:
-    """Reconstruct a capture and keep its points in the project, with the record of what they were made from."""
-    path = points_file(project, name, method)
+def keep_points(
+    project: Project,
+    name: str,
+    method: Method,
+    progress: Progress = SILENT,
+    *,
+    camera: str = "",
+    projector: str = "",
+) -> Path:
+    """Reconstruct a capture and keep its points in the project, with the record of what they were made from.
+
+    `camera` and `projector` choose whose, where the capture holds frames of several.
+    """
     capture = next(c for c in Graph(project).captures.values() if c.name == name)
+    path = points_file(project, capture, method, camera, projector)
     with writing_results(project.path, "reconstruct"):
         record = reconstructed_from(project, capture, calibration_hashes(project, [method]))
-        phase, cloud = reconstruct_capture(project, str(capture.path), method, progress=progress)
+        phase, cloud = reconstruct_capture(
+            project, str(capture.path), method, progress=progress, camera=camera, projector=projector
+        )
         progress.check()
         write_cloud(path, phase.image, cloud)
         write_json(path.with_suffix(".json"), {"files": {path.name: hash_file(path)}, "made_from": record})
@@ -185,9 +200,11 @@ def keep_points(project: Project, name: str, method: Method, progress: Progress 
     return path
 
 
-def points_file(project: Project, name: str, method: str) -> Path:
-    """Where the program keeps the points of a capture."""
-    return result_path(project, f"points/{name}.{method}.npz")
+def points_file(project: Project, capture: Capture, method: str, camera: str = "", projector: str = "") -> Path:
+    """Where the program keeps the points of a capture; those of further cameras or projectors in a folder beside."""
+    if not camera or (camera, projector) == capture.pairs[0]:
+        return result_path(project, f"points/{capture.name}.{method}.npz")
+    return result_path(project, f"points/{capture.name}/{camera}.{projector}.{method}.npz")
 
 
 def _evaluate(project: Project, states: ProjectStates, progress: Progress) -> str:

@@ -5,6 +5,7 @@ No command reads a draft. Of two files that a crash left side by side the later 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,12 +19,15 @@ PICKS, DRAFT = "picks.json", "picks-draft.json"
 def keep_picks(folder: Path, seeds: Sequence[Seed], excluded: Sequence[tuple[int, int]] = ()) -> None:
     """Keep the picks of a capture, finished or not; the file that no longer holds goes after the other is there.
 
+    They are finished when every camera that has any has enough.
+
     Raises
     ------
     InputError
         If the folder cannot be written.
     """
-    kept, gone = (PICKS, DRAFT) if len(seeds) >= ENOUGH else (DRAFT, PICKS)
+    fewest = min(Counter(seed.camera for seed in seeds).values(), default=0)
+    kept, gone = (PICKS, DRAFT) if fewest >= ENOUGH else (DRAFT, PICKS)
     if seeds or excluded:
         write_picks(Path(folder) / kept, seeds, excluded)
     else:

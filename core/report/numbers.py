@@ -168,10 +168,12 @@ def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published |
     rules = list(dict.fromkeys(e.excluded_rule for e in evaluations if e.excluded))
     marks = {rule: chr(ord("a") + i) if i < 26 else str(i + 1) for i, rule in enumerate(rules)}
 
+    several = len({e.devices for e in evaluations}) > 1
     rows = []
     for e in side_by_side(evaluations):
         row: list[Cell] = [
             e.capture,
+            *([" and ".join(e.devices)] if several else []),
             _known(e.angle_deg, "g"),
             e.method,
             _count(e.n),
@@ -184,7 +186,8 @@ def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published |
         if published:
             row.append(_known(published.plane_rms_mm(e.method, e.angle_deg), ".3f"))
         rows.append(tuple(row))
-    columns = ["capture", "angle [°]", "method", "pixels", "excluded", "r.m.s. [mm]", "max |d| [mm]", "min d [mm]"]
+    columns = ["capture", *(["devices"] if several else [])]
+    columns += ["angle [°]", "method", "pixels", "excluded", "r.m.s. [mm]", "max |d| [mm]", "min d [mm]"]
     columns += ["predicted [mm]", *(["published [mm]"] if published else [])]
     notes = ["d: deviation from the fitted plane; max |d| its largest magnitude, min d the most negative one."]
     notes += [f"({mark}) excluded: {rule or 'no rule given'}" for rule, mark in marks.items()]

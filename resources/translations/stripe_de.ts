@@ -593,6 +593,14 @@
         <translation>noch keine Marken angewählt</translation>
     </message>
     <message>
+        <source>camera, {w} × {h} px, {c:g} mm</source>
+        <translation>Kamera, {w} × {h} px, {c:g} mm</translation>
+    </message>
+    <message>
+        <source>projector, {w} × {h} lines, {c:g} mm</source>
+        <translation>Projektor, {w} × {h} Linien, {c:g} mm</translation>
+    </message>
+    <message>
         <source>level {value:g}</source>
         <translation>Stufe {value:g}</translation>
     </message>
@@ -740,6 +748,10 @@
     <message>
         <source>Whole image</source>
         <translation>Ganzes Bild</translation>
+    </message>
+    <message>
+        <source>Rig</source>
+        <translation>Aufbau</translation>
     </message>
     <message>
         <source>Captures</source>
@@ -2316,6 +2328,21 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>Error</source>
         <translation>Fehler</translation>
+    </message>
+</context>
+<context>
+    <name>PairChoice</name>
+    <message>
+        <source>Camera and projector</source>
+        <translation>Kamera und Projektor</translation>
+    </message>
+    <message>
+        <source>Whose frames are shown.</source>
+        <translation>Wessen Bilder gezeigt werden.</translation>
+    </message>
+    <message>
+        <source>{camera} with {projector}</source>
+        <translation>{camera} mit {projector}</translation>
     </message>
 </context>
 <context>

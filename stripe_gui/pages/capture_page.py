@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QCheckBox, QListWidget, QListWidgetItem, QSplitter
 
 from stripe_gui.pages.page import Page
-from stripe_gui.presenters.capture import FrameView, load_frame, pattern_text
+from stripe_gui.presenters.capture import FrameView, load_frame, pattern_text, rig_lines
 from stripe_gui.widgets.capture_list import CaptureList
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, button, column, label, row
@@ -17,6 +17,7 @@ class CapturePage(Page):
     """What was recorded: captures to the left, their frames to the right, the chosen frame between."""
 
     id = stage = "capture"
+    by_pair = True
     action_ids = ("capture.import", "capture.new")
 
     def __init__(self, bench: Workbench) -> None:
@@ -46,7 +47,9 @@ class CapturePage(Page):
         fit.setToolTip(self.tr("Whole image"))
         middle = column(row(self.stretch, None, fit), self.figures, self.view)
         split = QSplitter(Qt.Orientation.Horizontal)
-        split.addWidget(boxed(column(label(self.tr("Captures"), "heading"), self.captures, spacing=8)))
+        self.rig = label("", "muted")
+        rig = (label(self.tr("Rig"), "heading"), self.rig)
+        split.addWidget(boxed(column(label(self.tr("Captures"), "heading"), self.captures, *rig, spacing=8)))
         split.addWidget(boxed(middle))
         split.addWidget(boxed(column(label(self.tr("Frames"), "heading"), self.frames, spacing=8)))
         split.setStretchFactor(1, 1)
@@ -59,6 +62,7 @@ class CapturePage(Page):
     def refresh(self) -> None:
         """Show the captures as they are now."""
         self.captures.refresh()
+        self.rig.setText("\n".join(rig_lines(self.session.opened.project.rig)) if self.session.is_open else "")
         self.empty.setVisible(self.captures.count() == 0)
         self._list_frames()
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
+from typing import Any
 
-from core.model import PhaseMap
+from core.model import Capture, DeviceSpec, PhaseMap
 from stripe_gui.pages.map_page import MapPage
 from stripe_gui.presenters.decode import PhaseCache, figures_table, kind_name, kinds_of, map_view, pixel_text
-from stripe_gui.presenters.folder import CaptureEntry
+from stripe_gui.presenters.folder import frames_key
 from stripe_gui.presenters.work import decode_all, decode_one
 from stripe_gui.widgets.layout import boxed, column, label
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
@@ -19,6 +19,7 @@ class DecodePage(MapPage):
     """A viewer: choose a capture and a map, read values with the cursor."""
 
     id = stage = "decode"
+    by_pair = True
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
@@ -28,7 +29,7 @@ class DecodePage(MapPage):
             self.tr("Map of the decoded capture"),
         )
         self.cache = PhaseCache()
-        self._shown: tuple[Path, int] | None = None  # a capture's folder, and when it was recorded
+        self._shown: tuple[Any, ...] | None = None  # of which frames
         self._phase: PhaseMap | None = None
         self.figures = ResultTable(self.tr("Figures of the decoded capture"), titled=False)
         self.captures.setMaximumWidth(340)
@@ -62,37 +63,40 @@ class DecodePage(MapPage):
         if entry.capture is None:
             self._clear(str(entry.error))
             return
-        if (entry.folder, entry.recorded_ns) == self._shown:
+        if frames_key(entry.capture) == self._shown:
             return
-        phase = self.cache.get(entry)
+        phase = self.cache.get(entry.capture)
         if phase is not None:
-            self._show(entry, phase)
+            self._show(entry.capture, phase)
             return
         self.say(self.tr("decoding …"))
         self.bench.views.run(
             entry.name,
             decode_one,
-            entry.folder,
-            on_done=partial(self._decoded, entry),
+            entry.capture,
+            on_done=partial(self._decoded, entry.capture),
             on_failed=lambda failure: self._clear(str(failure.error)),
         )
 
     def choose(self) -> None:
         """Show the chosen map."""
         if self._phase is not None:
-            view = map_view(self._phase, self.kind.currentData(), self.session.opened.project.projector)
+            view = map_view(self._phase, self.kind.currentData(), self._projector(self._phase))
             self.show_map(view, partial(pixel_text, self._phase))
 
     def _told(self, count: int) -> None:
         self.bench.notify("success", self.tr("{n} captures decoded.").format(n=count))
 
-    def _decoded(self, entry: CaptureEntry, phase: PhaseMap) -> None:
-        self.cache.put(entry, phase)
-        if entry.name == self.session.capture_name:
-            self._show(entry, phase)
+    def _projector(self, phase: PhaseMap) -> DeviceSpec | None:
+        return self.session.opened.project.rig.projectors.get(phase.projector)
 
-    def _show(self, entry: CaptureEntry, phase: PhaseMap) -> None:
-        self._shown, self._phase = (entry.folder, entry.recorded_ns), phase
+    def _decoded(self, capture: Capture, phase: PhaseMap) -> None:
+        self.cache.put(capture, phase)
+        if capture.name == self.session.capture_name:
+            self._show(capture, phase)
+
+    def _show(self, capture: Capture, phase: PhaseMap) -> None:
+        self._shown, self._phase = frames_key(capture), phase
         self.offer(kinds_of(phase), kind_name)
         self.say("")
         self.figures.show_table(figures_table(phase))

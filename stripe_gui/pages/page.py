@@ -9,6 +9,7 @@ from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QTabWidget, QVBoxLayout, QWidget
 
 from stripe_gui.widgets.layout import MARGIN, SPACE, button, label, tab_name
+from stripe_gui.widgets.pair_choice import PairChoice
 from stripe_gui.workbench import Workbench
 
 
@@ -26,6 +27,8 @@ class Page(QWidget):
         The stage it belongs to, marked in the strip; its word is also the page's help topic.
     needs_project : bool
         Whether it can be shown only while a project is open.
+    by_pair : bool
+        Whether it shows the frames of one camera and one projector, chosen at its top where there are several.
     undoes : bool
         Whether "Undo" and "Redo" mean something here.
     """
@@ -33,6 +36,7 @@ class Page(QWidget):
     id = ""
     stage = ""
     needs_project = True
+    by_pair = False
     undoes = False
     action_ids: tuple[str, ...] = ()  # of actions, such as those of wizards, that get a button where they exist
 
@@ -47,6 +51,10 @@ class Page(QWidget):
         self.purpose.setMinimumWidth(200)
         self._buttons = QHBoxLayout()
         self._buttons.setSpacing(8)
+        if self.by_pair:
+            choice = PairChoice(bench.session, self)
+            choice.activated.connect(lambda _: self.refresh())
+            self._buttons.addWidget(choice)
         words = QVBoxLayout()
         words.setSpacing(4)
         words.addWidget(self.heading)
@@ -78,7 +86,7 @@ class Page(QWidget):
         made.setToolTip(action.toolTip())
         made.setEnabled(action.isEnabled())
         action.enabledChanged.connect(made.setEnabled)
-        self._buttons.insertWidget(0, made)
+        self._buttons.insertWidget(1 if self.by_pair else 0, made)
         return made
 
     def parts(self) -> Iterator[str]:

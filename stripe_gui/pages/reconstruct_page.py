@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QComboBox, QStackedWidget
 
+from core.pipeline import keep_points
 from stripe_gui.gl import TRYING, gl_problem
 from stripe_gui.pages.map_page import MapPage
 from stripe_gui.presenters.maps import MapView
@@ -16,14 +17,15 @@ from stripe_gui.presenters.reconstruct import (
     Cloud,
     Points,
     cloud_of,
+    devices_of,
     kind_name,
     load_points,
     map_view,
     methods_of,
-    points_state,
+    points_of,
 )
 from stripe_gui.presenters.status import method_name
-from stripe_gui.presenters.work import cloud_file, export_points, reconstruct
+from stripe_gui.presenters.work import export_points
 from stripe_gui.widgets.layout import boxed, button, column, label, row
 from stripe_gui.workbench import Workbench
 
@@ -37,6 +39,7 @@ class ReconstructPage(MapPage):
     """A viewer of points: as maps over the camera's image, and in space where OpenGL is there."""
 
     id = stage = "reconstruct"
+    by_pair = True
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
@@ -81,7 +84,8 @@ class ReconstructPage(MapPage):
     def run(self) -> None:
         """Reconstruct the chosen capture."""
         name, method = self.session.capture_name, self.method.currentData()
-        self.bench.run_stage("reconstruct", reconstruct, name, method, on_done=lambda _: self._told(name))
+        told = partial(self._told, name)
+        self.bench.run_stage("reconstruct", keep_points, name, method, on_done=told, **self._devices())
 
     def can_run(self) -> bool:
         """Say whether there are a capture and a calibration."""
@@ -102,8 +106,13 @@ class ReconstructPage(MapPage):
                 name,
                 method,
                 out,
+                self._devices(),
                 on_done=lambda count: self.bench.notify("success", done.format(n=count, path=out)),
             )
+
+    def _devices(self) -> dict[str, str]:
+        entry = self.session.capture
+        return devices_of(entry.capture if entry else None)
 
     def look(self) -> None:
         """Read the points of the session's capture, if there are any."""
@@ -114,12 +123,11 @@ class ReconstructPage(MapPage):
             self._clear(self.tr("Calibrate first.") if self.method.currentData() is None else "")
             return
         folder, name, method = self.session.opened, self.session.capture_name, self.method.currentData()
-        state = points_state(folder, name, method)
+        state, path = points_of(folder, name, method, self.session.pair)
         if state == "none":
             self._clear(self.tr("{name} is not reconstructed yet.").format(name=name))
             return
         stale = self.tr("   Out of date: reconstruct it again.") if state == "stale" else ""
-        path = cloud_file(folder.project, name, method)
         self._waiting = str(path)
         self.bench.views.run(
             name,
@@ -162,7 +170,7 @@ class ReconstructPage(MapPage):
         self.bench.settings.set(TRYING, False)
         self._offer_kinds()
 
-    def _told(self, name: str) -> None:
+    def _told(self, name: str, _path: Path) -> None:
         self.bench.notify("success", self.tr("Reconstructed: {name}.").format(name=name))
 
     def _show(self, path: str, stale: str, points: Points) -> None:

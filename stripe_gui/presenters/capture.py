@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication
 
+from core.model import Rig
 from core.patterns import Code, Level, Line, Lines, Pattern, Phase, describe
 from core.progress import SILENT, Progress
 from core.project import read_image
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
-from stripe_gui.presenters.words import signed
+from stripe_gui.presenters.words import sentence, signed
 
 translate = QCoreApplication.translate
 
@@ -69,6 +70,18 @@ def _row(entry: CaptureEntry) -> CaptureRow:
         picks = translate("Capture", "{n} picks") if capture.seeds else translate("Capture", "no picks yet")
         parts.append(picks.format(n=len(capture.seeds)))
     return CaptureRow(entry.name, capture.role, ", ".join(parts))
+
+
+def rig_lines(rig: Rig) -> list[str]:
+    """Name every camera and projector of a rig in a line each."""
+    camera = translate("Capture", "camera, {w} × {h} px, {c:g} mm")
+    projector = translate("Capture", "projector, {w} × {h} lines, {c:g} mm")
+    lines = []
+    for kind, text, devices in (("camera", camera, rig.cameras), ("projector", projector, rig.projectors)):
+        for name, spec in devices.items():
+            said = text.format(w=spec.width, h=spec.height, c=spec.nominal_c_mm)
+            lines.append(sentence(said) if name == kind else f"{name}: {said}")
+    return lines
 
 
 def pattern_text(pattern: Pattern) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from PySide6.QtCore import QCoreApplication
@@ -52,18 +53,20 @@ def contributions(folder: ProjectFolder, progress: Progress = SILENT) -> tuple[C
     InputError
         If the measured targets are damaged.
     """
-    measured = {t.capture: t for t in folder.result("targets.npz", tuple) or ()}
-    camera = folder.project.camera
+    measured: dict[str, TargetSet] = {}
+    for targets in folder.result("targets.npz", tuple) or ():
+        measured.setdefault(targets.capture, targets)  # of several cameras the first
+    cameras = folder.project.rig.cameras
     entries = [*folder.of_role("testfield"), *folder.of_role("depth")]
-    return tuple(_contribution(e, camera, measured.get(e.name)) for e in progress.over(entries, "{0.name}"))
+    return tuple(_contribution(e, cameras, measured.get(e.name)) for e in progress.over(entries, "{0.name}"))
 
 
-def _contribution(entry: CaptureEntry, camera: DeviceSpec, measured: TargetSet | None) -> Contribution:
-    capture = entry.capture
-    assert capture is not None
+def _contribution(entry: CaptureEntry, cameras: Mapping[str, DeviceSpec], measured: TargetSet | None) -> Contribution:
+    assert entry.capture is not None
+    capture = entry.capture.series[0]
     from core.calibrate.board_view import board_view  # only now: its room loads the adjustment's kernels
 
-    view = board_view(capture, camera)
+    view = board_view(capture, cameras[capture.camera])
     roll, tilt = view or (None, None)
     if capture.role == "depth":
         usable, remark = True, translate("Calibrate", "plate at {z:g} mm").format(z=capture.z_mm)

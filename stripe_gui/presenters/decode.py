@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.decode import Flag
-from core.model import DeviceSpec, PhaseMap
+from core.model import Capture, DeviceSpec, PhaseMap
 from core.report import Number, Table
-from stripe_gui.presenters.folder import CaptureEntry
+from stripe_gui.presenters.folder import frames_key
 from stripe_gui.presenters.maps import MapView, percentile, round_up
 
 translate = QCoreApplication.translate
@@ -105,18 +105,18 @@ class PhaseCache:
 
     def __init__(self, limit_bytes: int = 400_000_000) -> None:
         self._limit = limit_bytes
-        self._kept: OrderedDict[tuple[Path, int], PhaseMap] = OrderedDict()
+        self._kept: OrderedDict[tuple[Any, ...], PhaseMap] = OrderedDict()
 
-    def get(self, entry: CaptureEntry) -> PhaseMap | None:
-        """Give a capture's maps if they are here and the capture has not changed."""
-        key = (entry.folder, entry.recorded_ns)
+    def get(self, capture: Capture) -> PhaseMap | None:
+        """Give a capture's maps if they are here and its frames have not changed."""
+        key = frames_key(capture)
         if key in self._kept:
             self._kept.move_to_end(key)
         return self._kept.get(key)
 
-    def put(self, entry: CaptureEntry, phase: PhaseMap) -> None:
+    def put(self, capture: Capture, phase: PhaseMap) -> None:
         """Keep a capture's maps; the ones not looked at for longest go."""
-        self._kept[entry.folder, entry.recorded_ns] = phase
+        self._kept[frames_key(capture)] = phase
         while len(self._kept) > 1 and sum(map(_size, self._kept.values())) > self._limit:
             self._kept.popitem(last=False)
 

@@ -24,11 +24,12 @@ NORMAL_SHARES = (68.27, 95.45, 99.73)  # percent of a normal distribution within
 class EvaluationView:
     """Everything that is shown of an evaluation; maps and histograms share the scale ±`limit_mm`."""
 
-    evaluations: tuple[PlaneEvaluation, ...]
+    evaluations: tuple[PlaneEvaluation, ...]  # of one camera and one projector
     limit_mm: float
     table: Table
     camera: DeviceSpec
     verdicts: dict[str, Verdict]  # by plane and method, those that are not passed
+    every: tuple[PlaneEvaluation, ...]  # of all
 
     @property
     def methods(self) -> list[str]:
@@ -49,8 +50,8 @@ class EvaluationView:
         return [e for e in self.evaluations if e.capture == capture]
 
 
-def load_evaluation(folder: ProjectFolder, progress: Progress = SILENT) -> EvaluationView | None:
-    """Read the evaluation; None where there is none.
+def load_evaluation(folder: ProjectFolder, pair: tuple[str, str], progress: Progress = SILENT) -> EvaluationView | None:
+    """Read the evaluation of what a camera and a projector saw; None where there is none.
 
     Raises
     ------
@@ -64,13 +65,17 @@ def load_evaluation(folder: ProjectFolder, progress: Progress = SILENT) -> Evalu
     if not evaluations:
         return None
     (table,) = CHAPTERS["planes"].tables(ReportData(folder.project, evaluations=evaluations))
-    return EvaluationView(
-        evaluations, colour_limit_mm(evaluations), table, folder.project.camera, _verdicts(evaluations)
-    )
+    own = tuple(e for e in evaluations if e.devices == pair) or evaluations
+    camera = folder.project.rig.cameras[own[0].devices[0]]
+    return EvaluationView(own, colour_limit_mm(evaluations), table, camera, _verdicts(evaluations), evaluations)
 
 
 def _verdicts(evaluations: tuple[PlaneEvaluation, ...]) -> dict[str, Verdict]:
-    judged = [(f"{plane_name(e)}, {method_name(e.method)}", e.verdict) for e in evaluations]
+    several = len({e.devices for e in evaluations}) > 1
+    judged = [
+        (", ".join((plane_name(e), *(e.devices[:1] if several else ()), method_name(e.method))), e.verdict)
+        for e in evaluations
+    ]
     return {name: verdict for name, verdict in judged if verdict is not None and verdict.state != "passed"}
 
 

@@ -52,6 +52,12 @@ class CaptureEntry:
         return self.capture.role if self.capture else ""
 
 
+def frames_key(capture: Capture) -> tuple[Any, ...]:
+    """Tell the frames of a capture from others, and from themselves after a change, whatever is picked in them."""
+    newest = max(written_ns(frame.path) or 0 for frame in capture.frames)
+    return capture.path, capture.camera, capture.projector, newest
+
+
 class ProjectFolder:
     """A project folder as it is now: ask again after something was written.
 

@@ -9,7 +9,7 @@ from PySide6.QtCore import QCoreApplication
 
 from core.capture.importing import ImportReport, frames_in, sequence_beside
 from core.errors import InputError
-from core.model import Project
+from core.model import DeviceSpec, Project
 from core.patterns import Pattern, SequenceSpec
 from core.pipeline.sequences import import_into
 from core.progress import SILENT, Progress
@@ -31,7 +31,7 @@ class FrameFolder:
     problem: str = ""
 
 
-def look_in(folder: str, project: Project) -> FrameFolder:
+def look_in(folder: str, project: Project, projector: DeviceSpec) -> FrameFolder:
     """Say what images a folder holds, and which sequence they show as far as the folder or the project says."""
     path = Path(folder.strip()).expanduser()
     if not folder.strip() or not path.is_dir():
@@ -48,7 +48,7 @@ def look_in(folder: str, project: Project) -> FrameFolder:
     own: tuple[Pattern, ...] = ()
     try:
         spec = sequence_beside(path, project)
-        own = spec.patterns((project.projector.width, project.projector.height))
+        own = spec.patterns((projector.width, projector.height))
         text = translate("Importing", "Unless another is chosen they show: {sequence}, {n} patterns.")
         words.append(text.format(sequence=sequence_text(spec), n=len(own)))
     except InputError as error:
@@ -71,6 +71,7 @@ def import_frames(
     subject: Subject,
     sequence: SequenceSpec | None,
     order: str | None,
+    pair: tuple[str, str],
     progress: Progress = SILENT,
 ) -> ImportReport:
     """Make a capture of the images in a folder.
@@ -90,6 +91,8 @@ def import_frames(
         testfield=subject.testfield,
         z_mm=subject.z_mm,
         angle_deg=subject.angle_deg,
+        camera=pair[0],
+        projector=pair[1],
         progress=progress,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from math import ceil, sqrt
 from pathlib import Path
@@ -11,8 +12,11 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication
 
 from core.evaluate import heights
-from core.model import Floats, Method
-from core.pipeline import METHODS
+from core.model import Capture, Floats, Method
+from core.pipeline import METHODS, points_file
+from core.pipeline.differences import differences
+from core.pipeline.inputs import reconstructed_from
+from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.maps import MapView, hill_shade, lit_colours, percentile, round_up
@@ -53,13 +57,26 @@ def methods_of(folder: ProjectFolder) -> list[Method]:
     return [m for m in METHODS if folder.result_file(f"{m}.npz").exists()]
 
 
-def points_state(folder: ProjectFolder, capture: str, method: Method) -> str:
-    """Say whether a capture's points are there: "none", "stale" or "current"; the core knows."""
+def points_of(folder: ProjectFolder, capture: str, method: Method, pair: tuple[str, str]) -> tuple[str, Path]:
+    """Say whether a capture's points are there: "none", "stale" or "current"; the core knows. Give the file, too."""
     entry = folder.entry(capture)
     if entry is None or entry.capture is None:
-        return "none"
-    state = graph_of(folder).points(entry.capture, method).state
-    return {"absent": "none", "current": "current"}.get(state, "stale")
+        return "none", Path()
+    path = points_file(folder.project, entry.capture, method, *pair)
+    if not path.exists():
+        return "none", path
+    if path == points_file(folder.project, entry.capture, method):
+        state = graph_of(folder).points(entry.capture, method).state
+    else:
+        now = reconstructed_from(folder.project, entry.capture, calibration_hashes(folder.project, [method]))
+        then = json.loads(path.with_suffix(".json").read_text())["made_from"]
+        state = "outdated" if differences(then, now) else "current"
+    return ("current" if state == "current" else "stale"), path
+
+
+def devices_of(capture: Capture | None) -> dict[str, str]:
+    """Name the camera and the projector of a series, as the core wants them."""
+    return {"camera": capture.camera, "projector": capture.projector} if capture is not None else {}
 
 
 def load_points(path: Path, progress: Progress = SILENT) -> Points:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from core import pipeline
-from core.model import Calibration, Method, PhaseMap, PlaneEvaluation, Project, TargetSet
+from core.model import Calibration, Capture, Method, PhaseMap, PlaneEvaluation, Project, TargetSet
 from core.pipeline import CalibrateOptions
 from core.progress import SILENT, Progress
 
@@ -38,20 +38,12 @@ def calibrate(project: Project, choice: CalibrateChoice, progress: Progress = SI
     return pipeline.calibrate_project(project, choice.method, choice.options, progress)  # type: ignore[arg-type]
 
 
-def cloud_file(project: Project, capture: str, method: str) -> Path:
-    """Where the program keeps the points of a capture."""
-    return pipeline.points_file(project, capture, method)
-
-
-def reconstruct(project: Project, capture: str, method: Method, progress: Progress = SILENT) -> Path:
-    """Reconstruct a capture and keep its points in the project; give the file."""
-    return pipeline.keep_points(project, capture, method, progress)
-
-
-def export_points(project: Project, capture: str, method: Method, out: Path, progress: Progress = SILENT) -> int:
+def export_points(
+    project: Project, capture: str, method: Method, out: Path, devices: dict[str, str], progress: Progress = SILENT
+) -> int:
     """Write the points of a capture for another program, by the name's ending; give their number."""
     pipeline.check_cloud(out)
-    phase, cloud = pipeline.reconstruct_capture(project, capture, method, progress=progress)
+    phase, cloud = pipeline.reconstruct_capture(project, capture, method, progress=progress, **devices)  # type: ignore[arg-type]
     progress.check()
     return pipeline.write_cloud(out, phase.image, cloud)
 
@@ -67,6 +59,6 @@ def evaluate(
     return pipeline.evaluate_project(project, progress, captures=captures, methods=methods)
 
 
-def decode_one(folder: Path, progress: Progress = SILENT) -> PhaseMap:
-    """Decode one capture for a look at it."""
-    return pipeline.decode_capture(folder, progress)
+def decode_one(capture: Capture, progress: Progress = SILENT) -> PhaseMap:
+    """Decode one capture, of one camera and one projector, for a look at it."""
+    return pipeline.decode_capture(capture.path, progress, camera=capture.camera, projector=capture.projector)

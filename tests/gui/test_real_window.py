@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 import pytest
 
+from core.pipeline import keep_points
 from core.project import read_project
 from stripe_gui import gl
 from stripe_gui.__main__ import display_problem
 from stripe_gui.pages import PAGES
-from stripe_gui.presenters.work import reconstruct
 from stripe_gui.settings import Settings
 
 ELSEWHERE = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
@@ -93,7 +93,7 @@ def walked(display: str, finished: Path, tmp_path_factory) -> tuple[Path, list[s
     """Pictures of the screen at every page, and what the program said at its end."""
     folder = Path(shutil.copytree(finished, tmp_path_factory.mktemp("real") / "project"))
     out = tmp_path_factory.mktemp("screen")
-    reconstruct(read_project(folder), "object-sphere", "photogrammetric")
+    keep_points(read_project(folder), "object-sphere", "photogrammetric")
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", WALK, str(folder), str(out)],
         env={**{k: v for k, v in os.environ.items() if k not in ELSEWHERE}, "DISPLAY": display},

@@ -27,6 +27,8 @@ def add(commands: Commands) -> None:
     sub.add_argument("--testfield", metavar="CSV", help="the board, for roles testfield and depth")
     sub.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
     sub.add_argument("--angle-deg", type=float, help="angle of the plane-table, for role plane")
+    sub.add_argument("--camera", default="", metavar="NAME", help="whose frames they are, in a rig of several")
+    sub.add_argument("--projector", default="", metavar="NAME", help="what was shown by which, in a rig of several")
 
     sub = commands.add_on_project("plan-sequence", _plan, "sequences compared: noise, gross errors and time")
     sub.add_argument("--frames", type=int, metavar="N", help="how many there may be (28 if unsaid)")
@@ -62,6 +64,8 @@ def _import(options: Options, progress: Progress) -> dict[str, Any]:
         testfield=options.testfield,
         z_mm=options.z_mm,
         angle_deg=options.angle_deg,
+        camera=options.camera,
+        projector=options.projector,
         progress=progress,
     )
     print(report.folder)

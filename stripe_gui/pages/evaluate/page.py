@@ -19,6 +19,7 @@ class EvaluatePage(PartsPage):
     """Planes and calibrations to tick, then maps, profile, histogram and Table 3 of the evaluation there is."""
 
     id = stage = "evaluate"
+    by_pair = True
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
@@ -67,6 +68,7 @@ class EvaluatePage(PartsPage):
             "evaluation",
             load_evaluation,
             self.session.folder,
+            self.session.pair,
             on_done=self._take,
             on_failed=self.bench.report_failure,
         )
@@ -93,7 +95,8 @@ class EvaluatePage(PartsPage):
         self.bench.notify("success", self.tr("{n} planes evaluated.").format(n=captures))
 
     def _take(self, view: EvaluationView | None) -> None:
-        if view is not None and (self._view is None or view.evaluations is not self._view.evaluations):
+        before = self._view
+        if view is not None and not (before and before.every is view.every and before.camera is view.camera):
             first, self._view = self._view is None, view
             for part in (self.deviations, self.profile, self.histogram):
                 part.show_view(view)

@@ -10,7 +10,7 @@ from PySide6.QtCore import QObject, Signal
 
 from core.errors import StripeError
 from core.model import Capture, PhaseMap, Project, TargetSet
-from core.pipeline.picking import current_targets, measure_one
+from core.pipeline.picking import current_target_sets, measure_one
 from stripe_gui.jobs import Failure, JobQueue
 from stripe_gui.pages.measure.model import Measurement, Picking, Picks
 from stripe_gui.pages.measure.work import Kept, Look, decode_board, look_at, signature
@@ -55,10 +55,11 @@ class Background(QObject):
         if now == self._version or self.at_work:
             return
         self._version = now
-        found = self._bench.guarded(current_targets, self._project) or {}
+        kept = self._bench.guarded(current_target_sets, self._project) or ()
+        found = {(t.capture, t.camera, t.projector): t for t in kept}
         for i, capture in enumerate(self._model.captures):
-            if capture.name in found:
-                self._model.keep_measurement(i, Measurement(self._model.picks_of(i), found[capture.name]))
+            if (own := found.get((capture.name, capture.camera, capture.projector))) is not None:
+                self._model.keep_measurement(i, Measurement(self._model.picks_of(i), own))
 
     # ---------------------------------------------------------------------------------------------------- measuring
 
@@ -72,6 +73,8 @@ class Background(QObject):
             self._project,
             capture.name,
             self._kept.phase(capture),
+            camera=capture.camera,
+            projector=capture.projector,
             on_done=partial(self._done, image, picks),
             on_failed=partial(self._refused, image, picks),
         )
@@ -109,7 +112,8 @@ class Background(QObject):
             settled = image == model.image or model.complete
             guess = settled and not model.has_guesses(image) and not model.picks_of(image).seeds
             if guess or self._kept.frame(capture) is None:
-                board = (self._project.camera, model.neighbour(image), model.side(), guess)
+                camera = self._project.rig.cameras[capture.camera]
+                board = (camera, model.neighbour(image), model.side(), guess)
                 return self._run(image, look_at, self._have_looked, *board)
             if self._kept.phase(capture) is None and model.measured(image) is None:
                 return self._run(image, decode_board, self._have_decoded)

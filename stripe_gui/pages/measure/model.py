@@ -68,6 +68,8 @@ class Picking:
     ----------
     captures : sequence of Capture
         At least one, each with a testfield.
+    pair : tuple of str
+        Whose images, where captures hold those of several cameras or projectors.
 
     Raises
     ------
@@ -75,9 +77,10 @@ class Picking:
         If kept picks cannot be read.
     """
 
-    def __init__(self, captures: Sequence[Capture]) -> None:
-        self.captures = tuple(captures)
-        self._picks = [Picks(*kept_picks(c.path)) for c in captures]
+    def __init__(self, captures: Sequence[Capture], pair: tuple[str, str] = ("", "")) -> None:
+        self._whole, self._pair = tuple(captures), pair
+        self.captures = tuple(c.seen_by(*pair) for c in captures)
+        self._picks = [self._kept(i) for i in range(len(captures))]
         self._measured: dict[int, Measurement] = {}
         self._guesses: dict[int, tuple[tuple[Seed, ...], ...]] = {}
         self._dots: dict[int, Array] = {}
@@ -88,9 +91,9 @@ class Picking:
         self.target: Target = (0, 0)
         self.go_to(0)
 
-    def is_about(self, captures: Sequence[Capture]) -> bool:
+    def is_about(self, captures: Sequence[Capture], pair: tuple[str, str] = ("", "")) -> bool:
         """Say whether these are the same captures with the same frames and boards, whatever was picked in them."""
-        return [_unpicked(c) for c in captures] == [_unpicked(c) for c in self.captures]
+        return pair == self._pair and [_unpicked(c) for c in captures] == [_unpicked(c) for c in self._whole]
 
     # ------------------------------------------------------------------------------------------------ the image at work
 
@@ -297,7 +300,7 @@ class Picking:
 
     def reload(self) -> bool:
         """Take over picks that were changed by others, which ends undoing; say whether any were."""
-        now = [Picks(*kept_picks(c.path)) for c in self.captures]
+        now = [self._kept(i) for i in range(len(self.captures))]
         if now == self._picks:
             return False
         self._picks = now
@@ -324,8 +327,20 @@ class Picking:
         return True
 
     def _put(self, image: int, picks: Picks) -> None:
-        keep_picks(self.captures[image].path, picks.seeds, picks.excluded)
+        whole, camera = self._whole[image], self.captures[image].camera
+        seeds = picks.seeds
+        if len({frame.camera for frame in whole.frames}) > 1:  # those in the other cameras' images stay
+            others = [s for s in kept_picks(whole.path)[0] if (s.camera or whole.camera) != camera]
+            named = (replace(s, camera=s.camera or whole.camera) for s in others)
+            seeds = (*named, *(replace(s, camera=camera) for s in seeds))
+        keep_picks(whole.path, seeds, picks.excluded)
         self._picks[image] = picks
+
+    def _kept(self, image: int) -> Picks:
+        """Read the picks in an image of this camera."""
+        seeds, excluded = kept_picks(self._whole[image].path)
+        own = replace(self._whole[image], seeds=seeds).seeds_in(self.captures[image].camera)
+        return Picks(tuple(replace(s, camera="") for s in own), excluded)
 
     # ------------------------------------------------------------------------------------------------ measurements
 

@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import QSplitter
 
-from core.model import Capture, TargetSet
+from core.model import Capture, DeviceSpec, TargetSet
 from stripe_gui.pages.measure.background import Background
 from stripe_gui.pages.measure.image import ImagePanel
 from stripe_gui.pages.measure.keys import ImageKeys
@@ -32,6 +32,7 @@ class MeasurePage(Page):
     """The image in the middle; to the right the map of the field, the loupe, and the images and targets as lists."""
 
     id, stage, undoes = "measure", "measure", True
+    by_pair = True
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
@@ -111,9 +112,10 @@ class MeasurePage(Page):
         folder = self.session.folder
         captures = boards(folder.captures()) if folder else []
         target = self.session.take_target()  # another page may ask to look at one
-        if self.model is None or not self.model.is_about(captures):
+        pair = self.session.pair if folder else ("", "")
+        if self.model is None or not self.model.is_about(captures, pair):
             self._forget()
-            self.model = self.bench.guarded(Picking, captures) if captures else None
+            self.model = self.bench.guarded(Picking, captures, pair) if captures else None
             if self.model is not None:
                 self._begin(self.model)
         else:
@@ -181,7 +183,7 @@ class MeasurePage(Page):
         """Show everything but the image anew; `move` takes the cross hairs to the target at work."""
         if self.model is None or self.background is None or self.session.folder is None:
             return
-        self._shown = picking_view(self.model, self.session.folder.project.camera)
+        self._shown = picking_view(self.model, self._camera(self.model))
         self.marks.show(self._shown.marks)
         self.image.name.setText(self.model.capture.name)
         self.image.legend.setText(self._shown.legend or " ")
@@ -212,8 +214,11 @@ class MeasurePage(Page):
     # ------------------------------------------------------------------------------------------------- the cross hairs
 
     def _set_cursor(self, u: float, v: float, *, follow: bool = False) -> None:
-        if self.session.folder is not None:
-            self.image.set_cursor(u, v, self.session.folder.project.camera, follow=follow)
+        if self.model is not None:
+            self.image.set_cursor(u, v, self._camera(self.model), follow=follow)
+
+    def _camera(self, model: Picking) -> DeviceSpec:
+        return self.session.opened.project.rig.cameras[model.captures[model.image].camera]
 
     def _look_through(self, u: float, v: float) -> None:
         """Look at a position through the loupe."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from core.pipeline.measure import Side
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.capture import FrameView
 from stripe_gui.presenters.decode import PhaseCache
-from stripe_gui.presenters.folder import CaptureEntry, written_ns
+from stripe_gui.presenters.folder import CaptureEntry, frames_key, written_ns
 from stripe_gui.presenters.measure import lit_frame
 
 FRAMES_KEPT = 6
@@ -56,41 +57,36 @@ def snapped(image: NDArray, field: Testfield, at: tuple[float, float], reach_px:
 
 def decode_board(capture: Capture, progress: Progress = SILENT) -> PhaseMap:
     """Decode a capture, so that measuring need not."""
-    return decode_capture(capture.path, progress)
+    return decode_capture(capture.path, progress, camera=capture.camera, projector=capture.projector)
 
 
 class Kept:
     """Frames and maps of the images worked on last, by capture and only while its frames are the same."""
 
     def __init__(self) -> None:
-        self._frames: OrderedDict[CaptureEntry, FrameView] = OrderedDict()
+        self._frames: OrderedDict[tuple[Any, ...], FrameView] = OrderedDict()
         self._phases = PhaseCache()
 
     def frame(self, capture: Capture) -> FrameView | None:
         """Give the evenly lit image, None where it is not here."""
-        key = _key(capture)
+        key = frames_key(capture)
         if key in self._frames:
             self._frames.move_to_end(key)
         return self._frames.get(key)
 
     def keep_frame(self, capture: Capture, frame: FrameView) -> None:
         """Keep an image."""
-        self._frames[_key(capture)] = frame
+        self._frames[frames_key(capture)] = frame
         while len(self._frames) > FRAMES_KEPT:
             self._frames.popitem(last=False)
 
     def phase(self, capture: Capture) -> PhaseMap | None:
         """Give the decoded maps, None where they are not here."""
-        return self._phases.get(_key(capture))
+        return self._phases.get(capture)
 
     def keep_phase(self, capture: Capture, phase: PhaseMap) -> None:
         """Keep decoded maps, up to a limit of memory."""
-        self._phases.put(_key(capture), phase)
-
-
-def _key(capture: Capture) -> CaptureEntry:
-    """Name a capture's frames: the same whatever is picked in them."""
-    return CaptureEntry(capture.path, None, None, max(written_ns(frame.path) or 0 for frame in capture.frames))
+        self._phases.put(capture, phase)
 
 
 def boards(entries: list[CaptureEntry]) -> list[Capture]:
@@ -100,4 +96,4 @@ def boards(entries: list[CaptureEntry]) -> list[Capture]:
 
 def signature(project: Project) -> tuple[object, ...]:
     """Tell whether kept targets or their captures may have changed."""
-    return (written_ns(project.path / "results" / "targets.npz"), project.camera, project.projector)
+    return (written_ns(project.path / "results" / "targets.npz"), *project.rig.devices.items())

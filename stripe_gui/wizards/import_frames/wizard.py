@@ -50,7 +50,8 @@ class FramesStep(QWidget):
     def look(self) -> None:
         """See what the folder holds."""
         if self._bench.session.is_open:
-            self.found = look_in(self.folder.text(), self._bench.session.opened.project)
+            session = self._bench.session
+            self.found = look_in(self.folder.text(), session.opened.project, session.projector)
             self.words.setText(self.found.words)
         self.changed.emit()
 
@@ -101,6 +102,7 @@ class ImportWizard(Wizard):
 
     id = "import-wizard"
     stage = "capture"
+    by_pair = True
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
@@ -141,7 +143,10 @@ class ImportWizard(Wizard):
     def refresh(self) -> None:
         """Begin anew for another project, or after the wizard was closed."""
         folder = self.session.folder
-        if folder is None or str(folder.path) == self._path:
+        if folder is None:
+            return
+        if str(folder.path) == self._path:
+            self.frames.look()  # perhaps by another camera
             return
         self._path = str(folder.path)
         self.importing.report = None
@@ -172,6 +177,7 @@ class ImportWizard(Wizard):
             self.subject.subject,
             self.sequence.spec,
             self.order.currentData(),
+            self.session.pair,
             stage="capture",
             on_done=self._done,
             on_failed=self._failed,
@@ -201,8 +207,7 @@ class ImportWizard(Wizard):
         self.importing.say(sign, lines)
 
     def _enter_sequence(self) -> None:
-        project = self.session.opened.project
-        lines = project.projector.width, project.projector.height
+        lines = self.session.projector.width, self.session.projector.height
         self.sequence.show_projector(Shown(lines, self.frames.found.own, frame_s=0.0))
         if self.sequence.view is None:
             self.sequence.look()

@@ -1,0 +1,119 @@
+"""A rig of two cameras in the window: both are named, and the frames, picks and maps of either are looked at."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.capture.plan import make_plan
+from core.errors import InputError
+from core.pipeline.sequences import import_into
+from core.project import read_capture, read_image, read_project, write_image
+from stripe_gui.presenters.capture import rig_lines
+from stripe_gui.presenters.sequences import Shown, look_at
+from stripe_gui.widgets.pair_choice import PairChoice
+from tests.gui.hands import idle
+
+KEPT = ("testfield-01", "plane+00")
+
+
+@pytest.fixture
+def pair_project(recorded: Path, tmp_path: Path) -> Path:
+    """Two captures by two cameras: what the one camera of the bench took, and the same turned upside down."""
+    folder = tmp_path / "pair"
+    document = json.loads((recorded / "project.json").read_text())
+    camera = document.pop("camera")
+    document |= {
+        "version": 2,
+        "cameras": {"left": camera, "right": camera},
+        "captures": [f"captures/{n}" for n in KEPT],
+    }
+
+    for name in KEPT:
+        shutil.copytree(recorded / "captures" / name, folder / "captures" / name)
+        path = folder / "captures" / name / "capture.json"
+        capture = json.loads(path.read_text())
+        own = [entry | {"camera": "left"} for entry in capture["frames"]]
+        for entry in capture["frames"]:
+            turned = np.ascontiguousarray(read_image(path.parent / entry["file"])[::-1, ::-1])
+            write_image(path.parent / f"right-{entry['file']}", turned)
+            own.append(entry | {"file": f"right-{entry['file']}", "camera": "right"})
+        path.write_text(json.dumps(capture | {"version": 2, "frames": own}))
+    for board in recorded.glob("*.csv"):
+        shutil.copy(board, folder)
+    (folder / "project.json").write_text(json.dumps(document))
+    return folder
+
+
+def choose(window, camera: str, qtbot) -> None:
+    """Choose a camera at the top of the page, as an operator does."""
+    choice = window.page.findChild(PairChoice)
+    assert choice.isVisible()
+    choice.setCurrentIndex(choice.findText(camera))
+    choice.activated.emit(choice.currentIndex())
+    idle(window, qtbot)
+
+
+def test_both_cameras_are_named_and_looked_at(window, pair_project: Path, notices, qtbot) -> None:
+    assert window.open_path(pair_project)
+    page = window.page
+    assert page.rig.text().splitlines() == rig_lines(read_project(pair_project).rig)
+    assert page.rig.text().startswith("left: camera, ")
+    shown = [page.frames.item(i).text() for i in range(page.frames.count())]
+    assert not any(text.startswith("right-") for text in shown)
+    choose(window, "right", qtbot)
+    turned = [page.frames.item(i).text() for i in range(page.frames.count())]
+    assert turned == [f"right-{text}" for text in shown]
+    window.bench.session.choose_capture("plane+00")
+    window.show_page("decode")
+    idle(window, qtbot)
+    right = window.page._phase.u
+    choose(window, "left", qtbot)
+    left = window.page._phase.u
+    both = np.isfinite(left) & np.isfinite(right[::-1, ::-1])
+    assert both.sum() > 0.9 * np.isfinite(left).sum()
+    assert np.abs(left - right[::-1, ::-1])[both].max() < 0.01  # lines: the same frames, but turned
+    for name in ("calibrate", "reconstruct", "evaluate", "report"):
+        window.show_page(name)
+        idle(window, qtbot)
+    assert not [n for n in notices if n.kind == "error"]
+
+
+def test_picks_of_one_camera_leave_those_of_the_other(window, pair_project: Path, qtbot) -> None:
+    folder = pair_project / "captures" / "testfield-01"
+    before = read_capture(folder).seeds
+    camera = read_project(pair_project).rig.cameras["left"]
+    assert window.open_path(pair_project)
+    window.show_page("measure")
+    idle(window, qtbot)
+    assert window.page.model.picks.seeds == before
+    choose(window, "right", qtbot)
+    model = window.page.model
+    assert not model.picks.seeds
+    for i, seed in enumerate(before):
+        model.choose((seed.row, seed.col))
+        model.pick(camera.width - 1 - seed.u, camera.height - 1 - seed.v)
+        kept = "picks.json" if i >= 3 else "picks-draft.json"
+        assert (folder / kept).exists()
+    both = read_capture(folder)
+    assert [(s.row, s.col, s.u, s.v) for s in both.seeds_in("left")] == [(s.row, s.col, s.u, s.v) for s in before]
+    assert len(both.seeds_in("right")) == len(before)
+    for _ in before:
+        assert model.undo()
+    assert read_capture(folder).seeds_in("right") == ()
+    assert len(read_capture(folder).seeds_in("left")) == len(before)
+
+
+def test_frames_are_imported_for_a_camera_by_name(pair_project: Path, recorded: Path) -> None:
+    source = recorded / "captures" / "plane+00"
+    import_into(pair_project, source, "again", "object", camera="right")
+    project = read_project(pair_project)
+    assert read_capture(project.captures[-1], project).pairs == (("right", "projector"),)
+    with pytest.raises(InputError, match="left, right"):
+        import_into(pair_project, source, "more", "object", camera="top")
+    assert make_plan(project, "x", "object").devices == {"camera": "left"}  # a capture says whose frames it has
+    assert look_at(None, Shown((64, 64))).patterns == ()
