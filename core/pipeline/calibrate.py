@@ -214,13 +214,14 @@ def _calibrate_depth(
     meant = project.rig.camera_name, project.rig.projector_name
     captures = [s for c in captures for s in c.series if len(c.series) == 1 or (s.camera, s.projector) == meant]
     boards = [c for c in captures if c.testfield is not None or c.seeds]
-    phases, seen, ways, notes = [], {}, {}, []
+    phases, seen, ways, notes = [], {}, [], []
     for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.7)):
         phases.append(phase)
         if capture.testfield is None:
             notes += [f"{capture.name}: {note}" for note in phase.notes]
         if capture in boards:
-            targets, ways[capture.path], _ = measured_or_why(capture, phase, project, side)
+            targets, allowed, _ = measured_or_why(capture, phase, project, side)
+            ways.append(allowed)
             seen[capture.path] = replace(targets, made_from=signs[capture.path])
     told = dict(zip(seen, turned_together(boards, list(seen.values()), ways), strict=True))
     measured += told.values()

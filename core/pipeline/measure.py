@@ -66,25 +66,25 @@ def measured_targets(project: Project, captures: Sequence[Capture], progress: Pr
     signs = signs_of(project, captures, sides)
     series = [one for capture in captures for one in capture.series]
     pairs = list(dict.fromkeys((one.camera, one.projector) for one in series))
-    measured = []
+    found = []
     for k, pair in enumerate(pairs):
         own = [one for one in series if (one.camera, one.projector) == pair]
-        measured += _measured_by(project, own, sides, signs, progress.part(k / len(pairs), (k + 1) / len(pairs)))
+        found += _measured_by(project, own, sides, signs, progress.part(k / len(pairs), (k + 1) / len(pairs)))
     order = {capture.name: k for k, capture in enumerate(captures)}
-    return sorted(measured, key=lambda t: order[t.capture])
+    return sorted(turned_together(*zip(*found, strict=True)), key=lambda t: order[t.capture])
 
 
 def _measured_by(
     project: Project, captures: list[Capture], sides: Mapping[Role, Side], signs: Mapping[Path, str], progress: Progress
-) -> list[TargetSet]:
-    """Targets of captures by one camera and one projector."""
+) -> list[tuple[Capture, TargetSet, Sequence[Labelling]]]:
+    """Targets of captures by one camera and one projector, and the labellings that they allow."""
     from core.measure import labellings
 
     pair = captures[0].camera, captures[0].projector
     found = {t.made_from: t for t in kept_targets(project) if len(t.row) and (t.camera, t.projector) == pair}
     due = [c for c in captures if signs[c.path] not in found]
     ways: dict[Path, Sequence[Labelling]] = {
-        c.path: labellings(c.testfield, str(c.path)) for c in captures if c.testfield is not None
+        c.path: labellings(c.testfield, str(c.path)) if c.testfield is not None else () for c in captures
     }
     failures = []
     for capture, phase in phase_maps(project, due, progress):
@@ -93,7 +93,7 @@ def _measured_by(
         found[signs[capture.path]] = replace(targets, made_from=signs[capture.path])
     if failures and not any(len(found[signs[c.path]].row) for c in captures):
         raise failures[0]
-    return turned_together(captures, [found[signs[c.path]] for c in captures], ways)
+    return [(c, found[signs[c.path]], ways[c.path]) for c in captures]
 
 
 def measured_or_why(
@@ -131,9 +131,9 @@ def _measured(capture: Capture, phase: PhaseMap, project: Project, side: Side) -
 
 
 def turned_together(
-    captures: Sequence[Capture], targets: Sequence[TargetSet], ways: Mapping[Path, Sequence[Labelling]]
+    captures: Sequence[Capture], targets: Sequence[TargetSet], ways: Sequence[Sequence[Labelling]]
 ) -> list[TargetSet]:
-    """Tell the turns of all captures of one board together."""
+    """Tell the turns of all captures of one board together, those by all cameras and projectors."""
     from core.measure import solve_turns, unmeasured
 
     result = list(targets)
@@ -146,7 +146,7 @@ def turned_together(
         field = captures[members[0]].testfield
         assert field is not None
         picked = [bool(captures[k].seeds) for k in members]
-        solved = solve_turns([targets[k] for k in members], [ways[captures[k].path] for k in members], field, picked)
+        solved = solve_turns([targets[k] for k in members], [ways[k] for k in members], field, picked)
         for k, turned in zip(members, solved, strict=True):
             if turned.told and turned.choice and captures[k].seeds:
                 notes = (*turned.targets.notes, TURNED)

@@ -4,12 +4,15 @@ The images come from a small camera of this test's own: a pinhole with one radia
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from core.measure.turns import SAME, relabelled, solve_turns, symmetries
-from core.model import TargetSet, Testfield
+from core.model import Capture, Frame, TargetSet, Testfield
+from core.patterns import White
+from core.pipeline import measure
 
 ROWS, COLS = 13, 19
 HALF = (((-1, 0), (0, -1)), (ROWS - 1, COLS - 1))
@@ -88,3 +91,28 @@ def test_a_square_board_has_three_other_turns(board):
     assert len(symmetries(field)) == 3
     mirrored_only = replace(field, xyz_mm=field.xyz_mm + (col == 0)[:, None] * [-4.0, 0, 0])
     assert symmetries(mirrored_only) == ()
+
+
+def test_all_cameras_name_a_board_alike(board, monkeypatch):
+    """Two cameras see the same board, and nobody picked: one whole turn for both, not one for each."""
+    rng = np.random.default_rng(6)
+    made = as_made(board, rng, 0.05)
+    frames = tuple(Frame(Path("f.png"), White(), camera) for camera in ("left", "right"))
+    captures = [Capture(Path(f"b{k}"), "testfield", frames, testfield=board) for k in range(5)]
+    truth = {}
+
+    def measured_by(_project, own, *_):
+        found = []
+        for k, capture in enumerate(own):
+            image = replace(image_of(made, board, rng), capture=capture.name, camera=capture.camera)
+            truth[capture.name, capture.camera] = image
+            turned = (k % 2 == 0) == (capture.camera == "left")
+            found.append((capture, relabelled(image, HALF, board) if turned else image, (SAME, HALF)))
+        return found
+
+    monkeypatch.setattr(measure, "_measured_by", measured_by)
+    monkeypatch.setattr(measure, "signs_of", lambda *_: {})
+    told = measure.measured_targets(None, captures)
+    assert len(told) == 10
+    right = {np.array_equal(t.row, truth[t.capture, t.camera].row) for t in told}
+    assert len(right) == 1, "all as they are, or all half a turn round"
