@@ -4,6 +4,8 @@ plan.py      what shall be recorded, as plain data
 run.py       the loop: show, wait, take, store; verify; take again
 store.py     shots on disk, the transcript, and how an interrupted capture resumes
 writer.py    ... while the next one is taken
+live.py      the same sequence again and again, in memory
+probe.py     every command of a projector's profile tried once
 retake.py    one frame of a complete capture taken again
 identity.py  which pattern a frame shows, told from the images alone
 lookup.py    ... and what patterns look like on every projector line

@@ -127,6 +127,7 @@ class Loop:
         self.plan: Plan = store.plan
         self.settle_s = projector.settle_s
         self.notes = notes if notes is not None else []
+        self.again_when_moved = True  # all of it, once
         self._loaded = False
         self._shape: tuple[int, ...] | None = None  # of the images
 
@@ -138,7 +139,7 @@ class Loop:
         DeviceError
         """
         start, resumed, retakes = time.monotonic(), len(self.store.shots), 0
-        whole_again = False
+        whole_again = not self.again_when_moved
         for attempt in range(ROUNDS + 1):
             missing = [i for i in range(len(self.plan.shots)) if i not in self.store.shots]
             retakes += len(missing) if attempt else 0

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from core.pipeline.graph import project_states as project_states
     from core.pipeline.guessing import accept_guesses as accept_guesses
     from core.pipeline.guessing import guess_picks as guess_picks
+    from core.pipeline.live import Cycle as Cycle
+    from core.pipeline.live import live_cycles as live_cycles
     from core.pipeline.measure import measure_project as measure_project
     from core.pipeline.options import METHODS as METHODS
     from core.pipeline.options import CalibrateOptions as CalibrateOptions
@@ -91,6 +93,7 @@ _HOMES = {
     "core.pipeline.folders": "captures_of find_capture result_path",
     "core.pipeline.graph": "ProjectStates State project_states",
     "core.pipeline.guessing": "accept_guesses guess_picks",
+    "core.pipeline.live": "Cycle live_cycles",
     "core.pipeline.measure": "measure_project",
     "core.pipeline.options": "METHODS CalibrateOptions",
     "core.pipeline.orient": "motion_figures motion_words motions_figures orient_capture orient_pairs",

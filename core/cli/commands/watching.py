@@ -1,10 +1,11 @@
-"""Watching the rig between calibrations."""
+"""Watching the rig, and what stands before it."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
-from core.cli.arguments import Commands, Options, add_devices
+from core.cli.arguments import Commands, Options, add_devices, chosen_sequence, sequence_argument
 from core.progress import Progress
 
 
@@ -17,6 +18,15 @@ def add(commands: Commands) -> None:
         "--significance", type=float, default=1e-3, metavar="P", help="share of false alarms (default 0.001)"
     )
     add_devices(sub)
+
+    sub = commands.add_on_project("live", _live, "continuous capture to points; Ctrl+C ends it")
+    sub.add_argument("--projector", metavar="URL", help="as `capture` takes it")
+    sub.add_argument("--camera", metavar="URL")
+    sub.add_argument("--method", choices=("photogrammetric", "polynomial"))
+    sub.add_argument("--count", type=int, default=0, metavar="N", help="end after N sequences")
+    sub.add_argument("--out", type=Path, metavar="DIR", help="write the points of every sequence")
+    sub.add_argument("--format", default="ply", metavar="ENDING", help="of these files: ply (default), npz, las, ...")
+    sequence_argument(sub)
 
 
 def _orient(options: Options, progress: Progress) -> dict[str, Any]:
@@ -39,3 +49,35 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
     if options.correct:
         print(f"kept: `stripe-core reconstruct {project.path} {motions[0].capture} --orient` uses it")
     return motions_figures(motions)
+
+
+def _live(options: Options, progress: Progress) -> dict[str, Any]:
+    from contextlib import closing
+
+    from core.pipeline import live_cycles
+
+    cycles = live_cycles(
+        options.project,
+        projector=options.projector,
+        camera=options.camera,
+        method=options.method,
+        sequence=chosen_sequence(options),
+        count=options.count,
+        out=options.out,
+        ending=options.format,
+        progress=progress,
+    )
+    figures: list[dict[str, Any]] = []
+    notes: set[str] = set()
+    with closing(cycles):
+        try:
+            for cycle in cycles:
+                figures.append(cycle.as_dict())
+                print(cycle.words, flush=True)
+                for note in cycle.notes:
+                    if note not in notes:
+                        print(f"      {note}", flush=True)
+                notes.update(cycle.notes)
+        except KeyboardInterrupt:
+            print(f"ended after {len(figures)} sequences")
+    return {"cycles": figures}

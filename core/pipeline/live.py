@@ -1,0 +1,201 @@
+"""Stages 1, 2 and 5 again and again: what stands before the rig, as points, while it stands there."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Generator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from itertools import count as numbers
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from core.errors import InputError
+from core.geometry import pair_of
+from core.model import Calibration, Method, PhaseMap, PhotogrammetricCalibration, Project
+from core.pipeline.calibrate import load_calibrations
+from core.pipeline.capture import devices_of
+from core.pipeline.reconstruct import check_cloud, write_cloud
+from core.progress import SILENT, Progress
+from core.project import read_project
+
+if TYPE_CHECKING:
+    from core.capture.live import Taken
+    from core.patterns import SequenceSpec
+
+_WATCHED = 20_000  # pixels by which the rig is watched: 50 ms
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One sequence, from the first pattern to its points.
+
+    Attributes
+    ----------
+    points, share : int, float
+        Points, and their share of the pixels.
+    sigma_depth_mm : float or None
+        Median standard deviation of the depths, from the phase's noise.
+    p : float or None
+        Of the test whether projector and camera still stand as they were calibrated; None where it cannot be told:
+        without both axes, with a calibration by depths, or with too few pixels.
+    capture_s, latency_s : float
+        From the first pattern to the last verified frame, and to the points. The next sequence is taken meanwhile.
+    """
+
+    number: int
+    points: int
+    share: float
+    sigma_depth_mm: float | None
+    p: float | None
+    moved: bool
+    retakes: int
+    capture_s: float
+    latency_s: float
+    file: str
+    notes: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Give it as `--json` writes it."""
+        return {**asdict(self), "notes": list(self.notes)}
+
+    @property
+    def words(self) -> str:
+        """The figures in one line."""
+        sigma = "" if self.sigma_depth_mm is None else f"  sigma of depth {self.sigma_depth_mm:.4f} mm"
+        rig = "" if self.p is None else f"  rig p = {self.p:.2g}{' MOVED' if self.moved else ''}"
+        again = f"  {self.retakes} frames again" if self.retakes else ""
+        took = f"  captured in {self.capture_s:.2f} s, points after {self.latency_s:.2f} s"
+        return f"{self.number:4d}  {self.points} points ({self.share:.1%}){sigma}{rig}{again}{took}"
+
+
+def live_cycles(
+    folder: Path,
+    *,
+    projector: str | None = None,
+    camera: str | None = None,
+    method: Method | None = None,
+    sequence: SequenceSpec | None = None,
+    count: int = 0,
+    out: Path | None = None,
+    ending: str = "ply",
+    significance: float = 1e-3,
+    progress: Progress = SILENT,
+) -> Generator[Cycle, None, None]:
+    """Capture, decode and intersect again and again; give every cycle's figures when its points are there.
+
+    While one sequence is decoded the next one is taken. Closing the iterator lets the devices go.
+
+    Parameters
+    ----------
+    folder : Path
+        A calibrated project; nothing in it is changed.
+    projector, camera : str, optional
+        URLs; without them the virtual bench's rig of the project's sizes.
+    method : "photogrammetric" or "polynomial", optional
+    sequence : SequenceSpec, optional
+    count : int
+        Cycles; 0: until it is ended.
+    out : Path, optional
+        A folder for the points, a file for each cycle.
+    ending : str
+        Of these files, as `stripe-core reconstruct` takes it.
+    significance : float
+        Share of cycles of an unmoved rig that may be called moved.
+
+    Raises
+    ------
+    InputError
+        Before anything is shown.
+    DeviceError
+    """
+    from core.capture.live import continuous
+
+    project = read_project(folder)
+    calibrations = load_calibrations(project)
+    chosen = method or next(iter(calibrations))
+    if chosen not in calibrations:
+        raise InputError(
+            project.path, f"no {chosen} calibration", f"run `stripe-core calibrate --method {chosen}` first"
+        )
+    if count < 0:
+        raise InputError("--count", str(count), "give a whole number from 0 on; 0 goes on until it is ended")
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        check_cloud(out / f"0001.{ending}")
+    lines = project.projector.width, project.projector.height
+    patterns = None if sequence is None else sequence.patterns(lines)
+    ended = threading.Event()
+    watching = Progress(cancelled=lambda: ended.is_set() or progress.cancelled())
+    urls = devices_of(project, projector, camera)
+    with continuous(project, *urls, patterns, watching) as rig, ThreadPoolExecutor(1, "sequences") as pool:
+        try:
+            ahead = pool.submit(rig.take, watching)
+            for number in numbers(1):
+                taken = _wait(ahead, progress)
+                if number != count:
+                    ahead = pool.submit(rig.take, watching)
+                file = None if out is None else out / f"{number:04d}.{ending}"
+                yield _cycle(project, calibrations[chosen], number, taken, file, significance)
+                if number == count:
+                    return
+        finally:
+            ended.set()  # a sequence that is under way ends at its next check
+
+
+def _wait(ahead: Any, progress: Progress) -> Taken:
+    """Wait for a sequence in grains, so that who waits can be interrupted."""
+    while True:
+        try:
+            taken: Taken = ahead.result(timeout=0.1)
+            return taken
+        except TimeoutError:
+            progress.check()
+
+
+def _cycle(
+    project: Project, calibration: Calibration, number: int, taken: Taken, file: Path | None, significance: float
+) -> Cycle:
+    from core.decode import decode
+    from core.reconstruct import reconstruct
+
+    lines = project.projector.width, project.projector.height
+    phase = decode(list(taken.patterns), list(taken.images), lines=lines, where=f"cycle {number}")
+    phase = replace(phase, camera=project.rig.camera_name, projector=project.rig.projector_name)
+    cloud = reconstruct(phase, calibration)
+    if file is not None:
+        write_cloud(file, phase.image, cloud)
+    valid = np.isfinite(cloud.xyz_mm[..., 2])
+    depths = None if cloud.sigma_depth_mm is None else cloud.sigma_depth_mm[valid]
+    p, moved = _watched(phase, calibration, number, significance)
+    told = [finding.text for finding in taken.findings if finding.level != "good"]
+    return Cycle(
+        number,
+        int(np.count_nonzero(valid)),
+        float(valid.mean()),
+        None if depths is None or not len(depths) else float(np.nanmedian(depths)),
+        p,
+        moved,
+        taken.retakes,
+        taken.seconds,
+        time.monotonic() - taken.begun_s,
+        "" if file is None else str(file),
+        (*phase.notes, *told),
+    )
+
+
+def _watched(phase: PhaseMap, calibration: Calibration, number: int, significance: float) -> tuple[float | None, bool]:
+    """Test whether the rig stands as it was calibrated."""
+    from core.orient import OrientOptions, find_motion
+
+    if not isinstance(calibration, PhotogrammetricCalibration):
+        return None, False
+    options = OrientOptions(significance=significance, most_pixels=_WATCHED)
+    try:
+        motion = find_motion(phase, pair_of(calibration), capture=f"cycle {number}", options=options)
+    except InputError:  # too few pixels, or one axis alone: the points are there all the same
+        return None, False
+    return motion.p, motion.moved
