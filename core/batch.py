@@ -276,15 +276,23 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
         write_phase(path, phase)
         return phase_figures(phase)
     from core.evaluate import evaluate_plane
-    from core.reconstruct import reconstruct
+    from core.pipeline.methods import METHODS
 
     calibrations = _calibrations(job.project, job.calibrations)
     if step == "reconstruct":
         method, calibration = next(iter(calibrations.items()))
-        return {"method": method, "points": write_cloud(path, phase.image, reconstruct(phase, calibration))}
+        cloud = METHODS[method].reconstruct(phase, calibration, False, SILENT)
+        return {"method": method, "points": write_cloud(path, phase.image, cloud)}
     name, angle = job.capture.name, job.capture.angle_deg
     planes = tuple(
-        evaluate_plane(phase, reconstruct(phase, calibration), capture=name, angle_deg=angle, method=method)
+        evaluate_plane(
+            phase,
+            METHODS[method].reconstruct(phase, calibration, False, SILENT),
+            capture=name,
+            angle_deg=angle,
+            method=method,
+            outside=METHODS[method].outside,
+        )
         for method, calibration in calibrations.items()
     )
     save_archive(path, planes)

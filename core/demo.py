@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.figures import calibration_figures, evaluation_figures
+from core.figures import evaluation_figures
 from core.model import Figures
 from core.patterns import SequenceSpec
 from core.pipeline import (
+    calibration_figures,
     check_scenario,
     load_calibrations,
     load_evaluation,

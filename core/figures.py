@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,11 +11,9 @@ from core.geometry import lens_of, pair_of
 from core.model import (
     AdjustedDevice,
     Adjustment,
-    Calibration,
     DepthCalibration,
     Figures,
     LeftOut,
-    Method,
     PhaseMap,
     PhotogrammetricCalibration,
     PlaneEvaluation,
@@ -71,27 +69,19 @@ def object_sigma_rms_um(adjustment: Adjustment) -> list[float]:
     return [float(s) for s in 1e3 * np.sqrt(np.nanmean(variances, axis=0))]
 
 
-def calibration_figures(calibrations: Mapping[Method, Calibration]) -> Figures:
-    """Every calibration of a project."""
-    figures: Figures = {}
-    for method, calibration in calibrations.items():
-        if isinstance(calibration, PhotogrammetricCalibration):
-            figures[method] = _photogrammetric_figures(calibration)
-        elif isinstance(calibration, DepthCalibration):
-            figures[method] = {
-                "depths_mm": [float(z) for z in calibration.depths_mm],
-                "degree": calibration.degree,
-                "residual_rms_mm": plain(calibration.residual_rms_mm),
-                "valid_pixels": calibration.valid_pixels,
-                "axis": calibration.axis,
-                "verdict": verdict_figures(calibration.verdict),
-                "left_out": [left_out_figures(entry) for entry in calibration.left_out],
-                "warnings": list(calibration.warnings),
-            }
-    return figures
+def depth_figures(calibration: DepthCalibration) -> Figures:
+    """The depth calibration."""
+    return {
+        "depths_mm": [float(z) for z in calibration.depths_mm],
+        "degree": calibration.degree,
+        "residual_rms_mm": plain(calibration.residual_rms_mm),
+        "valid_pixels": calibration.valid_pixels,
+        "axis": calibration.axis,
+    }
 
 
-def _photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
+def photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
+    """The photogrammetric calibration."""
     pair = pair_of(calibration)
     relative_sigma = np.sqrt(np.diagonal(pair.covariance)[-6:])
     sigmas = dict(zip(calibration.parameter_names, np.sqrt(np.diagonal(calibration.covariance)), strict=True))
@@ -121,9 +111,6 @@ def _photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures
             "rotation_sigma_rad": [plain(s) for s in relative_sigma[:3]],
             "translation_sigma_mm": [plain(s) for s in relative_sigma[3:]],
         },
-        "verdict": verdict_figures(calibration.verdict),
-        "left_out": [left_out_figures(entry) for entry in calibration.left_out],
-        "warnings": list(calibration.warnings),
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import cv2
 import numpy as np
@@ -118,26 +118,21 @@ def _angles(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
 
 def _methods(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
     """Distance of the same plane by two methods, over its distance from the camera."""
-    by: dict[str, dict[str, PlaneEvaluation]] = {}
+    on_axis: dict[str, dict[str, float]] = {}
     for e in evaluations:
-        by.setdefault(e.capture, {})[e.method] = e
-    off, names = [], []
-    for capture, pair in by.items():
-        if "photogrammetric" in pair and "polynomial" in pair:
-            a, b = (_on_axis(pair[m].plane) for m in ("photogrammetric", "polynomial"))
-            off.append(b / a - 1)
-            names.append(capture)
-    if not off:
-        return []
-    middle = float(np.median(off))
-    if abs(middle) <= APART:
-        return []
-    text = (
-        f"the planes of both methods are {abs(middle):.1%} of their distance apart ({', '.join(names[:4])}), the depth "
-        f"method's {'farther' if middle > 0 else 'nearer'}: scale bar, board or z_mm is wrong, or the depth method's "
-        "camera is poorly known"
-    )
-    return [Concern("failed" if abs(middle) > MOST_APART else "doubtful", text)]
+        on_axis.setdefault(e.method, {})[e.capture] = _on_axis(e.plane)
+    concerns = []
+    for (first, a), (second, b) in pairwise(on_axis.items()):
+        names = [name for name in a if name in b]
+        middle = float(np.median([b[name] / a[name] - 1 for name in names])) if names else 0.0
+        if abs(middle) > APART:
+            text = (
+                f"the planes of both methods are {abs(middle):.1%} of their distance apart ({', '.join(names[:4])}), "
+                f"{'farther' if middle > 0 else 'nearer'} by {second} than by {first}: scale bar, board or z_mm is "
+                f"wrong, or the camera of the {second} method is poorly known"
+            )
+            concerns.append(Concern("failed" if abs(middle) > MOST_APART else "doubtful", text))
+    return concerns
 
 
 def _on_axis(plane: Array) -> float:

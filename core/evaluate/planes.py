@@ -17,6 +17,7 @@ def evaluate_plane(
     angle_deg: float | None,
     method: Method,
     camera: Interior | None = None,
+    outside: str = "no intersection in front of the rig",
 ) -> PlaneEvaluation:
     """Fit a plane to all points of a capture and describe their deviations from it.
 
@@ -30,10 +31,12 @@ def evaluate_plane(
         Name, for the report and for messages.
     angle_deg : float or None
         The plane's nominal angle, for the report.
-    method : {"photogrammetric", "polynomial"}
+    method : str
         By which the points were reconstructed.
     camera : Interior, optional
         The camera they were reconstructed with, kept for profiles along the plane.
+    outside : str
+        Why a decoded pixel may have no point.
 
     Returns
     -------
@@ -62,7 +65,7 @@ def evaluate_plane(
     pictured[valid] = deviation
     sigma = _predicted_sigma(cloud, valid, points, plane)
     known = sigma[np.isfinite(sigma)].astype(np.float64)
-    excluded, rule = _excluded(phase, valid, method)
+    excluded, rule = _excluded(phase, valid, outside)
     return PlaneEvaluation(
         capture=capture,
         angle_deg=angle_deg,
@@ -89,17 +92,14 @@ def _predicted_sigma(cloud: PointCloud, valid: NDArray[np.bool_], points: Array,
     return sigma
 
 
-def _excluded(phase: PhaseMap, valid: NDArray[np.bool_], method: Method) -> tuple[int, str]:
+def _excluded(phase: PhaseMap, valid: NDArray[np.bool_], outside: str) -> tuple[int, str]:
     """Count the pixels that have a projector coordinate but no point, and say by which rule."""
     u, v = np.isfinite(phase.u), np.isfinite(phase.v)
     without = (u | v) & ~valid
     lead = v if bool((valid & ~u).any()) else u  # every point has the coordinate that gives the depth
     blind = int(np.count_nonzero(without & ~lead))
     rest = int(np.count_nonzero(without)) - blind
-    reason = (
-        "outside the calibrated depths or field" if method == "polynomial" else "no intersection in front of the rig"
-    )
-    rules = [(rest, reason), (blind, "the projector coordinate that gives the depth was not decoded")]
+    rules = [(rest, outside), (blind, "the projector coordinate that gives the depth was not decoded")]
     return rest + blind, "; ".join(f"{n} {why}" if blind else why for n, why in rules if n)
 
 

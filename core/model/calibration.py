@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from core.model.arrays import Array, Floats
 from core.model.network import Network
@@ -14,7 +14,7 @@ from core.model.verdict import LeftOut, Verdict
 if TYPE_CHECKING:
     from core.geometry.rotation import Pose
 
-Method = Literal["photogrammetric", "polynomial"]
+Method = str  # the name of a method of calibration, see `core.pipeline.METHODS`
 
 
 @dataclass(frozen=True)
@@ -158,4 +158,20 @@ class DepthCalibration:
     noise_rms_mm: float | None = None  # what the noise of the coordinates alone would leave
 
 
-Calibration = PhotogrammetricCalibration | DepthCalibration
+class Calibration(Protocol):
+    """What every method of calibration returns: a frozen dataclass with at least these fields."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What an operator should know, a sentence each."""
+        ...
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """The verdict; None where nobody judged."""
+        ...
+
+    @property
+    def left_out(self) -> tuple[LeftOut, ...]:
+        """Points and captures without a part in it."""
+        ...

@@ -41,7 +41,11 @@ if TYPE_CHECKING:
     from core.pipeline.live import Cycle as Cycle
     from core.pipeline.live import live_cycles as live_cycles
     from core.pipeline.measure import measure_project as measure_project
-    from core.pipeline.options import METHODS as METHODS
+    from core.pipeline.methods import METHODS as METHODS
+    from core.pipeline.methods import Calibrated as Calibrated
+    from core.pipeline.methods import CalibrationMethod as CalibrationMethod
+    from core.pipeline.methods import Judgement as Judgement
+    from core.pipeline.methods import calibration_figures as calibration_figures
     from core.pipeline.options import CalibrateOptions as CalibrateOptions
     from core.pipeline.orient import motion_figures as motion_figures
     from core.pipeline.orient import motion_words as motion_words
@@ -95,7 +99,8 @@ _HOMES = {
     "core.pipeline.guessing": "accept_guesses guess_picks",
     "core.pipeline.live": "Cycle live_cycles",
     "core.pipeline.measure": "measure_project",
-    "core.pipeline.options": "METHODS CalibrateOptions",
+    "core.pipeline.methods": "METHODS Calibrated CalibrationMethod Judgement calibration_figures",
+    "core.pipeline.options": "CalibrateOptions",
     "core.pipeline.orient": "motion_figures motion_words motions_figures orient_capture orient_pairs",
     "core.pipeline.preflight": "preflight_rig",
     "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",

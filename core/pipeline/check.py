@@ -18,16 +18,9 @@ from typing import Any
 
 from core.atomic import is_leftover, sweep
 from core.errors import StripeError
-from core.model import (
-    Adjustment,
-    DepthCalibration,
-    Method,
-    PhotogrammetricCalibration,
-    PlaneEvaluation,
-    Project,
-    TargetSet,
-)
-from core.pipeline.runs import ARCHIVES, DELETED, SIGN_OFF, list_runs, read_run, run_folder
+from core.model import Method, PlaneEvaluation, Project, TargetSet
+from core.pipeline.methods import METHODS, archives_of
+from core.pipeline.runs import DELETED, SIGN_OFF, list_runs, read_run, run_folder
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_capture, read_project, write_json
 from core.project.captures import PATIENCE_S, read_document
@@ -36,11 +29,6 @@ from core.project.contents import hash_file
 from core.project.images import check_frame
 from core.project.lock import DOCUMENT_LOCK, RESULTS_LOCK, holder_of, lock, writing_results
 
-_KINDS: dict[str, type] = {
-    "photogrammetric.npz": PhotogrammetricCalibration,
-    "adjustment.npz": Adjustment,
-    "polynomial.npz": DepthCalibration,
-}
 _OWN = {"targets.npz": TargetSet, "evaluation.npz": PlaneEvaluation}
 _DOCUMENTS = ("targets.json", "evaluation.json", "decode.json", "failures.json", "report/report.json", SIGN_OFF)
 _GONE = "captures_missing"  # where project.json keeps the names of captures whose folders are not there
@@ -195,18 +183,18 @@ def _runs(folder: Path, progress: Progress) -> Iterator[Finding]:
         for method in run.methods:
             if run.holder(method) != run.number:
                 continue
-            for name in ARCHIVES[method]:
-                if wrong := _wrong(path / name, run.archives.get(name)):
+            for name, kind in archives_of(method).items():
+                if wrong := _wrong(path / name, kind, run.archives.get(name)):
                     remedy = "the run is set aside; `stripe-core update` calibrates anew"
                     yield path / name, wrong, remedy, partial(_set_aside, folder, path)
 
 
-def _wrong(path: Path, written: str | None) -> str:
+def _wrong(path: Path, kind: type, written: str | None) -> str:
     """Say what is wrong with a calibration's archive; nothing if it is whole."""
     if written and path.exists() and hash_file(path) != written:
         return "not as it was written"
     try:
-        load_archive(path, _KINDS[path.name])
+        load_archive(path, kind)
     except StripeError as error:
         return error.seen
     return ""
@@ -218,7 +206,7 @@ def _pointer(folder: Path, progress: Progress) -> Iterator[Finding]:
         return
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
-        numbers = {m: int(stored[m]) for m in ARCHIVES if m in stored}
+        numbers = {m: int(stored[m]) for m in METHODS if m in stored}
     except (OSError, ValueError, TypeError):
         yield (
             path,
@@ -232,7 +220,7 @@ def _pointer(folder: Path, progress: Progress) -> Iterator[Finding]:
     except StripeError:
         return  # told already
     for method, number in numbers.items():
-        if not _whole(project, method, number) and not (folder / "results" / ARCHIVES[method][0]).is_file():
+        if not _whole(project, method, number) and not (folder / "results" / f"{method}.npz").is_file():
             seen = f"points to run {number} by the {method} method, which is not there whole"
             yield path, seen, "points to the newest run that is whole, if any", partial(_point, folder)
 
@@ -242,7 +230,7 @@ def _whole(project: Project, method: Method, number: int) -> bool:
     if run is None or method not in run.methods:
         return False
     held = run_folder(project, run.holder(method))
-    return all((held / name).is_file() for name in ARCHIVES[method])
+    return all((held / name).is_file() for name in archives_of(method))
 
 
 def _point(folder: Path) -> None:
@@ -254,7 +242,7 @@ def _point(folder: Path) -> None:
     except (OSError, ValueError, TypeError):
         stored = {}
     numbers: dict[str, int] = {}
-    for method in ARCHIVES:
+    for method in METHODS:
         kept = [run.number for run in list_runs(project) if _whole(project, method, run.number)]
         if isinstance(stored.get(method), int) and _whole(project, method, stored[method]):
             numbers[method] = stored[method]

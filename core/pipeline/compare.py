@@ -30,14 +30,18 @@ class Difference:
 
 
 def compare_runs(first: Run, second: Run) -> tuple[Difference, ...]:
-    """Compare the photogrammetric calibrations of two runs, parameter by parameter; empty if one has none.
+    """Compare the calibrations of devices in two runs, parameter by parameter; empty if one has none.
 
     The turn of the projector between the runs is given about the camera's axes: its components in the first run are
     zero by definition.
     """
-    a, b = (run.figures.get("photogrammetric") for run in (first, second))
-    if a is None or b is None:
-        return ()
+    for method in first.figures.keys() & second.figures.keys():
+        if "projector_from_camera" in first.figures[method]:
+            return _of_devices(first.figures[method], second.figures[method])
+    return ()
+
+
+def _of_devices(a: dict[str, Any], b: dict[str, Any]) -> tuple[Difference, ...]:
     found = []
     first_devices, second_devices = (run.get("devices", run) for run in (a, b))
     for device in a.get("devices", DEVICES):

@@ -7,23 +7,13 @@ from dataclasses import replace
 
 from core.errors import InputError
 from core.figures import evaluation_figures
-from core.geometry import pair_for
-from core.model import (
-    AdjustedDevice,
-    Calibration,
-    Capture,
-    DepthCalibration,
-    Method,
-    PhotogrammetricCalibration,
-    PlaneEvaluation,
-    Project,
-)
+from core.model import Calibration, Capture, Method, PlaneEvaluation, Project
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
 from core.pipeline.inputs import evaluated_from
 from core.pipeline.judge import calibration_rms, judge_planes
-from core.pipeline.options import METHODS
+from core.pipeline.methods import METHODS
 from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
@@ -78,30 +68,32 @@ def _judge(
     project: Project, planes: Sequence[Capture], calibrations: Mapping[Method, Calibration], progress: Progress
 ) -> tuple[PlaneEvaluation, ...]:
     from core.evaluate import evaluate_plane
-    from core.reconstruct import reconstruct
 
     evaluations = []
     calibrated: dict[tuple[str, Method, str, str], float] = {}
     notes: dict[str, tuple[str, ...]] = {}
     for capture, phase in phase_maps(project, planes, progress):
-        for method, calibration in calibrations.items():
+        for name, calibration in calibrations.items():
             progress.check()
-            if isinstance(calibration, DepthCalibration) and phase.camera != project.rig.camera_name:
-                continue  # of another camera
-            camera = calibration.camera
-            if isinstance(calibration, PhotogrammetricCalibration):
-                camera = pair_for(phase, calibration).camera
-            if isinstance(camera, AdjustedDevice):
-                camera = camera.interior
-            cloud = reconstruct(phase, calibration)
-            calibrated[capture.name, method, phase.camera, phase.projector] = calibration_rms(cloud)
+            method = METHODS[name]
+            if method.one_pair and phase.camera != project.rig.camera_name:
+                continue
+            cloud = method.reconstruct(phase, calibration, False, progress.quiet())
+            calibrated[capture.name, name, phase.camera, phase.projector] = calibration_rms(cloud)
             notes[capture.name] = tuple(dict.fromkeys((*notes.get(capture.name, ()), *phase.notes)))
             row = evaluate_plane(
-                phase, cloud, capture=capture.name, angle_deg=capture.angle_deg, method=method, camera=camera
+                phase,
+                cloud,
+                capture=capture.name,
+                angle_deg=capture.angle_deg,
+                method=name,
+                camera=method.camera(phase, calibration),
+                outside=method.outside,
             )
             evaluations.append(replace(row, devices=(phase.camera, phase.projector)))
     progress.check()
-    return judge_planes(sorted(evaluations, key=lambda e: METHODS.index(e.method)), calibrated, notes)
+    order = list(METHODS)
+    return judge_planes(sorted(evaluations, key=lambda e: order.index(e.method)), calibrated, notes)
 
 
 def load_evaluation(project: Project) -> tuple[PlaneEvaluation, ...]:

@@ -9,9 +9,9 @@ import numpy as np
 
 from core.atomic import check_place
 from core.errors import InputError
-from core.figures import calibration_figures
 from core.model import Adjustment, Network, NetworkDevice, PhotogrammetricCalibration, Project
-from core.pipeline.calibrate import load_calibrations
+from core.pipeline.calibrate import photogrammetric_calibration
+from core.pipeline.methods import calibration_figures
 from core.pipeline.options import CalibrateOptions
 from core.pipeline.runs import Run, keep_run, now
 
@@ -37,10 +37,7 @@ def export_calibration(project: Project, name: str, path: Path) -> tuple[list[Pa
 
     form = _format(name)
     check_place(path)
-    calibration = load_calibrations(project).get("photogrammetric")
-    if not isinstance(calibration, PhotogrammetricCalibration):
-        raise InputError(project.path, "no photogrammetric calibration", "run `stripe-core calibrate` on it first")
-    pair = fit_pair(calibration, form.free)
+    pair = fit_pair(photogrammetric_calibration(project), form.free)
     return form.write(pair, path), {p.name: p.rms_px for p in (pair.camera, pair.projector)}
 
 

@@ -39,9 +39,9 @@ from core.pipeline.inputs import (
     reported_from,
 )
 from core.pipeline.measure import BOARDS, side_of
-from core.pipeline.options import METHODS, CalibrateOptions
+from core.pipeline.methods import METHODS, archives_of, shares
+from core.pipeline.options import CalibrateOptions
 from core.pipeline.runs import (
-    ARCHIVES,
     Run,
     calibration_file,
     calibration_hashes,
@@ -155,9 +155,7 @@ class Graph:
     def runs(self) -> dict[Method, Run | None]:
         """The run of every calibration in use; None where it is not known."""
         return {
-            m: current_run(self.project, m)
-            for m in METHODS
-            if calibration_file(self.project, ARCHIVES[m][0]) is not None
+            m: current_run(self.project, m) for m in METHODS if calibration_file(self.project, f"{m}.npz") is not None
         }
 
     @cached_property
@@ -290,17 +288,8 @@ class Graph:
     @cached_property
     def calibrations(self) -> dict[Method, tuple[State, dict[str, State]]]:
         """The state of every calibration that there is or could be, with its captures'."""
-        inputs: dict[Method, list[Capture]] = {
-            "photogrammetric": [c for c in self.of_role("testfield") if c.testfield is not None or c.seeds],
-            "polynomial": self.of_role("depth"),
-        }
-        if inputs["photogrammetric"] and len(inputs["polynomial"]) == 1 and "polynomial" not in self.runs:
-            del inputs["polynomial"]  # a single plate tells no depth
-        return {
-            method: self._calibration(method, captures)
-            for method, captures in inputs.items()
-            if captures or method in self.runs
-        }
+        found = shares(self.captures.values(), self.runs)
+        return {method: self._calibration(method, captures) for method, captures in found.items()}
 
     def _calibration(self, method: Method, captures: list[Capture]) -> tuple[State, dict[str, State]]:
         if method not in self.runs:
@@ -315,7 +304,7 @@ class Graph:
             return state, dict.fromkeys((c.name for c in used), state)
         if "imported" in then:
             return State("current", (f"imported from {then['imported']}",)), {}
-        now = calibrated_from(self.project, method, used, options, side_of(used), self.contents)
+        now = calibrated_from(self.project, METHODS[method], used, options, side_of(used), self.contents)
         changed = differences(then, now)
         state = State("outdated", changed) if changed else CURRENT
         return state, {c.name: _part(then, now, c.name) for c in used}
@@ -334,7 +323,7 @@ class Graph:
     def _damage(self, method: Method) -> tuple[str, ...]:
         """Say which archives of the calibration in use are not as they were written."""
         run, wrong = self.runs[method], []
-        for name in ARCHIVES[method]:
+        for name in archives_of(method):
             path = calibration_file(self.project, name)
             if path is None:
                 return (f"{name} of the calibration in use is not there",)

@@ -20,13 +20,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from core.model import Capture, Frame, Method, Project, Testfield
+from core.model import Capture, Frame, Project, Testfield
 from core.pipeline.options import CalibrateOptions
 from core.project.contents import Contents, contents_of, hash_value
+
+if TYPE_CHECKING:
+    from core.pipeline.methods import CalibrationMethod
 
 Record = dict[str, Any]
 
@@ -42,11 +45,6 @@ _NOT_IN_FRAMES = (
     "interior_sigma",
 )  # what decoding need not know of a device
 _READ_APART = ("path", "frames", "testfield", "seeds", "excluded", "role", "angle_deg", "z_mm")  # fields of a capture
-_OF_DEPTH = ("degree", "low_pass_px")  # options of the depth calibration; "without" shows in the captures used
-_CHOICES: dict[Method, tuple[str, ...]] = {
-    "photogrammetric": tuple(f.name for f in fields(CalibrateOptions) if f.name not in ("without", *_OF_DEPTH)),
-    "polynomial": _OF_DEPTH,
-}
 
 
 def versions(*stages: str) -> dict[str, int]:
@@ -95,7 +93,7 @@ def measured_from(project: Project, capture: Capture, side: str, contents: Conte
 
 def calibrated_from(
     project: Project,
-    method: Method,
+    method: CalibrationMethod,
     captures: Sequence[Capture],
     options: CalibrateOptions,
     side: str,
@@ -104,7 +102,7 @@ def calibrated_from(
     """Record what a calibration follows from: the captures it used, the rig, the scale and what was chosen."""
     contents = contents or contents_of(project.path)
     rig = rig_values(project)
-    if method == "polynomial":
+    if not method.scaled:
         rig = {key: value for key, value in rig.items() if not key.startswith(("scale.", "lengths."))}
     used: Record = {}
     for capture in captures:
@@ -114,7 +112,7 @@ def calibrated_from(
     return {
         "methods": versions("decode", "measure", "calibrate"),
         "rig": rig,
-        "options": {name: _plain(getattr(options, name)) for name in _CHOICES[method]},
+        "options": {name: _plain(getattr(options, name)) for name in method.options},
         "captures": used,
     }
 

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 
 from core.errors import InputError
 from core.geometry import lens_of
-from core.model import Method, Project
+from core.model import Project
 
-METHODS: tuple[Method, ...] = ("photogrammetric", "polynomial")
 DEVICES = ("camera", "projector")
 
 
 @dataclass(frozen=True)
 class CalibrateOptions:
-    """What the operator may choose for both calibrations.
+    """What the operator may choose; each method reads its own part.
 
     Attributes
     ----------

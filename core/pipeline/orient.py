@@ -8,7 +8,7 @@ from pathlib import Path
 from core.errors import InputError
 from core.geometry import pair_for, pair_of
 from core.model import Capture, Figures, Pair, PhotogrammetricCalibration, Project, RigMotion
-from core.pipeline.calibrate import load_calibrations
+from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import decode_images, one_series
 from core.pipeline.folders import find_capture, result_path
 from core.progress import SILENT, Progress
@@ -49,7 +49,7 @@ def orient_capture(
 
     if not 0 < significance < 1:
         raise InputError("the significance", f"is {significance:g}", "give a share between 0 and 1, such as 0.001")
-    calibration = _calibration(project)
+    calibration = photogrammetric_calibration(project)
     capture = one_series(find_capture(project, name), camera, projector)
     images = list(iterate_images(capture, project.rig.cameras[capture.camera]))
     phase = decode_images(capture, images, project, progress.part(0.0, 0.3))
@@ -168,17 +168,6 @@ def motion_words(motion: RigMotion) -> list[str]:
         f"depth changes by {motion.depth_change_mm:+.3f} ± {motion.depth_sigma_mm:.3f} mm (median over the pixels)",
         f"shape is corrected; not seen: {', '.join(motion.unobserved)}, so scale and distance are not",
     ]
-
-
-def _calibration(project: Project) -> PhotogrammetricCalibration:
-    found = load_calibrations(project).get("photogrammetric")
-    if not isinstance(found, PhotogrammetricCalibration):
-        raise InputError(
-            project.path,
-            "no photogrammetric calibration",
-            "run `stripe-core calibrate --method photogrammetric` on it first",
-        )
-    return found
 
 
 def _pair(calibration: PhotogrammetricCalibration, capture: Capture) -> Pair:

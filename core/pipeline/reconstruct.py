@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from core.atomic import check_place
 from core.errors import InputError
-from core.model import (
-    Calibration,
-    DepthCalibration,
-    Floats,
-    Method,
-    Pair,
-    PhaseMap,
-    PhotogrammetricCalibration,
-    PointCloud,
-    Project,
-)
+from core.model import Floats, Method, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import decode_images, one_series
 from core.pipeline.folders import find_capture
+from core.pipeline.methods import method_of
 from core.pipeline.orient import oriented
 from core.progress import SILENT, Progress
 from core.project import atomic_write, iterate_images
@@ -41,18 +33,17 @@ def reconstruct_capture(
     With `orient` the projector stands where `orient_capture(..., correct=True)` found it. `camera` and `projector`
     choose whose frames, where the capture holds those of several; points are in that camera's frame.
     """
-    from core.reconstruct import reconstruct
-
     calibrations = load_calibrations(project)
     chosen = method or next(iter(calibrations))
+    record = method_of(chosen)
     if chosen not in calibrations:
         raise InputError(
             project.path, f"no {chosen} calibration", f"run `stripe-core calibrate --method {chosen}` first"
         )
     capture = one_series(find_capture(project, name), camera, projector)
-    calibration: Calibration | Pair = calibrations[chosen]
-    if isinstance(calibration, DepthCalibration) and capture.camera != project.rig.camera_name:
-        seen = f"the depth calibration is of {project.rig.camera_name}, not of {capture.camera}"
+    calibration: Any = calibrations[chosen]
+    if record.one_pair and capture.camera != project.rig.camera_name:
+        seen = f"the {record.title} is of {project.rig.camera_name}, not of {capture.camera}"
         raise InputError(project.path, seen, "use --method photogrammetric")
     if orient:
         if not isinstance(calibration, PhotogrammetricCalibration):
@@ -60,7 +51,7 @@ def reconstruct_capture(
         calibration = oriented(project, capture, calibration)
     images = list(iterate_images(capture, project.rig.cameras[capture.camera]))
     phase = decode_images(capture, images, project, progress.part(0.0, 0.5))
-    cloud = reconstruct(phase, calibration, extrapolate=extrapolate, progress=progress.part(0.5, 1.0))
+    cloud = record.reconstruct(phase, calibration, extrapolate, progress.part(0.5, 1.0))
     return phase, cloud
 
 

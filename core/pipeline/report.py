@@ -14,11 +14,12 @@ from core.atomic import check_place
 from core.errors import InputError
 from core.fields import Fields, regular
 from core.figures import evaluation_figures
-from core.model import Adjustment, PlaneEvaluation, Project
+from core.model import Adjustment, DepthCalibration, PhotogrammetricCalibration, PlaneEvaluation, Project
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, known_truth, result_path
 from core.pipeline.graph import project_states, reported_now
+from core.pipeline.methods import METHODS
 from core.pipeline.runs import SIGN_OFF, calibration_file, current_runs, run_folder
 from core.progress import SILENT, Progress
 from core.project import load_archive, write_json
@@ -34,9 +35,9 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
     """Gather what a report tells of, from the project's results."""
     from core.report import ReportData
 
-    calibrations = load_calibrations(project)
+    calibrations = _calibrations(project)
     adjustment = None
-    if "photogrammetric" in calibrations:
+    if calibrations["photogrammetric"] is not None:
         path = calibration_file(project, "adjustment.npz") or result_path(project, "adjustment.npz")
         adjustment = load_archive(path, Adjustment)
         if not len(adjustment.residuals):
@@ -44,14 +45,24 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
     return ReportData(
         project=project,
         adjustment=adjustment,
-        photogrammetric=calibrations.get("photogrammetric"),  # type: ignore[arg-type]
-        depth=calibrations.get("polynomial"),  # type: ignore[arg-type]
+        **calibrations,
         evaluations=evaluations,
         truth=known_truth(project),
         made_on=f"{date.today():%Y-%m-%d}",
         made_by=f"stripe-core {version('stripe-workbench')}",
         sign_off=load_sign_off(project, evaluations),
     )
+
+
+def _calibrations(project: Project) -> dict[str, Any]:
+    """Give the calibrations in use under the names that a report has for them."""
+    found = load_calibrations(project)
+    kinds = {"photogrammetric": PhotogrammetricCalibration, "depth": DepthCalibration}
+    named: dict[str, Any] = {
+        field: next((c for c in found.values() if isinstance(c, kind)), None) for field, kind in kinds.items()
+    }
+    others = {METHODS[m].title: c for m, c in found.items() if all(c is not known for known in named.values())}
+    return {**named, "others": others}
 
 
 def report_project(
@@ -134,13 +145,7 @@ def failed_verdicts(project: Project, evaluations: tuple[PlaneEvaluation, ...]) 
     """Say what failed among these evaluations and the calibrations in use; a sign-off then needs a reason."""
     from core.report import ReportData, verdicts_of
 
-    calibrations = load_calibrations(project)
-    data = ReportData(
-        project=project,
-        photogrammetric=calibrations.get("photogrammetric"),  # type: ignore[arg-type]
-        depth=calibrations.get("polynomial"),  # type: ignore[arg-type]
-        evaluations=evaluations,
-    )
+    data = ReportData(project=project, **_calibrations(project), evaluations=evaluations)
     return [f"{name}: {verdict.because[0]}" for name, verdict in verdicts_of(data) if verdict.state == "failed"]
 
 

@@ -27,16 +27,13 @@ from core.errors import InputError
 from core.model import Figures, Method, Project
 from core.pipeline.folders import result_path
 from core.pipeline.inputs import Record
+from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.options import CalibrateOptions
 from core.project import save_archive, write_json
 from core.project.contents import contents_of, hash_file
 from core.project.lock import writing_results
 
 MOST_RUNS = 20
-ARCHIVES: dict[Method, tuple[str, ...]] = {
-    "photogrammetric": ("photogrammetric.npz", "adjustment.npz"),
-    "polynomial": ("polynomial.npz",),
-}
 NAME, SIGN_OFF, DELETED = "name.json", "sign-off.json", "deleted.json"  # what people add to a run
 _FORMAT = {"format": "stripe-run", "version": 2}
 _UNREADABLE = (OSError, ValueError, TypeError, KeyError, AttributeError)
@@ -82,7 +79,7 @@ class Run:
     @property
     def methods(self) -> tuple[Method, ...]:
         """The methods it calibrated by."""
-        return tuple(method for method in ARCHIVES if method in self.captures)
+        return tuple(method for method in METHODS if method in self.captures)
 
     def holder(self, method: Method) -> int:
         """Give the number of the run in whose folder a method's archives lie."""
@@ -172,7 +169,7 @@ def read_run(folder: Path) -> Run | None:
 def current_runs(project: Project) -> dict[Method, int]:
     """Give the number of the run that each calibration in use came from, where that is known."""
     pointer = _pointer(project)
-    return {m: number for m, number in pointer.items() if _file(project, m, ARCHIVES[m][0], number) is not None}
+    return {m: number for m, number in pointer.items() if _file(project, m, f"{m}.npz", number) is not None}
 
 
 def current_run(project: Project, method: Method) -> Run | None:
@@ -186,7 +183,7 @@ def calibration_file(project: Project, name: str) -> Path | None:
 
     Projects of earlier versions have theirs in ``results/`` itself.
     """
-    method = next((m for m in ARCHIVES if name in ARCHIVES[m]), None)
+    method = next((m for m in METHODS if name in archives_of(m)), None)
     if method is not None and (number := _pointer(project).get(method)) is not None:
         path = _file(project, method, name, number)
         if path is not None:
@@ -195,17 +192,17 @@ def calibration_file(project: Project, name: str) -> Path | None:
     return path if path.is_file() else None
 
 
-def calibration_hashes(project: Project, methods: Iterable[Method] = tuple(ARCHIVES)) -> dict[str, str | None]:
+def calibration_hashes(project: Project, methods: Iterable[Method] | None = None) -> dict[str, str | None]:
     """Give the hash of each calibration in use, under the words that name it; those that are not there are left out."""
     contents = contents_of(project.path)
-    files = {method: calibration_file(project, f"{method}.npz") for method in methods}
+    files = {method: calibration_file(project, f"{method}.npz") for method in (METHODS if methods is None else methods)}
     return {f"{method} calibration": contents.of(file) for method, file in files.items() if file is not None}
 
 
 def _pointer(project: Project) -> dict[Method, int]:
     try:
         stored = json.loads(result_path(project, "current.json").read_text(encoding="utf-8"))
-        return {m: int(stored[m]) for m in ARCHIVES if m in stored}
+        return {m: int(stored[m]) for m in METHODS if m in stored}
     except (OSError, ValueError, TypeError):
         return {}
 
@@ -234,7 +231,7 @@ def make_current(project: Project, run: Run) -> None:
     with writing_results(project.path, "calibrate"):
         for method in run.methods:
             folder = run_folder(project, run.holder(method))
-            for name in ARCHIVES[method]:
+            for name in archives_of(method):
                 if not (folder / name).is_file():
                     raise InputError(folder / name, "not there", "choose another run, or calibrate again")
         numbers = {**current_runs(project), **dict.fromkeys(run.methods, run.number)}
@@ -302,11 +299,11 @@ def _from_dict(data: dict[str, Any]) -> Run:
         number=int(data["number"]),
         made_at=str(data["made_at"]),
         options=CalibrateOptions(**options),
-        captures={m: tuple(captures[m]) for m in ARCHIVES if m in captures},
+        captures={m: tuple(captures[m]) for m in METHODS if m in captures},
         excluded={str(c): tuple((int(r), int(k)) for r, k in pairs) for c, pairs in data["excluded"].items()},
-        made_from={m: dict(records[m]) for m in ARCHIVES if isinstance(records.get(m), dict)},
+        made_from={m: dict(records[m]) for m in METHODS if isinstance(records.get(m), dict)},
         figures=dict(data["figures"]),
-        held_by={m: int(holders[m]) for m in ARCHIVES if m in holders},
+        held_by={m: int(holders[m]) for m in METHODS if m in holders},
         archives={str(name): str(value) for name, value in data.get("archives", {}).items()},
         name=str(data.get("name", "")),
     )

@@ -18,6 +18,7 @@ from core.pipeline.folders import result_path
 from core.pipeline.graph import Graph, ProjectStates, State, decoded_figures, project_states
 from core.pipeline.inputs import decoded_from, reconstructed_from
 from core.pipeline.measure import measure_project
+from core.pipeline.methods import METHODS
 from core.pipeline.options import CalibrateOptions
 from core.pipeline.reconstruct import reconstruct_capture, write_cloud
 from core.pipeline.report import report_project
@@ -134,23 +135,19 @@ def _calibrate(project: Project, states: ProjectStates, progress: Progress) -> s
         return ""
     for i, method in enumerate(due if len(due) == 1 else ["all"]):
         part = progress.part(i / len(due), (i + 1) / len(due))
-        calibrate_project(project, method, chosen_options(project), part)  # type: ignore[arg-type]
+        calibrate_project(project, method, chosen_options(project), part)
     return f"{' and '.join(due)}"
 
 
 def chosen_options(project: Project) -> CalibrateOptions:
     """Give what was chosen for the calibrations in use, so that calibrating again begins from there."""
-    methods: tuple[Method, ...] = ("photogrammetric", "polynomial")
-    runs = {m: run for m in methods if (run := current_run(project, m)) is not None}
+    runs = {m: run for m in METHODS if (run := current_run(project, m)) is not None}
     if not runs:
         return CalibrateOptions()
     newest = max(runs.values(), key=lambda run: run.number)
     options = newest.options
-    if (depth := runs.get("polynomial")) is not None:
-        options = replace(options, degree=depth.options.degree, low_pass_px=depth.options.low_pass_px)
-    if (network := runs.get("photogrammetric")) is not None:
-        chosen = network.options
-        options = replace(options, rigid=chosen.rigid, hold=chosen.hold, reject_beyond=chosen.reject_beyond)
+    for method, run in runs.items():
+        options = replace(options, **{name: getattr(run.options, name) for name in METHODS[method].options})
     there = {folder.name for folder in project.captures}
     return replace(options, without=tuple(name for name in options.without if name in there))
 

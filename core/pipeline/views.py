@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from core.errors import InputError
-from core.model import Floats, PhotogrammetricCalibration, PointCloud, Project
-from core.pipeline.calibrate import load_calibrations
+from core.model import Floats, PointCloud, Project
+from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import find_capture
 from core.progress import SILENT, Progress
@@ -52,10 +51,7 @@ def reconstruct_views(
     """
     from core.reconstruct import intersect_all, merged
 
-    calibration = load_calibrations(project).get("photogrammetric")
-    if not isinstance(calibration, PhotogrammetricCalibration):
-        remedy = "run `stripe-core calibrate --method photogrammetric` first"
-        raise InputError(project.path, "no photogrammetric calibration", remedy)
+    calibration = photogrammetric_calibration(project)
     capture = find_capture(project, name)
     decoded = (phase for _, phase in phase_maps(project, [capture], progress.part(0.0, 0.5)))
     phases = [phase for phase in decoded if {phase.camera, phase.projector} <= set(calibration.devices)]

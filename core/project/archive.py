@@ -1,7 +1,7 @@
-"""The program's own results, one file each: any dataclass of `core.model` with its arrays.
+"""The program's own results, one file each: any dataclass of `core.model`, or the one asked for, with its arrays.
 
 An archive is an uncompressed NPZ: the arrays as they are, and one JSON text that holds everything else and points to
-them. Only the dataclasses named here are ever made when one is read, so a file cannot run code.
+them. Only these dataclasses are ever made when one is read, so a file cannot run code.
 """
 
 from __future__ import annotations
@@ -60,7 +60,8 @@ def load_archive(path: Path, kind: type[T], of: type | None = None) -> T:
         with regular(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             head = json.loads(str(stored["tree"]))
             arrays = {name: stored[name] for name in stored.files if name != "tree"}
-        value = _unpack(head["value"], arrays) if head.get("version") == VERSION else None
+        classes = {**_CLASSES, **{c.__name__: c for c in (kind, of) if dataclasses.is_dataclass(c)}}
+        value = _unpack(head["value"], arrays, classes) if head.get("version") == VERSION else None
     except FileNotFoundError as error:
         raise InputError(path, "not there", "run the step that writes it") from error
     except DAMAGE as error:
@@ -113,9 +114,9 @@ def _pack(value: Any, arrays: dict[str, Any]) -> Any:
     return {"map": {str(k): _pack(v, arrays) for k, v in dict(value).items()}}
 
 
-def _unpack(tree: Any, arrays: dict[str, Any]) -> Any:
+def _unpack(tree: Any, arrays: dict[str, Any], classes: Mapping[str, type]) -> Any:
     if isinstance(tree, list):
-        return tuple(_unpack(item, arrays) for item in tree)
+        return tuple(_unpack(item, arrays, classes) for item in tree)
     if not isinstance(tree, dict):
         return tree
     if "array" in tree:
@@ -123,10 +124,10 @@ def _unpack(tree: Any, arrays: dict[str, Any]) -> Any:
     if "path" in tree:
         return Path(tree["path"])
     if "map" in tree:
-        return {k: _unpack(v, arrays) for k, v in tree["map"].items()}
-    fields = {k: _unpack(v, arrays) for k, v in tree["fields"].items()}
+        return {k: _unpack(v, arrays, classes) for k, v in tree["map"].items()}
+    fields = {k: _unpack(v, arrays, classes) for k, v in tree["fields"].items()}
     if tree["class"] == "PhotogrammetricCalibration" and "camera" in fields:
         return calibration_of_pair(**fields)  # as it was written before there were rigs of more than two
-    made = _CLASSES[tree["class"]](**fields)
+    made = classes[tree["class"]](**fields)
     check_fields(made)
     return made

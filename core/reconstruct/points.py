@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from core.errors import InputError
 from core.geometry import pair_for
-from core.model import Calibration, DepthCalibration, Pair, PhaseMap, PointCloud
+from core.model import DepthCalibration, Pair, PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.progress import SILENT, Progress
 from core.reconstruct.intersect import intersect
 from core.reconstruct.lookup import look_up
 
 
 def reconstruct(
-    phase: PhaseMap, calibration: Calibration | Pair, *, extrapolate: bool = False, progress: Progress = SILENT
+    phase: PhaseMap,
+    calibration: PhotogrammetricCalibration | DepthCalibration | Pair,
+    *,
+    extrapolate: bool = False,
+    progress: Progress = SILENT,
 ) -> PointCloud:
     """Reconstruct the points that the camera's pixels see.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,6 +12,7 @@ import numpy as np
 from core.model import (
     AdjustedDevice,
     Adjustment,
+    Calibration,
     DepthCalibration,
     Method,
     PhotogrammetricCalibration,
@@ -64,6 +65,8 @@ class ReportData:
         Who signed for `evaluations`.
     outdated : tuple of str
         Which of these results do not follow from the project as it is, and because of what.
+    others : mapping
+        Calibrations by further methods, by their titles.
     """
 
     project: Project
@@ -77,11 +80,18 @@ class ReportData:
     colour_limit_mm: float | None = None
     sign_off: SignOff | None = None
     outdated: tuple[str, ...] = ()
+    others: Mapping[str, Calibration] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
         """The project's name, or its folder's where it has none."""
         return self.project.name or self.project.path.name
+
+    @property
+    def calibrations(self) -> dict[str, Calibration]:
+        """Every calibration by its title."""
+        own = {"photogrammetric calibration": self.photogrammetric, "depth calibration": self.depth}
+        return {**{title: c for title, c in own.items() if c is not None}, **self.others}
 
 
 @dataclass(frozen=True)
@@ -151,9 +161,8 @@ def captures_in_order(evaluations: tuple[PlaneEvaluation, ...]) -> list[tuple[st
 
 
 def methods_in_order(evaluations: tuple[PlaneEvaluation, ...]) -> list[Method]:
-    """Every method used, the photogrammetric one first."""
-    order: tuple[Method, ...] = ("photogrammetric", "polynomial")
-    return [method for method in order if any(e.method == method for e in evaluations)]
+    """Every method used, in the order given."""
+    return list(dict.fromkeys(e.method for e in evaluations))
 
 
 def side_by_side(evaluations: tuple[PlaneEvaluation, ...]) -> list[PlaneEvaluation]:
@@ -165,11 +174,8 @@ def side_by_side(evaluations: tuple[PlaneEvaluation, ...]) -> list[PlaneEvaluati
 
 def warnings_of(data: ReportData) -> list[tuple[str, str]]:
     """What the calibrations warn of, each once: (which calibration, warning)."""
-    sources = [
-        ("network", data.adjustment.warnings if data.adjustment is not None else ()),
-        ("photogrammetric calibration", data.photogrammetric.warnings if data.photogrammetric is not None else ()),
-        ("depth calibration", data.depth.warnings if data.depth is not None else ()),
-    ]
+    sources = [("network", data.adjustment.warnings)] if data.adjustment is not None else []
+    sources += [(title, calibration.warnings) for title, calibration in data.calibrations.items()]
     seen: dict[str, str] = {}
     for source, texts in sources:
         for text in texts:
@@ -179,10 +185,7 @@ def warnings_of(data: ReportData) -> list[tuple[str, str]]:
 
 def verdicts_of(data: ReportData) -> list[tuple[str, Verdict]]:
     """Give the verdicts on calibrations and planes, the worst first."""
-    found: list[tuple[str, Verdict | None]] = [
-        ("photogrammetric calibration", data.photogrammetric.verdict if data.photogrammetric is not None else None),
-        ("depth calibration", data.depth.verdict if data.depth is not None else None),
-    ]
+    found = [(title, calibration.verdict) for title, calibration in data.calibrations.items()]
     if data.photogrammetric is None and data.adjustment is not None:
         found.append(("network", data.adjustment.verdict))
     told = [(name, verdict) for name, verdict in found if verdict is not None]

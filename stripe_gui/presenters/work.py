@@ -35,7 +35,7 @@ class CalibrateChoice:
 
 def calibrate(project: Project, choice: CalibrateChoice, progress: Progress = SILENT) -> dict[Method, Calibration]:
     """Calibrate by the chosen method."""
-    return pipeline.calibrate_project(project, choice.method, choice.options, progress)  # type: ignore[arg-type]
+    return pipeline.calibrate_project(project, choice.method, choice.options, progress)
 
 
 def export_points(

@@ -36,8 +36,7 @@ def _export(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _import(options: Options, progress: Progress) -> dict[str, Any]:
     from core.cli.verdicts import print_verdict
-    from core.figures import calibration_figures
-    from core.pipeline import current_runs
+    from core.pipeline import calibration_figures, current_runs
     from core.pipeline.exchange import import_calibration
     from core.project import read_project
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from argparse import ArgumentTypeError
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,8 @@ def add(commands: Commands) -> None:
     commands.add_on_project("measure", _measure, "targets of all captures that have picks")
 
     sub = commands.add_on_project("calibrate", _calibrate, "calibrate camera and projector; the project keeps it")
-    sub.add_argument("--method", choices=("photogrammetric", "polynomial", "all"), default="all")
+    words = "photogrammetric, polynomial, or all that there are captures for (default)"
+    sub.add_argument("--method", type=_method, default="all", metavar="METHOD", help=words)
     sub.add_argument("--free-stations", action="store_true", help="no rigid rig: orient every station on its own")
     sub.add_argument("--degree", type=int, default=3, help="degree of the depth polynomial (default 3)")
     sub.add_argument("--table", action="store_true", help="piecewise-linear depth table instead of the polynomial")
@@ -39,7 +41,7 @@ def add(commands: Commands) -> None:
 
     sub = commands.add_on_project("reconstruct", _reconstruct, "points in the camera's frame")
     sub.add_argument("capture", metavar="CAPTURE")
-    sub.add_argument("--method", choices=("photogrammetric", "polynomial"))
+    sub.add_argument("--method", type=_method, metavar="METHOD", help="photogrammetric (default, if any) or polynomial")
     sub.add_argument("--orient", action="store_true", help="with the orientation that `orient --correct` kept")
     sub.add_argument(
         "--rays",
@@ -55,6 +57,15 @@ def add(commands: Commands) -> None:
 
     sub = commands.add_on_project("report", _report, "the HTML and PDF report")
     sub.add_argument("--out", type=Path, metavar="DIR")
+
+
+def _method(name: str) -> str:
+    """Refuse the name of a method that is not known."""
+    from core.pipeline import METHODS
+
+    if name != "all" and name not in METHODS:
+        raise ArgumentTypeError(f"{name!r} is unknown: choose among {', '.join(METHODS)}")
+    return name
 
 
 def _decode(options: Options, progress: Progress) -> dict[str, Any]:
@@ -88,8 +99,7 @@ def _measure(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.figures import calibration_figures
-    from core.pipeline import CalibrateOptions, calibrate_project, current_runs, result_tables
+    from core.pipeline import CalibrateOptions, calibrate_project, calibration_figures, current_runs, result_tables
     from core.project import read_project
 
     if options.degree < 1:
@@ -136,18 +146,17 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import check_cloud, reconstruct_capture, reconstruct_views, seen_by_several, write_cloud
+    from core.pipeline import METHODS, check_cloud, reconstruct_capture, reconstruct_views, seen_by_several, write_cloud
     from core.project import read_project
 
     check_cloud(options.out)
     project = read_project(options.project)
-    one_pair = options.orient or options.projector or options.method == "polynomial"
+    one_pair = options.orient or options.projector or (options.method and not METHODS[options.method].joint)
     rays: Any = options.rays or ("all" if not one_pair and seen_by_several(project, options.capture) else "pair")
     if rays != "pair":
         if one_pair:
-            raise InputError(
-                "--rays", f"{rays} does not go with --orient, --projector or the polynomial method", "leave one out"
-            )
+            other = f"--method {options.method}" if options.method else "--orient or --projector"
+            raise InputError("--rays", f"{rays} does not go with {other}", "leave one of the two out")
         image, cloud = reconstruct_views(project, options.capture, camera=options.camera, rays=rays, progress=progress)
     else:
         phase, cloud = reconstruct_capture(

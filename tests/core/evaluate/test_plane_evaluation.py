@@ -60,7 +60,8 @@ def test_every_decoded_pixel_without_point_is_counted_with_the_rule() -> None:
     cloud.xyz_mm[:5] = np.nan
     phase.u[0] = phase.v[0] = np.nan  # not decoded: not excluded either
     phase.u[1] = np.nan  # only v decoded
-    result = evaluate_plane(phase, cloud, capture="p", angle_deg=0, method="polynomial")
+    outside = "outside the calibrated depths"
+    result = evaluate_plane(phase, cloud, capture="p", angle_deg=0, method="polynomial", outside=outside)
     assert result.n == (H - 5) * W
     assert result.excluded == 4 * W
     assert f"{3 * W} outside the calibrated depths" in result.excluded_rule

@@ -1,0 +1,144 @@
+"""What the verdict on a calibration rests on: the results of one run, its captures, their targets, known lengths."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from core.model import (
+    Adjustment,
+    Calibration,
+    Capture,
+    DepthCalibration,
+    LeftOut,
+    Method,
+    PhotogrammetricCalibration,
+    Project,
+    TargetSet,
+    Testfield,
+)
+from core.pipeline.folders import all_captures
+from core.pipeline.options import CalibrateOptions
+from core.pipeline.picking import current_target_sets
+
+if TYPE_CHECKING:
+    from core.checks import Concern, Plates
+
+DOUBTS = ("not rigid", "look like gross errors", "left out, fewer than")  # of the adjustment's own warnings
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One run that is to be judged: its results by method, what lies beside them by file name, the captures used."""
+
+    project: Project
+    calibrations: Mapping[Method, Calibration]
+    beside: Mapping[str, object]
+    used: Mapping[Method, Sequence[Capture]]
+    options: CalibrateOptions
+
+    @cached_property
+    def captures(self) -> list[Capture]:
+        """All captures of the project."""
+        return all_captures(self.project)
+
+    @cached_property
+    def sets(self) -> list[TargetSet]:
+        """All targets that are current."""
+        return current_target_sets(self.project)
+
+    @cached_property
+    def kept(self) -> dict[str, TargetSet]:
+        """The targets of each capture; of those that several cameras saw, the first one's."""
+        return {t.capture: t for t in reversed(self.sets)}
+
+    @property
+    def photogrammetric(self) -> Method | None:
+        """The method of this run, if any, that calibrated the devices themselves."""
+        found = (m for m, c in self.calibrations.items() if isinstance(c, PhotogrammetricCalibration))
+        return next(found, None)
+
+    @cached_property
+    def lengths(self) -> list[Concern]:
+        """What known lengths, boards and plates say of the photogrammetric calibration."""
+        from core.checks import length_concerns
+
+        adjustment = next((a for a in self.beside.values() if isinstance(a, Adjustment)), None)
+        if self.photogrammetric is None or adjustment is None:
+            return []
+        calibration, board = self.calibrations[self.photogrammetric], self.used[self.photogrammetric][0].testfield
+        assert isinstance(calibration, PhotogrammetricCalibration)
+        plates, plate = _plates(calibration, self.captures, self.kept)
+        same = plate is not None and _same(plate, board)
+        return length_concerns(adjustment, board, self.project.scale, plates, same)
+
+    def lengths_of_plates(self, depth: DepthCalibration) -> list[Concern]:
+        """What the plates' own targets say of their positions, where no projector is calibrated."""
+        from core.checks import length_concerns, pose_plates
+
+        boards = [c for c in self.captures if c.role == "depth" and c.testfield is not None and c.name in self.kept]
+        if not boards or boards[0].testfield is None:
+            return []
+        z_mm = {c.name: c.z_mm for c in boards if c.z_mm is not None}
+        targets = [self.kept[name] for name in z_mm]
+        plates = pose_plates(depth.camera_spec, depth.camera, targets, z_mm, boards[0].testfield)
+        return length_concerns(None, None, None, plates, False)
+
+    def of_plate(self, concern: Concern) -> bool:
+        """Whether a concern is about the plates alone, which the photogrammetric calibration does not use."""
+        names = [c.name for c in self.captures if c.role == "depth"]
+        return concern.text.startswith(("the plate", *(f"{name}:" for name in names)))
+
+    def targets(self, method: Method) -> list[TargetSet]:
+        """The targets of the captures that a method used."""
+        wanted = {c.name for c in self.used[method]}
+        return [t for t in self.sets if t.capture in wanted]
+
+    def left_out(self, method: Method, rejected: Mapping[str, tuple[int, int]] | None = None) -> tuple[LeftOut, ...]:
+        """List targets and captures without a part in a method's result; `rejected` is by station, of how many."""
+        from core.checks import left_out_of
+        from core.pipeline.methods import METHODS
+
+        names = {c.name for c in self.used[method]}
+        idle = [c.name for c in self.captures if c.role in METHODS[method].roles and c.name not in names]
+        why = [(n, "left out by choice" if n in self.options.without else "names no testfield") for n in idle]
+        return left_out_of(self.targets(method), rejected, why)
+
+
+def warned(warnings: Sequence[str]) -> list[Concern]:
+    """Those warnings of the adjustment that put its result in doubt."""
+    from core.checks import Concern
+
+    return [Concern("doubtful", text) for text in warnings if any(doubt in text for doubt in DOUBTS)]
+
+
+def sound_words(adjustment: Adjustment) -> tuple[str, ...]:
+    """What to say of an adjustment that nothing speaks against."""
+    from core.checks import variance_ratios
+
+    told = ", ".join(f"{name} {ratio:.2f}" for name, ratio in variance_ratios(adjustment).items())
+    return (f"residuals over the sigmas given: {told}; nothing systematic",) if told else ()
+
+
+def _plates(
+    calibration: PhotogrammetricCalibration, captures: Sequence[Capture], kept: Mapping[str, TargetSet]
+) -> tuple[Plates | None, Testfield | None]:
+    from core.checks import see_plates
+
+    depth = [c for c in captures if c.role == "depth" and c.z_mm is not None and c.testfield is not None]
+    if not depth or not any(c.name in kept for c in depth):
+        return None, None
+    board = depth[0].testfield
+    assert board is not None
+    z_mm = {
+        c.name: c.z_mm for c in depth if c.z_mm is not None and c.testfield is not None and _same(c.testfield, board)
+    }
+    return see_plates(calibration, [kept[name] for name in z_mm if name in kept], z_mm, board), board
+
+
+def _same(a: Testfield, b: Testfield | None) -> bool:
+    return b is not None and a.index() == b.index() and bool(np.allclose(a.xyz_mm, b.xyz_mm))

@@ -1,0 +1,164 @@
+"""The bundle adjustment of a testfield that was moved: every device's interior and relative orientation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from core.errors import InputError
+from core.figures import photogrammetric_figures
+from core.geometry import pair_for
+from core.model import (
+    Adjustment,
+    Capture,
+    DeviceSpec,
+    Interior,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    PointCloud,
+    Project,
+    StationId,
+    TargetSet,
+    Testfield,
+)
+from core.pipeline.evidence import Evidence, sound_words, warned
+from core.pipeline.measure import measured_targets
+from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement
+from core.pipeline.options import CalibrateOptions
+from core.progress import Progress
+
+ADJUSTMENT = "adjustment.npz"
+
+
+def _calibrate(project: Project, captures: list[Capture], options: CalibrateOptions, progress: Progress) -> Calibrated:
+    from core.calibrate import CALIBRATION_OPTIONS, calibrate_photogrammetric
+
+    testfield = _common_testfield(captures)
+    targets = measured_targets(project, captures, progress.part(0.0, 0.9))
+    used: Sequence[TargetSet] = targets
+    for start, end in ((0.9, 0.95), (0.95, 1.0)):  # the second time with the eccentricity of the adjusted camera
+        calibration, adjustment = calibrate_photogrammetric(
+            project.rig,
+            testfield,
+            used,
+            scale=project.scale,
+            lengths=project.lengths,
+            rigid=options.rigid,
+            hold=options.hold,
+            options=replace(CALIBRATION_OPTIONS, reject_beyond=options.reject_beyond),
+            progress=progress.part(start, end),
+        )
+        used = _recentred(targets, testfield, adjustment)
+    warnings = (*(f"{t.capture}: {note}" for t in targets for note in t.notes), *calibration.warnings)
+    return Calibrated(replace(calibration, warnings=warnings), targets, {ADJUSTMENT: adjustment})
+
+
+def _common_testfield(captures: list[Capture]) -> Testfield:
+    common: Testfield | None = None
+    for capture in captures:
+        if capture.testfield is None:
+            raise InputError(capture.path / "capture.json", "no testfield", 'name the board in "testfield"')
+        if common is not None and capture.testfield.index() != common.index():
+            seen = f"another testfield than {captures[0].name}"
+            raise InputError(capture.path / "capture.json", seen, "calibrate with one board in all testfield captures")
+        common = common or capture.testfield
+    assert common is not None
+    return common
+
+
+def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: Adjustment) -> list[TargetSet]:
+    """Take what a target's shape adds to its centre from the adjusted camera and poses."""
+    from core.measure import kind_of
+
+    recentred = kind_of(testfield).recentred
+    if recentred is None:
+        return list(targets)
+    poses = dict(zip(adjustment.network.station_names, adjustment.station_from_object, strict=True))
+    result = []
+    for t in targets:
+        device, pose = adjustment.devices.get(t.camera), poses.get(f"{t.capture}/{t.camera}")
+        if device is not None and pose is not None:
+            t = recentred(t, testfield, device.spec, device.interior, pose)
+        result.append(t)
+    return result
+
+
+def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibration) -> Judgement:
+    from core.checks import adjustment_concerns, left_out_of, nominal_concerns
+
+    adjustment, targets = evidence.beside[ADJUSTMENT], evidence.targets(name)
+    assert isinstance(adjustment, Adjustment)
+    rejected, lonely = _rejected(adjustment, targets)
+    concerns = [
+        *adjustment_concerns(adjustment, rejected),
+        *warned(calibration.warnings),
+        *(c for c in evidence.lengths if not evidence.of_plate(c)),
+        *nominal_concerns(calibration.devices),
+    ]
+    alone = left_out_of([], lonely, why="seen from one place only")
+    return Judgement(concerns, sound_words(adjustment), (*evidence.left_out(name, rejected), *alone))
+
+
+def _rejected(
+    adjustment: Adjustment, targets: Sequence[TargetSet]
+) -> tuple[dict[str, tuple[int, int]], dict[str, tuple[int, int]]]:
+    """By station, observations left out of how many: gross errors, and points that nothing else sees."""
+    network = adjustment.network
+    points = set(network.point_names)
+    count = np.bincount(network.observation_station, minlength=len(network.station_names))
+    left = dict(zip(network.station_names, count.tolist(), strict=True))
+    gross, lonely = {}, {}
+    for t in targets:
+        names = [f"{r}/{c}" for r, c in zip(t.row.tolist(), t.col.tolist(), strict=True)]
+        camera = np.asarray(np.isfinite(t.camera_uv).all(axis=1))
+        projected = np.asarray(np.isfinite(t.projector_uv).any(axis=1))
+        for device, other, seen in ((t.camera, t.projector, camera), (t.projector, t.camera, camera & projected)):
+            station, of = str(StationId(t.capture, device)), int(seen.sum())
+            if station not in left and (by := str(StationId(t.capture, device, other))) in left:
+                station = by
+            alone = sum(1 for name, s in zip(names, seen.tolist(), strict=True) if s and name not in points)
+            lost = of - left.get(station, 0) - alone
+            gross[station] = max(lost, 0), of
+            lonely[station] = alone, of
+    return gross, lonely
+
+
+def _devices(project: Project, calibration: PhotogrammetricCalibration) -> Sequence[tuple[str, DeviceSpec, DeviceSpec]]:
+    if project.rig.is_pair:
+        pair = (("camera", project.camera, calibration.camera), ("projector", project.projector, calibration.projector))
+        return [(name, there, device.spec) for name, there, device in pair]
+    there = project.rig.devices
+    return [(name, there[name], device.spec) for name, device in calibration.devices.items() if name in there]
+
+
+def _camera(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> Interior:
+    return pair_for(phase, calibration).camera.interior
+
+
+def _reconstruct(
+    phase: PhaseMap, calibration: PhotogrammetricCalibration, extrapolate: bool, progress: Progress
+) -> PointCloud:
+    from core.reconstruct import reconstruct
+
+    return reconstruct(phase, calibration, progress=progress)
+
+
+PHOTOGRAMMETRIC = CalibrationMethod(
+    title="photogrammetric calibration",
+    result=PhotogrammetricCalibration,
+    roles=("testfield",),
+    none=("no capture of a testfield", "capture a moved testfield, named in capture.json"),
+    calibrate=_calibrate,
+    reconstruct=_reconstruct,
+    figures=photogrammetric_figures,
+    devices=_devices,
+    camera=_camera,
+    judge=_judge,
+    usable=lambda capture: capture.testfield is not None or bool(capture.seeds),
+    options=("rigid", "hold", "reject_beyond"),
+    beside={ADJUSTMENT: Adjustment},
+    scaled=True,
+    joint=True,
+)

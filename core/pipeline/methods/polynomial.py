@@ -1,0 +1,119 @@
+"""Depth per pixel from a plate at known depths, as a polynomial or a table of the projector's coordinate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from core.figures import depth_figures
+from core.model import Capture, DepthCalibration, DeviceSpec, Interior, PhaseMap, PointCloud, Project
+from core.pipeline.decode import phase_maps
+from core.pipeline.evidence import Evidence
+from core.pipeline.measure import measured_or_why, side_of, signs_of, turned_together
+from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement
+from core.pipeline.options import CalibrateOptions
+from core.progress import Progress
+
+if TYPE_CHECKING:
+    from core.checks import Concern
+
+RESIDUAL_RATIO = 2.5  # of the residuals over those that the noise leaves
+
+
+def _calibrate(project: Project, captures: list[Capture], options: CalibrateOptions, progress: Progress) -> Calibrated:
+    from core.calibrate import DepthOptions, DepthPlane, calibrate_depth
+
+    side = side_of(captures)
+    signs = signs_of(project, [c for c in captures if c.testfield is not None or c.seeds], {"depth": side})
+    # depth per pixel is a matter of one camera with one projector
+    meant = project.rig.camera_name, project.rig.projector_name
+    captures = [s for c in captures for s in c.series if len(c.series) == 1 or (s.camera, s.projector) == meant]
+    boards = [c for c in captures if c.testfield is not None or c.seeds]
+    phases, seen, ways, notes = [], {}, [], []
+    for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.7)):
+        phases.append(phase)
+        if capture.testfield is None:
+            notes += [f"{capture.name}: {note}" for note in phase.notes]
+        if capture in boards:
+            targets, allowed, _ = measured_or_why(capture, phase, project, side)
+            ways.append(allowed)
+            seen[capture.path] = replace(targets, made_from=signs[capture.path])
+    told = dict(zip(seen, turned_together(boards, list(seen.values()), ways), strict=True))
+    notes += [f"{t.capture}: {note}" for t in told.values() for note in t.notes]
+    planes = []
+    for capture, phase in zip(captures, phases, strict=True):
+        assert capture.z_mm is not None
+        found = told.get(capture.path)
+        planes.append(DepthPlane(capture.z_mm, phase, found if found is not None and len(found.row) else None))
+    fields = [c.testfield for c in boards]
+    degree, warnings = _degree_for(len(planes), options.degree)
+    calibration = calibrate_depth(
+        project.camera,
+        fields[0] if fields else None,
+        planes,
+        options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
+        progress=progress.part(0.7, 1.0),
+    )
+    return Calibrated(replace(calibration, warnings=(*notes, *warnings, *calibration.warnings)), list(told.values()))
+
+
+def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]:
+    """Lower the usual degree to what few plates determine, and say so; another one was asked for and stays."""
+    usual = CalibrateOptions().degree
+    if wanted is None or wanted != usual or not 2 <= planes <= wanted:
+        return wanted, []
+    return planes - 1, [f"polynomial of degree {planes - 1}, not {wanted}: only {planes} plate positions, add captures"]
+
+
+def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
+    lengths = evidence.lengths if evidence.photogrammetric is not None else evidence.lengths_of_plates(depth)
+    of_plates = [c for c in lengths if evidence.of_plate(c) or c.text.startswith("known lengths")]
+    sound = (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)
+    return Judgement([*of_plates, *_of_residuals(depth)], sound, evidence.left_out(name))
+
+
+def _of_residuals(depth: DepthCalibration) -> list[Concern]:
+    from core.checks import Concern
+
+    if not depth.noise_rms_mm or depth.residual_rms_mm <= RESIDUAL_RATIO * depth.noise_rms_mm:
+        return []
+    ratio = depth.residual_rms_mm / depth.noise_rms_mm
+    text = (
+        f"residuals of {depth.residual_rms_mm:.3g} mm are {ratio:.3g} times what the noise leaves: a plate does not "
+        "stand where z_mm says, it is not flat, or the degree is too low"
+    )
+    return [Concern("failed" if ratio > 2 * RESIDUAL_RATIO else "doubtful", text)]
+
+
+def _devices(project: Project, calibration: DepthCalibration) -> Sequence[tuple[str, DeviceSpec, DeviceSpec]]:
+    return [("camera", project.camera, calibration.camera_spec)]
+
+
+def _camera(phase: PhaseMap, calibration: DepthCalibration) -> Interior:
+    return calibration.camera
+
+
+def _reconstruct(phase: PhaseMap, calibration: DepthCalibration, extrapolate: bool, progress: Progress) -> PointCloud:
+    from core.reconstruct import reconstruct
+
+    return reconstruct(phase, calibration, extrapolate=extrapolate, progress=progress)
+
+
+POLYNOMIAL = CalibrationMethod(
+    title="depth calibration",
+    result=DepthCalibration,
+    roles=("depth",),
+    none=("no capture of role depth", "capture a plate at known depths"),
+    calibrate=_calibrate,
+    reconstruct=_reconstruct,
+    figures=depth_figures,
+    devices=_devices,
+    camera=_camera,
+    judge=_judge,
+    options=("degree", "low_pass_px"),
+    least=2,  # a single position tells no depth
+    reused=True,
+    one_pair=True,
+    outside="outside the calibrated depths or field",
+)
