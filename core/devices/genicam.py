@@ -1,7 +1,9 @@
 """GenICam cameras (GigE Vision, USB3 Vision, ...) through the package harvesters and a maker's producer file.
 
 The camera is triggered by software where it can be: then an image was exposed after the call because the call exposed
-it. A camera without that trigger runs freely, and images that may have begun before the call are passed over.
+it, unless it is one that an earlier call did not wait for. Such images are drained before the trigger, known by their
+time stamp or frame number where the camera gives these, and else by the image that follows them. A camera without that
+trigger runs freely, and images that may have begun before the call are passed over.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +20,19 @@ from core.devices.protocol import GRAIN_S, Check, Image, Note, Pixels, Setting, 
 from core.errors import DeviceError
 
 SAME = 0.02  # a setting read back within two per cent counts as taken
+_EARLY_S = 0.01  # by which a time stamp may seem to lie before its trigger
+_GRACE_S = 0.25  # beside three times what an image takes: for the one that follows a late image
+_MOST = 64  # images passed over for one
+_AUTOMATIC = ("ExposureAuto", "GainAuto", "BlackLevelAuto", "BalanceWhiteAuto")
+
+
+@dataclass(frozen=True)
+class _Fetched:
+    """An image from the producer, with its frame number and its time stamp in seconds, where the camera gives them."""
+
+    pixels: Pixels
+    number: int | None
+    stamp_s: float | None
 
 
 class GenicamCamera:
@@ -30,6 +46,8 @@ class GenicamCamera:
         Path of the maker's producer file (.cti).
     exposure_us : float, optional
     gain : float, optional
+    gamma : float
+        What is set where the camera has a gamma. All that is automatic is switched off.
     pixel_format : str
         "Mono8", "Mono10", "Mono12", "Mono16"; empty: as the camera is set.
     harvester : object, optional
@@ -48,6 +66,7 @@ class GenicamCamera:
         *,
         exposure_us: float | None = None,
         gain: float | None = None,
+        gamma: float = 1.0,
         pixel_format: str = "",
         note: Note = no_note,
         harvester: Any = None,
@@ -55,6 +74,10 @@ class GenicamCamera:
         self.name, self.note = f"GenICam camera {place}", note
         self._harvester = _new_harvester(self.name) if harvester is None else harvester
         self._acquirer: Any = None
+        self._unfinished = False  # an image may come that nobody waits for any more
+        self._last: int | None = None  # frame number
+        self._clock_s: float | None = None  # the camera's clock at the zero of ours
+        self._takes_s = 0.0  # from trigger to image
         try:
             with self._told("cannot be opened", "check cable, supply and producer file, and that nobody else uses it"):
                 if producer:
@@ -62,7 +85,7 @@ class GenicamCamera:
                 self._harvester.update()
                 self._acquirer = self._harvester.create(self._key(place))
             self._nodes = self._acquirer.remote_device.node_map
-            self._set_up(exposure_us, gain, pixel_format)
+            self._set_up(exposure_us, gain, gamma, pixel_format)
             with self._told("does not start", "switch the camera off and on"):
                 self._acquirer.start()
         except BaseException:
@@ -94,19 +117,68 @@ class GenicamCamera:
         """Take one image."""
         if self._acquirer is None:
             raise DeviceError(self.name, "closed", "open it again")
-        start = time.monotonic()
         if self._triggered:
+            self._drain()
+            late, self._unfinished = self._unfinished, True
+            fired = time.monotonic()
             with self._told("does not take the trigger", "switch the camera off and on"):
                 self._nodes.TriggerSoftware.execute()
-            return Image(self._fetch(timeout_s, check), self.bits, start)
-        for passed in range(64):
+            found = self._answer(fired, timeout_s, late, check)
+            self._unfinished = False
+            return Image(found.pixels, self.bits, fired)
+        start = time.monotonic()
+        for passed in range(_MOST):
             begun = time.monotonic()
-            pixels = self._fetch(max(0.01, start + timeout_s - begun), check)
+            pixels = self._fetch(max(0.01, start + timeout_s - begun), check).pixels
             waited = time.monotonic() - begun
             # an image that was there at once came from a buffer, and the first that had to be waited for began before
             if passed and waited > 0.001 and time.monotonic() - start > self._exposure_s():
                 return Image(pixels, self.bits, time.monotonic() - self._exposure_s())
-        raise DeviceError(self.name, "64 images from the buffer", "set a lower frame rate or a software trigger")
+        raise DeviceError(self.name, f"{_MOST} images from the buffer", "set a lower frame rate or a software trigger")
+
+    def _drain(self) -> None:
+        """Throw away images that nobody has waited for."""
+        if self._unfinished:  # what is on its way is given up, and frame numbers may begin anew
+            with self._told("does not start again", "switch the camera off and on"):
+                self._acquirer.stop()
+                self._acquirer.start()
+            self._last = None
+        for _ in range(_MOST):
+            try:
+                found = self._fetched(0.001, 0.0)
+            except DeviceError:
+                return
+            self._last = found.number
+            self.note(self.name, "an image came that nobody waited for; it is thrown away")
+
+    def _answer(self, fired_s: float, timeout_s: float, late: bool, check: Check) -> _Fetched:
+        """Wait for the image of a trigger; `late`: one of an earlier trigger may come before it."""
+        end, suspect = fired_s + timeout_s, None
+        while True:
+            try:
+                found = self._fetch(max(0.01, end - time.monotonic()), check)
+            except DeviceError:
+                if suspect is None:
+                    raise
+                return self._accept(suspect, fired_s)  # nothing followed it: it was no late one
+            if found.number is not None and self._last is not None and 0 <= self._last - found.number < 1000:
+                self.note(self.name, f"image {found.number} came again")
+                continue
+            proved = found.stamp_s is not None and self._clock_s is not None
+            if proved and found.stamp_s - self._clock_s < fired_s - _EARLY_S:  # type: ignore[operator]
+                self.note(self.name, "the image of an earlier trigger came late; it is thrown away")
+                continue
+            if proved or not late or suspect is not None:
+                if suspect is not None:
+                    self.note(self.name, "the image of an earlier trigger came late; it is thrown away")
+                return self._accept(found, fired_s)
+            suspect, end = found, min(end, time.monotonic() + 3 * self._takes_s + _GRACE_S)
+
+    def _accept(self, found: _Fetched, fired_s: float) -> _Fetched:
+        self._last, self._takes_s = found.number, time.monotonic() - fired_s
+        if found.stamp_s is not None:
+            self._clock_s = found.stamp_s - fired_s
+        return found
 
     def close(self) -> None:
         """Let the camera go, whatever state it is in."""
@@ -129,12 +201,19 @@ class GenicamCamera:
             )
         return {"serial_number": place}
 
-    def _set_up(self, exposure_us: float | None, gain: float | None, pixel_format: str) -> None:
+    def _set_up(self, exposure_us: float | None, gain: float | None, gamma: float, pixel_format: str) -> None:
         if pixel_format:
             self._wanted("PixelFormat", pixel_format)
         if not str(self._nodes.PixelFormat.value).startswith("Mono"):
             seen = f"its pixel format is {self._nodes.PixelFormat.value}"
             raise DeviceError(self.name, seen, "choose a grey one: format=Mono8")
+        for node in _AUTOMATIC:
+            if hasattr(self._nodes, node):
+                self._wanted(node, "Off")
+        if hasattr(self._nodes, "GammaEnable"):
+            self._wanted("GammaEnable", gamma != 1.0)
+        if hasattr(self._nodes, "Gamma") and (gamma != 1.0 or not hasattr(self._nodes, "GammaEnable")):
+            self._wanted("Gamma", gamma)
         for node, value in (("Exposure", exposure_us), ("Gain", gain)):
             if value is not None:
                 self._expose(node, value)
@@ -147,9 +226,7 @@ class GenicamCamera:
             self.note(self.name, "has no software trigger and runs freely")
 
     def _expose(self, node: str, value: float) -> None:
-        """Set exposure or gain, without the camera's own automatic."""
-        if hasattr(self._nodes, f"{node}Auto"):
-            self._wanted(f"{node}Auto", "Off")
+        """Set exposure or gain."""
         self._wanted("ExposureTime" if node == "Exposure" else node, value)
 
     def _wanted(self, node: str, value: Any) -> None:
@@ -166,7 +243,7 @@ class GenicamCamera:
     def _exposure_s(self) -> float:
         return float(self._nodes.ExposureTime.value) / 1e6 if hasattr(self._nodes, "ExposureTime") else 0.0
 
-    def _fetch(self, timeout_s: float, check: Check = no_check) -> Pixels:
+    def _fetch(self, timeout_s: float, check: Check = no_check) -> _Fetched:
         """Copy the next image out of the producer's buffer."""
         end = time.monotonic() + timeout_s
         while (rest := end - time.monotonic()) > GRAIN_S:
@@ -178,13 +255,16 @@ class GenicamCamera:
                     break  # it was not the waiting that failed
         return self._fetched(max(0.01, end - time.monotonic()), timeout_s)
 
-    def _fetched(self, wait_s: float, patience_s: float) -> Pixels:
+    def _fetched(self, wait_s: float, patience_s: float) -> _Fetched:
         with (
             self._told(f"no image within {patience_s:g} s", "check the camera's cable and trigger"),
             self._acquirer.fetch(timeout=wait_s) as buffer,
         ):
             part = buffer.payload.components[0]
-            return np.array(part.data).reshape(int(part.height), int(part.width))
+            pixels = np.array(part.data).reshape(int(part.height), int(part.width))
+            module = getattr(buffer, "module", buffer)
+            stamp = _told_by(buffer, "timestamp_ns")
+            return _Fetched(pixels, _told_by(module, "frame_id"), None if stamp is None else 1e-9 * stamp)
 
     @contextmanager
     def _told(self, seen: str, remedy: str) -> Iterator[None]:
@@ -194,6 +274,15 @@ class GenicamCamera:
             raise
         except Exception as error:  # makers' producers raise exceptions of many kinds
             raise DeviceError(self.name, f"{seen} ({error})", remedy) from error
+
+
+def _told_by(source: Any, name: str) -> int | None:
+    """Give a number that a buffer knows; None where the camera does not tell it."""
+    try:
+        value = getattr(source, name)
+    except Exception:  # makers' producers raise exceptions of many kinds
+        return None
+    return None if value is None else int(value)
 
 
 def _new_harvester(name: str) -> Any:

@@ -124,8 +124,9 @@ def _virtual_camera(address: Address, note: Note, check: Check) -> Camera:
 
 def _folder(address: Address, note: Note, check: Check) -> Camera:
     bits = address.integer("bits", 0, 0, 16)
+    latency_s = address.real("latency_ms", 0.0, 0.0, 60_000.0) / 1000
     address.finish()
-    return FolderCamera(Path(address.place), bits)
+    return FolderCamera(Path(address.place), bits, latency_s=latency_s)
 
 
 def _serial(address: Address, note: Note, check: Check) -> Projector:
@@ -181,11 +182,11 @@ def _uvc(address: Address, note: Note, check: Check) -> Camera:
     number = address.place_number("video device")
     width, height = address.integer("width", 0), address.integer("height", 0)
     exposure, gain = address.optional("exposure", -100.0), address.optional("gain")
+    gamma = address.optional("gamma")
     fourcc, bits = address.text("format", ""), address.integer("bits", 0, 0, 16)
     address.finish()
-    return UvcCamera(
-        number, width=width, height=height, exposure=exposure, gain=gain, fourcc=fourcc, bits=bits, note=note
-    )
+    wanted = {"width": width, "height": height, "exposure": exposure, "gain": gain, "gamma": gamma}
+    return UvcCamera(number, **wanted, fourcc=fourcc, bits=bits, note=note)
 
 
 def _genicam(address: Address, note: Note, check: Check) -> Camera:
@@ -195,9 +196,10 @@ def _genicam(address: Address, note: Note, check: Check) -> Camera:
         raise InputError(address.url, "no camera", "name its serial number, or 0 for the first")
     producer, pixel_format = address.text("producer", ""), address.text("format", "")
     exposure_us, gain = address.optional("exposure_us"), address.optional("gain")
+    gamma = address.real("gamma", 1.0, 0.1, 10.0)
     address.finish()
     return GenicamCamera(
-        address.place, producer, exposure_us=exposure_us, gain=gain, pixel_format=pixel_format, note=note
+        address.place, producer, exposure_us=exposure_us, gain=gain, gamma=gamma, pixel_format=pixel_format, note=note
     )
 
 

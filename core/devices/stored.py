@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from core.devices.protocol import Check, Image, Pixels, no_check
+from core.devices.protocol import Check, Image, Pixels, no_check, wait_until
 from core.devices.scene import Lines
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.patterns import Pattern
@@ -59,13 +59,15 @@ class FolderCamera:
         How many bits of a grey value the camera uses; 0: all that the file has.
     quiet_s : float
         A file is complete when its size has not changed for this time and it can be read.
+    latency_s : float
+        From the exposure until its file appears: files that appear sooner after a call were exposed before it.
     """
 
-    def __init__(self, folder: Path, bits: int = 0, quiet_s: float = 0.05) -> None:
+    def __init__(self, folder: Path, bits: int = 0, quiet_s: float = 0.05, latency_s: float = 0.0) -> None:
         if not folder.is_dir():
             raise InputError(folder, "no such folder", "give the folder that the camera's program writes into")
         self.name, self.folder, self.quiet_s = f"folder camera {folder}", folder, quiet_s
-        self._bits = bits
+        self._bits, self.latency_s = bits, latency_s
         self._size: tuple[int, int] | None = None
         self._seen = self._list()
 
@@ -81,8 +83,11 @@ class FolderCamera:
 
     def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
         """Wait for a file that was not there before this call, and read it once it is complete."""
+        start = time.monotonic()
+        end = start + timeout_s + self.latency_s
+        if self.latency_s:
+            wait_until(start + self.latency_s, check)
         self._seen |= self._list()
-        end = time.monotonic() + timeout_s
         while time.monotonic() < end:
             check()
             fresh = sorted(self._list() - self._seen)
@@ -90,7 +95,7 @@ class FolderCamera:
                 self._seen.add(fresh[0])
                 self._size = (pixels.shape[1], pixels.shape[0])
                 self._bits = self._bits or 8 * pixels.dtype.itemsize
-                return Image(pixels, self._bits, time.monotonic())
+                return Image(pixels, self._bits, max(start, time.monotonic() - self.latency_s))
             time.sleep(self.quiet_s / 5)
         raise DeviceError(
             self.name, f"no new image within {timeout_s:g} s", "release the camera, or look where its program writes"

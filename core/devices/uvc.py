@@ -20,6 +20,7 @@ from core.devices.protocol import GRAIN_S, Check, Image, Note, Pixels, Setting, 
 from core.errors import DeviceError
 
 MANUAL = (1.0, 0.25)  # what "no automatic exposure" is called by Video4Linux and by others
+AUTOMATIC = (3.0, 0.75)  # and what automatic exposure is
 SAME = 0.02  # a setting read back within two per cent counts as taken
 _OPEN_S = 10.0
 
@@ -34,9 +35,8 @@ class UvcCamera:
     width, height : int
         Wanted size in px; 0: the device's own.
     exposure : float, optional
-        In the unit of the device's driver (Video4Linux: 0.1 ms); automatic exposure is switched off. Without it the
-        exposure stays as it is.
-    gain : float, optional
+        In the unit of the device's driver (Video4Linux: 0.1 ms). Automatic exposure and white balance are switched off.
+    gain, gamma : float, optional
     fourcc : str
         Wanted format, such as "GREY", "Y16 " or "YUYV"; empty: the device's own.
     bits : int
@@ -58,6 +58,7 @@ class UvcCamera:
         height: int = 0,
         exposure: float | None = None,
         gain: float | None = None,
+        gamma: float | None = None,
         fourcc: str = "",
         bits: int = 0,
         note: Note = no_note,
@@ -71,7 +72,7 @@ class UvcCamera:
                 self.name, "cannot be opened", "check the cable, and that no other program uses the camera"
             )
         try:
-            self._set_up(width, height, exposure, gain, fourcc)
+            self._set_up(width, height, exposure, gain, gamma, fourcc)
         except BaseException:
             self._capture.release()
             raise
@@ -138,7 +139,9 @@ class UvcCamera:
             if not self._thread.is_alive():
                 self._capture.release()
 
-    def _set_up(self, width: int, height: int, exposure: float | None, gain: float | None, fourcc: str) -> None:
+    def _set_up(
+        self, width: int, height: int, exposure: float | None, gain: float | None, gamma: float | None, fourcc: str
+    ) -> None:
         self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         if fourcc:
             code = cv2.VideoWriter.fourcc(*fourcc.ljust(4)[:4])
@@ -149,14 +152,35 @@ class UvcCamera:
             self._wanted("width", cv2.CAP_PROP_FRAME_WIDTH, float(width))
         if height:
             self._wanted("height", cv2.CAP_PROP_FRAME_HEIGHT, float(height))
+        self._capture.set(cv2.CAP_PROP_AUTO_WB, 0)
+        self._by_hand()
         if exposure is not None:
             self._expose(exposure)
         if gain is not None:
             self._wanted("gain", cv2.CAP_PROP_GAIN, gain)
+        if gamma is not None:
+            self._wanted("gamma", cv2.CAP_PROP_GAMMA, gamma)
+        found = [
+            (n, self._capture.get(k)) for n, k in (("exposure", cv2.CAP_PROP_EXPOSURE), ("gain", cv2.CAP_PROP_GAIN))
+        ]
+        found.append(("gamma", self._capture.get(cv2.CAP_PROP_GAMMA)))
+        self.note(self.name, "found " + ", ".join(f"{name} {value:g}" for name, value in found))
+
+    def _by_hand(self) -> None:
+        """Switch automatic exposure off, which changes the light from frame to frame.
+
+        Raises
+        ------
+        DeviceError
+            If it stays on.
+        """
+        for manual in MANUAL:
+            self._capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, manual)
+            if self._capture.get(cv2.CAP_PROP_AUTO_EXPOSURE) not in AUTOMATIC:
+                return
+        raise DeviceError(self.name, "automatic exposure stays on", "switch it off by the camera's own program")
 
     def _expose(self, exposure: float) -> None:
-        if not any(self._capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, manual) for manual in MANUAL):
-            self.note(self.name, "automatic exposure cannot be switched off")
         self._wanted("exposure", cv2.CAP_PROP_EXPOSURE, exposure)
 
     def _wanted(self, what: str, key: int, value: float, text: Callable[[float], str] = "{:g}".format) -> None:

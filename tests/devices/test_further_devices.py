@@ -1,6 +1,9 @@
 """Second screen, OpenCV and GenICam cameras: what the contract suites do not ask."""
 
+import sys
+import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
@@ -11,8 +14,9 @@ from core.devices import offer_screens, open_camera, open_projector
 from core.devices.genicam import GenicamCamera
 from core.devices.screen import ScreenProjector, screen_image
 from core.devices.uvc import UvcCamera
-from core.errors import DeviceError, InputError
+from core.errors import Cancelled, DeviceError, InputError
 from core.patterns import Code, Phase, White
+from core.project import write_image
 from tests.devices.video import Video
 
 
@@ -160,7 +164,8 @@ def test_a_genicam_camera_that_does_not_fit_is_told(place: str, options: dict, n
     assert ("reset",) in producer.calls
 
 
-def test_a_missing_package_says_what_to_install() -> None:
+def test_a_missing_package_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "harvesters.core", None)
     with pytest.raises(DeviceError, match="pip install harvesters"):
         open_camera("genicam:0")
 
@@ -206,3 +211,160 @@ def test_a_program_with_windows_offers_its_screens() -> None:
         assert open_projector("screen:1?gamma=2.2").size == (64, 48)
     finally:
         offer_screens(None)
+
+
+class Late(FakeProducer):
+    """A triggered camera whose images come when they are told to; frame numbers and time stamps if wanted."""
+
+    def __init__(self, numbers: bool, stamps: bool, restarts: bool) -> None:
+        super().__init__()
+        self.numbers, self.stamps, self.restarts = numbers, stamps, restarts
+        self.fired, self.due_s = 0, []
+        self.lag_s = 0.0
+
+    def start(self) -> None:
+        super().start()
+        if self.restarts:
+            self.due_s.clear()
+
+    def fire(self) -> None:
+        self.fired += 1
+        now = time.monotonic()
+        self.due_s.append((now + self.lag_s, self.fired, now, self.light))
+
+    def fetch(self, timeout: float):
+        from contextlib import contextmanager
+
+        end = time.monotonic() + timeout
+        while not self.due_s or self.due_s[0][0] > time.monotonic():
+            if time.monotonic() > end:
+                raise TimeoutError("no event")
+            time.sleep(0.0005)
+        _, number, exposed, level = self.due_s.pop(0)
+        part = SimpleNamespace(data=np.full(48, level, np.uint8), width=8, height=6)
+        told = {"payload": SimpleNamespace(components=[part])}
+        if self.numbers:
+            told["module"] = SimpleNamespace(frame_id=number)
+        if self.stamps:
+            told["timestamp_ns"] = int(1e9 * (exposed + 1234.5))
+
+        @contextmanager
+        def buffer():
+            yield SimpleNamespace(**told)
+
+        return buffer()
+
+
+@pytest.mark.parametrize("restarts", [True, False], ids=["stopping clears", "stopping clears nothing"])
+@pytest.mark.parametrize(("numbers", "stamps"), [(False, False), (True, False), (True, True)])
+@pytest.mark.parametrize("lag_s", [0.12, 0.26], ids=["before", "after the next trigger"])
+def test_an_image_that_comes_late_is_no_other_triggers_image(
+    numbers: bool, stamps: bool, restarts: bool, lag_s: float
+) -> None:
+    producer = Late(numbers, stamps, restarts)
+    camera = GenicamCamera("A1", harvester=producer)
+    for light in (10, 20):
+        producer.light = light
+        assert camera.grab().pixels.mean() == light
+    producer.light, producer.lag_s = 30, lag_s
+    with pytest.raises(DeviceError, match="no image within"):
+        camera.grab(timeout_s=0.1)
+    time.sleep(0.1)
+    producer.lag_s = 0.05
+    for light in (40, 50, 60):
+        producer.light = light
+        assert camera.grab(timeout_s=1.0).pixels.mean() == light
+    assert producer.fired == 6
+    camera.close()
+
+
+def test_a_trigger_that_gives_two_images_shifts_nothing() -> None:
+    told = []
+    producer = Late(numbers=True, stamps=False, restarts=True)
+    camera = GenicamCamera("A1", harvester=producer, note=lambda who, what: told.append(what))
+    producer.light = 10
+    camera.grab()
+    producer.fire()  # a spike on the trigger's cable
+    for light in (20, 30):
+        producer.light = light
+        assert camera.grab().pixels.mean() == light
+    assert told == ["an image came that nobody waited for; it is thrown away"]
+    camera.close()
+
+
+def test_what_is_automatic_is_off_and_gamma_is_one() -> None:
+    producer = FakeProducer(GainAuto=Node(value="Once"), Gamma=Node(value=0.7))
+    GenicamCamera("A1", harvester=producer).close()
+    assert (producer.nodes.ExposureAuto.value, producer.nodes.GainAuto.value) == ("Off", "Off")
+    assert producer.nodes.Gamma.value == 1.0
+
+
+class Stubborn:
+    """A node that keeps its value."""
+
+    def __init__(self, value: object) -> None:
+        self.__dict__["value"] = value
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Take nothing."""
+
+
+@pytest.mark.parametrize(("node", "value"), [("ExposureAuto", "Continuous"), ("Gamma", 0.45)])
+def test_what_stays_automatic_or_bent_is_refused(node: str, value: object) -> None:
+    with pytest.raises(DeviceError, match=f"{node} .* was wanted and {value} is set"):
+        GenicamCamera("A1", harvester=FakeProducer(**{node: Stubborn(value)}))
+
+
+def test_a_video_device_whose_exposure_stays_automatic_is_refused() -> None:
+    video = Video(sticky={cv2.CAP_PROP_AUTO_EXPOSURE: 3.0})
+    with pytest.raises(DeviceError, match="automatic exposure stays on"):
+        UvcCamera(0, capture=lambda n: video)
+    assert video.released
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.15])
+def test_a_folder_camera_with_a_stated_latency_gives_nothing_older(tmp_path: Path, lag_s: float) -> None:
+    state, end, due = {"level": 0}, threading.Event(), []
+
+    def work() -> None:
+        number = 0
+        while not end.wait(0.02):
+            due.append((time.monotonic() + lag_s, state["level"]))
+            while due and due[0][0] <= time.monotonic():
+                image = np.full((6, 8), due.pop(0)[1], np.uint8)
+                write_image(tmp_path / f".{number}.png", image, durable=False)
+                (tmp_path / f".{number}.png").rename(tmp_path / f"{number:04d}.png")
+                number += 1
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        camera = open_camera(f"folder:{tmp_path}?latency_ms={1000 * lag_s + 30}")
+        for level in (50, 100, 150):
+            state["level"] = level
+            assert camera.grab().pixels.mean() == level
+    finally:
+        end.set()
+        thread.join()
+
+
+def test_the_simulated_camera_of_the_genicam_package() -> None:
+    genicam = pytest.importorskip("genicam")
+    pytest.importorskip("harvesters")
+    producer = Path(genicam.__file__).parent / "viky.cti"
+    camera = open_camera(f"genicam:0?producer={producer}&format=Mono8")
+    start = time.monotonic()
+    first, second = camera.grab(), camera.grab()
+    assert first.pixels.shape == second.pixels.shape == camera.size[::-1]
+    assert (first.bits, first.pixels.dtype) == (8, np.uint8)
+    assert start <= first.time_s < second.time_s <= time.monotonic()
+    with pytest.raises(Cancelled):
+        camera.grab(5.0, cancelled)
+    with pytest.raises(DeviceError, match=r"was wanted|does not take"):
+        camera.adjust(5000.0)
+    camera.close()
+    camera.close()
+
+
+def cancelled() -> None:
+    raise Cancelled
