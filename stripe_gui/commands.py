@@ -10,6 +10,7 @@ from PySide6.QtGui import QDesktopServices
 
 from stripe_gui import theme
 from stripe_gui.actions import Action, project_idle, project_open
+from stripe_gui.jobs import Failure
 from stripe_gui.presenters.status import STAGES, stage_name
 from stripe_gui.workbench import Workbench
 
@@ -31,7 +32,17 @@ def menu_titles() -> dict[str, str]:
 
 def program_actions() -> list[Action]:
     """Give the actions that need no more than the workbench."""
-    return [*_file_actions(), *_go_actions(), *_view_actions()]
+    update = Action(
+        "run.update",
+        translate("Actions", "&Update everything"),
+        update_all,
+        "Shift+F5",
+        "runall",
+        translate("Actions", "Do all that is out of date or to do, in order; what is done stays if it is stopped."),
+        0,
+        project_idle,
+    )
+    return [*_file_actions(), *_go_actions(), update, *_view_actions()]
 
 
 def _file_actions() -> list[Action]:
@@ -183,6 +194,24 @@ def make_demo(bench: Workbench) -> None:
         on_done=done,
         on_failed=bench.report_failure,
     )
+
+
+def update_all(bench: Workbench) -> None:
+    """Do what is out of date or to do in the background, and tell what was done."""
+    from core.pipeline import Update, update_project
+
+    def done(update: Update) -> None:
+        bench.refresh()
+        text = translate("Actions", "Everything is up to date.")
+        bench.notify("success", text, details="\n".join(update.done))
+
+    def failed(failure: Failure) -> None:
+        bench.refresh()  # other stages may have been done
+        bench.report_failure(failure)
+
+    title = translate("Actions", "Update everything")
+    job = bench.jobs.run(title, update_project, bench.session.opened.project, on_done=done, on_failed=failed)
+    job.cancelled.connect(bench.refresh)
 
 
 def close_project(bench: Workbench) -> None:

@@ -125,7 +125,7 @@ def save_sign_off(project: Project, sign_off: SignOff, evaluations: tuple[PlaneE
     So it lapses when others take their place. Signing again for the same changes nothing.
     """
     if not sign_off.despite.strip() and (failed := failed_verdicts(project, evaluations)):
-        remedy = "see to its cause, or write why you sign all the same (`despite`, in the window the remark)"
+        remedy = "see to its cause, or write why you sign all the same (`despite`, in the window the reason)"
         raise InputError("sign-off", f"the verdict failed: {failed[0]}", remedy)
     numbers = current_runs(project).values()
     folder = run_folder(project, max(numbers)) if numbers else result_path(project, "")

@@ -140,8 +140,24 @@
         <translation>Darstellung wie der &amp;Schreibtisch</translation>
     </message>
     <message>
+        <source>Everything is up to date.</source>
+        <translation>Alles ist auf dem Stand.</translation>
+    </message>
+    <message>
+        <source>Update everything</source>
+        <translation>Alles auf den Stand bringen</translation>
+    </message>
+    <message>
         <source>Switch between light and dark.</source>
         <translation>Zwischen hell und dunkel wechseln.</translation>
+    </message>
+    <message>
+        <source>&amp;Update everything</source>
+        <translation>Alles auf den &amp;Stand bringen</translation>
+    </message>
+    <message>
+        <source>Do all that is out of date or to do, in order; what is done stays if it is stopped.</source>
+        <translation>Der Reihe nach erledigen, was veraltet oder zu tun ist; was getan ist, bleibt auch beim Abbrechen.</translation>
     </message>
     <message>
         <source>Follow the desktop in light and dark.</source>
@@ -3541,8 +3557,20 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Bemerkung</translation>
     </message>
     <message>
+        <source>Reason</source>
+        <translation>Grund</translation>
+    </message>
+    <message>
+        <source>why it is signed all the same</source>
+        <translation>warum dennoch freigegeben wird</translation>
+    </message>
+    <message>
         <source>without a name the report is not signed</source>
         <translation>ohne Namen keine Freigabe</translation>
+    </message>
+    <message>
+        <source>Failed: {what}. It can be signed with a reason only.</source>
+        <translation>Nicht bestanden: {what}. Nur mit einem Grund kann freigegeben werden.</translation>
     </message>
 </context>
 <context>

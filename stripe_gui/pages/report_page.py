@@ -111,7 +111,8 @@ class ReportPage(Page):
         before, self._view = self._view, view
         self.html_button.setEnabled(view.html is not None)
         self.pdf_button.setEnabled(view.pdf is not None)
-        self.signing.show_evaluations(view.evaluations)
+        failed = [name for name, found in view.summary.verdicts if found.state == "failed"]
+        self.signing.show_evaluations(view.evaluations, failed)
         folder = self.session.folder
         if folder is not None and (
             before is None or folder.path != self._signed_in or view.sign_off != before.sign_off

@@ -21,10 +21,10 @@ class PairChoice(QComboBox):
         self.setVisible(False)
         self.currentIndexChanged.connect(lambda i: session.choose_pair(self._pairs[i]))
         for changed in (session.project_changed, session.refreshed, session.capture_changed):
-            changed.connect(lambda *_: self.refresh())
+            changed.connect(self.refresh)  # no lambda: the session outlives the widget
         self.refresh()
 
-    def refresh(self) -> None:
+    def refresh(self, _capture: str = "") -> None:
         """Offer the devices of the open project."""
         rig = self._session.opened.project.rig if self._session.is_open else None
         pairs = rig.pairs if rig is not None and not rig.is_pair else ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import date
 
 from PySide6.QtCore import Qt
@@ -19,7 +20,7 @@ class SignOffForm(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._evaluations: tuple[PlaneEvaluation, ...] = ()
-        self.operator, self.instrument, self.date, self.remark = (QLineEdit() for _ in range(4))
+        self.operator, self.instrument, self.date, self.remark, self.reason = (QLineEdit() for _ in range(5))
         self.with_tolerance = QCheckBox(self.tr("Judge against a tolerance"))
         self.limit = QDoubleSpinBox()
         self.limit.setDecimals(4)
@@ -43,9 +44,14 @@ class SignOffForm(QWidget):
             (self.tr("Instrument"), self.instrument),
             (self.tr("Date"), self.date),
             (self.tr("Remark"), self.remark),
+            (self.tr("Reason"), self.reason),
         ):
             field.setAccessibleName(text)
             form.addRow(label(text), field)
+        self._form = form
+        self.failed = label("", wrap=True)
+        form.addRow(self.failed)
+        self.reason.setPlaceholderText(self.tr("why it is signed all the same"))
         self.operator.setPlaceholderText(self.tr("without a name the report is not signed"))
         layout.addLayout(form)
         layout.addWidget(self.with_tolerance)
@@ -56,11 +62,16 @@ class SignOffForm(QWidget):
         self.limit.valueChanged.connect(self._judge)
         self.of.currentIndexChanged.connect(self._judge)
         self._judge()
+        self.show_evaluations((), ())
 
-    def show_evaluations(self, evaluations: tuple[PlaneEvaluation, ...]) -> None:
-        """Judge an evaluation; without one there is nothing to sign."""
+    def show_evaluations(self, evaluations: tuple[PlaneEvaluation, ...], failed: Sequence[str]) -> None:
+        """Judge an evaluation; without one there is nothing to sign. What failed asks for a reason."""
         self._evaluations = evaluations
         self.setEnabled(bool(evaluations))
+        text = self.tr("Failed: {what}. It can be signed with a reason only.").format(what=", ".join(failed))
+        self.failed.setText(text)
+        for widget in (self.reason, self.failed):
+            self._form.setRowVisible(widget, bool(failed))
         self._judge()
 
     def fill(self, sign_off: SignOff | None, instrument: str) -> None:
@@ -70,6 +81,7 @@ class SignOffForm(QWidget):
         self.instrument.setText(shown.instrument)
         self.date.setText(shown.date)
         self.remark.setText(shown.remark)
+        self.reason.setText(shown.despite)
         self.with_tolerance.setChecked(shown.tolerance is not None)
         if shown.tolerance is not None:
             self.limit.setValue(shown.tolerance.limit_mm)
@@ -81,14 +93,13 @@ class SignOffForm(QWidget):
         name = self.operator.text().strip()
         if not name or not self._evaluations:
             return None
-        remark = self.remark.text().strip()
         return SignOff(
             operator=name,
             instrument=self.instrument.text().strip(),
-            remark=remark,
+            remark=self.remark.text().strip(),
             date=self.date.text().strip(),
             tolerance=self.tolerance(),
-            despite=remark,  # where a verdict failed, the remark must say why it is signed
+            despite=self.reason.text().strip(),
         )
 
     def tolerance(self) -> Tolerance | None:

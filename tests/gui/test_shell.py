@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 from core.progress import Progress
 from stripe_gui import theme
 from stripe_gui.pages import PAGES
-from stripe_gui.presenters.status import STAGES
+from stripe_gui.presenters.status import STAGES, State
 from stripe_gui.widgets.command_palette import CommandPalette
 from tests.gui.hands import idle
 
@@ -205,3 +205,24 @@ def test_everything_the_operator_can_reach_has_an_accessible_name(window, projec
                     if not isinstance(parent.parent(), QComboBox) and not isinstance(parent, QTableView):
                         nameless.append((page.id, type(widget).__name__, type(parent).__name__))
     assert not nameless
+
+
+def test_everything_outdated_is_done_from_the_menu(window, finished_project: Path, notices, qtbot) -> None:
+    assert not window.actions_["run.update"].isEnabled()
+    window.open_path(finished_project)
+    points = next((finished_project / "results" / "points").glob("*.npz"))
+    points.unlink()
+    window.bench.refresh()
+    assert window.bench.session.statuses["reconstruct"].state is State.TODO
+    with qtbot.waitActive(window):
+        qtbot.keyClick(window, Qt.Key.Key_F5, Qt.KeyboardModifier.ShiftModifier)
+    assert window.bench.jobs.busy
+    idle(window, qtbot)
+    assert {s.state for s in window.bench.session.statuses.values()} == {State.DONE}
+    assert notices[-1].kind == "success"
+    assert "reconstruct" in notices[-1].details
+    points.unlink()
+    window.actions_["run.update"].trigger()
+    window.actions_["run.cancel"].trigger()
+    idle(window, qtbot)
+    assert window.bench.session.statuses["reconstruct"].state is not State.DONE  # stopped, and told as it is

@@ -11,12 +11,14 @@ from PySide6.QtCore import QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QGuiApplication, QTextDocument
 from PySide6.QtTest import QTest
 
+from core.model import PlaneEvaluation
 from core.report import Number, Table
 from stripe_gui.widgets.colours import SCALES, lookup, nice_ticks
 from stripe_gui.widgets.help_panel import HelpPanel
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.residual_plot import ResidualPlot
 from stripe_gui.widgets.result_table import ResultTable
+from stripe_gui.widgets.sign_off import SignOffForm
 
 
 @pytest.fixture
@@ -194,3 +196,20 @@ def test_pictures_of_the_help_are_as_wide_as_the_panel(qtbot) -> None:
         image = panel.browser.loadResource(QTextDocument.ResourceType.ImageResource.value, QUrl(f"images/{topic}.png"))
         assert 250 < image.deviceIndependentSize().width() < 360
         assert panel.browser.horizontalScrollBar().maximum() == 0
+
+
+def test_what_failed_is_signed_with_a_reason_only(qtbot) -> None:
+    form = SignOffForm()
+    qtbot.addWidget(form)
+    form.show()
+    plane = PlaneEvaluation("plane+00", 0.0, "photogrammetric", 9, 0.1, 0.3, -0.3, 0.1, 0, "", np.array([0, 0, 1.0, 5]))
+    form.show_evaluations((plane,), ())
+    form.operator.setText("A. Brenner")
+    assert not form.reason.isVisible()
+    form.show_evaluations((plane,), ("photogrammetric",))
+    assert form.reason.isVisible()
+    assert "photogrammetric" in form.failed.text()
+    form.remark.setText("warm room")
+    assert form.sign_off().despite == ""  # a remark is no reason: the core refuses
+    form.reason.setText("for training only")
+    assert (form.sign_off().remark, form.sign_off().despite) == ("warm room", "for training only")
