@@ -126,14 +126,29 @@ def meets_block(block: Array, o: Array, dx: float, dy: float, dz: float) -> tupl
     return np.inf, -1
 
 
+@inner
+def share_of_footprint(inside: float, long: float, short: float) -> float:
+    """Share of a parallelogram inside a straight edge: how far in its middle is, and its sides square to the edge."""
+    if short < 1e-3 * long:
+        return min(max(0.5 + inside / long, 0.0), 1.0)
+    outer, middle = 0.5 * (long + short), 0.5 * (long - short)
+    if inside >= outer:
+        return 1.0
+    total = 0.0
+    for at, sign in ((inside + outer, 0.5), (inside + middle, -0.5), (inside - middle, -0.5)):
+        total += sign * max(at, 0.0) ** 2
+    return total / (long * short)
+
+
 @njit(cache=True, nogil=True)
 def paint_at(
     board: Array, circles: Array, cell_start: Counts, cell_circle: Counts, grid: Array,
-    x: float, y: float, sx: float, sy: float, footprint: float,
+    x: float, y: float, sx: float, sy: float, ux: float, uy: float, vx: float, vy: float,
 ) -> tuple[float, float]:  # fmt: skip
     """Albedo of the board, and the height over its form, at a place where a ray of slopes (sx, sy) per z arrives.
 
-    The edge of a circle is as soft as one subsample's footprint, so that the sum over a pixel counts areas.
+    The share of a circle is that of the subsample's footprint, a parallelogram of the sides u and v, cut by a straight
+    edge: the sum over a pixel counts areas.
     """
     albedo, lift = board[2], 0.0
     i, j = int((x - grid[0]) / grid[2]), int((y - grid[1]) / grid[2])
@@ -145,9 +160,10 @@ def paint_at(
         above = circles[n, 2]
         # the ray arrives at the circle's own height elsewhere
         ex, ey = x + sx * above - circles[n, 0], y + sy * above - circles[n, 1]
-        cover = 0.5 + (circles[n, 3] - np.sqrt(ex * ex + ey * ey)) / footprint
+        away = max(np.sqrt(ex * ex + ey * ey), 1e-12)
+        a, b = abs(ex * ux + ey * uy) / away, abs(ex * vx + ey * vy) / away
+        cover = share_of_footprint(circles[n, 3] - away, max(a, b), min(a, b))
         if cover > 0:
-            cover = min(cover, 1.0)
             albedo += cover * (circles[n, 4] - albedo)
             if cover > 0.5:
                 lift = above
@@ -231,9 +247,11 @@ def cast_rows(
             if kind == MISS or hit[3] * dx + hit[4] * dy + hit[5] * dz >= 0:
                 continue
             if kind == BOARD:
-                footprint = (hit[2] - eye[2]) / dz * camera[12] / camera[0] / per_pixel
-                albedo, lift = paint_at(board, circles, cell_start, cell_circle, grid, hit[0], hit[1],
-                                        dx / dz, dy / dz, footprint)  # fmt: skip
+                sx, sy, far = dx / dz, dy / dz, (hit[2] - eye[2]) / dz / camera[_C] / per_pixel
+                wide, high = far * camera[_PX], far * camera[_PY]
+                albedo, lift = paint_at(board, circles, cell_start, cell_circle, grid, hit[0], hit[1], sx, sy,
+                                        wide * (R[0, 0] - sx * R[2, 0]), wide * (R[1, 0] - sy * R[2, 0]),
+                                        high * (R[0, 1] - sx * R[2, 1]), high * (R[1, 1] - sy * R[2, 1]))  # fmt: skip
                 hit[0], hit[1], hit[2] = hit[0] + lift * dx / dz, hit[1] + lift * dy / dz, hit[2] + lift
             else:
                 albedo = spheres[which, 4] if kind == SPHERE else blocks[which, 6]

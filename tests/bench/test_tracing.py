@@ -76,7 +76,9 @@ def test_the_soft_edge_of_a_circle_counts_areas():
     cells = np.array([0, 1], np.int32), np.array([0], np.int32), np.array([-50.0, -50.0, 100.0, 1.0, 1.0])
     step = 0.4
     x = (np.arange(-20, 20) + 0.5) * step
-    total = sum(paint_at(board, circle, *cells, a, b, 0.0, 0.0, step)[0] for a in x for b in x) * step**2
+    total = (
+        sum(paint_at(board, circle, *cells, a, b, 0.0, 0.0, step, 0.0, 0.0, step)[0] for a in x for b in x) * step**2
+    )
     assert total == pytest.approx(np.pi * 25, rel=2e-3)  # a hard edge would be off by up to 1 %
 
 
@@ -85,5 +87,5 @@ def test_a_circle_above_the_board_is_met_where_the_ray_crosses_its_height():
     circle = np.array([[10.0, 0.0, 2.0, 3.0, 0.9]])
     cells = np.array([0, 1], np.int32), np.array([0], np.int32), np.array([-50.0, -50.0, 100.0, 1.0, 1.0])
     # slope 0.5 in x per mm of z: the ray that reaches the board at x = 9 crosses z = 2 at x = 10
-    assert paint_at(board, circle, *cells, 9.0, 0.0, 0.5, 0.0, 0.1) == (pytest.approx(0.9), 2.0)
-    assert paint_at(board, circle, *cells, 12.5, 0.0, 0.5, 0.0, 0.1) == (pytest.approx(0.1), 0.0)
+    assert paint_at(board, circle, *cells, 9.0, 0.0, 0.5, 0.0, 0.1, 0.0, 0.0, 0.1) == (pytest.approx(0.9), 2.0)
+    assert paint_at(board, circle, *cells, 12.5, 0.0, 0.5, 0.0, 0.1, 0.0, 0.0, 0.1) == (pytest.approx(0.1), 0.0)
