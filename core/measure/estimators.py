@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.centroid import centroids
+from core.measure.ellipse import ellipse_centres
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
 
@@ -31,4 +32,4 @@ class Estimator(Protocol):
         ...
 
 
-ESTIMATORS: dict[str, Estimator] = {"centroid": centroids}
+ESTIMATORS: dict[str, Estimator] = {"ellipse": ellipse_centres, "centroid": centroids}

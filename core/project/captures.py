@@ -246,7 +246,7 @@ def _read_testfield(path: Path) -> Testfield:
         np.array([row.real("diameter_mm", above=0.0) for row in rows]),
         polarity,  # type: ignore[arg-type]
         told.get("kind", "dots"),
-        told.get("estimator", "centroid"),
+        told.get("estimator", "ellipse"),
     )
 
 
@@ -353,7 +353,7 @@ def write_project(
 def write_testfield(path: Path, testfield: Testfield, comment: str = "") -> None:
     """Write the nominal targets of a board."""
     lines = [f"# {line}" for line in comment.splitlines()]
-    usual = {"kind": "dots", "estimator": "centroid"}
+    usual = {"kind": "dots", "estimator": "ellipse"}
     lines += [f"# {key}: {said}" for key, value in usual.items() if (said := getattr(testfield, key)) != value]
     lines += [f"# polarity: {testfield.polarity}", ",".join(_COLUMNS)]
     for row, col, xyz, diameter in zip(
