@@ -31,12 +31,12 @@ Array = NDArray[np.float64]
 
 UNKNOWNS = 10  # centre 2, shape 3, blur, contrast, background 3
 ITERATIONS = 12
-SETTLED_PX = 1e-4
+SETTLED_PX = 2e-3  # steps shrink a hundredfold from one to the next: what is left is far below that
 LEAST_BLUR, MOST_BLUR = 0.12, 4.0  # px; a sharper edge is all pixel
 MOST_MOVED_PX = 1.0  # from the centroid; further off it is not this dot that was fitted
 LEAST_PIXELS = 30
 FLOOR_PX = 0.0005  # what is left on noise-free renderings
-REACH = 4.0  # sigmas of blur from the edge at which a pixel is evenly bright or dark
+REACH = 3.5  # sigmas of blur from the edge at which a pixel is evenly bright or dark
 # Gauss's rule with three points over a pixel of width one
 NODES = (-0.5 * math.sqrt(0.6), 0.0, 0.5 * math.sqrt(0.6))
 SHARES = (5 / 18, 8 / 18, 5 / 18)

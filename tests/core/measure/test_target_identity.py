@@ -1,5 +1,7 @@
 """No wrong identity, whatever the pose, the lens, the light and the dirt; and a good share of what is visible."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,7 @@ def test_a_thousand_random_poses_give_no_wrong_identity(bench):
     poses = found_in = visible_in = refused = 0
     for k in range(1100):
         truth, rng = random_scene(bench, k)
+        truth = truth.but(field=replace(truth.field, estimator="centroid"))  # who is who, in a third of the time
         cells, good = pick(truth, rng)
         if cells is None:
             continue
