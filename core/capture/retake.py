@@ -86,5 +86,6 @@ def _again(loop: Loop, shot: int, progress: Progress) -> CaptureReport:
     except BaseException:
         store.shots = kept
         for number in range(first, store.taken):
-            (store.folder / f"shot-{number:04d}.png").unlink(missing_ok=True)
+            for path in store.folder.glob(f"shot-{number:04d}.*"):
+                path.unlink()
         raise

@@ -15,7 +15,7 @@ from core.capture.finding import Finding
 from core.capture.identity import identity
 from core.capture.plan import Plan, check_shown, make_plan, sequence_for
 from core.capture.quality import lamp, line, modulation, movement, sample_grid, saturation, summarise
-from core.capture.store import Listen, Store, capture_status, is_complete, no_listener, open_store, read_findings
+from core.capture.store import TIFF, Listen, Store, capture_status, is_complete, no_listener, open_store, read_findings
 from core.capture.writer import Writer
 from core.devices import Camera, Image, Projector, open_devices, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
@@ -62,6 +62,7 @@ def run_capture(
     testfield: str | None = None,
     progress: Progress = SILENT,
     listen: Listen = no_listener,
+    ending: str = TIFF,
 ) -> CaptureReport:
     """Record one sequence into ``captures/NAME`` of a project, or go on with one that was interrupted.
 
@@ -80,6 +81,8 @@ def run_capture(
         As capture.json holds them; the testfield is a path from the project.
     listen : callable
         Receives every entry of the transcript, from whatever thread writes it.
+    ending : str
+        Of the frames' names, and so their format: plain TIFF or PNG.
 
     Raises
     ------
@@ -105,7 +108,7 @@ def run_capture(
         plan = make_plan(project, name, role, patterns=chosen, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)
         plan = replace(plan, guards=tuple(g for g in plan.guards if projector.refusal(g) is None))
         check_shown(plan, projector.refusal, projector.name)
-        store = open_store(folder, plan, listen)
+        store = open_store(folder, plan, listen, ending)
         loop = Loop(store, projector, camera, notes)
         report = loop.run(progress)
     add_capture(project.path, f"captures/{name}")

@@ -34,6 +34,9 @@ from core.project.unfinished import TRANSCRIPT, Status, is_intact, transcript, u
 Listen = Callable[[dict[str, Any]], None]  # hears every line of the transcript as it is written, in whatever thread
 
 
+TIFF, PNG = ".tif", ".png"  # plain TIFF goes to the disk as quickly as the disk takes it
+
+
 def no_listener(entry: dict[str, Any]) -> None:
     """Hear nothing."""
 
@@ -55,6 +58,7 @@ class Store:
     plan: Plan
     shots: dict[int, Shot] = field(default_factory=dict)  # the latest of every planned shot
     taken: int = 0
+    ending: str = TIFF  # of the frames' names: the format they are stored in
     started_s: float = field(default_factory=time.monotonic)
     listen: Listen = no_listener
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
@@ -72,7 +76,7 @@ class Store:
 
     def keep(self, planned: int, image: Image) -> Shot:
         """Write an image to disk, durably, then its line in the transcript."""
-        shot = Shot(planned, f"shot-{self.taken:04d}.png", image.bits)
+        shot = Shot(planned, f"shot-{self.taken:04d}{self.ending}", image.bits)
         self.taken += 1
         path = self.folder / shot.file
         with _told(path):
@@ -113,7 +117,7 @@ class Store:
         self.note("verified", True, seconds=round(seconds, 3), retakes=retakes, repeats=repeats)
         self._write("complete", frames, extra)
         listed = {shot.file for shot in self.shots.values()}
-        for path in self.folder.glob("shot-*.png"):
+        for path in self.folder.glob("shot-*"):
             if path.name not in listed:
                 path.unlink(missing_ok=True)
 
@@ -132,7 +136,7 @@ class Store:
             )
 
 
-def open_store(folder: Path, plan: Plan, listen: Listen = no_listener) -> Store:
+def open_store(folder: Path, plan: Plan, listen: Listen = no_listener, ending: str = TIFF) -> Store:
     """Start a capture's folder, or go on with one that was interrupted.
 
     Raises
@@ -143,7 +147,7 @@ def open_store(folder: Path, plan: Plan, listen: Listen = no_listener) -> Store:
     if not folder.exists() or not any(p for p in folder.iterdir() if not p.name.endswith(".part")):
         with _told(folder):
             folder.mkdir(parents=True, exist_ok=True)
-        store = Store(folder, plan, listen=listen)
+        store = Store(folder, plan, listen=listen, ending=ending)
         store.begin()
         store.note("began", True, wall=_wall(), guards=len(plan.guards))
         return store
@@ -161,7 +165,7 @@ def open_store(folder: Path, plan: Plan, listen: Listen = no_listener) -> Store:
         )
     for part in folder.glob(".*.part"):
         part.unlink(missing_ok=True)
-    store = Store(folder, plan, listen=listen)
+    store = Store(folder, plan, listen=listen, ending=ending)
     store.taken, entries = _numbers(folder), list(transcript(folder))
     for entry in entries:
         if entry.get("event") == "shot" and is_intact(folder, entry):
@@ -242,7 +246,7 @@ def _document(folder: Path) -> dict[str, Any]:
 
 def _numbers(folder: Path) -> int:
     """The first number that no file of the folder has had."""
-    used = [int(p.stem[5:]) for p in folder.glob("shot-*.png") if p.stem[5:].isdigit()]
+    used = [int(p.stem[5:]) for p in folder.glob("shot-*.*") if p.stem[5:].isdigit()]
     return max(used, default=-1) + 1
 
 

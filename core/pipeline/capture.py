@@ -99,15 +99,16 @@ def capture_into(
     sequence: SequenceSpec | None = None,
     progress: Progress = SILENT,
     listen: Listen | None = None,
+    png: bool = False,
 ) -> CaptureReport:
     """Record one capture with a projector and a camera and add it to a project.
 
     Without a URL of either, the virtual bench's rig of the project's sizes is taken; without a `sequence` the
     project's, the projector's own, or the one that suits what it can show. `listen` receives every entry of the
-    transcript from the thread that writes it.
+    transcript from the thread that writes it. Frames are stored as plain TIFF, or as `png`.
     """
     from core.capture import run_capture
-    from core.capture.store import no_listener
+    from core.capture.store import PNG, TIFF, no_listener
 
     project = read_project(folder)
     lines = project.projector.width, project.projector.height
@@ -122,6 +123,7 @@ def capture_into(
         angle_deg=angle_deg,
         progress=progress,
         listen=listen or no_listener,
+        ending=PNG if png else TIFF,
     )
 
 

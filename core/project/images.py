@@ -1,7 +1,12 @@
-"""Frames on disk: single-channel PNG and TIFF of 8 or 16 bit."""
+"""Frames on disk: single-channel PNG and TIFF of 8 or 16 bit.
+
+What this program records is plain TIFF: a header, one strip of pixels as they are. It goes to and from the disk at the
+disk's speed, where a PNG of 28 frames 748x576 takes 0.15 s of a processor to read and 0.4 s to write.
+"""
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from collections import deque
@@ -31,6 +36,7 @@ if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
     _PNG_OPTIONS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
 _AGAIN = "record or copy this frame again"
 
+_PIXELS_AT = 256  # in a plain TIFF
 _MOST_PIXELS = 1 << 28  # of a frame whose camera is not known
 _MOST_BESIDE = 16 << 20  # bytes that a file may have beside its pixels
 _AHEAD = 2  # frames that each processor has read before they are asked for: memory stays flat
@@ -70,7 +76,9 @@ def read_image(path: Path, shape: tuple[int, int] | None = None) -> Image:
         if shape is not None and path.stat().st_size > 16 * shape[0] * shape[1] + _MOST_BESIDE:
             seen = f"{path.stat().st_size / 1e6:.0f} MB for {shape[1]}x{shape[0]} px"
             raise InputError(path, seen, _AGAIN)
-        data = path.read_bytes()
+        with path.open("rb", buffering=0) as file:
+            data = bytearray(os.fstat(file.fileno()).st_size)  # the pixels of a plain TIFF stay where they are read
+            del data[file.readinto(data) or 0 :]
     except OSError as error:
         raise InputError(
             path, f"the frame cannot be read ({error.strerror})", "put it back or record it again"
@@ -84,6 +92,8 @@ def read_image(path: Path, shape: tuple[int, int] | None = None) -> Image:
         raise wrong_size(path, claimed, shape, "the camera in project.json has")
     if claimed is not None and claimed[0] * claimed[1] > _MOST_PIXELS:
         raise InputError(path, f"its header claims {claimed[1]}x{claimed[0]} px", _AGAIN)
+    if (plain := _plain_pixels(data)) is not None:
+        return plain
     try:
         with _quiet_opencv():
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -150,8 +160,13 @@ def _read_ahead(paths: Sequence[Path], shape: tuple[int, int] | None) -> Iterato
 
 
 def write_image(path: Path, image: Image, durable: bool = True) -> None:
-    """Write one frame as PNG (fast compression) or, by the name's ending, TIFF; atomically."""
+    """Write one frame, atomically: by the name's ending as plain TIFF or as PNG (fast compression)."""
     suffix = path.suffix.lower()
+    if suffix in (".tif", ".tiff") and image.ndim == 2 and image.dtype in (np.uint8, np.uint16):
+        with atomic_write(path, durable) as file:
+            file.write(_plain_head(image))
+            file.write(np.ascontiguousarray(image, image.dtype.newbyteorder("<")).data)
+        return
     options = _PNG_OPTIONS if suffix == ".png" else []
     done, data = cv2.imencode(suffix, image, options)
     if not done:
@@ -188,13 +203,43 @@ def wrong_size(path: Path, has: tuple[int, ...], expected: tuple[int, ...], of: 
     return InputError(path, seen, "use frames of one size, the camera's")
 
 
-def _claimed(data: bytes) -> tuple[int, int] | None:
+def _plain_head(image: Image) -> bytes:
+    """Give what stands before the pixels of a plain TIFF (TIFF 6.0, section 8): one strip, black is zero."""
+    height, width = image.shape
+    tags = (
+        (256, 4, width),
+        (257, 4, height),
+        (258, 3, 8 * image.itemsize),
+        (259, 3, 1),  # not compressed
+        (262, 3, 1),
+        (273, 4, _PIXELS_AT),
+        (277, 3, 1),
+        (278, 4, height),
+        (279, 4, image.nbytes),
+    )
+    listed = b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in tags)
+    head = b"II*\0" + struct.pack("<IH", 8, len(tags)) + listed + bytes(4)
+    return head.ljust(_PIXELS_AT, b"\0")
+
+
+def _plain_pixels(data: bytearray) -> Image | None:
+    """Take the pixels out of a TIFF just as `_plain_head` begins one; None for all other files."""
+    try:
+        width, height, bits = (struct.unpack_from("<I", data, 18 + 12 * i)[0] for i in range(3))
+        image = np.frombuffer(data, np.dtype(f"<u{bits // 8}"), width * height, _PIXELS_AT).reshape(height, width)
+    except (struct.error, ValueError, TypeError):
+        return None
+    whole = len(data) == _PIXELS_AT + image.nbytes and data.startswith(_plain_head(image))
+    return image.astype(image.dtype.newbyteorder("="), copy=False) if whole else None
+
+
+def _claimed(data: bytes | bytearray) -> tuple[int, int] | None:
     """Read from the header of a PNG or TIFF file which shape (H, W) it claims; None where it does not say."""
     try:
         if data.startswith(_PNG):
             width, height = struct.unpack_from(">II", data, 16)
             return height, width
-        order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
+        order = {b"II*\0": "<", b"MM\0*": ">"}.get(bytes(data[:4]))
         if order is None:
             return None
         (at,) = struct.unpack_from(f"{order}I", data, 4)
@@ -209,7 +254,7 @@ def _claimed(data: bytes) -> tuple[int, int] | None:
         return None
 
 
-def _check_png(path: Path, data: bytes) -> None:
+def _check_png(path: Path, data: bytes | bytearray) -> None:
     """Walk the chunks to the end mark, checksums included.
 
     Some versions of OpenCV return the upper part of a truncated PNG without a word; others write to stderr themselves.

@@ -21,6 +21,7 @@ def add(commands: Commands) -> None:
     sequence_argument(sub)
     sub.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
     sub.add_argument("--angle-deg", type=float, help="angle of the plane-table, for role plane")
+    sub.add_argument("--png", action="store_true", help="store PNG: a third of the room, ten times the time")
 
     sub = commands.add(
         "probe", _probe, "try every command of a profile once on a device, with all bytes in hexadecimal"
@@ -49,6 +50,7 @@ def _capture(options: Options, progress: Progress) -> dict[str, Any]:
         angle_deg=options.angle_deg,
         sequence=chosen_sequence(options),
         progress=progress,
+        png=options.png,
     )
     print(report.folder)
     for words in report.words:

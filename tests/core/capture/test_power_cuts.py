@@ -139,7 +139,7 @@ def test_a_shot_that_was_damaged_on_disk_is_taken_again(project: Project) -> Non
         run_capture(project, "a", "object", FLAT, f"{FLAT}?faults=no-frame@6,no-frame@7,no-frame@8", patterns=PATTERNS)
     folder = project.path / "captures/a"
     assert capture_status(folder).taken == 3
-    shot = folder / "shot-0004.png"
+    shot = folder / "shot-0004.tif"
     shot.write_bytes(shot.read_bytes()[:-20])
     assert capture_status(folder).missing == (1, 3)
     capture(project)

@@ -45,7 +45,7 @@ def test_the_new_frame_takes_the_place_of_the_old_one_and_of_no_other(project: P
 def test_a_frame_can_be_retaken_again_and_again(project: Project) -> None:
     for _ in range(3):
         retake_frame(project, "a", 0, FLAT, FLAT)
-    assert len(list((project.path / "captures/a").glob("shot-*.png"))) == 24
+    assert len(list((project.path / "captures/a").glob("shot-*.tif"))) == 24
 
 
 @pytest.mark.parametrize(
