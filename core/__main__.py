@@ -1,6 +1,6 @@
 """`python -m core` is `stripe-core`."""
 
-from core.cli import main
+from core.cli import run
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run()

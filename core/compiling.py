@@ -26,7 +26,7 @@ from typing import Any
 
 import numba
 import numpy as np
-from llvmlite.binding import add_symbol
+from llvmlite.binding import add_symbol, parse_assembly, parse_bitcode
 from numba.core import types
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
@@ -92,7 +92,7 @@ class _KernelCache(NullCache):
         try:
             if entry is not None:
                 _offer_runtime()
-                found = CompileResult._rebuild(target_context, *pickle.loads(entry.read_bytes()))
+                found = _loaded(target_context, *pickle.loads(entry.read_bytes()))
                 if time.time() - entry.stat().st_mtime > 86400:
                     os.utime(entry)  # what is in use stays
                 return found
@@ -112,6 +112,19 @@ class _KernelCache(NullCache):
                 file.write(dumps(data._reduce()))
         except (OSError, StripeError):  # a full disk takes nothing from the result
             pass
+
+
+def _loaded(target_context: Any, library: Any, function: Any, *rest: Any) -> CompileResult:
+    """Make a kernel of what was kept, without the bitcode for those that would be linked with it.
+
+    Parsing that takes longer than all the rest, and only a kernel that is compiled and calls this one asks for it.
+    """
+    name, kind, (code, bitcode) = library
+    target_context.codegen()._engine._defined_symbols |= {function.llvm_func_name, function.llvm_cpython_wrapper_name}
+    without = name, kind, (code, parse_assembly("").as_bitcode())
+    found = CompileResult._rebuild(target_context, without, function, *rest)
+    found.library._get_module_for_linking = cache(lambda: parse_bitcode(bitcode))
+    return found
 
 
 @cache

@@ -39,7 +39,7 @@ ALLOWED = {
     "patterns": {"errors", "fields"},
     "project": GROUND,
     "devices": GROUND | {"resources", "project", "bench"},  # the virtual devices switch the bench
-    "capture": GROUND | {"project", "devices"},
+    "capture": GROUND | {"lazy", "project", "devices"},
     "bench": GROUND | {"project"},
     "decode": GROUND,
     "measure": GROUND,

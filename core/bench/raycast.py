@@ -56,22 +56,23 @@ def pack_scene(scene: Scene) -> PackedScene:
     circles = scene.board.circles()
     half = np.array(scene.board.half_size_mm)
     columns, rows = (int(n) for n in np.ceil(2 * half / _CELL_MM))
-    members: list[list[int]] = [[] for _ in range(columns * rows)]
+    members: list[tuple[int, int]] = []  # cell and circle
     for n, (x, y, _, radius, _) in enumerate(circles):
         reach = radius + 2.0  # the footprint of a ray and its shift by the circle's height
         i0, j0 = (max(0, int(a)) for a in ((x - reach + half[0]) / _CELL_MM, (y - reach + half[1]) / _CELL_MM))
         i1, j1 = int((x + reach + half[0]) / _CELL_MM), int((y + reach + half[1]) / _CELL_MM)
         for j in range(j0, min(j1, rows - 1) + 1):
             for i in range(i0, min(i1, columns - 1) + 1):
-                members[j * columns + i].append(n)
-    start = np.concatenate([[0], np.cumsum([len(m) for m in members])]).astype(np.int32)
+                members.append((j * columns + i, n))
+    cell, circle = np.array(sorted(members), np.int32).reshape(-1, 2).T
+    start = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=columns * rows))]).astype(np.int32)
     form = scene.board.form
     return PackedScene(
         np.array([*half, scene.board.albedo, form.scale_mm]),
         np.ascontiguousarray(form.coefficients, np.float64),
         np.ascontiguousarray(circles, np.float64),
         start,
-        np.array([n for m in members for n in m], np.int32),
+        np.ascontiguousarray(circle),
         np.array([-half[0], -half[1], _CELL_MM, columns, rows], np.float64),
         np.array([[*s.centre_mm, s.radius_mm, s.albedo] for s in scene.spheres], np.float64).reshape(-1, 5),
         np.array([[*b.lower_mm, *b.upper_mm, b.albedo] for b in scene.blocks], np.float64).reshape(-1, 7),

@@ -68,10 +68,10 @@ def dictionary(patterns: list[Pattern], axis: Axis, count: int) -> tuple[Array, 
 
 def nearest(values: Array, possible: Array) -> tuple[Array, NDArray[np.intp]]:
     """Find the possible column nearest to each column of values: squared distance (n,) and number (n,)."""
-    power = np.sum(possible**2, axis=0)
+    terms = np.concatenate([-2 * possible, np.sum(possible**2, axis=0, keepdims=True)])
     cost, best = [], []
-    for part in np.array_split(values, max(1, values.shape[1] // 500), axis=1):
-        distance = power[None, :] - 2 * (part.T @ possible)
+    for part in np.array_split(values, max(1, values.shape[1] // 50), axis=1):  # so many stay in the cache
+        distance = np.concatenate([part, np.ones_like(part[:1])]).T @ terms
         number = np.argmin(distance, axis=1)
         best.append(number)
         cost.append(distance[np.arange(len(number)), number] + np.sum(part**2, axis=0))

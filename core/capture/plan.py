@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from core.devices import Projector
 from core.errors import InputError, PatternRefusedError
 from core.model import Project, Role
 from core.patterns import Black, Level, Pattern, White, axis_of, brightness, default_sequence, describe, level_of
+
+if TYPE_CHECKING:
+    from core.devices import Projector
 
 LONGEST_NAME = 100  # bytes; file systems take 255, and files are named after captures
 

@@ -25,7 +25,7 @@ from core.patterns import Axis, Code, Pattern, Phase, axis_of, level_of
 
 Array = NDArray[np.float32]
 
-GRID = 24_000  # pixels sampled
+GRID = 12_000  # pixels sampled
 PIXELS = 600  # of the brightest, looked up
 CONTRADICTION = 0.3  # squared distance, white = 1, after the response is taken out; a wrong frame costs 0.5 and more
 PER_FRAME = 0.03
@@ -33,7 +33,7 @@ SHARE = 0.12  # of the pixels that contradict themselves; sound captures have be
 FAINT = 0.04  # amplitude of a wave, white = 1, from which it is judged
 NO_WAVE = 0.7  # what steps leave of a wave over its amplitude; square waves of few steps leave 0.4
 WAVE_SLACK = 0.5  # rad that a phase may lie outside of its code's cell, for blur at the cells' edges
-LEAST_LIT = 300  # sampled pixels without which nothing is told
+LEAST_LIT = 150  # sampled pixels without which nothing is told
 DARK = 0.01  # of the image that must be lit
 SATURATED = 0.05  # of the lit pixels
 OFF_PLANE = 0.35  # share of a plane's pixels that no projective map holds
@@ -271,18 +271,18 @@ def _off_projective(x: NDArray, y: NDArray, u: NDArray) -> NDArray:
     """Distances in lines from the projective function that most pixels agree on."""
     one = np.ones_like(x)
     rng = np.random.default_rng(0)
-    best = np.full(len(u), np.inf)
+    best, least = np.full(len(u), np.inf), np.inf
+    A = np.stack([one, x, y, -u * x, -u * y], axis=1)
     for _ in range(60):
         draw = rng.choice(len(u), 5, replace=False)
-        A = np.stack([one, x, y, -u * x, -u * y], axis=1)
         try:
             p = np.linalg.solve(A[draw], u[draw])
         except np.linalg.LinAlgError:
             continue
         with np.errstate(divide="ignore", invalid="ignore"):
             off = np.abs((p[0] + p[1] * x + p[2] * y) / (1 + p[3] * x + p[4] * y) - u)
-        if np.median(off) < np.median(best):
-            best = off
+        if (middle := float(np.median(off))) < least:
+            best, least = off, middle
     for _ in range(3):  # least squares over those that agree, for distortion bends the map a little
         near = best <= max(2.5 * float(np.median(best)), 0.5)
         A = np.stack([one, x, y, -u * x, -u * y, x * x, x * y, y * y], axis=1)
@@ -302,7 +302,7 @@ def _halves(plan: Plan, images: Sequence[NDArray]) -> list[Finding]:
         first = plan.shots[steps[0]]
         same = [i for i in steps if getattr(plan.shots[i], "period", 0) == getattr(first, "period", 0)]
         if len(same) == getattr(first, "steps", 0) >= 4:
-            even.append(np.mean([images[i][:: _thin(images[0]), :: _thin(images[0])] for i in same], axis=0))
+            even.append(_mean([images[i] for i in same]))
     if len(even) < 2:
         return []
     a, b = even
@@ -312,7 +312,7 @@ def _halves(plan: Plan, images: Sequence[NDArray]) -> list[Finding]:
         text = f"the light changed by {gain - 1:+.0%} between the steps of columns and of rows: warm the lamp up"
         return [Finding("lamp", "warning", text, {"drift": gain - 1})]
     (dx, dy), response = cv2.phaseCorrelate(
-        _texture(a), _texture(b), cv2.createHanningWindow(a.shape[::-1], cv2.CV_64F)
+        _texture(a), _texture(b), cv2.createHanningWindow(a.shape[::-1], cv2.CV_32F)
     )
     moved = float(np.hypot(dx, dy)) * _thin(images[0])
     if moved > MOVED_PX and response > MOVED_RESPONSE:
@@ -321,10 +321,18 @@ def _halves(plan: Plan, images: Sequence[NDArray]) -> list[Finding]:
     return []
 
 
-def _texture(image: NDArray) -> NDArray[np.float64]:
+def _texture(image: Array) -> Array:
     """What stands out of the light, over the light."""
     light = cv2.GaussianBlur(image, (0, 0), 6.0) + 0.05 * float(image.max()) + 1e-6
-    return np.asarray(np.clip((image - light) / light, -0.5, 0.5), np.float64)
+    return np.asarray(np.clip((image - light) / light, -0.5, 0.5), np.float32)
+
+
+def _mean(images: Sequence[NDArray]) -> Array:
+    thin = _thin(images[0])
+    summed = images[0][::thin, ::thin].astype(np.float32)
+    for image in images[1:]:
+        summed += image[::thin, ::thin]
+    return summed / np.float32(len(images))
 
 
 def _thin(image: NDArray) -> int:

@@ -43,8 +43,8 @@ def form_of(deviation_mm: Floats) -> tuple[float | None, float]:
     sigma = low_pass_px(deviation_mm.shape)
     # single gross errors are not form
     middle = float(np.median(np.abs(part[valid]))) * 1.4826
-    capped = np.clip(np.where(valid, part, 0.0), -8 * middle, 8 * middle).astype(np.float64)
-    weight = cv2.GaussianBlur(valid.astype(np.float64), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+    capped = np.clip(np.where(valid, part, 0.0), -8 * middle, 8 * middle).astype(np.float32)
+    weight = cv2.GaussianBlur(valid.astype(np.float32), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
     low = cv2.GaussianBlur(capped, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
     use = valid & (weight > LEAST_COVERED)
     if not use.any():

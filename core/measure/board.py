@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from core.errors import InputError
 from core.model import Testfield
+from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]
 NEIGHBOURS = 24  # the 5 x 5 surroundings of a target in a regular grid
@@ -59,7 +59,7 @@ def board_from_testfield(field: Testfield, where: str = "testfield.csv") -> Boar
         if key in index:
             raise InputError(where, f"target row {key[0]}, col {key[1]} stands there twice", "remove one of the two")
         index[key] = i
-    distance, order = cKDTree(xyz).query(xyz, k=min(NEIGHBOURS + 1, n))
+    distance, order = kd_tree(xyz).query(xyz, k=min(NEIGHBOURS + 1, n))
     overlap = np.flatnonzero(distance[:, 1] < 0.5 * diameter)
     if len(overlap):
         i, j = int(overlap[0]), int(order[overlap[0], 1])

@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from core.measure.kernels import in_bands, weighted_moments
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
 from core.measure.robust import inverse_2x2, normal_equations
+from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbo
     k = min(neighbours, len(uv))
     if k < 6:
         return np.zeros_like(uv)
-    distance, near = cKDTree(uv).query(uv, k=k)
+    distance, near = kd_tree(uv).query(uv, k=k)
     scale = distance[:, -1:]
     d = (uv[near] - uv[:, None, :]) / scale[..., None]
     A = np.concatenate([np.ones((*near.shape, 1)), d], axis=2)

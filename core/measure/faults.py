@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from core.measure.light import CUT
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
 from core.measure.robust import row_median
+from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -86,7 +86,7 @@ def shape_faults(
 def _scale_among_neighbours(uv: Array, size: Array) -> tuple[Array, float]:
     """Sizes (m,) over the median of the nine nearest dots, and the robust spread of their logarithms."""
     place = np.where(np.isfinite(uv), uv, -1e6)
-    near = cKDTree(place).query(place, k=min(9, len(uv)))[1].reshape(len(uv), -1)
+    near = kd_tree(place).query(place, k=min(9, len(uv)))[1].reshape(len(uv), -1)
     scale = size / row_median(np.where(size > 0, size, np.nan)[near])
     return scale, 1.4826 * float(np.nanmedian(np.abs(np.log(scale))))
 

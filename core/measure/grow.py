@@ -8,15 +8,16 @@ prediction says, alone there, and of the size, shape and contrast of its neighbo
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from core.measure.blobs import Blobs, scale_and_roundness
 from core.measure.board import Board
 from core.measure.robust import inverse_2x2, normal_equations, row_median
 from core.measure.view import View, fit_both_tilts, fit_view
+from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -53,7 +54,7 @@ class Lattice:
 
 def grow(lattice: Lattice) -> None:
     """Identify target after target until no further one can be."""
-    tree = cKDTree(lattice.blobs.uv)
+    tree = kd_tree(lattice.blobs.uv)
     adjacent = lattice.board.neighbours[:, :ADJACENT]
     least = 1
     while True:
@@ -157,7 +158,7 @@ def _refit(lattice: Lattice) -> None:
         lattice.view = view
 
 
-def _extend(lattice: Lattice, tree: cKDTree, frontier: Ints) -> bool:
+def _extend(lattice: Lattice, tree: Any, frontier: Ints) -> bool:
     """Try to identify the targets of the frontier; True if at least one was."""
     uv, jacobian, support = predict(lattice, frontier)
     sane = np.all(np.isfinite(uv), axis=1) & np.all(np.isfinite(jacobian), axis=(1, 2))

@@ -7,7 +7,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from core.errors import InputError
 from core.measure.blobs import Blobs
@@ -17,6 +16,7 @@ from core.measure.picks import Picks
 from core.measure.robust import inverse_2x2
 from core.measure.view import View, first_view
 from core.model import DeviceSpec
+from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -198,7 +198,7 @@ def _spots_at(lattice: Lattice, uv: Array, unit: Array, alike: bool = False) -> 
     sane = np.all(np.isfinite(uv), axis=1) & np.all(np.isfinite(unit), axis=(1, 2))
     found = np.zeros(len(uv), bool)
     if np.any(free) and np.any(sane):
-        near = lattice.blobs.uv[free][cKDTree(lattice.blobs.uv[free]).query(uv[sane])[1]]
+        near = lattice.blobs.uv[free][kd_tree(lattice.blobs.uv[free]).query(uv[sane])[1]]
         away = inverse_2x2(unit[sane]) @ (near - uv[sane])[..., None]
         found[sane] = np.hypot(away[:, 0, 0], away[:, 1, 0]) < 0.2
     return found

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from core.measure.robust import normal_equations, row_median
 from core.model import DeviceSpec
+from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def line_gradients(camera_uv: Array, projector_uv: Array) -> Array:
         known = np.flatnonzero(np.isfinite(lines))
         if len(known) < LEAST_NEIGHBOURS:
             continue
-        near = known[cKDTree(camera_uv[known]).query(camera_uv, k=min(NEIGHBOURS, len(known)))[1]]
+        near = known[kd_tree(camera_uv[known]).query(camera_uv, k=min(NEIGHBOURS, len(known)))[1]]
         offset = camera_uv[near] - camera_uv[:, None]
         A = np.concatenate([np.ones((*near.shape, 1)), offset], axis=2)
         weight = np.ones(near.shape)

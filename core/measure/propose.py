@@ -11,17 +11,18 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from core.errors import InputError
 from core.measure.blobs import SMALLEST_PX, Blobs, find_blobs
 from core.measure.single import predicted_view
 from core.measure.view import View, first_view, fit_both_tilts
 from core.model import DeviceSpec, Seed, Testfield
+from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -164,7 +165,7 @@ def _in_order(uv: Array) -> tuple[Ints, Ints]:
     none = np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
     if len(uv) < FEWEST:
         return none
-    tree = cKDTree(uv)
+    tree = kd_tree(uv)
     best = none
     for start in tree.query(np.median(uv, axis=0), k=3)[1].tolist():
         steps = _first_steps(uv, tree, start)
@@ -174,7 +175,7 @@ def _in_order(uv: Array) -> tuple[Ints, Ints]:
     return best
 
 
-def _first_steps(uv: Array, tree: cKDTree, start: int) -> tuple[Array, Array] | None:
+def _first_steps(uv: Array, tree: Any, start: int) -> tuple[Array, Array] | None:
     """The steps to the nearest dot and to the nearest one across that direction, turned like the image's u and v."""
     near = uv[tree.query(uv[start], k=min(9, len(uv)))[1][1:]] - uv[start]
     first = near[0]
@@ -187,7 +188,7 @@ def _first_steps(uv: Array, tree: cKDTree, start: int) -> tuple[Array, Array] | 
     return first, second if first[0] * second[1] - first[1] * second[0] > 0 else -second
 
 
-def _walk(uv: Array, tree: cKDTree, start: int, a: Array, b: Array) -> tuple[Ints, Ints]:
+def _walk(uv: Array, tree: Any, start: int, a: Array, b: Array) -> tuple[Ints, Ints]:
     """Go from dot to dot; each step says where the next one in its direction will be."""
     at: dict[tuple[int, int], int] = {(0, 0): start}
     taken, waiting = {start}, deque([((0, 0), a, b)])

@@ -33,10 +33,16 @@ def _scenario(sub: Parser) -> None:
 
 
 def _demo(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.cli.verdicts import print_verdict
     from core.demo import run_demo
 
     sequence = chosen_sequence(options)
     demo = run_demo(options.folder, options.scenario, options.seed, progress, sequence=sequence)
+    for method in ("photogrammetric", "polynomial"):
+        print_verdict(method, demo.figures[method]["verdict"])
+    for plane in demo.figures["planes"]:
+        print_verdict(f"{plane['capture']}, {plane['method']}", plane["verdict"])
+    print()
     print(demo.text)
     print(f"\nproject  {options.folder}\nreport   {demo.report.html}\n         {demo.report.pdf}")
     return demo.figures
