@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +101,15 @@ def calibrated(calibrated_original: Path, tmp_path: Path) -> Path:
 def quick_truth(quick_original: Path) -> dict[str, Any]:
     """What the bench knows about the `quick` project."""
     return json.loads((quick_original / "truth.json").read_text())
+
+
+@pytest.fixture
+def plain_reports(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports without their drawings, a tenth of the work: where it matters that they are there, not how they look."""
+    from core.report.chapters import CHAPTERS
+
+    for key, chapter in CHAPTERS.items():
+        monkeypatch.setitem(CHAPTERS, key, replace(chapter, drawings=lambda data: ()))
 
 
 @pytest.fixture

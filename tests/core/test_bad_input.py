@@ -16,6 +16,8 @@ import pytest
 
 from core.cli import main
 
+pytestmark = pytest.mark.usefixtures("plain_reports")
+
 Edit = Callable[..., None]
 
 

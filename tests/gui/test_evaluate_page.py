@@ -17,6 +17,8 @@ from core.project import read_project
 from stripe_gui.presenters.status import State
 from tests.gui.hands import click, idle
 
+pytestmark = pytest.mark.usefixtures("plain_reports")
+
 LEFT = Qt.MouseButton.LeftButton
 
 

@@ -13,6 +13,8 @@ from stripe_gui.pages import PAGES
 from stripe_gui.presenters.status import State
 from tests.gui.hands import click, idle
 
+pytestmark = pytest.mark.usefixtures("plain_reports")
+
 
 @pytest.fixture
 def open_window(window, qtbot):

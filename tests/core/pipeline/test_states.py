@@ -29,6 +29,8 @@ from core.project import read_capture, read_project, write_picks
 from core.project.contents import Contents
 from core.report import SignOff
 
+pytestmark = pytest.mark.usefixtures("plain_reports")
+
 ALL = ("decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
 
 

@@ -42,7 +42,7 @@ def test_a_file_in_its_place_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_failure_at_the_last_file_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object) -> None:
+    def full(*_: object, **named: object) -> None:
         raise InputError("project.json", "cannot be written (No space left on device)", "make room")
 
     monkeypatch.setattr(boards, "write_project", full)
