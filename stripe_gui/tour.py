@@ -72,10 +72,9 @@ def _pictures(out: Path, project: Path | None, scale: str) -> int:
         window.resize(*SIZE)
         window.show()
         points: list[Path] = []
-        if project is not None:
-            window.open_path(project)
+        if project is not None and window.open_path(project):
             points = sorted((project / "results" / "points").glob("*.npz"))
-        for theme in ("light", "dark"):
+        for theme in ("light", "dark") if not problems else ():
             program.show_theme(theme)
             for page in PAGES:
                 if page == "reconstruct" and points:
