@@ -14,6 +14,8 @@ from core.model import Array, Floats, PlaneEvaluation
 WINDOW = 40.0  # the low pass's standard deviation is the image's larger side over this
 LEAST_COVERED = 0.6  # share of the low pass's weight that must lie on the plane
 DOUBTFUL_RATIO, FAILED_RATIO = 1.5, 3.0  # r.m.s. over what the noise predicts
+GROSS = 6.0  # predicted sigmas beyond which a deviation is no noise
+CORE, BEYOND_CORE = 2.0, 0.0455  # sigmas, and the share of noise beyond them
 OWN_ANGLE_DEG, MOST_ANGLE_DEG = 1.0, 5.0  # angles between planes against angle_deg
 APART = 0.01  # distance between the planes of two methods, over their distance from the camera
 MOST_APART = 0.05
@@ -66,22 +68,38 @@ def plane_concerns(e: PlaneEvaluation, form_rms_mm: float, calibration_rms_mm: f
     """
     if e.predicted_rms_mm is None or not e.predicted_rms_mm > 0:
         return []
-    ratio = e.rms_mm / e.predicted_rms_mm
     where = f"{e.capture}, {e.method}"
-    told = f"{where}: deviations are {ratio:.3g} times what the noise predicts ({e.rms_mm:.3g} mm r.m.s.)"
+    told = f"{where}: deviations are {e.rms_mm / e.predicted_rms_mm:.3g} times what the noise predicts"
+    told += f" ({e.rms_mm:.3g} mm r.m.s.)"
     form = f"{1e3 * form_rms_mm:.0f} µm r.m.s. of it is form, {e.form_pv_um or 0:.0f} µm peak to valley"
-    allowed = float(np.hypot(DOUBTFUL_RATIO * e.predicted_rms_mm, 3 * calibration_rms_mm))
-    if e.rms_mm > allowed:
+    # what the low pass takes away is no matter of the calibration, however uncertain that is
+    scatter = float(np.sqrt(max(e.rms_mm**2 - form_rms_mm**2, 0.0))) / e.predicted_rms_mm
+    excess = e.rms_mm / float(np.hypot(DOUBTFUL_RATIO * e.predicted_rms_mm, 3 * calibration_rms_mm))
+    if max(excess, scatter / DOUBTFUL_RATIO) > 1:
         cause = "the calibration does not hold for this capture (rig moved, patterns or rig described wrongly)"
         if form_rms_mm < 0.5 * e.rms_mm:
-            cause = "gross errors, not form: decoding is wrong in places, or the plane is not clean"
-        state = "failed" if e.rms_mm > FAILED_RATIO / DOUBTFUL_RATIO * allowed else "doubtful"
-        return [Concern("failed" if state == "failed" else "doubtful", f"{told}; {form}: {cause}")]
+            cause = _scattered(e)
+        failed = max(excess, scatter / DOUBTFUL_RATIO) > FAILED_RATIO / DOUBTFUL_RATIO
+        return [Concern("failed" if failed else "doubtful", f"{told}; {form}: {cause}")]
     passed = 10 * e.predicted_rms_mm / (2 * np.sqrt(np.pi) * low_pass_px(e.deviation_mm.shape))
     limit = max(0.6 * e.predicted_rms_mm, float(np.hypot(passed, 3 * calibration_rms_mm)))
     if form_rms_mm > limit:
         return [Concern("doubtful", f"{where}: {form}, more than noise and calibration explain: is the plane flat?")]
     return []
+
+
+def _scattered(e: PlaneEvaluation) -> str:
+    """Why deviations scatter more than their noise: a few gross errors, or noise that is told too small."""
+    mapped = e.sigma_mm.shape == e.deviation_mm.shape
+    off = np.abs(e.deviation_mm / (e.sigma_mm if mapped else np.float64(e.predicted_rms_mm or np.nan)))
+    off = off[np.isfinite(off)]
+    gross = int(np.count_nonzero(off > GROSS))
+    if gross and np.mean(off > CORE) < 2 * BEYOND_CORE:
+        return (
+            f"gross errors, not form: {gross} of {len(off)} pixels are more than {GROSS:g} sigmas off, the others are "
+            "as their noise says: decoding is wrong in places, or the plane is not clean, or ends within the light"
+        )
+    return "gross errors, not form: decoding is wrong in places, or the plane is not clean"
 
 
 def pair_concerns(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:

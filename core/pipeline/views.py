@@ -1,4 +1,4 @@
-"""Stage 5 for captures by several cameras: points from all that saw them."""
+"""Stage 5 for captures by several devices: points from all that saw them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from core.progress import SILENT, Progress
 
 
 def seen_by_several(project: Project, name: str) -> bool:
-    """Whether several cameras took a capture."""
-    return len({camera for camera, _ in find_capture(project, name).pairs}) > 1
+    """Whether several cameras or projectors took part in a capture."""
+    return len(find_capture(project, name).pairs) > 1
 
 
 def reconstruct_views(

@@ -44,10 +44,10 @@ class Sight(IntEnum):
     """How a point was seen."""
 
     NONE = 0
-    OWN = 1  # by the one camera and its projector; no other camera has coordinates there
+    OWN = 1  # by the one camera; no other has coordinates there
     JOINT = 2  # by other cameras too
-    HIDDEN = 3  # another camera sees something else where the point should appear; this camera and projector alone
-    DISAGREE = 4  # others see it, but the rays miss one another; this camera and projector alone
+    HIDDEN = 3  # another camera sees something else where the point should appear; made without the others
+    DISAGREE = 4  # others see it, but the rays miss one another; made without the others
 
 
 @dataclass(frozen=True)
@@ -181,36 +181,39 @@ def intersect_all(
     for cloud in alone[1:]:  # where the first projector's light does not reach
         missing = np.isnan(start[..., 2])
         start[missing] = cloud.xyz_mm[missing]
-    q = -1 / start[..., 2].astype(np.float64)
+    begin = -1 / start[..., 2].astype(np.float64)
+    q = begin.copy()
     sight = np.where(np.isfinite(q), np.uint8(Sight.OWN), np.uint8(Sight.NONE))
     rss, count, noise = np.zeros(q.shape), np.zeros(q.shape, int), np.full(q.shape, np.nan)
 
-    def band(first: int, last: int) -> None:
-        progress.check()
-        rows, columns = np.nonzero(sight[first:last])
-        at = np.stack([columns, rows + first], axis=1)
-        if len(at):
-            place = tuple(at.T[::-1])
-            q[place], noise[place], rss[place], count[place], sight[place] = scene.solve(
-                at, directions[place], q[place]
-            )
+    def solve(scene: _Scene, which: NDArray) -> None:
+        def band(first: int, last: int) -> None:
+            progress.check()
+            rows, columns = np.nonzero(which[first:last])
+            place = rows + first, columns
+            if len(rows):
+                q[place], noise[place], rss[place], count[place], sight[place] = scene.solve(
+                    np.stack([columns, rows + first], axis=1), directions[place], begin[place]
+                )
 
-    run_in_bands(band, len(q))
+        run_in_bands(band, len(q))
+
+    solve(scene, sight != Sight.NONE)
     _tell_disagreeing(sight, rss, count)
-    if rays == "cameras":
-        sight[sight != Sight.JOINT] = Sight.NONE
-    back = (sight != Sight.JOINT) & (sight != Sight.NONE)  # the camera's own solution holds there
-    q[back], noise[back] = -1 / start[back][:, 2], np.nan
-    q[sight == Sight.NONE] = np.nan
-    sigma, sigma_depth = _own_sigmas(alone, start)
-    joint = sight == Sight.JOINT
-    sigma_depth[joint] = (np.sqrt(noise) / q**2)[joint]
-    sigma[joint] = np.sqrt(
-        (directions * sigma_depth[..., None])[joint] ** 2 + _by_calibration(scene, calibration, joint, q)
-    )
-    sigma[~np.isfinite(q)], sigma_depth[~np.isfinite(q)] = np.nan, np.nan
+    by_itself, told = replace(scene, views=[v for v in views if v.camera == camera]), sight.copy()
+    if rays == "all":
+        solve(by_itself, (sight == Sight.HIDDEN) | (sight == Sight.DISAGREE))
+    else:
+        told[told != Sight.JOINT] = Sight.NONE
+    q[told == Sight.NONE] = np.nan
+    sigma_depth = np.sqrt(noise) / q**2
+    variance = (directions * sigma_depth[..., None]) ** 2
+    for which, by in ((told == Sight.JOINT, scene), ((told != Sight.JOINT) & (told != Sight.NONE), by_itself)):
+        variance[which] += _by_calibration(by, calibration, which, q)
     progress(1.0, "points are reconstructed")
-    return PointCloud((directions / q[..., None]).astype(np.float32), sigma, sigma_depth, sight)
+    with np.errstate(over="ignore"):  # where rays are all but parallel to the light
+        xyz, sigma, depth = (a.astype(np.float32) for a in (directions / q[..., None], np.sqrt(variance), sigma_depth))
+    return PointCloud(xyz, sigma, depth, told)
 
 
 def merged(
@@ -256,24 +259,12 @@ def _tell_disagreeing(sight: NDArray, rss: Array, count: NDArray) -> None:
             sight[alike & (rss > usual * chi_square_limit(int(n) - 1, BEYOND))] = Sight.DISAGREE
 
 
-def _own_sigmas(alone: Sequence[PointCloud], start: NDArray) -> tuple[NDArray, NDArray]:
-    """Sigmas of what one camera and one projector give, of the projector that gave the point."""
-    shape = start.shape[:2]
-    sigma, depth = np.full((*shape, 3), np.nan, np.float32), np.full(shape, np.nan, np.float32)
-    for cloud in alone[::-1]:
-        made = np.isfinite(cloud.xyz_mm[..., 2])
-        assert cloud.sigma_mm is not None
-        assert cloud.sigma_depth_mm is not None
-        sigma[made], depth[made] = cloud.sigma_mm[made], cloud.sigma_depth_mm[made]
-    return sigma, depth
-
-
-def _by_calibration(scene: _Scene, calibration: PhotogrammetricCalibration, joint: NDArray, q: Array) -> Array:
-    """Variances (n, 3), mm², of joint points by the calibration's covariance.
+def _by_calibration(scene: _Scene, calibration: PhotogrammetricCalibration, which: NDArray, q: Array) -> Array:
+    """Variances (n, 3), mm², of some points by the calibration's covariance.
 
     They are worked out for points spread over the image, and fitted as smooth functions of pixel and inverse depth.
     """
-    rows, columns = np.nonzero(joint)
+    rows, columns = np.nonzero(which)
     C = calibration.covariance
     uncertain = np.flatnonzero(np.diag(C) > 0)
     if not len(rows) or not len(uncertain):
@@ -295,7 +286,7 @@ def _by_calibration(scene: _Scene, calibration: PhotogrammetricCalibration, join
             ends.append(turned / depth[:, None])
         G[:, :, k] = (ends[0] - ends[1]) / (2 * step[parameter])
     variance = np.einsum("nik,kl,nil->ni", G, C[np.ix_(uncertain, uncertain)], G)
-    scale = np.array([joint.shape[1], joint.shape[0], np.median(depths)])
+    scale = np.array([which.shape[1], which.shape[0], np.median(depths)])
 
     def powers(columns: NDArray, rows: NDArray, depths: Array) -> Array:
         x, y, z = (np.stack([columns, rows, depths], axis=1) / scale - [0.5, 0.5, 1.0]).T
@@ -303,4 +294,4 @@ def _by_calibration(scene: _Scene, calibration: PhotogrammetricCalibration, join
 
     sound = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)
     logs = np.linalg.lstsq(powers(at[sound, 0], at[sound, 1], depths[sound]), np.log(variance[sound]), rcond=None)[0]
-    return np.exp(powers(columns, rows, q[joint]) @ logs)
+    return np.exp(powers(columns, rows, q[which]) @ logs)

@@ -46,8 +46,8 @@ def add(commands: Commands) -> None:
     sub.add_argument(
         "--rays",
         choices=("all", "cameras", "pair"),
-        help="what points are intersected from: every device that saw them (what captures by several cameras begin"
-        " with), cameras alone, or one camera and one projector",
+        help="what points are intersected from: every device that saw them (the default where"
+        " there are several), cameras alone, or one camera and one projector",
     )
     sub.add_argument("--extrapolate", action="store_true", help="polynomial: beyond the calibrated depths too")
     add_devices(sub)

@@ -165,6 +165,27 @@ def test_hidden_places_are_told_from_rays_that_miss() -> None:
     assert np.mean(joint.sight[sound] == Sight.DISAGREE) < 1e-4
 
 
+def test_two_projectors_before_one_camera_share_the_noise() -> None:
+    """Weights add up: those of each projector alone."""
+    other = Place.looking(PROJECTOR, 181.0, [-2 * BASE_MM, 0.0, 905.0])
+    found = calibration()
+    pose = Pose(other.R @ LEFT.R.T, other.R @ (LEFT.centre - other.centre))
+    found = replace(
+        found,
+        devices={**{n: found.devices[n] for n in ("left", "projector")}, "second": other.device()},
+        cameras=("left",),
+        orientations={"projector": found.orientations["projector"], "second": Orientation("left", pose)},
+        parameter_names=tuple(name.replace("right", "second") for name in found.parameter_names),
+    )
+    first = capture(LEFT, LAMP, [plane], "left", NOISE, 1)
+    second = replace(capture(LEFT, other, [plane], "left", NOISE, 2), projector="second")
+    both = intersect_all([first, second], found, "left")
+    weight = sum(reconstruct(phase, found).sigma_depth_mm ** -2.0 for phase in (first, second))
+    np.testing.assert_allclose(both.sigma_depth_mm, weight**-0.5, rtol=0.02)  # each at its own depth of the pixel
+    error = depth_errors(both, LEFT, [plane])
+    assert np.sqrt(np.nanmean((error / both.sigma_depth_mm) ** 2)) == pytest.approx(1.0, abs=0.03)
+
+
 def test_covariance_of_the_calibration_goes_into_the_sigma() -> None:
     """Each parameter moved by its sigma moves the points; their squares add up. Noise: next to nothing."""
     both, found = captures([plane], noise=1e-4), calibration()
