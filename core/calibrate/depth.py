@@ -21,7 +21,7 @@ from core.calibrate.depth_camera import PlateCamera, TargetPlane, orient_camera
 from core.calibrate.depth_curves import Curves, fit_polynomials, fit_table
 from core.calibrate.depth_smooth import smooth_maps
 from core.errors import AdjustmentError, InputError
-from core.model import DepthCalibration, DeviceSpec, Floats, PhaseMap, TargetSet, Testfield
+from core.model import Array, DepthCalibration, DeviceSpec, Floats, Interior, PhaseMap, TargetSet, Testfield
 from core.progress import SILENT, Progress
 
 WHERE = "depth captures"
@@ -84,6 +84,7 @@ def calibrate_depth(
     planes: Sequence[DepthPlane],
     *,
     options: DepthOptions = DepthOptions(),
+    interior: tuple[Interior, Array] | None = None,
     progress: Progress = SILENT,
 ) -> DepthCalibration:
     """Calibrate the depth of every pixel, and the camera for X and Y.
@@ -96,6 +97,8 @@ def calibrate_depth(
     planes : sequence of DepthPlane
         In any order.
     options : DepthOptions
+    interior : (Interior, array), optional
+        The camera's from a photogrammetric calibration, with its covariance (k, k); without it the plate's own.
     progress : Progress
 
     Returns
@@ -121,7 +124,7 @@ def calibrate_depth(
     least = _check(camera, planes, options)
     depths = np.array([plane.z_mm for plane in planes])
     progress(0.0, "orienting the camera by the plate")
-    oriented = _orient(camera, testfield, planes, options)
+    oriented = _orient(camera, testfield, planes, options, interior)
     axis = choose_axis([plane.phase for plane in planes]) if options.axis == "auto" else options.axis
     measured = np.stack([plane.phase.u if axis == "u" else plane.phase.v for plane in planes])
     if not np.isfinite(measured).any():
@@ -159,6 +162,7 @@ def calibrate_depth(
         axis_direction=oriented.axis_direction,
         warnings=(*oriented.warnings, *lost),
         noise_rms_mm=_noise_rms(curves, noise, travel_mm, good),
+        covariance=oriented.covariance,
     )
 
 
@@ -209,7 +213,11 @@ def choose_axis(phases: Sequence[PhaseMap]) -> Literal["u", "v"]:
 
 
 def _orient(
-    camera: DeviceSpec, testfield: Testfield | None, planes: Sequence[DepthPlane], options: DepthOptions
+    camera: DeviceSpec,
+    testfield: Testfield | None,
+    planes: Sequence[DepthPlane],
+    options: DepthOptions,
+    interior: tuple[Interior, Array] | None,
 ) -> PlateCamera:
     seen = []
     places = testfield.index() if testfield is not None else {}
@@ -224,7 +232,7 @@ def _orient(
         seen.append(
             TargetPlane(plane.z_mm, rows[:, 1], testfield.xyz_mm[rows[:, 1]], plane.targets.camera_uv[rows[:, 0]])
         )
-    return orient_camera(camera, seen, distance_mm=options.distance_mm)
+    return orient_camera(camera, seen, distance_mm=options.distance_mm, interior=interior)
 
 
 def _mean_sigma(sigmas: Sequence[Floats]) -> Floats:

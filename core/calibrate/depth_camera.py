@@ -3,7 +3,8 @@
 The plate's targets are known in the plate's frame, and the plate moves by known amounts along one axis. Adjusted are
 the camera's interior orientation, the plate's pose at z = 0 and the direction of the axis. Plates that stay parallel
 show some of it poorly (a principal point and a small turn of the camera look nearly alike), so the interior
-orientation enters with the loose knowledge one has of any camera. Where that knowledge decides, the result says so.
+orientation enters with what is known of it: by a photogrammetric calibration with its covariance, else the loose
+knowledge one has of any camera. Where that decides, the result says so.
 
 A target that is off its nominal place is off by the same amount at every position. So the residuals of one target
 share a part (its place) beside their own (the image noise); both variances are estimated and the correlation counts.
@@ -37,6 +38,10 @@ POORLY_KNOWN = 0.7  # share of the prior sigma above which the observations have
 LEAST_REPEATS = 20
 LEAST_SIGMA_PX = 1e-4
 OUTER = 9  # parameters after the interior: the plate's pose 6, its axis 2 and which way it points
+ALONE = (
+    "the camera is oriented by the plate's targets alone, which hardly tell a shift of its principal point from a "
+    "turn: X and Y are only as good as their sigmas say; calibrate the photogrammetric method too"
+)
 AXIS_PRIOR_RAD = 0.02  # the plate's axis is perpendicular to the plate as well as one mounts it
 
 
@@ -59,7 +64,8 @@ class PlateCamera:
     """The camera before the plate.
 
     `axis_direction`, shape (3,), is the unit vector of the plate's movement in the plate's frame, for z rising.
-    `residual_rms_px` is NaN where nothing was observed.
+    `residual_rms_px` is NaN where nothing was observed. `covariance` (k + 8, k + 8) is of the interior orientation, the
+    plate's rotation vector (rad) and shift (mm), and the axis' slopes in the plate's frame; None where all is assumed.
     """
 
     interior: Interior
@@ -67,9 +73,25 @@ class PlateCamera:
     axis_direction: Array
     residual_rms_px: float
     warnings: tuple[str, ...]
+    covariance: Array | None = None
 
 
-def orient_camera(spec: DeviceSpec, planes: Sequence[TargetPlane], *, distance_mm: float | None = None) -> PlateCamera:
+@dataclass(frozen=True)
+class Known:
+    """What is known of the interior orientation before: its values, and the inverse root (k, k) of their covariance."""
+
+    interior: Interior
+    root: Array
+    measured: bool
+
+
+def orient_camera(
+    spec: DeviceSpec,
+    planes: Sequence[TargetPlane],
+    *,
+    distance_mm: float | None = None,
+    interior: tuple[Interior, Array] | None = None,
+) -> PlateCamera:
     """Orient the camera by the plate's targets.
 
     Parameters
@@ -79,6 +101,8 @@ def orient_camera(spec: DeviceSpec, planes: Sequence[TargetPlane], *, distance_m
         Positions with fewer than 4 targets do not count.
     distance_mm : float, optional
         From the camera to the plate at z = 0, used where there are no targets.
+    interior : (Interior, array), optional
+        From another calibration, with its covariance (k, k).
 
     Returns
     -------
@@ -92,12 +116,13 @@ def orient_camera(spec: DeviceSpec, planes: Sequence[TargetPlane], *, distance_m
     usable = [plane for plane in planes if len(plane.uv) >= LEAST_TARGETS]
     if not usable:
         return _assumed(spec, distance_mm)
+    known = _known(spec, interior)
     thin = [_thinned(plane) for plane in usable]
-    tries = [_adjust(spec, thin, start) for start in _starts(spec, usable)]
+    tries = [_adjust(spec, thin, start, known) for start in _starts(spec, usable, known.interior)]
     if not tries:
         raise AdjustmentError("depth plate", "its targets fit no pose", "check the picks of the depth captures")
     best = min(tries, key=lambda result: result.cost)
-    return _result(spec, usable, _adjust(spec, usable, best.parameters))
+    return _result(spec, usable, _adjust(spec, usable, best.parameters, known), known)
 
 
 def _thinned(plane: TargetPlane) -> TargetPlane:
@@ -122,10 +147,16 @@ def _prior_sigmas(spec: DeviceSpec) -> Array:
     return np.maximum(np.minimum(usual, known), 1e-9 * usual)
 
 
-def _starts(spec: DeviceSpec, planes: Sequence[TargetPlane]) -> list[Array]:
+def _known(spec: DeviceSpec, given: tuple[Interior, Array] | None) -> Known:
+    if given is None:
+        return Known(nominal(spec), np.diag(1 / _prior_sigmas(spec)), False)
+    least = np.diag((1e-9 * lens_of(spec).usual_sigma(spec)) ** 2)  # what was held has no variance
+    return Known(given[0], np.linalg.inv(np.linalg.cholesky(given[1] + least)), True)
+
+
+def _starts(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Interior) -> list[Array]:
     """Initial parameters: both poses that fit a flat field nearly as well, and the axis either way."""
     most = max(planes, key=lambda plane: len(plane.uv))
-    start = nominal(spec)
     rays = ray_directions(spec, start, most.uv)
     flat = most.xyz_mm * (1.0, 1.0, 0.0)
     image = np.stack([rays[:, 0], -rays[:, 1]], axis=-1)
@@ -151,7 +182,7 @@ class _Solution:
     parameters: Array
     cost: float
     residuals: Array  # of the image coordinates, px
-    interior_sigma: Array  # (k,) posterior
+    covariance: Array  # (k + 8, k + 8) posterior
 
 
 def _axis(tangents: Array, sign: float) -> Array:
@@ -166,7 +197,7 @@ def _unpack(spec: DeviceSpec, parameters: Array) -> tuple[Interior, Pose, Array]
     return interior, Pose(matrix_from_rotation_vector(turn), shift), _axis(axis, float(sign[0]))
 
 
-def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array) -> _Solution:
+def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array, known: Known) -> _Solution:
     """Least squares from one start, repeated with the variances that the residuals before it show."""
     from scipy.optimize import least_squares  # takes longer to import than an adjustment that needs none of it
 
@@ -174,10 +205,8 @@ def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array) -> _S
     target = np.unique(np.concatenate([plane.target for plane in planes]), return_inverse=True)[1]
     z = np.concatenate([np.full(len(plane.uv), plane.z_mm) for plane in planes])
     uv = np.concatenate([plane.uv for plane in planes])
-    prior = np.append(_prior_sigmas(spec), [AXIS_PRIOR_RAD, AXIS_PRIOR_RAD])
-    expected = np.append(nominal(spec).vector, [0.0, 0.0])
-    k = len(expected) - 2
-    scale = np.concatenate([prior[:k], np.full(3, 0.01), np.full(3, 10.0), np.full(2, 0.01)])
+    k = len(known.root)
+    scale = np.concatenate([_prior_sigmas(spec), np.full(3, 0.01), np.full(3, 10.0), np.full(2, 0.01)])
     sign = start[-1]
 
     def misfit(p: Array) -> Array:
@@ -186,18 +215,18 @@ def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array) -> _S
         return np.asarray(np.nan_to_num(found - uv, nan=1e4))
 
     def residuals(p: Array, own: float, shared: float) -> Array:
-        known = (np.append(p[:k], p[-2:]) * np.append(scale[:k], scale[-2:]) - expected) / prior
-        return np.append(_decorrelated(misfit(p), target, own, shared).ravel(), known)
+        before = known.root @ (p[:k] * scale[:k] - known.interior.vector)
+        observed = _decorrelated(misfit(p), target, own, shared).ravel()
+        return np.concatenate([observed, before, p[-2:] * scale[-2:] / AXIS_PRIOR_RAD])
 
     p, sigmas = start[:-1] / scale, (1.0, 0.0)
     for _ in range(3):
         solution = least_squares(residuals, p, args=sigmas, x_scale=1.0, method="lm", max_nfev=4000)
         p = solution.x
         sigmas = _sigmas(misfit(p), target)
-    covariance = np.linalg.pinv(solution.jac.T @ solution.jac, hermitian=True)
-    spread = np.sqrt(np.maximum(np.diag(covariance)[:k], 0)) * scale[:k]
+    covariance = np.linalg.pinv(solution.jac.T @ solution.jac, hermitian=True) * np.outer(scale, scale)
     rest = misfit(p)
-    return _Solution(np.append(p * scale, sign), float(np.sum(rest**2)), rest, spread)
+    return _Solution(np.append(p * scale, sign), float(np.sum(rest**2)), rest, covariance)
 
 
 def _target_means(rest: Array, target: Ints) -> tuple[Array, Array]:
@@ -224,7 +253,7 @@ def _sigmas(rest: Array, target: Ints) -> tuple[float, float]:
     return max(float(np.sqrt(own)), LEAST_SIGMA_PX), float(np.sqrt(max(shared, 0.0)))
 
 
-def _result(spec: DeviceSpec, planes: Sequence[TargetPlane], best: _Solution) -> PlateCamera:
+def _result(spec: DeviceSpec, planes: Sequence[TargetPlane], best: _Solution, known: Known) -> PlateCamera:
     rms_px = float(np.sqrt(np.mean(best.residuals**2)))
     if not rms_px < 0.02 * spec.width:
         raise AdjustmentError(
@@ -234,10 +263,13 @@ def _result(spec: DeviceSpec, planes: Sequence[TargetPlane], best: _Solution) ->
         )
     interior, pose, axis = _unpack(spec, best.parameters)
     warnings = []
-    poor = best.interior_sigma > POORLY_KNOWN * _prior_sigmas(spec)
-    if poor.any():
+    if not known.measured:
+        warnings.append(ALONE)
+    prior = _prior_sigmas(spec)
+    poor = np.sqrt(np.diag(best.covariance)[: len(prior)]) > POORLY_KNOWN * prior
+    if poor.any() and not known.measured:
         names = ", ".join(name for name, flag in zip(lens_of(spec).names, poor, strict=True) if flag)
         warnings.append(f"the depth plate's targets hardly determine {names}: kept near the nominal camera")
     if len(planes) == 1:
         warnings.append("targets at one plate position only: the axis is taken as perpendicular to the plate")
-    return PlateCamera(interior, pose, axis, rms_px, tuple(warnings))
+    return PlateCamera(interior, pose, axis, rms_px, tuple(warnings), best.covariance)

@@ -156,6 +156,8 @@ class DepthCalibration:
     verdict: Verdict | None = None
     left_out: tuple[LeftOut, ...] = ()
     noise_rms_mm: float | None = None  # what the noise of the coordinates alone would leave
+    # (k + 8, k + 8) of the camera's parameters, the plate's rotation vector (rad) and shift (mm), its axis' two slopes
+    covariance: Array | None = None
 
 
 class Calibration(Protocol):

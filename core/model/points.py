@@ -18,7 +18,7 @@ class PointCloud:
     """Points in the camera's frame in mm, NaN where invalid; shape (H, W, 3)."""
 
     xyz_mm: Floats
-    sigma_mm: Floats | None = None  # (H, W, 3), phase noise and calibration; photogrammetric only
+    sigma_mm: Floats | None = None  # (H, W, 3), phase noise and calibration
     sigma_depth_mm: Floats | None = None  # (H, W) of the camera's Z, phase noise alone; both methods
     sight: NDArray[np.uint8] | None = None  # (H, W), how many saw it: `core.reconstruct.Sight`; several cameras only
 

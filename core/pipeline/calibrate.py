@@ -65,13 +65,18 @@ def _calibrate(
     held_by: dict[Method, int] = {}
     targets: list[TargetSet] = []
     # of what is there before it is read: what is changed meanwhile is seen to have changed
-    records = {m: calibrated_from(project, METHODS[m], c, options, side_of(c)) for m, c in captures.items()}
+    records: dict[Method, Record] = {}
+    for m, c in captures.items():
+        read = {name: record for name in METHODS[m].reads if (record := records.get(name) or _record(project, name))}
+        records[m] = calibrated_from(project, METHODS[m], c, options, side_of(c), read=read)
     for i, (name, used) in enumerate(captures.items()):
         if METHODS[name].reused and (kept := _kept(project, name, records[name])) is not None:
             done[name], held_by[name] = kept
             continue
         part = progress.part(i / len(captures), (i + 1) / len(captures))
-        found = METHODS[name].calibrate(project, used, options, part)
+        reads = METHODS[name].reads
+        earlier = {m: known for m in reads if (known := done.get(m) or _in_use(project, m)) is not None}
+        found = METHODS[name].calibrate(project, used, options, part, *([earlier] if reads else []))
         done[name] = archives[f"{name}.npz"] = found.calibration
         archives |= found.beside
         targets += found.targets
@@ -124,6 +129,22 @@ def _kept(project: Project, method: Method, record: Record) -> tuple[Any, int] |
         return load_archive(path, METHODS[method].result), run.holder(method)
     except InputError as error:
         logging.getLogger(__name__).warning("%s: %s; calibrated anew", error.where, error.seen)
+        return None
+
+
+def _record(project: Project, method: Method) -> Record | None:
+    """Give what the calibration in use follows from."""
+    run = current_run(project, method)
+    return None if run is None else run.made_from.get(method)
+
+
+def _in_use(project: Project, method: Method) -> Any:
+    """Give the calibration in use, None where there is none that can be read."""
+    path = calibration_file(project, f"{method}.npz")
+    try:
+        return None if path is None or not _record(project, method) else load_archive(path, METHODS[method].result)
+    except InputError as error:
+        logging.getLogger(__name__).warning("%s: %s; not taken into account", error.where, error.seen)
         return None
 
 

@@ -289,7 +289,12 @@ class Graph:
     def calibrations(self) -> dict[Method, tuple[State, dict[str, State]]]:
         """The state of every calibration that there is or could be, with its captures'."""
         found = shares(self.captures.values(), self.runs)
-        return {method: self._calibration(method, captures) for method, captures in found.items()}
+        states = {method: self._calibration(method, captures) for method, captures in found.items()}
+        for method, (state, each) in states.items():
+            stale = _worst(states[m][0] for m in METHODS[method].reads if m in states and m in self.runs)
+            if state == CURRENT and stale.state == "outdated":
+                states[method] = State("outdated", _upstream("a calibration it takes into account", stale)), each
+        return states
 
     def _calibration(self, method: Method, captures: list[Capture]) -> tuple[State, dict[str, State]]:
         if method not in self.runs:
@@ -304,7 +309,9 @@ class Graph:
             return state, dict.fromkeys((c.name for c in used), state)
         if "imported" in then:
             return State("current", (f"imported from {then['imported']}",)), {}
-        now = calibrated_from(self.project, METHODS[method], used, options, side_of(used), self.contents)
+        runs = {name: run for name in METHODS[method].reads if (run := self.runs.get(name)) is not None}
+        read = {name: run.made_from[name] for name, run in runs.items() if name in run.made_from}
+        now = calibrated_from(self.project, METHODS[method], used, options, side_of(used), self.contents, read)
         changed = differences(then, now)
         state = State("outdated", changed) if changed else CURRENT
         return state, {c.name: _part(then, now, c.name) for c in used}

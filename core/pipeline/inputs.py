@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 Record = dict[str, Any]
 
 # raise a number with every change after which the same frames give other figures; results of before are then outdated
-METHOD_VERSIONS = {"decode": 1, "measure": 3, "calibrate": 2, "reconstruct": 1, "evaluate": 1, "report": 1}
+METHOD_VERSIONS = {"decode": 1, "measure": 3, "calibrate": 3, "reconstruct": 2, "evaluate": 1, "report": 1}
 
 _NOT_THE_RIG = ("path", "name", "rig", "captures", "reference", "sequence")  # fields of a project
 _NOT_IN_FRAMES = (
@@ -98,8 +98,12 @@ def calibrated_from(
     options: CalibrateOptions,
     side: str,
     contents: Contents | None = None,
+    read: Mapping[str, Record] | None = None,
 ) -> Record:
-    """Record what a calibration follows from: the captures it used, the rig, the scale and what was chosen."""
+    """Record what a calibration follows from: the captures it used, the rig, the scale and what was chosen.
+
+    `read` are the records of calibrations by other methods that it takes into account.
+    """
     contents = contents or contents_of(project.path)
     rig = rig_values(project)
     if not method.scaled:
@@ -114,6 +118,7 @@ def calibrated_from(
         "rig": rig,
         "options": {name: _plain(getattr(options, name)) for name in method.options},
         "captures": used,
+        **({"results": {f"{name} calibration": hash_value(record) for name, record in read.items()}} if read else {}),
     }
 
 

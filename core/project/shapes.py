@@ -53,6 +53,7 @@ SHAPES: dict[str, dict[str, str]] = {
         "coefficients": "c h w",
         "u_range": "2 h w",
         "axis_direction": "3",
+        "covariance": "k k",
     },
     "PlaneEvaluation": {"plane": "4", "deviation_mm": "h w", "sigma_mm": "a b"},
 }

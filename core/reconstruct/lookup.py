@@ -12,6 +12,7 @@ from core.compiling import njit
 from core.errors import InputError
 from core.model import DepthCalibration, PhaseMap, PointCloud
 from core.parallel import run_in_bands
+from core.reconstruct.lookup_sigma import add_orientation
 from core.reconstruct.rays import camera_rays, flat
 
 
@@ -30,7 +31,8 @@ def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool
     Returns
     -------
     cloud : PointCloud
-        `sigma_depth_mm` of Z from phase noise; no `sigma_mm`.
+        `sigma_depth_mm` of Z from phase noise; `sigma_mm` from phase noise and the camera's orientation, where the
+        calibration has its covariance.
 
     Raises
     ------
@@ -64,7 +66,7 @@ def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool
             )
 
     run_in_bands(band, measured.shape[0])
-    return PointCloud(xyz, None, sigma_depth)
+    return PointCloud(xyz, add_orientation(calibration, xyz, sigma_depth), sigma_depth)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from core.model import Capture, DeviceSpec, Figures, Interior, LeftOut, PhaseMap, PointCloud, Project, Role, TargetSet
-from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
 
 if TYPE_CHECKING:
@@ -60,7 +59,8 @@ class CalibrationMethod:
     none : tuple of str
         What is missing where there are no such captures, and the remedy.
     calibrate : callable
-        ``(project, captures, options, progress) -> Calibrated``.
+        ``(project, captures, options, progress) -> Calibrated``; where it reads other methods' calibrations, those by
+        name come last.
     reconstruct : callable
         ``(phase, calibration, extrapolate, progress) -> cloud``, in the frame of the phase map's camera.
     figures : callable
@@ -79,6 +79,8 @@ class CalibrationMethod:
         Further archives of a run, and what they hold.
     least : int
         Captures without which it waits, as long as another method has enough.
+    reads : tuple of str
+        Methods, earlier in `METHODS`, whose calibrations it takes into account where there are any.
     scaled : bool
         It reads the known lengths.
     reused : bool
@@ -95,7 +97,7 @@ class CalibrationMethod:
     result: type
     roles: tuple[Role, ...]
     none: tuple[str, str]
-    calibrate: Callable[[Project, list[Capture], CalibrateOptions, Progress], Calibrated]
+    calibrate: Callable[..., Calibrated]
     reconstruct: Callable[[PhaseMap, Any, bool, Progress], PointCloud]
     figures: Callable[[Any], Figures]
     devices: Callable[[Project, Any], Sequence[tuple[str, DeviceSpec, DeviceSpec]]]
@@ -105,6 +107,7 @@ class CalibrationMethod:
     options: tuple[str, ...] = ()
     beside: Mapping[str, type] = field(default_factory=dict)
     least: int = 1
+    reads: tuple[str, ...] = ()
     scaled: bool = False
     reused: bool = False
     one_pair: bool = False

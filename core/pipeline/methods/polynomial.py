@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from core.figures import depth_figures
-from core.model import Capture, DepthCalibration, DeviceSpec, Interior, PhaseMap, PointCloud, Project
+from core.geometry import lens_of
+from core.model import (
+    Array,
+    Capture,
+    DepthCalibration,
+    DeviceSpec,
+    Interior,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    PointCloud,
+    Project,
+)
 from core.pipeline.decode import phase_maps
 from core.pipeline.evidence import Evidence
 from core.pipeline.measure import measured_or_why, side_of, signs_of, turned_together
@@ -21,7 +34,13 @@ if TYPE_CHECKING:
 RESIDUAL_RATIO = 2.5  # of the residuals over those that the noise leaves
 
 
-def _calibrate(project: Project, captures: list[Capture], options: CalibrateOptions, progress: Progress) -> Calibrated:
+def _calibrate(
+    project: Project,
+    captures: list[Capture],
+    options: CalibrateOptions,
+    progress: Progress,
+    earlier: Mapping[str, Any],
+) -> Calibrated:
     from core.calibrate import DepthOptions, DepthPlane, calibrate_depth
 
     side = side_of(captures)
@@ -53,9 +72,20 @@ def _calibrate(project: Project, captures: list[Capture], options: CalibrateOpti
         fields[0] if fields else None,
         planes,
         options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
+        interior=_interior(project, earlier.get("photogrammetric")),
         progress=progress.part(0.7, 1.0),
     )
     return Calibrated(replace(calibration, warnings=(*notes, *warnings, *calibration.warnings)), list(told.values()))
+
+
+def _interior(project: Project, known: PhotogrammetricCalibration | None) -> tuple[Interior, Array] | None:
+    """Give the camera's interior orientation and its covariance, from a calibration of the same device."""
+    name, spec = project.rig.camera_name, project.camera
+    device = known.devices.get(name) if known is not None else None
+    if known is None or device is None or device.spec != spec:
+        return None
+    at = [known.parameter_names.index(f"{name}.{p}") for p in lens_of(device.interior).names]
+    return device.interior, known.covariance[np.ix_(at, at)]
 
 
 def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]:
@@ -112,6 +142,7 @@ POLYNOMIAL = CalibrationMethod(
     camera=_camera,
     judge=_judge,
     options=("degree", "low_pass_px"),
+    reads=("photogrammetric",),
     least=2,  # a single position tells no depth
     reused=True,
     one_pair=True,

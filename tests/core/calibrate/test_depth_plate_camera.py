@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from core.calibrate.depth_camera import TargetPlane, _decorrelated, _sigmas, orient_camera
-from core.geometry import Pose, matrix_from_rotation_vector, project
-from core.model import DeviceSpec, Interior
+from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
+from core.model import DepthCalibration, DeviceSpec, Interior
+from core.reconstruct.lookup_sigma import add_orientation
 
 SPEC = DeviceSpec(748, 576, (0.008, 0.008), 12.0)
 CAMERA = Interior(12.1, -0.08, -0.11, (-6e-4, 3e-6, -1e-2, 3e-4, -1e-4, -8e-5), SPEC.zero_radius_mm)
@@ -59,3 +60,62 @@ def test_targets_off_their_places_do_not_spoil_the_focal_length() -> None:
     # principal point and axis are told apart only by what one knows beforehand: 0.19 mm and 0.02 rad
     assert errors[1:3].max() < 0.19
     assert errors[3:].max() < 0.02
+
+
+def _misplaced(seed: int) -> np.ndarray:
+    """Errors over sigmas of points on the plate at z = 30 mm, by an interior orientation known with its covariance."""
+    rng = np.random.default_rng([seed, 1])
+    sigma = np.array([2e-3, 3e-3, 3e-3, 2e-6, 2e-8, 5e-6, 5e-6, 3e-6, 3e-6])
+    turn = np.eye(9)
+    turn[1, 8] = turn[2, 7] = -0.6  # as principal point and decentring go together
+    root = sigma[:, None] * turn
+    known = Interior.from_vector(CAMERA.vector + root @ rng.normal(size=9), CAMERA.r0_mm)
+    row, col = (a.ravel() for a in np.meshgrid(np.arange(9), np.arange(13), indexing="ij"))
+    plate = np.stack([(col - 6) * 20.0, (4 - row) * 20.0, 0.0 * row], axis=-1)
+    planes = []
+    for z in (-50.0, -20.0, 0.0, 20.0, 50.0):
+        uv = project(SPEC, CAMERA, plate + z * AXIS, POSE) + rng.normal(0, 0.02, (len(row), 2))
+        planes.append(TargetPlane(z, np.arange(len(row)), plate, uv))
+    found = orient_camera(SPEC, planes, interior=(known, root @ root.T))
+    assert not found.warnings
+    one = np.zeros((1, SPEC.height, SPEC.width), np.float32)
+    calibration = DepthCalibration(
+        "u", np.array([-50.0, 50.0]), 0, one, one, 0.0, 1, SPEC, found.interior, found.camera_from_plate,
+        found.axis_direction, covariance=found.covariance,
+    )  # fmt: skip
+    v, u = np.mgrid[: SPEC.height, : SPEC.width].astype(float)
+    true, seen = (
+        _on_plate(np.stack([u, v], axis=-1), interior, pose, axis)
+        for interior, pose, axis in (
+            (CAMERA, POSE, AXIS),
+            (found.interior, found.camera_from_plate, found.axis_direction),
+        )
+    )
+    sigmas = add_orientation(calibration, seen.astype(np.float32), np.zeros(u.shape, np.float32))
+    assert sigmas is not None
+    return ((seen - true) / sigmas)[100:500:150, 100:700:200]
+
+
+def _on_plate(uv: np.ndarray, interior: Interior, pose: Pose, axis: np.ndarray) -> np.ndarray:
+    rays, normal = ray_directions(SPEC, interior, uv), pose.rotation[:, 2]
+    return rays * (normal @ (pose.translation_mm + pose.rotation @ axis * 30.0) / (rays @ normal))[..., None]
+
+
+def test_points_are_as_far_off_as_their_sigmas_say() -> None:
+    squares = np.array([np.mean(_misplaced(seed) ** 2, axis=(0, 1)) for seed in range(30)])
+    # X, Y and Z of 30 calibrations; the pixels of one share most of their error: r.m.s. known to about 13 %
+    assert np.sqrt(squares.mean(axis=0)) == pytest.approx([1, 1, 1], abs=0.35)
+
+
+def test_a_plate_alone_says_that_its_camera_is_hardly_known() -> None:
+    plate = np.stack(
+        [*(a.ravel() for a in np.meshgrid(np.arange(-5, 6) * 20.0, np.arange(-4, 5) * 20.0)), np.zeros(99)], 1
+    )
+    rng, planes = np.random.default_rng(5), []
+    for z in (-40.0, 0.0, 40.0):
+        uv = project(SPEC, CAMERA, plate + z * AXIS, POSE) + rng.normal(0, 0.02, (99, 2))
+        planes.append(TargetPlane(z, np.arange(99), plate, uv))
+    found = orient_camera(SPEC, planes)
+    assert any("alone" in warning for warning in found.warnings)
+    assert found.covariance is not None
+    assert np.sqrt(found.covariance[1, 1]) > 5 * SPEC.pitch_mm[0]  # of x0; the prior's is 0.19 mm, 24 pixels

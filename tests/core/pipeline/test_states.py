@@ -18,6 +18,7 @@ from core.cli import main
 from core.pipeline import (
     CalibrateOptions,
     calibrate_project,
+    load_calibrations,
     load_evaluation,
     project_states,
     report_project,
@@ -256,6 +257,15 @@ def test_update_brings_everything_up_to_date(change: Callable[[Path], None], who
     change(whole)
     update_project(read_project(whole))
     assert outdated(whole) == set()
+
+
+def test_a_depth_calibration_follows_the_interior_orientation_that_it_took(calibrated: Path) -> None:
+    project = read_project(calibrated)
+    assert not load_calibrations(project)["polynomial"].warnings  # that the plate alone had to orient the camera
+    calibrate_project(project, "photogrammetric", CalibrateOptions(hold=("projector.A2",)))
+    assert because(calibrated, "calibrate") == "the photogrammetric calibration is another one now"
+    calibrate_project(project, "polynomial")
+    assert states(calibrated)["calibrate"] == "current"
 
 
 def test_an_exported_report_does_not_make_the_signed_one_outdated(whole: Path, tmp_path: Path) -> None:

@@ -1,0 +1,75 @@
+"""What the camera's orientation leaves uncertain of points that were looked up.
+
+A point is ``X = d s`` on its pixel's ray d, where the plate stood at position z: ``s = (n t + n a z) / (n d)`` is
+linear in z, and so are its derivatives by the interior orientation, the plate's pose and its axis. So each variance is
+a quadratic in z, with coefficients that change slowly over the image: they are worked out on a grid of pixels and
+interpolated.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from core.geometry import matrix_from_rotation_vector, ray_directions, rotation_vector_from_matrix
+from core.model import Array, DepthCalibration, Floats, Interior
+
+NODES = 24  # along the longer side: between them the variances are even to 1 %
+STEP = 0.02  # sigmas, of the numerical derivatives
+
+
+def add_orientation(calibration: DepthCalibration, xyz: Floats, sigma_depth: Floats) -> Floats | None:
+    """Sigmas (H, W, 3) of looked-up points (H, W, 3): of the phase along the ray, and of the camera's orientation.
+
+    None where the calibration has no covariance.
+    """
+    if calibration.covariance is None:
+        return None
+    height, width = sigma_depth.shape
+    pose = calibration.camera_from_plate
+    normal = pose.rotation[:, 2]
+    per_mm = float(normal @ pose.rotation @ calibration.axis_direction)
+    coefficients = _coefficients(calibration, height, width)
+    result = np.empty(xyz.shape, np.float32)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z = ((xyz @ normal.astype(np.float32)) - np.float32(normal @ pose.translation_mm)) / np.float32(per_mm)
+        for axis in range(3):
+            a, b, c = (cv2.resize(part, (width, height), interpolation=cv2.INTER_LINEAR) for part in coefficients[axis])
+            along = xyz[..., axis] / xyz[..., 2] * sigma_depth
+            result[..., axis] = np.sqrt(np.maximum(a + z * (b + z * c), 0) + along**2)
+    return result
+
+
+def _coefficients(calibration: DepthCalibration, height: int, width: int) -> Floats:
+    """Of every coordinate's variance the quadratic in z, shape (3, 3, rows, columns), at the middles of equal cells."""
+    assert calibration.covariance is not None
+    step = max(height, width) / NODES
+    rows, cols = max(round(height / step), 2), max(round(width / step), 2)
+    v, u = (np.arange(rows) + 0.5) * height / rows - 0.5, (np.arange(cols) + 0.5) * width / cols - 0.5
+    uv = np.stack(np.meshgrid(u, v), axis=-1)
+    far = max(float(np.abs(calibration.depths_mm).max()), 1.0)
+    sigma = np.sqrt(np.maximum(np.diag(calibration.covariance), 0))
+    size = np.where(sigma > 0, STEP * sigma, 1.0)
+    scaled = calibration.covariance / np.outer(size, size)
+    variances = []
+    for z in (-far, 0.0, far):
+        moves = size * np.eye(len(size))
+        J = np.stack([(_points(calibration, uv, z, m) - _points(calibration, uv, z, -m)) / 2 for m in moves], axis=-1)
+        variances.append(np.einsum("vuip,pq,vuiq->ivu", J, scaled, J))
+    low, middle, high = variances
+    return np.stack([middle, (high - low) / (2 * far), (high + low - 2 * middle) / (2 * far**2)], axis=1).astype(
+        np.float32
+    )
+
+
+def _points(calibration: DepthCalibration, uv: Array, z: float, change: Array) -> Array:
+    """Where the rays of pixels meet the plate at z, with the parameters changed."""
+    start, pose, axis = calibration.camera, calibration.camera_from_plate, calibration.axis_direction
+    interior = Interior.from_vector(start.vector + change[:-8], start.r0_mm, start.model)
+    R = matrix_from_rotation_vector(rotation_vector_from_matrix(pose.rotation) + change[-8:-5])
+    slopes = axis[:2] / axis[2] + change[-2:]
+    direction = np.sign(axis[2]) * np.array([*slopes, 1.0]) / np.sqrt(1 + slopes @ slopes)
+    rays = ray_directions(calibration.camera_spec, interior, uv)
+    normal = R[:, 2]
+    reach = (normal @ (pose.translation_mm + change[-5:-2]) + normal @ R @ direction * z) / (rays @ normal)
+    return np.asarray(rays * reach[..., None])
