@@ -18,6 +18,9 @@ kernel.py     the one compiled pass over the pixels; its steps:
   words.py      the bits of a code, and the place they tell together with a phase
   doubt.py      pixels whose bits and phase do not fit at once
   compiled.py   the bricks: grey values by address, sums over frames, the angle
+estimate.py   on demand: every pixel adjusted to all its frames, the blur found tile by tile
+  refined.py    its kernels
+  footprint.py  coordinates that changing reflectance has drawn to the brighter side
 sections.py   light sections: the centroid over a sweep of lines
 likelihood.py words that only a look-up tells apart, by the likelihood of all frames
 rim.py        the rim of the projected field, where fringes are cut

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.curves import LEVELS
+from core.decode.estimate import Planes, estimable, refine
 from core.decode.exposures import DEEPEST, fuse_exposures
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
 from core.decode.harmonics import Spectrum, measure_bend, spectra
@@ -147,9 +148,15 @@ def decode(
     for axis, coordinate, s, missing in ((0, u, sigma_u, Flag.NO_U), (1, v, sigma_v, Flag.NO_V)):
         if any(met >> axis & 1 for met in at_rim):
             drop_rim(coordinate, s, flags, float(tables[axis].lines), float(tables[axis].rim), missing)
+    misfit = None
+    if options.estimate and estimable(sequence.frames):
+        refined = Planes(place, sigma, image, width)
+        misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, refined, progress).reshape(shape)
     notes = notes_on(arrays, sample, flags[spread(shape)].ravel(), limits, tables)
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]
-    return PhaseMap(u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags, curve, notes)
+    return PhaseMap(
+        u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags, curve, misfit, notes
+    )
 
 
 def _measure(

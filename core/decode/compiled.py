@@ -30,7 +30,7 @@ fast: Any = njit(cache=True, nogil=True, **_HOW)  # what Python calls
 part: Any = njit(no_cpython_wrapper=True, **_HOW)  # what only kernels call; `inner` would double the time of the pixels
 
 
-def _greys(kind: types.Integer, size: int) -> Any:
+def _greys(kind: Any, size: int) -> Any:
     """Make what gives the grey values from an address on as an array: one kernel takes any number of images."""
 
     def typed(typing_context: Any, address: Any, count: Any) -> Any:
@@ -50,7 +50,7 @@ def _greys(kind: types.Integer, size: int) -> Any:
     return intrinsic(typed)
 
 
-narrow, wide = _greys(types.uint8, 1), _greys(types.uint16, 2)
+narrow, wide, single = _greys(types.uint8, 1), _greys(types.uint16, 2), _greys(types.float32, 4)
 
 
 def _prefetch(typing_context: Any, address: Any) -> Any:

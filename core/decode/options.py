@@ -40,9 +40,12 @@ class DecodeOptions:
     saturation : float, optional
         Grey value from which a pixel counts as saturated; by default the container's largest value, or the largest
         value seen in 16-bit files when that is the full scale of a sensor with fewer bits.
+    estimate : bool
+        Refine the coordinates by all frames (`core.decode.estimate`): less noise, more time.
     """
 
     min_snr: float = 5.0
     min_modulation: float = 0.0
     bit_margin: float = 0.35
     saturation: float | None = None
+    estimate: bool = False

@@ -103,8 +103,7 @@ def measure_noise(
         g_top = g.max(axis=0)
         g = np.compress(g_top < saturation, g, axis=1)  # an index would leave it in a slower order
         if g.shape[1] < UNSATURATED < len(g_top):
-            residual, level = _smoothest(images, saturation)
-            return estimate_noise(residual, level, step)
+            return estimate_noise(*_smoothest(images, saturation), step)
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
         residual = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g)
         if bent:
@@ -171,7 +170,7 @@ def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: 
 
 def _smoothness(
     frames: SortedFrames, images: Sequence[Image], saturation: float, bent: Sequence[Wave] = ()
-) -> tuple[Singles, Singles]:
+) -> tuple[Array, Array]:
     """Second differences along some rows of the evenly lit image, else of the smoothest frame, and their levels."""
     height = images[0].shape[0]
     rows = slice(height // 64, None, max(1, height // 32))
@@ -189,19 +188,19 @@ def _smoothness(
                 float
             )
         good = level < saturation
-        return residual[good].astype(np.float32), level[good].astype(np.float32)
+        return residual[good], level[good]
     return _smoothest(images, saturation)
 
 
-def _smoothest(images: Sequence[Image], saturation: float) -> tuple[Singles, Singles]:
+def _smoothest(images: Sequence[Image], saturation: float) -> tuple[Array, Array]:
     """Second differences along some rows of the frame with the widest stripes, and their levels."""
     height = images[0].shape[0]
-    best, found = np.inf, (np.zeros(0, np.float32), np.zeros(0, np.float32))
+    best, found = np.inf, (np.zeros(0), np.zeros(0))
     for image in images:
         grey = image[height // 64 :: max(1, height // 32)].astype(np.float32)
         good = np.maximum(np.maximum(grey[:, 2:], grey[:, :-2]), grey[:, 1:-1]) < saturation
         if good.mean() > WIDE:
-            residual, level = (each[good].astype(np.float32) for each in spatial_residual(grey))
+            residual, level = (each[good] for each in spatial_residual(grey))
             median = float(np.median(np.abs(residual)))
             best, found = (median, (residual, level)) if median < best else (best, found)
     return found

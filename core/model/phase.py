@@ -19,7 +19,9 @@ class PhaseMap:
     why a pixel is invalid: bits of `core.decode.Flag`.
 
     `response` (k, 2) is the curve of level and light (0 to 1) that sine fringes were found to be projected with, None
-    where they are as good as straight. `notes` say in sentences what is wrong with the capture, and the remedy.
+    where they are as good as straight. `misfit`, where coordinates were refined by all frames, is the mean squared
+    residual of a pixel's frames over its expectation: far above 1 where it sees motion, two surfaces, or light by
+    detours. `notes` say in sentences what is wrong with the capture, and the remedy.
     """
 
     u: Floats
@@ -30,6 +32,7 @@ class PhaseMap:
     image: Floats
     flags: NDArray[np.uint8]
     response: Array | None = None
+    misfit: Floats | None = None
     notes: tuple[str, ...] = ()
     camera: str = "camera"
     projector: str = "projector"

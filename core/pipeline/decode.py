@@ -16,7 +16,9 @@ from core.progress import SILENT, Progress
 from core.project import atomic_write, find_project, iterate_images, read_capture, read_project
 
 
-def decode_capture(folder: Path, progress: Progress = SILENT, *, camera: str = "", projector: str = "") -> PhaseMap:
+def decode_capture(
+    folder: Path, progress: Progress = SILENT, *, camera: str = "", projector: str = "", estimate: bool = False
+) -> PhaseMap:
     """Decode the frames of one capture, in a project or on its own.
 
     Parameters
@@ -25,6 +27,8 @@ def decode_capture(folder: Path, progress: Progress = SILENT, *, camera: str = "
     progress : Progress
     camera, projector : str
         Whose frames, where the capture holds those of several.
+    estimate : bool
+        Refine the coordinates by all frames.
 
     Raises
     ------
@@ -35,7 +39,7 @@ def decode_capture(folder: Path, progress: Progress = SILENT, *, camera: str = "
     project = read_project(root) if root else None
     capture = one_series(read_capture(folder, project), camera, projector)
     spec = project.rig.cameras[capture.camera] if project else None
-    return decode_images(capture, list(iterate_images(capture, spec)), project, progress)
+    return decode_images(capture, list(iterate_images(capture, spec)), project, progress, estimate)
 
 
 def one_series(capture: Capture, camera: str = "", projector: str = "") -> Capture:
@@ -56,16 +60,21 @@ def one_series(capture: Capture, camera: str = "", projector: str = "") -> Captu
     raise InputError(capture.path, seen, f"choose one: {pairs}" if not found else "name the camera, or the projector")
 
 
-def decode_images(capture: Capture, images: list, project: Project | None, progress: Progress) -> PhaseMap:
-    """Decode frames that have been read already."""
-    from core.decode import decode
+def decode_images(
+    capture: Capture, images: list, project: Project | None, progress: Progress, estimate: bool = False
+) -> PhaseMap:
+    """Decode frames that have been read already; `estimate` refines the coordinates by all of them."""
+    from core.decode import DecodeOptions, decode
 
     spec = project.rig.projectors[capture.projector] if project else None
     lines = (spec.width, spec.height) if spec else None
     patterns = [frame.pattern for frame in capture.frames]
     exposures = [frame.exposure_ms for frame in capture.frames]
     where = str(capture.path)
-    phase = decode(patterns, images, lines=lines, exposures_ms=exposures, where=where, progress=progress)
+    options = DecodeOptions(estimate=estimate)
+    phase = decode(
+        patterns, images, lines=lines, options=options, exposures_ms=exposures, where=where, progress=progress
+    )
     phase = replace(phase, camera=capture.camera, projector=capture.projector)
     if lines is None or not images:
         return phase

@@ -18,6 +18,7 @@ def add(commands: Commands) -> None:
     """Declare the commands of this group."""
     sub = commands.add("decode", _decode, "projector coordinates of every camera pixel")
     sub.add_argument("capture", type=Path, metavar="CAPTURE")
+    sub.add_argument("--estimate", action="store_true", help="refine by all frames: less noise, takes longer")
     sub.add_argument("--out", type=Path, required=True, metavar="F.npz")
     add_devices(sub)
 
@@ -73,7 +74,8 @@ def _decode(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import decode_capture, write_phase
 
     check_out(options.out, ".npz")
-    phase = decode_capture(options.capture, progress, camera=options.camera, projector=options.projector)
+    named = {"camera": options.camera, "projector": options.projector}
+    phase = decode_capture(options.capture, progress, **named, estimate=options.estimate)
     write_phase(options.out, phase)
     figures = phase_figures(phase)
     print(options.out)
