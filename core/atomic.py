@@ -142,13 +142,29 @@ def is_leftover(path: Path) -> bool:
         return True
     if machine != _machine() or int(pid) == os.getpid():
         return False
+    return not is_running(int(pid))
+
+
+def is_running(pid: int) -> bool:
+    """Whether a process of this machine runs; where it cannot be told, it does."""
+    if os.name == "nt":  # os.kill would end it there
+        import ctypes
+
+        kernel = ctypes.windll.kernel32  # type: ignore[attr-defined]
+        handle = kernel.OpenProcess(0x1000, False, pid)  # PROCESS_QUERY_LIMITED_INFORMATION
+        if not handle:
+            return bool(kernel.GetLastError() == 5)  # ERROR_ACCESS_DENIED: it runs, and is another user's
+        code = ctypes.c_ulong()
+        kernel.GetExitCodeProcess(handle, ctypes.byref(code))
+        kernel.CloseHandle(handle)
+        return code.value == 259  # STILL_ACTIVE
     try:
-        os.kill(int(pid), 0)
+        os.kill(pid, 0)
     except ProcessLookupError:
-        return True
-    except (OSError, OverflowError):
         return False
-    return False
+    except (OSError, OverflowError):
+        return True
+    return True
 
 
 def sweep(folder: Path) -> list[Path]:

@@ -50,7 +50,9 @@ def assemble() -> Path:
     print("bundle: putting it together", flush=True)
     command = [sys.executable, "-m", "PyInstaller", "--noconfirm", "--clean", "--log-level", "ERROR"]
     places = ["--distpath", str(DIST), "--workpath", str(BUILD)]
-    own = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYINSTALLER_CONFIG_DIR": str(BUILD / "cache")}
+    # the same sources give the same bytes: hashes that do not differ from run to run, and no clock
+    fixed = {"PYTHONHASHSEED": "1", "SOURCE_DATE_EPOCH": os.environ.get("SOURCE_DATE_EPOCH", "315532800")}
+    own = {**os.environ, **fixed, "PYTHONDONTWRITEBYTECODE": "1", "PYINSTALLER_CONFIG_DIR": str(BUILD / "cache")}
     subprocess.run([*command, *places, "stripe.spec"], cwd=PACKAGING, env=own, check=True)
     return DIST / "stripe-workbench"
 

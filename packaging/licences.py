@@ -6,6 +6,8 @@ whose a file is, or what the owner's licence says, there is no bundle.
 
 from __future__ import annotations
 
+import json
+import os
 import platform
 import re
 import shutil
@@ -14,6 +16,7 @@ import sys
 import sysconfig
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from importlib.metadata import Distribution, distribution, distributions
 from pathlib import Path
 
@@ -44,10 +47,11 @@ class Component:
     version: str
     licence: str
     texts: dict[str, Path]
+    purl: str = ""  # where it comes from
 
 
 def collect(sources: Iterable[str], folder: Path) -> None:
-    """Write the licences of all that these files belong to, and INDEX.txt, which lists the parts."""
+    """Write the licences of all that these files belong to, and lists of the parts: INDEX.txt, CycloneDX."""
     components = find_components({Path(source).resolve() for source in sources})
     for component in components:
         for place, text in component.texts.items():
@@ -58,8 +62,28 @@ def collect(sources: Iterable[str], folder: Path) -> None:
     for name in {name.decode() for text in texts for name in re.findall(rb"/common-licenses/([\w.+-]*\w)", text)}:
         (folder / "common").mkdir(exist_ok=True)
         shutil.copyfile(common(name), folder / "common" / name)
+    (folder / "sbom.cdx.json").write_text(json.dumps(bill(components), indent=1) + "\n", encoding="utf-8")
     rows = [f"{c.name:28} {c.version:28} {c.licence}" for c in components]
     (folder / "INDEX.txt").write_text("\n".join([HEAD, *rows, ""]))
+
+
+def bill(components: list[Component]) -> dict[str, object]:
+    """List the parts as CycloneDX 1.5 does; the same parts give the same list, whenever and wherever it is made."""
+    own = next(c for c in components if c.name == "stripe-workbench")
+    metadata: dict[str, object] = {"component": {"type": "application", "bom-ref": own.name, **_listed(own)}}
+    if epoch := os.environ.get("SOURCE_DATE_EPOCH"):
+        metadata["timestamp"] = datetime.fromtimestamp(int(epoch), UTC).isoformat()
+    parts = [{"type": "library", "bom-ref": c.name, **_listed(c)} for c in components if c is not own]
+    uses = [{"ref": own.name, "dependsOn": [c.name for c in components if c is not own]}]
+    head = {"bomFormat": "CycloneDX", "specVersion": "1.5", "version": 1}
+    return {**head, "metadata": metadata, "components": parts, "dependencies": uses}
+
+
+def _listed(component: Component) -> dict[str, object]:
+    listed = {"name": component.name, "version": component.version}
+    if component.purl:
+        listed["purl"] = component.purl
+    return {**listed, "licenses": [{"license": {"name": component.licence or "see its text"}}]}
 
 
 def find_components(files: set[Path]) -> list[Component]:
@@ -110,7 +134,8 @@ def of_distribution(package: Distribution) -> Component:
             raise LicenceError(f"{package.name}: brings no licence text, and states {licence!r}; extend NEEDED")
         metadata = next(file for file in package.files or [] if file.name == "METADATA")
         texts = {"METADATA": Path(str(package.locate_file(metadata))), **{name: common(name) for name in NEEDED[kind]}}
-    return Component(package.name, package.version, licence, texts)
+    purl = f"pkg:pypi/{re.sub('[-_.]+', '-', package.name).lower()}@{package.version}"
+    return Component(package.name, package.version, licence, texts, purl)
 
 
 def stated(package: Distribution) -> str:
@@ -139,7 +164,7 @@ def of_package(name: str) -> Component:
     path = existing(Path("/usr/share/doc", short, "copyright"))
     kinds = dict.fromkeys(re.findall(r"^License: *(\S.*)", path.read_text(encoding="utf-8"), re.MULTILINE))
     licence = f"{next(iter(kinds))}{', and others' if len(kinds) > 1 else ''}" if kinds else "see its copyright file"
-    return Component(short, told.stdout, licence, {"copyright": path})
+    return Component(short, told.stdout, licence, {"copyright": path}, f"pkg:deb/debian/{short}@{told.stdout}")
 
 
 def common(name: str) -> Path:

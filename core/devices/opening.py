@@ -185,8 +185,17 @@ def _uvc(address: Address, note: Note, check: Check) -> Camera:
     gamma = address.optional("gamma")
     fourcc, bits = address.text("format", ""), address.integer("bits", 0, 0, 16)
     address.finish()
-    wanted = {"width": width, "height": height, "exposure": exposure, "gain": gain, "gamma": gamma}
-    return UvcCamera(number, **wanted, fourcc=fourcc, bits=bits, note=note)
+    return UvcCamera(
+        number,
+        width=width,
+        height=height,
+        exposure=exposure,
+        gain=gain,
+        gamma=gamma,
+        fourcc=fourcc,
+        bits=bits,
+        note=note,
+    )
 
 
 def _genicam(address: Address, note: Note, check: Check) -> Camera:

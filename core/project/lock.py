@@ -21,7 +21,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from core.atomic import sweep
+from core.atomic import is_running, sweep
 from core.errors import BusyError, InputError
 from core.project.contents import FILE as CONTENTS
 
@@ -29,6 +29,10 @@ try:
     import fcntl
 except ImportError:  # not on this system
     fcntl = None  # type: ignore[assignment]
+try:
+    import msvcrt
+except ImportError:
+    msvcrt = None  # type: ignore[assignment]
 
 RESULTS_LOCK = ".lock"  # in results/
 DOCUMENT_LOCK = ".project.lock"  # beside project.json
@@ -165,6 +169,13 @@ def _locked(handle: int, path: Path) -> bool:
         except OSError as error:
             if error.errno not in _WITHOUT:
                 raise
+    elif msvcrt is not None:  # a byte far behind what is written, so that others can read who has it
+        try:
+            os.lseek(handle, 1 << 30, os.SEEK_SET)
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+            return True
+        except OSError:
+            return False
     holder = _read(path) or {}
     return holder.get("host") != socket.gethostname() or not is_alive(holder.get("pid"))
 
@@ -173,16 +184,15 @@ def is_alive(pid: Any) -> bool:
     """Whether a process of this machine runs."""
     if not isinstance(pid, int) or pid <= 0:
         return False
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        return True
-    return True
+    return is_running(pid)
 
 
 def _release(path: Path, handle: int) -> None:
+    if os.name == "nt":  # a file that is open cannot be removed there
+        os.close(handle)
+        with suppress(OSError):
+            path.unlink()
+        return
     with suppress(OSError):
         path.unlink()  # while it is held: whoever opened it meanwhile sees that it is not the file any more
     os.close(handle)
@@ -191,7 +201,8 @@ def _release(path: Path, handle: int) -> None:
 def _write(handle: int, work: str) -> None:
     with suppress(OSError):
         os.ftruncate(handle, 0)
-        os.pwrite(handle, json.dumps(_who(work)).encode(), 0)
+        os.lseek(handle, 0, os.SEEK_SET)
+        os.write(handle, json.dumps(_who(work)).encode())
 
 
 def _who(work: str) -> dict[str, Any]:

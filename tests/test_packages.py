@@ -1,0 +1,90 @@
+"""What is given to others: nothing that only POSIX has, a licence for all its parts, a bill of materials."""
+
+import ast
+import importlib.util
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+POSIX_MODULES = {"fcntl", "termios", "tty", "pty", "grp", "pwd", "resource", "syslog", "crypt", "posix"}
+POSIX_CALLS = {  # of os; with what stands for it elsewhere, or the guard that keeps others out, in the same file
+    "chown": 'hasattr(os, "chown")',
+    "fork": 'hasattr(os, "fork")',
+    "getuid": 'hasattr(os, "getuid")',
+    "geteuid": 'hasattr(os, "geteuid")',
+    "kill": 'os.name == "nt"',  # ends the process there
+    "killpg": 'hasattr(os, "killpg")',
+    "mkfifo": 'hasattr(os, "mkfifo")',
+    "openpty": 'hasattr(os, "openpty")',
+    "pread": 'hasattr(os, "pread")',
+    "pwrite": 'hasattr(os, "pwrite")',
+    "sched_getaffinity": 'hasattr(os, "sched_getaffinity")',
+    "setsid": 'hasattr(os, "setsid")',
+    "statvfs": 'hasattr(os, "statvfs")',
+    "sync": 'hasattr(os, "sync")',
+    "ttyname": 'hasattr(os, "openpty")',
+    "O_CLOEXEC": 'getattr(os, "O_CLOEXEC"',
+    "O_DIRECTORY": 'getattr(os, "O_DIRECTORY"',
+    "O_NONBLOCK": 'getattr(os, "O_NONBLOCK"',
+}
+
+
+@pytest.mark.parametrize("room", ["core", "stripe_gui"])
+def test_nothing_that_only_posix_has_stands_without_its_counterpart(room: str) -> None:
+    """Windows and macOS have not been tried: this is what can be seen without them."""
+    for path in (ROOT / room).rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        tree = ast.parse(text)
+        caught = {
+            id(inner)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Try) and any("ImportError" in ast.unparse(h) for h in node.handlers)
+            for inner in node.body
+        }
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                modules = {a.name for a in node.names} if isinstance(node, ast.Import) else {str(node.module)}
+                guarded = id(node) in caught or 'hasattr(os, "openpty")' in text
+                assert guarded or not modules & POSIX_MODULES, f"{path}:{node.lineno}: {modules} without ImportError"
+            if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "os" and node.attr in POSIX_CALLS:
+                guard = POSIX_CALLS[node.attr]
+                assert guard in text, f"{path}:{node.lineno}: os.{node.attr} without {guard}"
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("open", "Path.open") and len(node.args) < 2:
+                assert any(k.arg in ("encoding", "mode") for k in node.keywords), f"{path}:{node.lineno}: no encoding"
+
+
+def test_the_bill_of_materials_lists_every_part_and_is_the_same_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = importlib.util.spec_from_file_location("licences", ROOT / "packaging/licences.py")
+    licences = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "licences", licences)  # where its dataclass looks its types up
+    spec.loader.exec_module(licences)
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    parts = [licences.of_program(), licences.of_python()]
+    parts += [licences.of_distribution(licences.distribution(name)) for name in ("numpy", "PyYAML")]
+    bill = licences.bill(parts)
+    assert json.dumps(bill) == json.dumps(licences.bill(parts))
+    assert (bill["bomFormat"], bill["specVersion"]) == ("CycloneDX", "1.5")
+    assert bill["metadata"]["timestamp"] == "2023-11-14T22:13:20+00:00"
+    assert bill["metadata"]["component"]["name"] == "stripe-workbench"
+    by_name = {part["name"]: part for part in bill["components"]}
+    assert by_name["PyYAML"]["purl"].startswith("pkg:pypi/pyyaml@6")
+    assert all(part["version"] and part["licenses"] for part in by_name.values())
+    assert bill["dependencies"] == [{"ref": "stripe-workbench", "dependsOn": [p["name"] for p in bill["components"]]}]
+
+
+def test_the_licence_names_the_fonts_and_the_description_leads_nowhere_inside() -> None:
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["license"] == "BSD-3-Clause AND Bitstream-Vera"
+    assert all((ROOT / name).is_file() for name in project["license-files"])
+    scope = {"__file__": str(ROOT / "setup.py")}
+    text = (ROOT / "setup.py").read_text(encoding="utf-8")
+    exec(text[: text.index("setup(\n")].replace("find_packages, setup", "find_packages"), scope)
+    said = scope["re"].sub(scope["INNER"], lambda link: link[1] or "", scope["README"])
+    assert "user guide" in said
+    assert "](resources" not in said
+    assert "](ARCHITECTURE" not in said
