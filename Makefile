@@ -8,7 +8,7 @@ OUT    ?= demo
 # small matrices: the threads of the linear algebra would only spin beside our own
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test quick check bench bundle pictures clean
+.PHONY: help setup demo test quick check bench bundle docs pictures clean
 
 help:
 	@echo "make setup     the environment in $(VENV) (a second call is quick)"
@@ -18,6 +18,7 @@ help:
 	@echo "make check     ruff, formatting and types"
 	@echo "make bench     benchmarks against peers, to a table and plots in bench-results"
 	@echo "make bundle    a folder that runs without Python, built and tried, in dist/stripe-workbench"
+	@echo "make docs      the reference of the library and the gallery of examples, in build/docs"
 	@echo "make pictures  the pictures of the help, from the finished project in $(OUT)"
 	@echo "make clean     remove the environments and all that was built; $(OUT) and bench-results stay"
 
@@ -59,6 +60,12 @@ bench: setup
 bundle: $(BUNDLE)/.ready
 	@echo "Putting the bundle together, then trying it: about five minutes."
 	@$(BUNDLE)/bin/python packaging/bundle.py
+
+# the copy takes what Sphinx writes beside its sources; a warning is an error
+docs: setup
+	@rm -rf build/docs build/docs-source && mkdir -p build && cp -r resources/docs build/docs-source
+	@MPLBACKEND=agg $(BIN)/sphinx-build -W --keep-going -q build/docs-source build/docs
+	@echo "build/docs/index.html"
 
 pictures: setup
 	@$(BIN)/python packaging/pictures.py $(OUT)

@@ -41,9 +41,9 @@ def evaluate_plane(
     Returns
     -------
     evaluation : PlaneEvaluation
-        Every point takes part: r.m.s. = sqrt(Σ d²/n), the largest |d| and the most negative d, where d is the signed
-        distance along the normal, positive towards the camera. `deviation_mm` has shape (H, W), NaN without point;
-        `sigma_mm` likewise, predicted, of shape (0, 0) where the phase noise is not known.
+        Every point takes part: r.m.s. = sqrt(Σ d²/n), the largest ``|d|`` and the most negative d, where d is the
+        signed distance along the normal, positive towards the camera. `deviation_mm` has shape (H, W), NaN without
+        point; `sigma_mm` likewise, predicted, of shape (0, 0) where the phase noise is not known.
 
     Raises
     ------
