@@ -137,6 +137,7 @@ class Project:
     reference: str | None = None  # a published experiment this rig repeats: a file name in resources/reference
     lengths: tuple[ScaleBar, ...] = ()  # further measured distances
     sequence: SequenceSpec | None = None  # what is captured unless something else is asked for
+    estimate: bool = False  # coordinates are refined by all frames wherever captures are decoded
 
     @property
     def camera(self) -> DeviceSpec:

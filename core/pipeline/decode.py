@@ -63,7 +63,7 @@ def one_series(capture: Capture, camera: str = "", projector: str = "") -> Captu
 def decode_images(
     capture: Capture, images: list, project: Project | None, progress: Progress, estimate: bool = False
 ) -> PhaseMap:
-    """Decode frames that have been read already; `estimate` refines the coordinates by all of them."""
+    """Decode frames that have been read already; `estimate`, or the project's, refines coordinates by all of them."""
     from core.decode import DecodeOptions, decode
 
     spec = project.rig.projectors[capture.projector] if project else None
@@ -71,7 +71,7 @@ def decode_images(
     patterns = [frame.pattern for frame in capture.frames]
     exposures = [frame.exposure_ms for frame in capture.frames]
     where = str(capture.path)
-    options = DecodeOptions(estimate=estimate)
+    options = DecodeOptions(estimate=estimate or (project is not None and project.estimate))
     phase = decode(
         patterns, images, lines=lines, options=options, exposures_ms=exposures, where=where, progress=progress
     )

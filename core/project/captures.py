@@ -104,6 +104,7 @@ def read_project(folder: Path) -> Project:
         reference if isinstance(reference, str) else None,
         tuple(read_bar(Fields.of(item, f"{fields.where}: lengths, entry {i}")) for i, item in enumerate(lengths)),
         None if (shown := fields.data.get("sequence")) is None else read_sequence(shown, f"{fields.where}: sequence"),
+        fields.nested("decode").flag("estimate") if fields.data.get("decode") is not None else False,
     )
 
 

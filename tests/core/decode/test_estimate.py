@@ -14,6 +14,7 @@ from scipy.special import erf
 from core.decode import DecodeOptions, decode
 from core.model import PhaseMap
 from core.patterns import Pattern, brightness, reference_sequence
+from core.pipeline import decode_capture
 
 N = 640
 REFINED = DecodeOptions(estimate=True)
@@ -94,3 +95,13 @@ def test_one_axis_alone_is_refined_too(bench) -> None:
     plain, refined = both(patterns, b.take(patterns), N)
     assert np.nanstd(refined.u - b.u) < 0.83 * np.nanstd(plain.u - b.u)
     assert np.isnan(refined.v).all()
+
+
+def test_a_project_may_ask_for_it(quick, edit_json) -> None:
+    folder = quick / "captures" / "plane+00"
+    plain = decode_capture(folder)
+    edit_json(quick / "project.json", decode={"estimate": True})
+    refined = decode_capture(folder)
+    assert plain.misfit is None
+    assert refined.misfit is not None
+    assert np.nanmedian(refined.sigma_u) < 0.92 * np.nanmedian(plain.sigma_u)
