@@ -14,6 +14,7 @@ from core.calibrate.problem import Problem, State, Step, moved
 from core.progress import SILENT, Progress
 
 LEAST_CONTRACTION = 0.01  # ratio of two steps: what remains is not trusted to shrink faster than that
+SLOW = 0.5  # ratio of two steps from which their length is looked for
 ROUNDING_GAIN = 1e-18  # a decrease of vᵀPv below this is rounding, even for observations without noise
 SHORTEST = 1 / 100  # part of a step that is still tried
 SHORTEST_WELCOME = 1 / 5  # a step that must be shortened more calls for damping
@@ -87,12 +88,17 @@ def iterate(
         # where vᵀPv no longer falls, all that is left to gain is the rounding of its own sum
         stalled = share == 0 and step.gain < ROUNDING_STALL * cost
         last = last or (damping == 0 and stalled)
+        whole = share == 1 and damping == 0
+        if whole and not last and SLOW**2 < ratio < 1:
+            better = _relaxed(problem, state, cost, trial_cost, step)
+            if better is not None:
+                (trial, trial_cost), whole = better, False
         if share > 0:
             state, cost = aligned(problem, trial), trial_cost
         convergence.append(cost)
         if last:
             return Solution(state, tuple(convergence), reduced)
-        before = step.gain if share == 1 and damping == 0 else 0.0
+        before = step.gain if whole else 0.0
         # where rounding called for damping, a step without any decides
         damping = 0.0 if stalled else next_damping(damping, share)
         if damping > MOST_DAMPING:
@@ -119,6 +125,21 @@ def shortened(problem: Problem, state: State, cost: float, step: Step) -> tuple[
                 return share, trial, trial_cost
         share /= 2
     return 0.0, state, cost
+
+
+def _relaxed(problem: Problem, state: State, cost: float, whole: float, step: Step) -> tuple[State, float] | None:
+    """Take a step as far as vᵀPv falls, by a parabola through what it is without and with the whole step.
+
+    Large residuals that no parameter explains bend vᵀPv otherwise than the linear model: whole steps go too far, or not
+    far enough, again and again.
+    """
+    bend = whole - cost + 2 * step.gain
+    share = min(max(step.gain / bend, 0.3), 10.0) if bend > 0 else 10.0
+    trial = moved(problem, state, Step(share * step.z, share * step.pose, share * step.xyz, step.gain))
+    if not np.all(trial.interior[:, 0] > 0):
+        return None
+    trial_cost = cost_of(problem, trial)
+    return (trial, trial_cost) if trial_cost < whole else None
 
 
 def regular(problem: Problem, state: State, damping: float) -> tuple[Reduced, float]:
