@@ -18,6 +18,7 @@ from core.model import Network
 
 Array = NDArray[np.float64]
 
+OTHER_SIZE = 0.2  # of the logarithm of a scale: no board is printed that wrongly
 ENOUGH_SAMPLES = 300  # among which the rotation in the middle is sought
 
 
@@ -55,7 +56,23 @@ def initial_state(network: Network, problem: Problem) -> State:
         )
     R = np.array([relative.get(d, Pose()).rotation for d in range(len(problem.base))])
     t = np.array([relative.get(d, Pose()).translation_mm for d in range(len(problem.base))])
-    return in_own_lenses(network, State(state.interior, R, t, rotation, shift, problem.approximate.copy()))
+    size = _size(problem)
+    return in_own_lenses(
+        network, State(state.interior, R, size * t, rotation, size * shift, size * problem.approximate)
+    )
+
+
+def _size(problem: Problem) -> float:
+    """Factor by which the approximate points are too small for the measured distance, where it differs by far.
+
+    A distance in other units would draw the two ends towards each other first, and the rest of the network after them.
+    """
+    if not problem.distances or problem.point_weight.any():
+        return 1.0
+    first = problem.distances[0]
+    apart = float(np.linalg.norm(problem.approximate[first.start] - problem.approximate[first.stop]))
+    factor = first.length_mm / apart if apart > 0 else 1.0
+    return factor if abs(np.log(factor)) > OTHER_SIZE else 1.0
 
 
 def _relative_orientations(problem: Problem, found: dict[int, Pose]) -> dict[int, Pose]:

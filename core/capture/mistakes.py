@@ -25,6 +25,8 @@ FEW = 160  # pixels on which a mistake is tried
 ALIKE = 0.04  # shares of contradictions that are no different
 SURE = 0.06  # squared difference, white = 1, from what a frame is said to show
 FITS = 0.3  # of the contradictions that may stay where a mistake explains them
+MOST_PIXELS = 0.8  # of them must fit
+PLAIN = ("white", "black", "its inverse")  # what one frame alone may show by mistake, likelier than another pattern
 MOST_FRAMES = 16  # beyond that pairs of frames are not tried
 
 
@@ -43,17 +45,19 @@ def explanation(plan: Plan, sampled: Sampled, values: Array, looked: Looked, sha
     from core.capture.stored import contradicting
 
     most = FITS * share
-    tried = [(contradicting(v, p, looked, FEW), text) for text, v, p in _descriptions(plan, values, looked)]
-    least = min(left for left, _ in tried)
-    if least <= most:  # several may fit: the plain ones come first
-        return f": {next(text for left, text in tried if left <= least + ALIKE)}", None
     single = [
         (contradicting(np.delete(looked.values, j, axis=0), _without(looked.patterns, j), looked, FEW), j)
         for j in range(len(looked.shots))
     ]
     alone = [j for left, j in single if left <= most] if len(looked.shots) >= 5 else []
-    shown = [(*_shown(looked, j), j) for j in alone]
-    if shown and min(shown)[0] < SURE:
+    shown = [(misfit, name, j) for j in alone for misfit, name in [_shown(looked, j)] if misfit < SURE]
+    if plain := [entry for entry in shown if entry[1] in PLAIN]:
+        return _one(looked, min(plain)[2], min(plain)[1])
+    tried = [(contradicting(v, p, looked, FEW), text) for text, v, p in _descriptions(plan, values, looked)]
+    least = min(left for left, _ in tried)
+    if least <= most:  # several may fit: the plain ones come first
+        return f": {next(text for left, text in tried if left <= least + ALIKE)}", None
+    if shown:
         return _one(looked, min(shown)[2], min(shown)[1])
     if len(looked.shots) <= MOST_FRAMES:
         pairs = []
@@ -135,9 +139,14 @@ def _shown(looked: Looked, j: int) -> tuple[float, str]:
     others = [k for k in range(len(looked.patterns)) if k != j]
     _, best = nearest(looked.values[others][:, some], possible[others])
     seen = looked.values[j, some]
-    misfit = {describe(p): float(np.mean((seen - possible[k, best]) ** 2)) for k, p in enumerate(looked.patterns)}
-    misfit |= {"its inverse": float(np.mean((1 - seen - possible[j, best]) ** 2))}
-    misfit |= {"white": float(np.mean((seen - 1) ** 2)), "black": float(np.mean(seen**2))}
+    misfit = {describe(p): _unlike(seen, possible[k, best]) for k, p in enumerate(looked.patterns)}
     del misfit[describe(looked.patterns[j])]
+    misfit |= {"its inverse": _unlike(looked.inverted[j, some], possible[j, best])}
+    misfit |= {name: _unlike(seen, np.full_like(seen, level)) for name, level in zip(PLAIN, (1, 0), strict=False)}
     name, value = min(misfit.items(), key=lambda item: item[1])
     return value, name
+
+
+def _unlike(seen: Array, light: Array) -> float:
+    """Mean squared difference of the pixels that fit best: at edges the others may tell the line wrongly."""
+    return float(np.mean(np.sort((seen - light) ** 2)[: int(MOST_PIXELS * len(seen)) + 1]))

@@ -8,7 +8,7 @@ contradicts itself the descriptions that people get wrong are tried until one fi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
@@ -46,11 +46,15 @@ DRIFT = 0.15
 
 @dataclass(frozen=True)
 class Looked:
-    """The frames of one axis at the brightest pixels: normalised values (k, n), and what the patterns make possible."""
+    """The frames of one axis at the brightest pixels: normalised values (k, n), and what the patterns make possible.
+
+    `inverted` has the values that the same frames would have with bright and dark exchanged.
+    """
 
     shots: tuple[int, ...]
     patterns: tuple[Pattern, ...]
     values: Array
+    inverted: Array
     limit: float
     axis: Axis
     lines: int
@@ -93,7 +97,9 @@ def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
     at = np.stack([a.ravel() for a in np.meshgrid(rows, cols, indexing="ij")])
     grey = np.array([image[at[0], at[1]] for image in images], np.float64)
     full = 255 if images[0].dtype == np.uint8 else 2 ** max(8, int(max(i.max() for i in images)).bit_length()) - 1
-    return summarise(plan, grey, at, (height, width), full)
+    found = summarise(plan, grey, at, (height, width), full)
+    # a frame that only claims to be white is no measure of brightness
+    return replace(found, white=np.maximum(found.white, np.quantile(grey, 0.9, axis=0)))
 
 
 def _light(sampled: Sampled, phase: PhaseMap) -> list[Finding]:
@@ -136,6 +142,7 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
         return []
     good = good[np.linspace(0, len(good) - 1, min(len(good), PIXELS)).astype(int)]
     values = ((sampled.grey[:, good] - sampled.black[good]) / contrast[good]).astype(np.float32)
+    inverted = ((sampled.full - sampled.grey[:, good] - sampled.black[good]) / contrast[good]).astype(np.float32)
     found: list[Finding] = []
     axes: tuple[Axis, ...] = ("x", "y")
     for axis, count in zip(axes, lines, strict=True):
@@ -146,6 +153,7 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
             shots,
             tuple(plan.shots[i] for i in shots),
             values[list(shots)],
+            inverted[list(shots)],
             max(CONTRADICTION, PER_FRAME * len(shots)),
             axis,
             count,
@@ -189,7 +197,9 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
         codes = tuple(patterns[k] for k in coded)
         possible, at = looks(codes, looked.axis, looked.lines)
         cell = min(p.cell for p in codes if isinstance(p, Code))
-        number = np.floor((at[nearest(seen[coded], possible)[1]] + 0.25) / cell)
+        if np.unique(possible > 0.5, axis=1).shape[1] * cell < looked.lines:
+            cell = 0  # a frame was left out for a trial: the others do not tell all cells apart
+        number = np.floor((at[nearest(seen[coded], possible)[1]] + 0.25) / max(cell, 1))
     for period in {p.period for p in patterns if isinstance(p, Phase)}:
         steps = [k for k, p in enumerate(patterns) if isinstance(p, Phase) and p.period == period]
         shifts = np.array([p.shift_rad for p in patterns if isinstance(p, Phase) and p.period == period])
@@ -202,7 +212,7 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
         strong = (amplitude > FAINT) | (rest > FAINT)
         bad |= strong & (rest > NO_WAVE * amplitude)
         allowed = np.pi * cell / period + WAVE_SLACK
-        if number is not None and allowed < 0.85 * np.pi:
+        if number is not None and cell and allowed < 0.85 * np.pi:
             centre = 2 * np.pi * (number + 0.5) * cell / period
             off = np.abs(np.angle(np.exp(1j * (np.arctan2(found[2], found[1]) - centre))))
             bad |= strong & (off > allowed)

@@ -18,11 +18,12 @@ from core.checks.files import repeated_frames, repeated_targets
 from core.checks.left_out import left_out_of
 from core.checks.lengths import length_concerns
 from core.checks.network import adjustment_concerns, nominal_concerns, variance_ratios
-from core.checks.planes import form_of, pair_concerns, plane_concerns
+from core.checks.planes import DOUBTFUL_RATIO, form_of, pair_concerns, plane_concerns
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns
 
 __all__ = [
+    "DOUBTFUL_RATIO",
     "Concern",
     "Plates",
     "adjustment_concerns",

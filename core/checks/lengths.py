@@ -6,18 +6,22 @@ not like the others is named.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
-from core.checks.concern import Concern
+from core.checks.concern import LEVEL, Concern
 from core.checks.plates import Plates
 from core.model import Adjustment, Array, ScaleBar, Testfield
+from core.numerics import chi_square_limit
 
 TOLERANCE = 0.002  # boards are made to about 0.1 %
+SIGNIFICANT = 3.3  # sigmas of what the calibration leaves uncertain, at the level of the other tests
 FAILED = 0.02
 OUT_OF_SHAPE = 0.01  # r.m.s. deviation from the nominal board, as a share of its size
+OFF_LINES, MOST_OFF_LINES = 2.0, 6.0  # epipolar residuals over their sigmas, which are known to about a half
 KNOWN_FACTORS = {10.0: "cm instead of mm", 25.4: "inches instead of mm", 1000.0: "m instead of mm"}
 SCATTER = 6.0  # times what the other plates scatter by
 LEAST_OFF = 3e-4  # of the distance: what positions are known to at best
@@ -30,6 +34,7 @@ class Length:
     name: str
     key: str  # in which file and field it stands
     factor: float
+    sigma: float = 0.0  # of the factor, by the calibration that compares it with the others
 
 
 def length_concerns(
@@ -61,13 +66,29 @@ def length_concerns(
         ratio, more = _plate_board(plates)
         concerns += more if not same else []
         if np.isfinite(ratio) and not same:
-            lengths.append(Length("the plate's board", "its testfield file", 1.0 / ratio))
+            sigma = _by_calibration(plates, lambda p: _plate_board(p)[0])
+            lengths.append(Length("the plate's board", "its testfield file", 1.0 / ratio, sigma))
         if len(plates.names) >= 2:
-            slope, more = _positions(plates)
+            slope, noise, more = _positions(plates)
             concerns += more
             if np.isfinite(slope):
-                lengths.append(Length("the plate positions", "capture.json, z_mm", 1.0 / slope))
-    return [*_odd_one(lengths, scale, board), *concerns]
+                sigma = float(np.hypot(_by_calibration(plates, lambda p: _positions(p)[0]), noise))
+                lengths.append(Length("the plate positions", "capture.json, z_mm", 1.0 / slope, sigma))
+    return [*_odd_one(lengths, scale, board), *concerns, *(_epipolar(plates) if plates is not None else ())]
+
+
+def _epipolar(plates: Plates) -> list[Concern]:
+    """H0: what the fourth observation leaves is at most `OFF_LINES` times what sigmas and calibration allow."""
+    concerns = []
+    for name, (rms, factor, n) in plates.epipolar.items():
+        if factor > OFF_LINES**2 * chi_square_limit(n, LEVEL) / n:
+            text = (
+                f"{name}: camera and projector see its targets {rms:.2g} lines r.m.s. off each other's rays, "
+                f"{factor**0.5:.2g} times what the sigmas allow (chi-square test of the epipolar residuals): camera or "
+                "projector moved since the testfield was captured, or the frames are of another capture"
+            )
+            concerns.append(Concern("failed" if factor > MOST_OFF_LINES**2 else "doubtful", text))
+    return concerns
 
 
 def nominal_of(adjustment: Adjustment, board: Testfield) -> Array:
@@ -123,6 +144,13 @@ def _stretch(nominal: Array, found: Array) -> tuple[float, float]:
     return float(lengths[0] / lengths[1]), left
 
 
+def _by_calibration(plates: Plates, scale: Callable[[Plates], float]) -> float:
+    """Relative sigma of a scale that plates show, from the calibration's uncertainty."""
+    own = scale(plates)
+    other = np.array([scale(replace(plates, xyz_mm=xyz)) for xyz in plates.uncertain_mm])
+    return float(np.sqrt(np.nansum((other / own - 1) ** 2)))
+
+
 def _plate_board(plates: Plates) -> tuple[float, list[Concern]]:
     found = [_shape(plates.nominal_mm, xyz, "the plate's testfield file") for xyz in plates.xyz_mm]
     scales = [scale for scale, _ in found if np.isfinite(scale)]
@@ -131,17 +159,18 @@ def _plate_board(plates: Plates) -> tuple[float, list[Concern]]:
     return (float(np.median(scales)) if scales else float("nan")), often[:1]
 
 
-def _positions(plates: Plates) -> tuple[float, list[Concern]]:
-    """Movement of the plate per mm of z_mm, and plates that do not stand where z_mm says."""
+def _positions(plates: Plates) -> tuple[float, float, list[Concern]]:
+    """Movement of the plate per mm of z_mm with its relative sigma by scatter, and plates not where z_mm says."""
     along, across, distance = _movement(plates)
     z = plates.z_mm
     pairs = list(combinations(range(len(z)), 2))
     slopes = [(along[k] - along[i]) / (z[k] - z[i]) for i, k in pairs if z[k] != z[i]]
     if not slopes:
-        return float("nan"), []
+        return float("nan"), 0.0, []
     slope = float(np.median(slopes))
     rest = along - slope * z
     rest -= np.median(rest)
+    noise = 1.4826 * float(np.median(np.abs(rest))) / (abs(slope) * float(np.std(z)) * len(z) ** 0.5)
     concerns = []
     if len(z) >= 4:
         for k in np.argsort(-np.abs(rest))[: max(1, len(z) // 4)]:
@@ -166,7 +195,7 @@ def _positions(plates: Plates) -> tuple[float, list[Concern]]:
                     "failed", "the plates do not stand in the order of their z_mm: z_mm or the frames were exchanged"
                 )
             )
-    return abs(slope), concerns
+    return abs(slope), noise, concerns
 
 
 def _movement(plates: Plates) -> tuple[Array, Array, float]:
@@ -202,14 +231,21 @@ def _odd_one(lengths: list[Length], scale: ScaleBar | None, board: Testfield | N
     if len(lengths) < 2:
         return []
     factors = np.array([entry.factor for entry in lengths])
-    agreeing = [np.abs(factors / f - 1) <= TOLERANCE for f in factors]
-    votes = np.array([a.sum() for a in agreeing])
-    if votes.max() == len(lengths):
+    sigma = np.array([entry.sigma for entry in lengths])
+    agreeing = [
+        np.abs(factors / f - 1) <= np.hypot(TOLERANCE, SIGNIFICANT * np.hypot(sigma, s))
+        for f, s in zip(factors, sigma, strict=True)
+    ]
+    # what is known poorly itself may agree with two that differ: it does not decide
+    certain = SIGNIFICANT * sigma <= TOLERANCE
+    voters = np.flatnonzero(certain) if certain.sum() >= 2 else np.arange(len(lengths))
+    votes = np.array([agreeing[k][voters].sum() for k in voters])
+    most = voters[votes == votes.max()]
+    if votes.min() == len(voters) and all(agreeing[most[0]]):
         return []
-    most = np.flatnonzero(votes == votes.max())
-    clear = votes.max() >= 2 and all((agreeing[k] == agreeing[most[0]]).all() for k in most)
+    clear = votes.max() >= 2 and all((agreeing[k] == agreeing[most[0]])[voters].all() for k in most)
     if clear:
-        true = float(np.median(factors[agreeing[most[0]]]))
+        true = float(np.median(factors[[k for k in voters if agreeing[most[0]][k]]]))
         odd = [k for k in range(len(lengths)) if not agreeing[most[0]][k]]
         others = " and ".join(lengths[k].name for k in np.flatnonzero(agreeing[most[0]]))
         return [_told(lengths[k], factors[k] / true, others, scale, board) for k in odd]

@@ -130,6 +130,8 @@ def _angles(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
     told = ", ".join(f"{misfit[k, j]:.1f}°" for j in others[:4])
     e = planes[k]
     text = f"{e.capture}: angle_deg {e.angle_deg:g} differs from the angles to the other planes by {told}: "
+    if len(planes) == 2:
+        text = f"{e.capture} and {planes[1 - k].capture}: the angle between them differs from angle_deg by {told}: "
     text += "its sign is reversed" if sign else "correct angle_deg, or the plane-table was not turned as it says"
     return [Concern("failed" if misfit.max() > MOST_ANGLE_DEG else "doubtful", text)]
 

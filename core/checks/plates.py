@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from core.geometry import project, ray_directions
-from core.model import Array, DeviceSpec, Interior, PhotogrammetricCalibration, TargetSet, Testfield
+from core.geometry import pair_of, perturbed, project, ray_directions
+from core.model import Array, DeviceSpec, Interior, Pair, PhotogrammetricCalibration, TargetSet, Testfield
 
 START = 50.0  # focal lengths: where the search for a point on a ray begins
 STEPS = 25
 LEAST = 4  # targets that make a plate
+LEAST_EPIPOLAR = 6
 
 
 @dataclass(frozen=True)
@@ -21,16 +22,18 @@ class Plates:
     """Boards at known positions, their targets in the camera's frame in mm.
 
     `xyz_mm` has the shape (plates, targets, 3), NaN where a target was not measured; `nominal_mm` (targets, 3) those on
-    the board. `off_lines` (plates,) is the r.m.s. of what the fourth observation of each point leaves over, in
-    projector lines, NaN where one axis was decoded; `off_sigmas` the same in its sigmas.
+    the board. `uncertain_mm` (k, plates, targets, 3) is the same by k calibrations, each off by one sigma of its own:
+    squares of differences add up to a variance. `epipolar` is by plate the r.m.s. of what the fourth observation of
+    each point leaves over, lines, and the ratio of its squares, calibration's uncertainty taken out, to what the sigmas
+    allow, with their number; nothing where one axis was decoded.
     """
 
     names: tuple[str, ...]
     z_mm: Array
     nominal_mm: Array
     xyz_mm: Array
-    off_lines: Array
-    off_sigmas: Array
+    uncertain_mm: Array
+    epipolar: Mapping[str, tuple[float, float, int]]
 
 
 def see_plates(
@@ -41,26 +44,49 @@ def see_plates(
 ) -> Plates:
     """Intersect the targets of every plate that has some."""
     index = board.index()
-    names, z, xyz, lines, sigmas = [], [], [], [], []
-    for t in targets:
-        if t.capture not in z_mm or len(t.row) < LEAST:
-            continue
-        points, off, sigma = intersect_targets(calibration, t)
-        placed = np.full((len(board.row), 3), np.nan)
-        for k, key in enumerate(zip(t.row.tolist(), t.col.tolist(), strict=True)):
-            if key in index:
-                placed[index[key]] = points[k]
-        if np.isfinite(placed[:, 0]).sum() >= LEAST:
-            names.append(t.capture)
-            z.append(z_mm[t.capture])
-            xyz.append(placed)
-            lines.append(float(np.sqrt(np.nanmean(off**2))) if np.isfinite(off).any() else np.nan)
-            ratio = off / sigma
-            sigmas.append(float(np.sqrt(np.nanmedian(ratio**2) / 0.4549)) if np.isfinite(ratio).any() else np.nan)
-    shape = (len(names), len(board.row), 3)
-    return Plates(
-        tuple(names), np.array(z), board.xyz_mm, np.reshape(np.array(xyz), shape), np.array(lines), np.array(sigmas)
-    )
+    used = [t for t in targets if t.capture in z_mm and len(t.row) >= LEAST]
+    at, keep = [], []
+    for i, t in enumerate(used):
+        place = [index.get(key, -1) for key in zip(t.row.tolist(), t.col.tolist(), strict=True)]
+        at += [(i, k) for k in place if k >= 0]
+        keep.append(np.array(place) >= 0)
+
+    def together(name: str) -> Array:
+        return np.concatenate([getattr(t, name)[k] for t, k in zip(used, keep, strict=True)])
+
+    shape = (len(used), len(board.row), 3)
+    if not at:
+        nothing = np.zeros((0, *shape[1:]))
+        return Plates((), np.zeros(0), board.xyz_mm, nothing, np.zeros((0, *nothing.shape)), {})
+    plate, target = np.array(at).T
+    seen = together("camera_uv"), together("projector_uv"), together("projector_sigma")
+    pair = pair_of(calibration)
+    values, vectors = np.linalg.eigh(pair.covariance)
+    changes = (vectors * np.sqrt(np.maximum(values, 0.0))).T[values > values[-1] * 1e-14]
+    found = [intersect_targets(p, *seen) for p in (pair, *(perturbed(pair, change) for change in changes))]
+    placed = np.full((len(found), *shape), np.nan)
+    for one, (points, _, _) in zip(placed, found, strict=True):
+        one[plate, target] = points
+    sound = np.isfinite(placed[0, :, :, 0]).sum(axis=1) >= LEAST
+    off = np.array([off for _, off, _ in found])
+    epipolar = {}
+    for i, t in enumerate(used):
+        own = (plate == i) & np.isfinite(off).all(axis=0)
+        if own.sum() >= LEAST_EPIPOLAR:
+            epipolar[t.capture] = (*_beyond_chance(off[:, own], found[0][2][own]), int(own.sum()))
+    names = tuple(t.capture for t, use in zip(used, sound, strict=True) if use)
+    z = np.array([z_mm[name] for name in names])
+    return Plates(names, z, board.xyz_mm, placed[0, sound], placed[1:, sound], epipolar)
+
+
+def _beyond_chance(off: Array, sigma: Array) -> tuple[float, float]:
+    """R.m.s. of residuals, the first row of (k + 1, n), and their squares over those expected; others show errors of k.
+
+    The squares are of ``eᵀ C⁻¹ e`` with the calibration's part of C, (n, n), of rank k.
+    """
+    e, D = off[0] / sigma, (off[1:] - off[0]) / sigma
+    rest = e - D.T @ np.linalg.solve(np.eye(len(D)) + D @ D.T, D @ e)
+    return float(np.sqrt(np.mean(off[0] ** 2))), float(e @ rest) / len(e)
 
 
 def pose_plates(
@@ -81,20 +107,26 @@ def pose_plates(
             names.append(t.capture)
             z.append(z_mm[t.capture])
             xyz.append((board.xyz_mm @ cv2.Rodrigues(rotation)[0].T + shift.ravel()) * (1.0, -1.0, -1.0))
-    unknown = np.full(len(names), np.nan)
     stacked = np.reshape(np.array(xyz), (len(names), len(board.row), 3))
-    return Plates(tuple(names), np.array(z), board.xyz_mm, stacked, unknown, unknown)
+    return Plates(tuple(names), np.array(z), board.xyz_mm, stacked, stacked[None, :0].repeat(0, axis=0), {})
 
 
-def intersect_targets(calibration: PhotogrammetricCalibration, t: TargetSet) -> tuple[Array, Array, Array]:
-    """Give the points of targets, (n, 3) mm, and the fourth observation's residual and sigma, (n,) lines."""
+def intersect_targets(calibration: Pair, uv: Array, lines: Array, sigma: Array) -> tuple[Array, Array, Array]:
+    """Give the points of targets, (n, 3) mm, and the fourth observation's residual and sigma, (n,) lines.
+
+    Parameters
+    ----------
+    calibration : Pair
+    uv, lines, sigma : array, shape (n, 2)
+        Camera's and projector's coordinates, and the sigmas of the projector's; NaN where not decoded.
+    """
     spec, interior = calibration.camera.spec, calibration.camera.interior
-    rays = ray_directions(spec, interior, t.camera_uv)
+    rays = ray_directions(spec, interior, uv)
     other = calibration.projector.spec, calibration.projector.interior
     depth = np.full(len(rays), START * spec.nominal_c_mm)
-    weight = 1.0 / np.maximum(t.projector_sigma, 1e-4) ** 2
-    weight = np.asarray(np.where(np.isfinite(t.projector_uv) & np.isfinite(weight), weight, 0.0))
-    seen = np.where(weight > 0, t.projector_uv, 0.0)
+    weight = 1.0 / np.maximum(sigma, 1e-4) ** 2
+    weight = np.asarray(np.where(np.isfinite(lines) & np.isfinite(weight), weight, 0.0))
+    seen = np.where(weight > 0, lines, 0.0)
     for _ in range(STEPS):
         at, slope = _along(calibration, other, rays, depth)
         rest = np.where(weight > 0, seen - at, 0.0)
@@ -110,13 +142,10 @@ def intersect_targets(calibration: PhotogrammetricCalibration, t: TargetSet) -> 
     rest = np.where(both[:, None], seen - at, np.nan)
     across = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1)[:, None]
     off = np.sum(rest * across, axis=1)
-    sigma = np.sqrt(np.sum((across * t.projector_sigma) ** 2, axis=1))
-    return np.where(valid[:, None], rays * depth[:, None], np.nan), off, sigma
+    return np.where(valid[:, None], rays * depth[:, None], np.nan), off, np.sqrt(np.sum((across * sigma) ** 2, axis=1))
 
 
-def _along(
-    calibration: PhotogrammetricCalibration, other: tuple[DeviceSpec, Interior], rays: Array, depth: Array
-) -> tuple[Array, Array]:
+def _along(calibration: Pair, other: tuple[DeviceSpec, Interior], rays: Array, depth: Array) -> tuple[Array, Array]:
     """Projector coordinates, (n, 2), of points on rays at depths, and their derivatives by the depth."""
     step = 1e-4 * depth
     pose = calibration.projector_from_camera

@@ -10,7 +10,7 @@ Conventions, told once for the whole program:
 
 from core.geometry.device import image_to_pixel, pixel_to_image, project, ray_directions
 from core.geometry.lens import LENSES, Lens, at_radius, distort, fitted, lens_of, nominal, regular, undistort
-from core.geometry.pairs import calibration_of_pair, pair_for, pair_of
+from core.geometry.pairs import calibration_of_pair, pair_for, pair_of, perturbed
 from core.geometry.projection import Projection, project_with_derivatives
 from core.geometry.rotation import (
     Pose,
@@ -39,6 +39,7 @@ __all__ = [
     "nominal",
     "pair_for",
     "pair_of",
+    "perturbed",
     "pixel_to_image",
     "project",
     "project_with_derivatives",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,8 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.geometry.lens import lens_of
-from core.geometry.rotation import Pose, cross_matrix
-from core.model import AdjustedDevice, Orientation, Pair, PhaseMap, PhotogrammetricCalibration
+from core.geometry.rotation import Pose, cross_matrix, matrix_from_rotation_vector
+from core.model import AdjustedDevice, Interior, Orientation, Pair, PhaseMap, PhotogrammetricCalibration
 
 Array = NDArray[np.float64]
 
@@ -134,3 +135,15 @@ def calibration_of_pair(
         warnings=warnings,
         **more,
     )
+
+
+def perturbed(pair: Pair, change: Array) -> Pair:
+    """Add a change, shape (k,) in the order of the covariance, to camera, projector and their orientation."""
+    parts = np.split(change, np.cumsum([len(d.interior.vector) for d in (pair.camera, pair.projector)]))
+    camera, projector = (
+        replace(d, interior=Interior.from_vector(d.interior.vector + part, d.interior.r0_mm, d.interior.model))
+        for d, part in zip((pair.camera, pair.projector), parts[:2], strict=True)
+    )
+    pose = pair.projector_from_camera
+    turned = Pose(matrix_from_rotation_vector(parts[2][:3]) @ pose.rotation, pose.translation_mm + parts[2][3:])
+    return Pair(camera, projector, turned, pair.covariance)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.geometry import Pose, cross_matrix, matrix_from_rotation_vector, pair_for, ray_directions
-from core.model import AdjustedDevice, Array, Interior, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
+from core.geometry import Pose, cross_matrix, matrix_from_rotation_vector, pair_for, perturbed, ray_directions
+from core.model import AdjustedDevice, Array, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
 from core.orient.residuals import Residuals, Sight, epipolar_residuals
 from core.progress import SILENT, Progress
 
@@ -260,9 +260,9 @@ def _carried(sight: Sight, pair: Pair, A: Array, weight: Array, lax: Array) -> A
     every = slice(None, None, max(1, len(sight.at) // SOME))
     few, by_parameters = sight.only(every), np.zeros((len(A[every]), len(sigma)))
     for k in np.flatnonzero(sigma > 0):
-        ends = []
-        for step in (sigma[k], -sigma[k]):
-            moved = _perturbed(pair, int(k), float(step))
+        ends, change = [], np.zeros(len(sigma))
+        change[k] = sigma[k]
+        for moved in (perturbed(pair, change), perturbed(pair, -change)):
             rays = ray_directions(moved.camera.spec, moved.camera.interior, few.pixels)
             seen = replace(few, rays=rays)
             ends.append(epipolar_residuals(seen, moved.projector, moved.projector_from_camera).e)
@@ -270,20 +270,6 @@ def _carried(sight: Sight, pair: Pair, A: Array, weight: Array, lax: Array) -> A
     weighted = A[every] * weight[every, None]
     part = len(A[every]) / len(A)
     return np.asarray(np.linalg.solve(weighted.T @ A[every] + part * lax, weighted.T @ by_parameters))
-
-
-def _perturbed(pair: Pair, parameter: int, step: float) -> Pair:
-    """Change one parameter in the order of the covariance."""
-    change = np.zeros(len(pair.covariance))
-    change[parameter] = step
-    parts = np.split(change, np.cumsum([len(d.interior.vector) for d in (pair.camera, pair.projector)]))
-    camera, projector = (
-        replace(d, interior=Interior.from_vector(d.interior.vector + part, d.interior.r0_mm, d.interior.model))
-        for d, part in zip((pair.camera, pair.projector), parts[:2], strict=True)
-    )
-    pose = pair.projector_from_camera
-    turned = Pose(matrix_from_rotation_vector(parts[2][:3]) @ pose.rotation, pose.translation_mm + parts[2][3:])
-    return Pair(camera, projector, turned, pair.covariance)
 
 
 def _significance(x: Array, covariance: Array, tiles: int) -> float:

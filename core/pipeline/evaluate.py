@@ -7,9 +7,18 @@ from dataclasses import replace
 
 from core.errors import InputError
 from core.figures import evaluation_figures
-from core.model import Calibration, Capture, Method, PlaneEvaluation, Project
+from core.model import (
+    Calibration,
+    Capture,
+    Method,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    PlaneEvaluation,
+    Project,
+)
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import phase_maps
+from core.pipeline.evidence import because_of
 from core.pipeline.folders import captures_of, result_path
 from core.pipeline.inputs import evaluated_from
 from core.pipeline.judge import calibration_rms, judge_planes
@@ -19,6 +28,9 @@ from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
 from core.project.contents import contents_of
 from core.project.lock import writing_results
+
+MOST_PIXELS = 20_000  # whose epipolar residuals are looked at
+OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to a plane
 
 
 def evaluate_project(
@@ -80,20 +92,42 @@ def _judge(
                 continue
             cloud = method.reconstruct(phase, calibration, False, progress.quiet())
             calibrated[capture.name, name, phase.camera, phase.projector] = calibration_rms(cloud)
-            notes[capture.name] = tuple(dict.fromkeys((*notes.get(capture.name, ()), *phase.notes)))
-            row = evaluate_plane(
-                phase,
-                cloud,
-                capture=capture.name,
-                angle_deg=capture.angle_deg,
-                method=name,
-                camera=method.camera(phase, calibration),
-                outside=method.outside,
-            )
+            said = (*phase.notes, *_moved(phase, calibration, capture.name))
+            notes[capture.name] = tuple(dict.fromkeys((*notes.get(capture.name, ()), *said)))
+            with because_of({capture.name: said}):
+                row = evaluate_plane(
+                    phase,
+                    cloud,
+                    capture=capture.name,
+                    angle_deg=capture.angle_deg,
+                    method=name,
+                    camera=method.camera(phase, calibration),
+                    outside=method.outside,
+                )
             evaluations.append(replace(row, devices=(phase.camera, phase.projector)))
     progress.check()
     order = list(METHODS)
-    return judge_planes(sorted(evaluations, key=lambda e: order.index(e.method)), calibrated, notes)
+    verdicts = {m: c.verdict for m, c in calibrations.items() if c.verdict is not None}
+    return judge_planes(sorted(evaluations, key=lambda e: order.index(e.method)), calibrated, notes, verdicts)
+
+
+def _moved(phase: PhaseMap, calibration: Calibration, capture: str) -> tuple[str, ...]:
+    """Say whether camera and projector see a plane off each other's epipolar lines."""
+    from core.orient import OrientOptions, find_motion
+
+    if not isinstance(calibration, PhotogrammetricCalibration):
+        return ()
+    try:
+        motion = find_motion(phase, calibration, capture=capture, options=OrientOptions(most_pixels=MOST_PIXELS))
+    except InputError:  # one axis, or too few pixels
+        return ()
+    if not motion.moved or motion.residual_rms < OFF_EPIPOLAR * motion.corrected_rms:
+        return ()
+    return (
+        f"camera and projector do not see it as they were calibrated: epipolar residuals of {motion.residual_rms:.2g} "
+        f"where noise leaves {motion.corrected_rms:.2g} (p = {motion.p:.1g}): one of them moved since, or the frames "
+        "are shifted or of another rig; see `stripe-core orient`, or calibrate again",
+    )
 
 
 def load_evaluation(project: Project) -> tuple[PlaneEvaluation, ...]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from core.errors import AdjustmentError, StripeError
 from core.model import (
     Adjustment,
     Calibration,
@@ -28,6 +31,8 @@ from core.pipeline.picking import current_target_sets
 if TYPE_CHECKING:
     from core.checks import Concern, Plates
 
+FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
+SHARP = re.compile("they fit|claims|mirrored|beyond the projector's lines")  # notes that name a cause
 DOUBTS = ("not rigid", "look like gross errors", "left out, fewer than")  # of the adjustment's own warnings
 
 
@@ -98,6 +103,18 @@ class Evidence:
         wanted = {c.name for c in self.used[method]}
         return [t for t in self.sets if t.capture in wanted]
 
+    def said(self, method: Method) -> list[Concern]:
+        """What the captures of a method say of themselves, and those of which nothing was measured."""
+        from core.checks import Concern
+
+        empty = [
+            Concern("doubtful", f"{t.capture}: none of its targets was measured: {t.missing[0].reason}")
+            for t in self.targets(method)
+            if not len(t.row) and t.missing
+        ]
+        own = {c.name: self.kept[c.name].notes for c in self.used[method] if c.name in self.kept}
+        return [*noted(own), *empty]
+
     def left_out(self, method: Method, rejected: Mapping[str, tuple[int, int]] | None = None) -> tuple[LeftOut, ...]:
         """List targets and captures without a part in a method's result; `rejected` is by station, of how many."""
         from core.checks import left_out_of
@@ -107,6 +124,34 @@ class Evidence:
         idle = [c.name for c in self.captures if c.role in METHODS[method].roles and c.name not in names]
         why = [(n, "left out by choice" if n in self.options.without else "names no testfield") for n in idle]
         return left_out_of(self.targets(method), rejected, why)
+
+
+def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:
+    """What captures say of themselves, alike ones together."""
+    from core.checks import Concern
+
+    by_text: dict[str, list[tuple[str, str]]] = {}
+    for name, texts in notes.items():
+        for text in texts:
+            by_text.setdefault(FIGURE.sub("", text), []).append((name, text))
+    concerns = []
+    for entries in by_text.values():
+        names = [name for name, _ in entries]
+        told = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        concerns.append(Concern("doubtful", f"{told}: {entries[0][1]}"))
+    return concerns
+
+
+@contextmanager
+def because_of(notes: Mapping[str, Sequence[str]]) -> Iterator[None]:
+    """Where work fails, say also what captures say of themselves: the cause, as a rule."""
+    try:
+        yield
+    except StripeError as error:
+        told = sorted((c.text for c in noted(notes)), key=lambda text: not SHARP.search(text))
+        if type(error) not in (StripeError, AdjustmentError) or not told:
+            raise
+        raise type(error)(error.where, error.seen, f"{error.remedy}. First see to this: {told[0]}") from None
 
 
 def warned(warnings: Sequence[str]) -> list[Concern]:

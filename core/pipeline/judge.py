@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from core.model import Adjustment, Calibration, Method, PlaneEvaluation, PointCloud, Verdict
-from core.pipeline.evidence import Evidence, sound_words, warned
+from core.pipeline.evidence import Evidence, noted, sound_words, warned
 from core.pipeline.methods import METHODS
 
 if TYPE_CHECKING:
     from core.checks import Concern
-
-FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
 
 
 def judge_adjustment(adjustment: Adjustment) -> Adjustment:
@@ -29,38 +26,20 @@ def judge_adjustment(adjustment: Adjustment) -> Adjustment:
 
 def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
     """Judge the calibrations of one run, each by itself and against the other, and list what was left out."""
-    from core.checks import code_concerns, repeated_frames
+    from core.checks import code_concerns, repeated_frames, repeated_targets
 
-    projector, kept = evidence.project.projector, evidence.kept
+    projector = evidence.project.projector
     taking_part = {c.name for chosen in evidence.used.values() for c in chosen}
     looked_at = [c for c in evidence.captures if c.name in taking_part or c.role in ("plane", "object")]
-    of_captures = [
-        *repeated_frames(looked_at, (projector.width, projector.height)),
-        *code_concerns(evidence.captures, projector),
-        *noted({name: kept[name].notes for name in sorted(taking_part) if name in kept}),
-    ]
+    twice = repeated_frames(looked_at, (projector.width, projector.height))
+    twice = twice or repeated_targets([t for t in evidence.sets if t.capture in taking_part])
+    of_captures = [*twice, *code_concerns(evidence.captures, projector)]
     result: dict[Method, Any] = dict(evidence.calibrations)
     for name, calibration in result.items():
         found = METHODS[name].judge(evidence, name, calibration)
-        verdict = _verdict(of_captures, found.concerns, found.sound)
+        verdict = _verdict([*of_captures, *evidence.said(name)], found.concerns, found.sound)
         result[name] = replace(calibration, verdict=verdict, left_out=found.left_out)
     return result
-
-
-def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:
-    """What captures say of themselves, alike ones together."""
-    from core.checks import Concern
-
-    by_text: dict[str, list[tuple[str, str]]] = {}
-    for name, texts in notes.items():
-        for text in texts:
-            by_text.setdefault(FIGURE.sub("", text), []).append((name, text))
-    concerns = []
-    for entries in by_text.values():
-        names = [name for name, _ in entries]
-        told = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-        concerns.append(Concern("doubtful", f"{told}: {entries[0][1]}"))
-    return concerns
 
 
 def _verdict(of_captures: Sequence[Concern], concerns: Sequence[Concern], sound: Sequence[str]) -> Verdict:
@@ -76,13 +55,15 @@ def judge_planes(
     evaluations: Sequence[PlaneEvaluation],
     calibration_rms_mm: Mapping[tuple[str, Method, str, str], float],
     notes: Mapping[str, Sequence[str]] | None = None,
+    verdicts: Mapping[Method, Verdict] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Judge planes, each against its prediction and all against each other.
 
     `calibration_rms_mm` is by capture, method, camera and projector what the calibration's own uncertainty adds to the
-    deviations; `notes` is by capture what it says of itself.
+    deviations; `notes` is by capture what it says of itself; `verdicts` are those of the calibrations, which no plane's
+    is better than.
     """
-    from core.checks import form_of, plane_concerns
+    from core.checks import DOUBTFUL_RATIO, Concern, form_of, plane_concerns
 
     common = [c for pair in dict.fromkeys(e.devices for e in evaluations) for c in _common(evaluations, pair)]
     judged = []
@@ -92,9 +73,15 @@ def judge_planes(
         concerns = plane_concerns(e, form_rms_mm, calibration_rms_mm.get((e.capture, e.method, *e.devices), 0.0))
         sound: list[str] = []
         if e.predicted_rms_mm:
-            sound.append(f"noise dominates: {e.rms_mm / e.predicted_rms_mm:.2f} times what the noise predicts")
+            ratio = e.rms_mm / e.predicted_rms_mm
+            source = "noise dominates" if ratio < DOUBTFUL_RATIO else "within three sigmas of the calibration"
+            sound.append(f"{source}: {ratio:.2f} times what the noise predicts")
         of_capture = noted({e.capture: (notes or {}).get(e.capture, ())})
         named = [c for c in common if c.text.startswith(f"{e.capture}:") or not _names_one(c.text, evaluations)]
+        basis = (verdicts or {}).get(e.method)
+        if basis is not None and basis.state != "passed" and basis.because:
+            state: Literal["failed", "doubtful"] = "failed" if basis.state == "failed" else "doubtful"
+            named.append(Concern(state, f"its {e.method} calibration is {basis.state}: {basis.because[0]}"))
         judged.append(replace(e, verdict=_verdict(of_capture, [*concerns, *named], sound)))
     return tuple(judged)
 

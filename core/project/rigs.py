@@ -12,6 +12,7 @@ from core.geometry import LENSES, Lens
 from core.model import DeviceSpec, Interior, Rig, ScaleBar
 
 MOST_PIXELS = 1_000_000  # along one side of a device
+MOST_FIELD_DEG = 170.0  # along a side: no lens that maps planes sees more
 KINDS = ("camera", "projector")
 
 
@@ -25,6 +26,13 @@ def read_device(fields: Fields) -> DeviceSpec:
         fields.real("r0_mm", least=0.0, default=None),
         response=_response(fields),
     )
+    half = max(spec.width * spec.pitch_mm[0], spec.height * spec.pitch_mm[1]) / 2
+    wide = 2 * math.degrees(math.atan2(half, spec.nominal_c_mm))
+    if wide > MOST_FIELD_DEG:
+        seen = (
+            f"is {list(spec.pitch_mm)}: with nominal_c_mm {spec.nominal_c_mm:g} the field of view would be {wide:.1f}°"
+        )
+        raise InputError(fields.where, f"pitch_mm {seen}", "give both in mm, not µm")
     if fields.data.get("interior") is None:
         return spec
     interior, sigma = _interior(fields.nested("interior"), spec)

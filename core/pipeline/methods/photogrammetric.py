@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,11 +24,14 @@ from core.model import (
     TargetSet,
     Testfield,
 )
-from core.pipeline.evidence import Evidence, sound_words, warned
+from core.pipeline.evidence import Evidence, because_of, sound_words, warned
 from core.pipeline.measure import measured_targets
 from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
+
+if TYPE_CHECKING:
+    from core.checks import Concern
 
 ADJUSTMENT = "adjustment.npz"
 
@@ -39,17 +43,18 @@ def _calibrate(project: Project, captures: list[Capture], options: CalibrateOpti
     targets = measured_targets(project, captures, progress.part(0.0, 0.9))
     used: Sequence[TargetSet] = targets
     for start, end in ((0.9, 0.95), (0.95, 1.0)):  # the second time with the eccentricity of the adjusted camera
-        calibration, adjustment = calibrate_photogrammetric(
-            project.rig,
-            testfield,
-            used,
-            scale=project.scale,
-            lengths=project.lengths,
-            rigid=options.rigid,
-            hold=options.hold,
-            options=replace(CALIBRATION_OPTIONS, reject_beyond=options.reject_beyond),
-            progress=progress.part(start, end),
-        )
+        with because_of({t.capture: t.notes for t in targets}):
+            calibration, adjustment = calibrate_photogrammetric(
+                project.rig,
+                testfield,
+                used,
+                scale=project.scale,
+                lengths=project.lengths,
+                rigid=options.rigid,
+                hold=options.hold,
+                options=replace(CALIBRATION_OPTIONS, reject_beyond=options.reject_beyond),
+                progress=progress.part(start, end),
+            )
         used = _recentred(targets, testfield, adjustment)
     warnings = (*(f"{t.capture}: {note}" for t in targets for note in t.notes), *calibration.warnings)
     return Calibrated(replace(calibration, warnings=warnings), targets, {ADJUSTMENT: adjustment})
@@ -75,6 +80,9 @@ def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: A
     recentred = kind_of(testfield).recentred
     if recentred is None:
         return list(targets)
+    adjusted, nominal = (float(np.ptp(xyz)) for xyz in (adjustment.points_mm, adjustment.network.point_xyz_mm))
+    if not 0.8 < adjusted / nominal < 1.25:  # dots and distances are in different units: no ellipse fits
+        return list(targets)
     poses = dict(zip(adjustment.network.station_names, adjustment.station_from_object, strict=True))
     result = []
     for t in targets:
@@ -97,8 +105,17 @@ def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibratio
         *(c for c in evidence.lengths if not evidence.of_plate(c)),
         *nominal_concerns(calibration.devices),
     ]
+    if evidence.options.hold and any(c.state == "failed" for c in concerns):
+        concerns.insert(0, _held(evidence.options.hold))
     alone = left_out_of([], lonely, why="seen from one place only")
     return Judgement(concerns, sound_words(adjustment), (*evidence.left_out(name, rejected), *alone))
+
+
+def _held(names: Sequence[str]) -> Concern:
+    from core.checks import Concern
+
+    text = f"{' and '.join(names)} held at {'its' if len(names) == 1 else 'their'} nominal values: are these right? Try"
+    return Concern("failed", f"{text} without --hold before you look for other causes")
 
 
 def _rejected(

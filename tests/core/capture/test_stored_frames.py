@@ -7,6 +7,7 @@ response of its own and noise.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -122,6 +123,9 @@ def swapped(f: Frames, i: int, k: int) -> Frames:
 EXCHANGED: dict[str, tuple[Callable[[Frames], Frames], str]] = {
     "all inverted": (lambda f: [255 - i for i in f], "inverted"),
     "one later": (lambda f: f[1:] + f[:1], "earlier|contradict"),
+    "in reverse order": (lambda f: f[::-1], "reverse order"),
+    "one inverted": (lambda f: [255 - i if k == 3 else i for k, i in enumerate(f)], "frame 3 .*its inverse"),
+    "one black": (lambda f: [0 * i if k == 3 else i for k, i in enumerate(f)], "frame 3 .*shows black"),
     "white and black exchanged": (lambda f: swapped(f, -1, -2), "exchanged"),
     "mirrored": (lambda f: [np.ascontiguousarray(i[:, ::-1]) for i in f], "mirrored"),
     "upside down": (lambda f: [np.ascontiguousarray(i[::-1]) for i in f], "mirrored"),
@@ -135,7 +139,7 @@ def test_frames_that_are_not_what_they_claim_are_named(kind: str, taken: tuple[l
     patterns, images = taken
     change, words = EXCHANGED[kind]
     found = told(patterns, change(images))
-    assert any(w in found for w in words.split("|")), found
+    assert re.search(words, found), found
 
 
 def test_exchanged_axes_are_named(taken: tuple[list[Pattern], Frames]) -> None:
