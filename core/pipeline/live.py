@@ -15,9 +15,10 @@ import numpy as np
 
 from core.errors import InputError
 from core.geometry import pair_of
-from core.model import Calibration, Method, PhaseMap, PhotogrammetricCalibration, Project
+from core.model import Method, PhaseMap, PhotogrammetricCalibration, Project
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.capture import devices_of
+from core.pipeline.methods import method_of
 from core.pipeline.reconstruct import check_cloud, write_cloud
 from core.progress import SILENT, Progress
 from core.project import read_project
@@ -25,6 +26,7 @@ from core.project import read_project
 if TYPE_CHECKING:
     from core.capture.live import Taken
     from core.patterns import SequenceSpec
+    from core.pipeline.methods.method import CalibrationMethod
 
 _WATCHED = 20_000  # pixels by which the rig is watched: 50 ms
 
@@ -117,6 +119,7 @@ def live_cycles(
     project = read_project(folder)
     calibrations = load_calibrations(project)
     chosen = method or next(iter(calibrations))
+    record = method_of(chosen)
     if chosen not in calibrations:
         raise InputError(
             project.path, f"no {chosen} calibration", f"run `stripe-core calibrate --method {chosen}` first"
@@ -139,7 +142,7 @@ def live_cycles(
                 if number != count:
                     ahead = pool.submit(rig.take, watching)
                 file = None if out is None else out / f"{number:04d}.{ending}"
-                yield _cycle(project, calibrations[chosen], number, taken, file, significance)
+                yield _cycle(project, record, calibrations[chosen], number, taken, file, significance)
                 if number == count:
                     return
         finally:
@@ -157,15 +160,20 @@ def _wait(ahead: Any, progress: Progress) -> Taken:
 
 
 def _cycle(
-    project: Project, calibration: Calibration, number: int, taken: Taken, file: Path | None, significance: float
+    project: Project,
+    method: CalibrationMethod,
+    calibration: Any,
+    number: int,
+    taken: Taken,
+    file: Path | None,
+    significance: float,
 ) -> Cycle:
     from core.decode import decode
-    from core.reconstruct import reconstruct
 
     lines = project.projector.width, project.projector.height
     phase = decode(list(taken.patterns), list(taken.images), lines=lines, where=f"cycle {number}")
     phase = replace(phase, camera=project.rig.camera_name, projector=project.rig.projector_name)
-    cloud = reconstruct(phase, calibration)
+    cloud = method.reconstruct(phase, calibration, False, SILENT)
     if file is not None:
         write_cloud(file, phase.image, cloud)
     valid = np.isfinite(cloud.xyz_mm[..., 2])
@@ -187,7 +195,7 @@ def _cycle(
     )
 
 
-def _watched(phase: PhaseMap, calibration: Calibration, number: int, significance: float) -> tuple[float | None, bool]:
+def _watched(phase: PhaseMap, calibration: Any, number: int, significance: float) -> tuple[float | None, bool]:
     """Test whether the rig stands as it was calibrated."""
     from core.orient import OrientOptions, find_motion
 
