@@ -22,11 +22,12 @@ PART = ".part"  # ends the name of what is being written
 _DISK = {getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO") if hasattr(errno, name)}
 
 
-def _nothing(path: Path) -> None:
+def _nothing(*paths: Path) -> None:
     pass
 
 
-hooks: tuple[Callable[[Path], None], Callable[[Path], None]] = _nothing, _nothing  # before and after a file is written
+# before a file is written, and when it is about to take its place, with the name it was written under
+hooks: tuple[Callable[[Path], None], Callable[[Path, Path], None]] = _nothing, _nothing
 
 
 @contextmanager
@@ -66,13 +67,13 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
             if durable:
                 os.fsync(file.fileno())
         part.chmod(0o666 & ~_umask())
+        hooks[1](path, part)
         try:
             part.replace(path)
         except OSError as error:
             raise InputError(path, f"cannot be replaced ({error.strerror})", "move what is there away") from error
         if durable:
             flush_folder(path.parent)
-        hooks[1](path)
     finally:
         part.unlink(missing_ok=True)
 

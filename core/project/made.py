@@ -46,12 +46,12 @@ def note_made(folder: Path, facts: Mapping[str, Any]) -> None:
 
 def foreign(folder: Path, own: Collection[str] = ()) -> list[str]:
     """Name the files below a folder that are not listed, or not as they were written; `own` are the program's too."""
-    listed, found = read_made(folder)["files"], []
+    made, found = read_made(folder), []
     for path in _files(folder):
         name = _name(path, folder)
         if path.name in _SCRATCH or name in own or (path.name.startswith(".") and path.name.endswith(PART)):
             continue
-        if listed.get(name) != hash_file(path):
+        if not _is_own(made, name, path):
             found.append(name)
     return sorted(found)
 
@@ -94,14 +94,18 @@ def claim(path: Path) -> None:
         return
     if any(p.name == "results" and (p.parent / "project.json").exists() for p in Path(path).absolute().parents):
         return  # a project's results are the program's own
-    if read_made(Path(path).parent)["files"].get(Path(path).name) != hash_file(path):
+    if not _is_own(read_made(Path(path).parent), Path(path).name, path):
         seen = "is there already, and not as this program wrote it"
         raise InputError(path, seen, "give another name, or move that file away")
 
 
 @contextmanager
 def guarding(out: Path) -> Iterator[None]:
-    """Write into a place that a user named: replace there only what this program wrote and nobody changed."""
+    """Write into a place that a user named: replace there only what this program wrote and nobody changed.
+
+    What is about to take its place is listed before it does, beside what it replaces, so that a kill at any moment
+    leaves a file that is listed.
+    """
     out = Path(out).absolute()
     written: dict[Path, set[str]] = {}
 
@@ -113,11 +117,13 @@ def guarding(out: Path) -> Iterator[None]:
         if concerns(path) and path.name not in written.get(path.parent, ()):
             claim(path)
 
-    def after(path: Path) -> None:
+    def placing(path: Path, part: Path) -> None:
         if concerns(path):
             written.setdefault(path.parent, set()).add(path.name)
+            with suppress(StripeError, OSError):
+                _add(path.parent, {path.name}, part)
 
-    hooks, atomic.hooks = atomic.hooks, (before, after)
+    hooks, atomic.hooks = atomic.hooks, (before, placing)
     try:
         yield
     finally:
@@ -127,16 +133,30 @@ def guarding(out: Path) -> Iterator[None]:
                 _add(folder, names)
 
 
-def _add(folder: Path, names: set[str]) -> None:
+def _add(folder: Path, names: set[str], part: Path | None = None) -> None:
+    """List what was written, or, as `part`, what is about to be."""
     with lock(folder / f"{FILE}.lock", "listing what was written", wait_s=5.0):
-        _list(folder, names)
+        made = read_made(folder)
+        files = {name: value for name, value in made["files"].items() if name in names or (folder / name).exists()}
+        replaced = {name: value for name, value in _replaced(made).items() if name not in names}
+        for name in sorted(names):
+            if part is not None:
+                replaced[name], files[name] = files.get(name, ""), hash_file(part)
+            elif (folder / name).is_file():
+                files[name] = hash_file(folder / name)
+        facts = {"format": "stripe-made", "version": 1, **made, "files": files, "replaced": replaced}
+        write_json(folder / FILE, facts)
 
 
-def _list(folder: Path, names: set[str]) -> None:
-    made = read_made(folder)
-    files = {name: value for name, value in made["files"].items() if (folder / name).exists()}
-    files |= {name: hash_file(folder / name) for name in sorted(names) if (folder / name).is_file()}
-    write_json(folder / FILE, {"format": "stripe-made", "version": 1, **made, "files": files})
+def _replaced(made: Mapping[str, Any]) -> dict[str, str]:
+    """What the files hold that were about to be replaced when a program was stopped."""
+    stored = made.get("replaced")
+    return {str(k): str(v) for k, v in stored.items()} if isinstance(stored, dict) else {}
+
+
+def _is_own(made: Mapping[str, Any], name: str, path: Path) -> bool:
+    """Whether a file is as this program wrote it."""
+    return hash_file(path) in (made["files"].get(name), _replaced(made).get(name))
 
 
 def _files(folder: Path) -> list[Path]:

@@ -1,0 +1,174 @@
+"""Commands that write, killed or failed by the disk at their n-th call that changes the disk: nothing is lost.
+
+The moment is chosen by number, anew each day, not by the clock. By default a few commands meet one moment each; with
+``STRIPE_MANY=20`` all of them meet twenty.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zlib
+from collections.abc import Callable, Iterator
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core.cli import main
+from core.project.contents import hash_file
+
+MANY = int(os.environ.get("STRIPE_MANY", "1"))
+FEWEST = 7  # calls that every one of these commands makes
+CAPTURE = "object-sphere"
+
+
+def frames_beside(folder: Path) -> None:
+    """Frames and their list in a folder outside of the project, for import-frames."""
+    shutil.copytree(folder / "captures" / CAPTURE, folder.parent / "frames")
+
+
+def outdated(folder: Path) -> None:
+    """The scale bar is another one: what follows is to be done anew."""
+    document = json.loads((folder / "project.json").read_text())
+    document["scale"]["sigma_mm"] = 0.006
+    (folder / "project.json").write_text(json.dumps(document))
+
+
+def moved(folder: Path) -> None:
+    """A pick was moved: the targets are to be measured anew."""
+    picks = folder / "captures" / "testfield-01" / "picks.json"
+    document = json.loads(picks.read_text())
+    document["seeds"][0]["u"] += 0.1
+    picks.write_text(json.dumps(document))
+
+
+def nothing(folder: Path) -> None:
+    pass
+
+
+# command, what is changed before, arguments after the project; {beside} is the folder that the project lies in
+COMMANDS: dict[str, tuple[Callable[[Path], None], list[str]]] = {
+    "calibrate": (outdated, []),
+    "evaluate": (outdated, []),
+    "measure": (moved, []),
+    "reconstruct": (nothing, [CAPTURE, "--out", "{beside}/points.npz"]),
+    "export": (nothing, ["{beside}/calibration.yaml", "--to", "opencv"]),
+    "import-frames": (frames_beside, ["new", "--role", "object"]),
+    "orient": (nothing, [CAPTURE, "--correct"]),
+    "sign": (nothing, ["--operator", "Ann"]),
+    "patterns": (nothing, ["--out", "{beside}/images"]),
+    "report": (nothing, []),
+    "update": (outdated, []),
+}
+BY_DEFAULT = {"kill": ("reconstruct", "import-frames", "sign"), "ENOSPC": ("export",), "EIO": ("patterns",)}
+CASES = [(fault, name) for fault, few in BY_DEFAULT.items() for name in (COMMANDS if MANY > 1 else few)]
+
+
+def arguments(command: str, folder: Path) -> list[str]:
+    rest = [text.format(beside=folder.parent) for text in COMMANDS[command][1]]
+    first = [str(folder.parent / "frames")] if command == "import-frames" else []
+    return [command, *first, str(folder), *rest]
+
+
+Run = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    """Run a command in a process of its own, disturbed at a call; give how it ended and what it said."""
+    told = tmp_path_factory.mktemp("told") / "told.txt"
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.core.pipeline.disturbing"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[3],
+    ) as server:
+        assert server.stdin is not None
+        assert server.stdout is not None
+
+        def ask(arguments: list[str], root: Path, number: int = 0, fault: str = "kill") -> dict[str, Any]:
+            job = {"arguments": arguments, "root": str(root), "number": number, "fault": fault, "told": str(told)}
+            server.stdin.write(json.dumps(job) + "\n")
+            server.stdin.flush()
+            answer = json.loads(server.stdout.readline())
+            return {**answer, "told": told.read_text().strip().splitlines()}
+
+        yield ask
+        server.stdin.close()
+
+
+@pytest.fixture(scope="module")
+def ready(calibrated_original: Path, tmp_path_factory: pytest.TempPathFactory, run: Run) -> Path:
+    """A folder with a project that has all results but the report; never change it."""
+    beside = tmp_path_factory.mktemp("ready")
+    folder = Path(shutil.copytree(calibrated_original, beside / "quick"))
+    assert run(["evaluate", str(folder)], folder)["code"] == 0
+    return beside
+
+
+def documents(folder: Path) -> dict[str, str]:
+    """What people gave: everything but results and memory."""
+    files = [p for p in folder.rglob("*") if p.is_file() and "results" not in p.parts and not p.name.startswith(".")]
+    return {str(p.relative_to(folder)): hash_file(p) for p in files}
+
+
+def outcome(folder: Path, command: str) -> object:
+    """What a command leaves behind, dates and numbers of runs apart."""
+    if command == "reconstruct":
+        return np.load(folder.parent / "points.npz")["xyz"].tobytes()
+    if command == "export":
+        return (folder.parent / "calibration.yaml").read_bytes()
+    if command == "import-frames":
+        return documents(folder)
+    if command == "patterns":
+        return [p.read_bytes() for p in sorted((folder.parent / "images").glob("*.png"))]
+    return [json.loads(p.read_text()) for p in [folder / "results" / "evaluation.json"]]
+
+
+def moments(command: str, fault: str, calls: int) -> list[int]:
+    """Numbers of calls, other ones each day."""
+    chosen = np.random.default_rng(zlib.crc32(f"{command} {fault} {date.today()}".encode()))
+    return sorted({int(n) for n in 1 + chosen.permutation(calls)[:MANY]})
+
+
+@pytest.mark.parametrize(("fault", "command"), CASES)
+def test_a_disturbed_command_loses_nothing_and_its_repeat_succeeds(
+    fault: str, command: str, ready: Path, run: Run, tmp_path: Path
+) -> None:
+    calls, expected = FEWEST, None
+    if MANY > 1:
+        whole = Path(shutil.copytree(ready, tmp_path / "whole")) / "quick"
+        COMMANDS[command][0](whole)
+        answer = run(arguments(command, whole), whole.parent)
+        assert answer["code"] == 0
+        calls, expected = answer["calls"], outcome(whole, command)
+    for number in moments(command, fault, calls):
+        folder = Path(shutil.copytree(ready, tmp_path / f"at-{number}")) / "quick"
+        COMMANDS[command][0](folder)
+        given = documents(folder)
+        answer = run(arguments(command, folder), folder.parent, number, fault)
+        where = f"{fault} at call {number} of {calls}: {answer}"
+        if fault == "kill":
+            assert answer["code"] == -9, where
+        else:  # what only remembers hashes or lists what was written may fail without a word: losing it costs time
+            assert answer["code"] in (0, 1, 2), where
+            assert answer["code"] == 0 or answer["told"][-1].startswith("stripe-core: "), where
+            assert not list(folder.parent.rglob("*.part")), where
+        kept = documents(folder)
+        if command == "import-frames":  # the list of captures is its work
+            given.pop("project.json")
+        assert given.items() <= kept.items(), where
+        assert main(["status", str(folder)]) == 0, where
+        assert main(["check", str(folder), "--repair"]) == 0, where
+        assert run(arguments(command, folder), folder.parent)["code"] == 0, where
+        assert expected is None or outcome(folder, command) == expected, where
+        assert main(["check", str(folder)]) == 0, where
+        assert not list(folder.rglob("*.part")), where
+        shutil.rmtree(folder.parent)
