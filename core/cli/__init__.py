@@ -10,7 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, redirect_stdout, suppress
 from pathlib import Path
 
 from core.cli.arguments import Commands, Parser, Version, write_figures
@@ -26,7 +26,7 @@ from core.cli.commands import (
     verifying,
     watching,
 )
-from core.cli.console import Console
+from core.cli.console import Console, Unread
 from core.errors import Cancelled, StripeError
 from core.progress import Progress
 
@@ -52,8 +52,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = parser().parse_args(arguments)
         if options.json not in (None, "-"):
             _check_json(options.json)
-        with _guarded(getattr(options, "out", None)):
+        told = nullcontext() if options.json in (None, "-") else redirect_stdout(Unread(sys.stdout))
+        with _guarded(getattr(options, "out", None)), told:
             figures = options.run(options, Progress(console.report))
+            sys.stdout.flush()
         console.clear()
         if options.json is not None:
             write_figures(options.json, figures or {})

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
+from typing import Any, TextIO
 
 
 class Console:
@@ -28,3 +30,31 @@ class Console:
         """Take the line away again."""
         if self.terminal:
             print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+
+class Unread:
+    """Standard output that goes on where nobody reads it any more, for work whose figures are still to be written."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        """Write, to nowhere if the reader has gone."""
+        try:
+            return self.stream.write(text)
+        except BrokenPipeError:
+            self._leave()
+            return len(text)
+
+    def flush(self) -> None:
+        """Bring out what is written."""
+        try:
+            self.stream.flush()
+        except BrokenPipeError:
+            self._leave()
+
+    def _leave(self) -> None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)

@@ -182,3 +182,15 @@ def test_a_reader_that_has_seen_enough_is_no_failure_to_tell(calibrated: Path) -
         assert process.stderr is not None
         process.stdout.close()
         assert process.stderr.read() == b""
+
+
+def test_figures_are_written_though_nobody_reads_the_text(calibrated: Path, tmp_path: Path) -> None:
+    figures = tmp_path / "runs.json"
+    command = [sys.executable, "-m", "core", "runs", str(calibrated), "--json", str(figures)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+    assert json.loads(figures.read_text())["runs"]
