@@ -88,6 +88,14 @@ def _out_of_focus(rig: Rig) -> Rig:
     return replace(rig, lens=replace(rig.lens, blur_px=1.5), lcd=replace(rig.lcd, blur_lines=1.6 * rig.lcd.blur_lines))
 
 
+def _bent(rig: Rig) -> Rig:
+    return replace(rig, lcd=replace(rig.lcd, exponent=2.2))
+
+
+def _flicker(part: float) -> float:
+    return float(1 + 0.05 * np.sin(97 * part))
+
+
 def _knocked(rig: Rig) -> Rig:
     turn, shift = matrix_from_rotation_vector([0.2e-3, 0.3e-3, 0.15e-3]), np.array([0.0, 0.07, 0.07])
     pose = rig.projector_from_camera
@@ -117,6 +125,9 @@ FAULTS = {
     "reflections": Fault("glints that saturate", scene=_glints),
     "ambient-drift": Fault("the light of the room grows to four times", room=lambda part: 1 + 3 * part),
     "knocked": Fault("the projector has turned by 0.4 mrad and shifted by 0.1 mm", rig=_knocked),
+    "lamp-flicker": Fault("the lamp flickers by 5 % from frame to frame", lamp=_flicker),
+    "room-flicker": Fault("the light of the room flickers by 5 % from frame to frame", room=_flicker),
+    "response": Fault("the projector's light is the level to the power of 2.2", rig=_bent),
     "lamp-drift": Fault("the lamp fades by 8 % during the sequence", lamp=lambda part: 1 - 0.08 * part),
 }
 

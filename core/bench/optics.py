@@ -37,6 +37,8 @@ class Lcd:
         Gaussian sigma added quadratically per unit of ``|Z_focus / Z - 1|``, lines (thin lens).
     focus_mm : float
         Distance of best focus from the projection centre, along the axis.
+    exponent : float
+        Light is the level it was told to this power.
     """
 
     fill: float = 0.92
@@ -44,6 +46,7 @@ class Lcd:
     blur_lines: float = 0.6
     defocus_lines: float = 1.5
     focus_mm: float = 600.0
+    exponent: float = 1.0
 
     def sigma_lines(self, depth_mm: ArrayLike) -> Array:
         """Width of the blur at depths (any shape) before the projector: ``sqrt(s0² + (k |Zf / Z - 1|)²)``."""

@@ -95,7 +95,7 @@ def lines_of(pattern: Pattern, rig: Rig) -> tuple[Array, Array]:
         rows = brightness(pattern, np.arange(rows.size))
     else:
         columns = brightness(pattern, np.arange(columns.size))
-    return columns, rows
+    return columns**rig.lcd.exponent, rows**rig.lcd.exponent
 
 
 def prepare(rig: Rig, scene: Scene) -> Prepared:

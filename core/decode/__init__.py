@@ -9,6 +9,7 @@ tables.py     the least-squares and other linear combinations of frames, as tabl
 noise.py      the noise of the grey values, from combinations of frames that show nothing else
 curves.py     response curves, and what they make of sine fringes
 response.py   the projector's response, found in the frames; sine fringes made straight
+flicker.py    frames lit by more or less light than the others
 harmonics.py  how harmonics bend the phase, and the way back; those of square waves, from the blur
 notes.py      what is wrong with a capture that decodes less than its light promises
 sample.py     noise, full scale and contrast of the bits, from a sample of the pixels

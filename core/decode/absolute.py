@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from core.decode.curves import LEVELS
 from core.decode.estimate import Planes, estimable, refine
 from core.decode.exposures import DEEPEST, fuse_exposures
+from core.decode.flicker import steady
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
 from core.decode.harmonics import Spectrum, measure_bend, spectra
 from core.decode.kernel import decode_pixels, scratch_for
@@ -167,10 +168,14 @@ def _measure(
     check_duplicates(sequence.frames, sample, where)
     measured = [n for table in sequence.tables for n in (*table.phase_frames, *table.line_frames)]
     saturation = full_scale(images, tuple(measured), sample, options)
+    rows = len(range(*spread(images[0].shape)[0].indices(len(images[0]))))
+    tables, gains = steady(sequence.tables, sample, rows, saturation)
+    for n, gain in gains.items():
+        sample[n] /= np.float32(gain)
     response = estimate_response(sequence.waves, patterns, sample, saturation, images)
     bent = sequence.waves if response else ()
     noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images, bent)
-    tables = straighten(sequence.tables, response, sequence.waves) if response else sequence.tables
+    tables = straighten(tables, response, sequence.waves) if response else tables
     x, y = (
         measure_bend(measure_fading(table, sample, noise), sharp, sample, noise)
         for table, sharp in zip(tables, sequence.spectra, strict=True)

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from core.bench import experiment, faults, truth_maps
+from core.bench import experiment, faults, lines_of, prepare, truth_maps
 from core.bench.experiment import Experiment
 from core.bench.faults import FAULTS, displaced
+from core.patterns import Level
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +29,8 @@ def test_all_faults_keep_number_and_size_of_the_frames(small, sound):
         images = spoilt(small, name)
         assert len(images) == len(sound)
         assert all(i.shape == s.shape and i.dtype == s.dtype for i, s in zip(images, sound, strict=True))
-        assert any(np.any(i != s) for i, s in zip(images, sound, strict=True)), name
+        # a line LCD shows no grey: its response does nothing
+        assert name == "response" or any(np.any(i != s) for i, s in zip(images, sound, strict=True)), name
 
 
 def test_a_dropped_frame_moves_all_later_ones_up(small, sound):
@@ -94,3 +96,20 @@ def test_specks_and_glints_stand_on_the_board(small, sound):
     changed = np.abs(speckled - sound[-2]) > 12
     assert 0.001 < changed.mean() < 0.1
     assert (glinting == 255).sum() > 20
+
+
+def test_a_response_changes_grey_alone(small):
+    rig = FAULTS["response"].rig(small.rig)
+    level, black = (prepare(rig, small.shot("plane+00").scene).light(*lines_of(Level(v), rig)) for v in (0.5, 0.0))
+    white, half = (
+        prepare(each, small.shot("plane+00").scene).light(*lines_of(Level(v), each))
+        for each, v in ((rig, 1.0), (small.rig, 0.5**2.2))
+    )
+    assert np.allclose(level, half, atol=1e-3)
+    assert level.sum() < 0.3 * white.sum() + black.sum()
+
+
+def test_flicker_changes_from_frame_to_frame():
+    lamp = [FAULTS["lamp-flicker"].lamp(k / 27) for k in range(28)]
+    assert 0.02 < np.abs(np.diff(lamp)).mean() < 0.1
+    assert max(np.abs(np.array(lamp) - 1)) <= 0.05

@@ -1,0 +1,153 @@
+"""Light that changes from frame to frame: a flickering or drifting lamp, found and taken out of the phase steps.
+
+Lit once more than the other steps, one step draws the phases to its own. Then the amplitude of fringes as a part of
+their mean depends on the phase, though it is the same for neighbours in truth, and more steps than three contradict
+each other. Both are linear in the gains of the frames, which follow by least squares over a sample of pixels.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.decode.tables import Array, AxisTable, Fits, Singles
+
+ROUNDS = 3
+PIXELS = 1024  # tell if it is worth looking; all of the sample then tell how much
+FEWEST = 300  # pixels
+NOTICED = 0.01  # part by which the light of all pixels differs from frame to frame; fringes may do that too
+BLOCK = (8, 32)  # rows and columns of the sample in which visibility is the same
+COHERENT = 0.5  # mean of exp(i phase) in a block, from which it has too few fringes
+DIM = 0.2  # part of the brightest pixels' modulation that one must have
+PRIOR = 0.1  # standard deviation of a frame's gain
+OUTLIER = 4.0  # standard deviations
+SIGNIFICANT = 6.0  # standard deviations of chi squared
+SLIGHT = 0.003  # of the gain: less is not worth it
+
+
+def steady(
+    tables: tuple[AxisTable, AxisTable], sample: Singles, rows: int, saturation: float
+) -> tuple[tuple[AxisTable, AxisTable], dict[int, float]]:
+    """Divide the frames of every period by their gains, where these differ.
+
+    Parameters
+    ----------
+    tables : (AxisTable, AxisTable)
+        Of axis x and y.
+    sample : float32 (frames, n)
+        Grey values of pixels in so many `rows`, one row after the other.
+    rows : int
+    saturation : float
+
+    Returns
+    -------
+    tables : (AxisTable, AxisTable)
+        The same where the light was steady.
+    gains : dict
+        Of the frames, where some differ; 1 in the mean.
+    """
+    waves = [wave for table in tables for wave in _waves(table)]
+    found = [_gains(sample[frames], solution, rows, saturation) for frames, solution in waves]
+    if all(gains is None for gains in found):
+        return tables, {}
+    each = [np.ones(len(frames)) if g is None else g for (frames, _), g in zip(waves, found, strict=True)]
+    lit = sample.max(axis=0) < saturation
+    means = [(solution[0] / g) @ sample[frames][:, lit] for (frames, solution), g in zip(waves, each, strict=True)]
+    usual = np.median(means, axis=0)
+    gains: dict[int, float] = {}
+    for (frames, _), g, mean in zip(waves, each, means, strict=True):
+        level = float(np.median(mean / np.maximum(usual, 1))) if len(usual) else 1.0
+        gains |= dict(zip(frames.tolist(), (g * level).tolist(), strict=True))
+    x, y = (_divided(table, gains) for table in tables)
+    return (x, y), gains
+
+
+def _waves(table: AxisTable) -> list[tuple[NDArray[np.int32], Array]]:
+    """Frames of every period that are phase steps alone, and their solution (3, frames)."""
+    found = []
+    for j in range(len(table.period)):
+        entries = slice(int(table.fits.first[j]), int(table.fits.first[j + 1]))
+        used = table.hat[j].diagonal()[: entries.stop - entries.start] > 0
+        solution = table.fits.value[:, entries][:, used].astype(float)
+        if used.sum() > 2 and np.ptp(solution[0]) < 1e-3:  # else white or black take part
+            found.append((table.fits.frame[entries][used], solution))
+    return found
+
+
+def _divided(table: AxisTable, gains: dict[int, float]) -> AxisTable:
+    """Divide the frames that are fitted by their gains."""
+    gain = np.array([gains.get(int(n), 1.0) for n in table.fits.frame], np.float32)
+    hat = table.hat.copy()
+    for j in range(len(table.period)):
+        mine = gain[table.fits.first[j] : table.fits.first[j + 1]]
+        hat[j, : len(mine), : len(mine)] *= mine[:, None] / mine
+    fits = Fits(table.fits.first, table.fits.frame, np.ascontiguousarray(table.fits.value / gain))
+    return table._replace(fits=fits, hat=hat)
+
+
+def _gains(grey: Singles, solution: Array, rows: int, saturation: float) -> NDArray[np.float64] | None:
+    """Gains of the frames of one period, None where they do not differ."""
+    light = grey.mean(axis=1)
+    if np.abs(light / light.mean() - 1).max() < NOTICED:
+        return None
+    block = _blocks(rows, grey.shape[1] // rows)
+    thinned = max(1, grey.shape[1] // PIXELS)
+    total = np.ones(len(grey))
+    for k in range(ROUNDS):
+        some = slice(None, None, thinned if k == 0 else 1)
+        step = _look((grey[:, some] / total[:, None]).astype(np.float32), solution, block[some], saturation)
+        if step is None or (k == 0 and not step[1]):
+            return None
+        total *= 1 + step[0]
+    total /= total.mean()
+    return total if np.abs(total - 1).max() > SLIGHT else None
+
+
+def _blocks(rows: int, columns: int) -> NDArray[np.intp]:
+    """Number of the block of every pixel of a sample."""
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    return np.asarray(row // BLOCK[0] * (columns // BLOCK[1] + 1) + column // BLOCK[1], np.intp)
+
+
+def _look(grey: Singles, solution: Array, block: NDArray[np.intp], saturation: float) -> tuple[Array, bool] | None:
+    """Changes of the gains, and whether they are significant; None where the sample does not tell."""
+    both = (solution[1] + 1j * solution[2]).astype(np.complex64)
+    z, mean = np.einsum("f,fn->n", both, grey), np.einsum("f,fn->n", solution[0].astype(np.float32), grey)
+    amplitude = np.abs(z)
+    good = (grey.max(axis=0) < saturation) & (amplitude > DIM * np.percentile(amplitude, 90)) & (mean > 1)
+    count = np.bincount(block[good], minlength=block.max() + 1)
+    turn = np.where(good, z / np.maximum(amplitude, 1e-6), 0)
+    means = np.array([np.bincount(block, part, len(count)) for part in (turn.real, turn.imag)])
+    good &= (np.hypot(*means) < COHERENT * count)[block] & (count > 4)[block]
+    if good.sum() < FEWEST:
+        return None
+    g, m, z, turn, block = grey[:, good].astype(float), mean[good], z[good], turn[good], block[good]
+    part = np.abs(z) / m
+    slopes = ((turn.conj() * both[:, None]).real - part * solution[0][:, None]) * g / m
+    radial, seen = _without_mean(slopes, block), _without_mean(part[None], block)[0]
+    design, observed = [radial], [seen]
+    shift = np.array([solution[1], solution[2], np.ones(len(g))])
+    for contrast in np.linalg.svd(shift)[2][np.linalg.matrix_rank(shift) :]:
+        design.append(contrast[:, None] * g / m)
+        observed.append(contrast @ g / m)
+    free = np.linalg.svd(np.ones((1, len(g))))[2][1:]  # a factor common to all frames shows nowhere
+    size = len(free)
+    normal, right, prior = np.zeros((size, size)), np.zeros(size), np.eye(size) / PRIOR**2
+    for slope, y in zip(design, observed, strict=True):
+        a = free @ slope
+        keep = np.ones(len(y), bool)
+        for _ in range(3):
+            own = np.linalg.solve(a[:, keep] @ a[:, keep].T + 1e-6 * prior, a[:, keep] @ y[keep])
+            left = y - own @ a
+            keep = np.abs(left) < OUTLIER * 1.4826 * np.median(np.abs(left[keep])) + 1e-9
+        weight = 1 / max(float(np.mean(left[keep] ** 2)), 1e-9)
+        normal += weight * a[:, keep] @ a[:, keep].T
+        right += weight * a[:, keep] @ y[keep]
+    own = np.linalg.solve(normal + prior, right)
+    change, chance = own @ free, size + SIGNIFICANT * np.sqrt(2 * size)
+    return change, bool(own @ normal @ own > chance and np.abs(change).max() > SLIGHT)
+
+
+def _without_mean(values: Array, block: NDArray[np.intp]) -> Array:
+    count = np.maximum(np.bincount(block), 1)
+    return np.array([row - (np.bincount(block, row) / count)[block] for row in values])

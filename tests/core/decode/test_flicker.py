@@ -1,0 +1,41 @@
+"""A lamp that flickers, seen by the renderer of `conftest.py`: as good as a steady one, sigma included."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.decode import decode
+from core.patterns import Black, Phase, White, gray_and_phase, reference_sequence
+
+N = 640
+SEQUENCES = {
+    "square": reference_sequence(),
+    "4 sine steps": [*gray_and_phase("x", N, cell=8, periods=[16]), White(), Black()],
+    "8 sine steps": gray_and_phase("x", N, cell=8, periods=[16], steps=8),
+    "three periods of 3": [
+        Phase("x", period, 3, k, 2 * np.pi * k / 3, "sine") for period in (N, 80, 16) for k in range(3)
+    ],
+}
+
+
+def frames(bench, name: str):
+    y, x = np.mgrid[:200, :1000]
+    albedo = 1 + 0.3 * np.sin(x / 37) * np.cos(y / 23) + x / 10000
+    b = bench(height=200, gain=120 * albedo, ambient=25 * albedo)
+    v = np.linspace(5, 630, 200)[:, None] + 0.6 * np.sin(x / 7)
+    b = b.__class__(b.u, v, b.lines, b.blur, b.ambient, b.gain, b.dark)
+    return b, b.take(SEQUENCES[name])
+
+
+@pytest.mark.parametrize("name", SEQUENCES)
+def test_flicker_is_taken_out_of_the_phases(bench, name: str) -> None:
+    b, images = frames(bench, name)
+    steady = decode(SEQUENCES[name], images, lines=(N, N)).u - b.u
+    lamp = 1 + 0.05 * np.random.default_rng(1).normal(size=len(images))
+    lit = [np.clip(np.rint(i * each), 0, 255).astype(np.uint8) for i, each in zip(images, lamp, strict=True)]
+    phase = decode(SEQUENCES[name], lit, lines=(N, N))
+    error = phase.u - b.u
+    assert np.isfinite(error).mean() > 0.995
+    assert np.sqrt(np.nanmean(error**2)) < 1.05 * np.nanstd(steady)
+    assert 0.85 < np.sqrt(np.nanmean((error / phase.sigma_u) ** 2)) < 1.1
