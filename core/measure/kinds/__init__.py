@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from core.errors import InputError
 from core.measure.estimators import ESTIMATORS
+from core.measure.kinds.chessboard import CHARUCO, CHESSBOARD
 from core.measure.kinds.dots import DOTS
 from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
 from core.model import Testfield
 
-TARGET_KINDS: dict[str, TargetKind] = {"dots": DOTS}
+TARGET_KINDS: dict[str, TargetKind] = {"dots": DOTS, "chessboard": CHESSBOARD, "charuco": CHARUCO}
 
 
 def kind_of(testfield: Testfield, where: str = "testfield.csv") -> TargetKind:

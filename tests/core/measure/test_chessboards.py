@@ -1,0 +1,117 @@
+"""Chessboards and ChArUco boards drawn by OpenCV, seen through OpenCV's camera model: neither is ours."""
+
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+
+from core.errors import NotRecognisedError
+from core.measure import recognise
+from core.model import DeviceSpec, PhaseMap, Testfield
+
+SPEC = DeviceSpec(512, 384, (0.01, 0.01), 8.0)
+K = np.array([[800.0, 0, 255.5], [0, 800.0, 191.5], [0, 0, 1.0]])
+LENS = np.array([-0.12, 0.05, 1e-4, -2e-4, 0.0])
+ROWS, COLS, SQUARE = 8, 11, 14.0  # inner corners; mm
+FINE = 3  # samples per pixel along one axis
+PX = 40  # of the drawing, per square
+
+
+def field_of(kind: str) -> Testfield:
+    row, col = (x.ravel() for x in np.mgrid[0:ROWS, 0:COLS])
+    xyz = np.column_stack([SQUARE * col, -SQUARE * row, 0.0 * row])
+    return Testfield(row, col, xyz, np.full(len(row), SQUARE), kind=kind)
+
+
+def drawing(kind: str) -> np.ndarray:
+    if kind == "charuco":
+        dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_250)
+        board = cv2.aruco.CharucoBoard((COLS + 1, ROWS + 1), SQUARE, 0.7 * SQUARE, dictionary)
+        return board.generateImage(((COLS + 1) * PX, (ROWS + 1) * PX), marginSize=0).astype(np.float32) / 255
+    v, u = np.mgrid[0 : (ROWS + 1) * PX, 0 : (COLS + 1) * PX] // PX
+    return ((u + v) % 2).astype(np.float32)
+
+
+@cache
+def sight_lines():
+    v, u = (np.mgrid[0 : SPEC.height * FINE, 0 : SPEC.width * FINE] + 0.5) / FINE - 0.5
+    rays = cv2.undistortPoints(np.stack([u.ravel(), v.ravel()], 1)[:, None], K, LENS).reshape(-1, 2)
+    return u, v, np.column_stack([rays, np.ones(len(rays))])
+
+
+def photograph(kind: str, rng: np.random.Generator, tilt_deg: float, *, hidden: bool = False, blur: float = 0.6):
+    """A grey image, and the true places (rows, cols, 2) of all corners."""
+    about = rng.uniform(0, 2 * np.pi)
+    turn = cv2.Rodrigues(np.deg2rad(tilt_deg) * np.array([np.cos(about), np.sin(about), 0.0]))[0]
+    turn = turn @ cv2.Rodrigues(np.array([0, 0, rng.uniform(-np.pi, np.pi)]))[0]
+    middle = np.array([(COLS - 1) / 2, (ROWS - 1) / 2, 0.0]) * SQUARE  # OpenCV's board: x right, y down, z away
+    shift = np.array([*rng.uniform(-12, 12, 2), rng.uniform(430, 520)]) - turn @ middle
+    u, v, rays = sight_lines()
+    reach = (turn[:, 2] @ shift) / (rays @ turn[:, 2])
+    place = ((rays * reach[:, None] - shift) @ turn)[:, :2].reshape(*u.shape, 2).astype(np.float32)
+    at = (place / SQUARE + 1) * PX - 0.5
+    albedo = cv2.remap(
+        drawing(kind), at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0.6
+    )
+    if hidden:  # a hand over a quarter of the board, corner and all
+        x, y = rng.choice([-1, 1], 2)
+        albedo[(x * (place[..., 0] - middle[0]) > 0) & (y * (place[..., 1] - middle[1]) > 0)] = 0.3
+    light = 1 + 0.0008 * (u - 256) - 0.0006 * (v - 192)
+    image = (15 + 150 * albedo * light).reshape(SPEC.height, FINE, SPEC.width, FINE).mean(axis=(1, 3))
+    image = cv2.GaussianBlur(image, (0, 0), blur)
+    image = np.rint(image + rng.normal(0, 1.2, image.shape)).astype(np.float32)
+    row, col = np.mgrid[0:ROWS, 0:COLS]
+    corners = np.stack([col, row, 0 * row], axis=-1).reshape(-1, 3) * SQUARE
+    uv = cv2.projectPoints(corners, turn, shift, K, LENS)[0]
+    return image, uv.reshape(ROWS, COLS, 2)
+
+
+def phase_of(image: np.ndarray) -> PhaseMap:
+    v, u = np.mgrid[0 : image.shape[0], 0 : image.shape[1]].astype(np.float32)
+    return PhaseMap(0.7 * u, 0.7 * v, 0 * u + 0.03, 0 * u + 0.03, 0 * u + 50, image, np.zeros(image.shape, np.uint8))
+
+
+def ratios(found, truth) -> np.ndarray:
+    error = found.camera_uv - truth[found.row, found.col]
+    return error / np.sqrt(np.diagonal(found.camera_cov, axis1=1, axis2=2))
+
+
+@pytest.mark.parametrize("tilt_deg", [0, 30, 60])
+def test_a_charuco_board_tells_which_corner_is_which_from_any_part_of_it(tilt_deg):
+    rng, squares, counts = np.random.default_rng(tilt_deg), [], []
+    for k in range(3):
+        image, truth = photograph(
+            "charuco", rng, tilt_deg, hidden=k % 2 == 1, blur=0.5 + (0.1 if tilt_deg == 60 else 0.2) * k
+        )
+        found, ways = recognise(phase_of(image), field_of("charuco"), SPEC)
+        error = found.camera_uv - truth[found.row, found.col]
+        assert np.abs(error).max() < 0.5  # corners are 15 px and more apart: not one is another one
+        assert len(ways) == 1
+        squares.append(ratios(found, truth) ** 2)
+        counts.append(len(found.row))
+        assert len(found.row) + len(found.missing) == ROWS * COLS
+    assert min(counts[::2]) > 0.9 * ROWS * COLS
+    assert min(counts[1::2]) > (0.5 if tilt_deg == 60 else 0.6) * ROWS * COLS
+    # what the tags' corners add to the residuals counts as noise: too careful, never too bold
+    assert 0.4 < np.sqrt(np.mean(np.concatenate(squares))) < 1.2
+
+
+@pytest.mark.parametrize("tilt_deg", [0, 45])
+def test_a_chessboard_is_measured_without_picks(tilt_deg):
+    rng, squares = np.random.default_rng(100 + tilt_deg), []
+    for _ in range(2):
+        image, truth = photograph("chessboard", rng, tilt_deg)
+        found, ways = recognise(phase_of(image), field_of("chessboard"), SPEC)
+        assert len(found.row) > 0.95 * ROWS * COLS
+        assert len(ways) == 1  # 8 and 11 corners: half a turn would change dark and bright
+        assert np.abs(found.camera_uv - truth[found.row, found.col]).max() < 0.5
+        squares.append(ratios(found, truth) ** 2)
+    assert 0.5 < np.sqrt(np.mean(np.concatenate(squares))) < 1.2
+
+
+def test_no_board_is_no_board():
+    image = np.random.default_rng(0).normal(80, 20, (SPEC.height, SPEC.width)).astype(np.float32)
+    for kind in ("charuco", "chessboard"):
+        with pytest.raises(NotRecognisedError):
+            recognise(phase_of(image), field_of(kind), SPEC)
