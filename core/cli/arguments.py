@@ -62,6 +62,15 @@ def add_devices(parser: Parser) -> None:
     parser.add_argument("--projector", default="", metavar="NAME", help="the same of several projectors")
 
 
+def method_name(name: str) -> str:
+    """Refuse the name of a method that is not known."""
+    from core.pipeline import METHODS
+
+    if name != "all" and name not in METHODS:
+        raise argparse.ArgumentTypeError(f"{name!r} is unknown: choose among {', '.join(METHODS)}")
+    return name
+
+
 def sequence_argument(parser: Parser) -> None:
     """Declare the choice of a sequence."""
     words = "a preset, as gray-sine or gray-sine:period=24,steps=8, or a JSON file of patterns"

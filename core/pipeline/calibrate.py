@@ -173,6 +173,24 @@ def load_calibrations(project: Project) -> dict[Method, Calibration]:
     return found
 
 
+def chosen_calibration(project: Project, method: Method | None = None) -> tuple[Method, Any]:
+    """Read the calibration in use of one method, by default of the first that there is; give the method's name too.
+
+    Raises
+    ------
+    InputError
+        If there is none, or the method is unknown.
+    """
+    if method is not None:
+        method_of(method)
+    calibrations = load_calibrations(project)
+    chosen = method or next(iter(calibrations))
+    if chosen not in calibrations:
+        remedy = f"run `stripe-core calibrate --method {chosen}` first"
+        raise InputError(project.path, f"no {chosen} calibration", remedy)
+    return chosen, calibrations[chosen]
+
+
 def photogrammetric_calibration(project: Project) -> PhotogrammetricCalibration:
     """Read the calibration in use that is of the devices themselves.
 

@@ -16,9 +16,9 @@ import numpy as np
 from core.errors import InputError
 from core.geometry import pair_of
 from core.model import Method, PhaseMap, PhotogrammetricCalibration, Project
-from core.pipeline.calibrate import load_calibrations
+from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.capture import devices_of
-from core.pipeline.methods import method_of
+from core.pipeline.methods import METHODS, CalibrationMethod
 from core.pipeline.reconstruct import check_cloud, write_cloud
 from core.progress import SILENT, Progress
 from core.project import read_project
@@ -97,7 +97,7 @@ def live_cycles(
         A calibrated project; nothing in it is changed.
     projector, camera : str, optional
         URLs; without them the virtual bench's rig of the project's sizes.
-    method : "photogrammetric" or "polynomial", optional
+    method : str, optional
     sequence : SequenceSpec, optional
     count : int
         Cycles; 0: until it is ended.
@@ -117,13 +117,7 @@ def live_cycles(
     from core.capture.live import continuous
 
     project = read_project(folder)
-    calibrations = load_calibrations(project)
-    chosen = method or next(iter(calibrations))
-    record = method_of(chosen)
-    if chosen not in calibrations:
-        raise InputError(
-            project.path, f"no {chosen} calibration", f"run `stripe-core calibrate --method {chosen}` first"
-        )
+    chosen, calibration = chosen_calibration(project, method)
     if count < 0:
         raise InputError("--count", str(count), "give a whole number from 0 on; 0 goes on until it is ended")
     if out is not None:
@@ -142,7 +136,7 @@ def live_cycles(
                 if number != count:
                     ahead = pool.submit(rig.take, watching)
                 file = None if out is None else out / f"{number:04d}.{ending}"
-                yield _cycle(project, record, calibrations[chosen], number, taken, file, significance)
+                yield _cycle(project, METHODS[chosen], calibration, number, taken, file, significance)
                 if number == count:
                     return
         finally:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from core.atomic import check_place
 from core.errors import InputError
 from core.model import Floats, Method, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
-from core.pipeline.calibrate import load_calibrations
+from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.decode import decode_images, one_series
 from core.pipeline.folders import find_capture
-from core.pipeline.methods import method_of
+from core.pipeline.methods import METHODS
 from core.pipeline.orient import oriented
 from core.progress import SILENT, Progress
 from core.project import atomic_write, iterate_images
@@ -33,15 +32,9 @@ def reconstruct_capture(
     With `orient` the projector stands where `orient_capture(..., correct=True)` found it. `camera` and `projector`
     choose whose frames, where the capture holds those of several; points are in that camera's frame.
     """
-    calibrations = load_calibrations(project)
-    chosen = method or next(iter(calibrations))
-    record = method_of(chosen)
-    if chosen not in calibrations:
-        raise InputError(
-            project.path, f"no {chosen} calibration", f"run `stripe-core calibrate --method {chosen}` first"
-        )
+    chosen, calibration = chosen_calibration(project, method)
+    record = METHODS[chosen]
     capture = one_series(find_capture(project, name), camera, projector)
-    calibration: Any = calibrations[chosen]
     if record.one_pair and capture.camera != project.rig.camera_name:
         seen = f"the {record.title} is of {project.rig.camera_name}, not of {capture.camera}"
         raise InputError(project.path, seen, "use --method photogrammetric")

@@ -164,7 +164,7 @@ def _reconstruct(project: Project, states: ProjectStates, progress: Progress) ->
         methods = [method for cloud, method in graph.clouds if cloud == capture] or [first]
         several = graph.captures[name].pairs if len(graph.captures[name].pairs) > 1 else (("", ""),)
         for method in methods:
-            for camera, projector in several if method == "photogrammetric" else several[:1]:
+            for camera, projector in several[:1] if METHODS[method].one_pair else several:
                 keep_points(project, capture, method, camera=camera, projector=projector)
                 done += 1
     return f"points of {len(names)} captures" if done else ""

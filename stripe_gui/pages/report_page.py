@@ -8,6 +8,7 @@ from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QCheckBox, QWidget
 
+from core.pipeline import METHODS
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.report import ReportView, Wishes, export_files, load_report, write_signed_report
 from stripe_gui.presenters.status import State
@@ -74,7 +75,7 @@ class ReportPage(Page):
         folder = self.session.folder
         if folder is None:
             return False
-        return any(folder.result_file(f"{m}.npz").exists() for m in ("photogrammetric", "polynomial"))
+        return any(folder.result_file(f"{m}.npz").exists() for m in METHODS)
 
     def export(self) -> None:
         """Ask for a folder and write the chosen files there."""

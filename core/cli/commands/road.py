@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import sys
-from argparse import ArgumentTypeError
 from pathlib import Path
 from typing import Any
 
-from core.cli.arguments import Commands, Options, add_devices, check_out
+from core.cli.arguments import Commands, Options, add_devices, check_out, method_name
 from core.cli.verdicts import print_left_out, print_verdict
 from core.errors import InputError
 from core.progress import Progress
@@ -26,7 +25,7 @@ def add(commands: Commands) -> None:
 
     sub = commands.add_on_project("calibrate", _calibrate, "calibrate camera and projector; the project keeps it")
     words = "photogrammetric, polynomial, or all that there are captures for (default)"
-    sub.add_argument("--method", type=_method, default="all", metavar="METHOD", help=words)
+    sub.add_argument("--method", type=method_name, default="all", metavar="METHOD", help=words)
     sub.add_argument("--free-stations", action="store_true", help="no rigid rig: orient every station on its own")
     sub.add_argument("--degree", type=int, default=3, help="degree of the depth polynomial (default 3)")
     sub.add_argument("--table", action="store_true", help="piecewise-linear depth table instead of the polynomial")
@@ -42,7 +41,9 @@ def add(commands: Commands) -> None:
 
     sub = commands.add_on_project("reconstruct", _reconstruct, "points in the camera's frame")
     sub.add_argument("capture", metavar="CAPTURE")
-    sub.add_argument("--method", type=_method, metavar="METHOD", help="photogrammetric (default, if any) or polynomial")
+    sub.add_argument(
+        "--method", type=method_name, metavar="METHOD", help="photogrammetric (default, if any) or polynomial"
+    )
     sub.add_argument("--orient", action="store_true", help="with the orientation that `orient --correct` kept")
     sub.add_argument(
         "--rays",
@@ -58,15 +59,6 @@ def add(commands: Commands) -> None:
 
     sub = commands.add_on_project("report", _report, "the HTML and PDF report")
     sub.add_argument("--out", type=Path, metavar="DIR")
-
-
-def _method(name: str) -> str:
-    """Refuse the name of a method that is not known."""
-    from core.pipeline import METHODS
-
-    if name != "all" and name not in METHODS:
-        raise ArgumentTypeError(f"{name!r} is unknown: choose among {', '.join(METHODS)}")
-    return name
 
 
 def _decode(options: Options, progress: Progress) -> dict[str, Any]:

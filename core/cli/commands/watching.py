@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from core.cli.arguments import Commands, Options, add_devices, chosen_sequence, sequence_argument
+from core.cli.arguments import Commands, Options, add_devices, chosen_sequence, method_name, sequence_argument
 from core.progress import Progress
 
 
@@ -22,7 +22,9 @@ def add(commands: Commands) -> None:
     sub = commands.add_on_project("live", _live, "continuous capture to points; Ctrl+C ends it")
     sub.add_argument("--projector", metavar="URL", help="as `capture` takes it")
     sub.add_argument("--camera", metavar="URL")
-    sub.add_argument("--method", metavar="METHOD", help="photogrammetric (default, if any) or polynomial")
+    sub.add_argument(
+        "--method", type=method_name, metavar="METHOD", help="photogrammetric (default, if any) or polynomial"
+    )
     sub.add_argument("--count", type=int, default=0, metavar="N", help="end after N sequences")
     sub.add_argument("--out", type=Path, metavar="DIR", help="write the points of every sequence")
     sub.add_argument("--format", default="ply", metavar="ENDING", help="of these files: ply (default), npz, las, ...")
