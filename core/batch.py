@@ -226,7 +226,7 @@ def _inputs(
     project: Project, capture: Capture, calibrations: Mapping[str, str | None], contents: Contents
 ) -> dict[Step, str]:
     """Sign what each step is made from, as the stages of a project record it."""
-    contents.learn(frame.path for frame in capture.frames)
+    contents.learn(frame.place for frame in capture.frames)
     return {
         "decode": hash_value(decoded_from(project, capture, contents)),
         "reconstruct": hash_value(reconstructed_from(project, capture, calibrations, contents)),

@@ -29,11 +29,16 @@ class Seed:
 class Frame:
     """One image of a capture and what the projector was meant to show in it."""
 
-    path: Path
+    place: str  # of its file
     pattern: Pattern
     camera: str = "camera"
     projector: str = "projector"
     exposure_ms: float | None = None
+
+    @property
+    def path(self) -> Path:
+        """Its file."""
+        return Path(self.place)
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from core.pipeline.folders import captures_of as captures_of
     from core.pipeline.folders import find_capture as find_capture
     from core.pipeline.folders import result_path as result_path
-    from core.pipeline.graph import ProjectStates as ProjectStates
-    from core.pipeline.graph import State as State
     from core.pipeline.graph import project_states as project_states
     from core.pipeline.guessing import accept_guesses as accept_guesses
     from core.pipeline.guessing import guess_picks as guess_picks
@@ -72,6 +70,8 @@ if TYPE_CHECKING:
     from core.pipeline.runs import rename_run as rename_run
     from core.pipeline.signing import sign_evaluation as sign_evaluation
     from core.pipeline.signing import sign_project as sign_project
+    from core.pipeline.states import ProjectStates as ProjectStates
+    from core.pipeline.states import State as State
     from core.pipeline.tables import export_deviations as export_deviations
     from core.pipeline.tables import export_profiles as export_profiles
     from core.pipeline.tables import export_report as export_report
@@ -95,7 +95,7 @@ _HOMES = {
     "core.pipeline.decode": "decode_capture phase_maps read_phase write_phase",
     "core.pipeline.evaluate": "evaluate_project load_evaluation",
     "core.pipeline.folders": "captures_of find_capture result_path",
-    "core.pipeline.graph": "ProjectStates State project_states",
+    "core.pipeline.graph": "project_states",
     "core.pipeline.guessing": "accept_guesses guess_picks",
     "core.pipeline.live": "Cycle live_cycles",
     "core.pipeline.measure": "measure_project",
@@ -108,6 +108,7 @@ _HOMES = {
     " outdated_words withdraw_sign_off",
     "core.pipeline.runs": "Run current_runs delete_run list_runs make_current rename_run",
     "core.pipeline.signing": "sign_evaluation sign_project",
+    "core.pipeline.states": "ProjectStates State",
     "core.pipeline.tables": "export_deviations export_profiles export_report export_tables kept_evaluation"
     " read_profiles",
     "core.pipeline.testfield": "print_testfield",

@@ -65,7 +65,7 @@ def _evaluate(
             project.path, "no capture of role plane", "capture the plane-table and list it in project.json"
         )
     contents = contents_of(project.path)
-    contents.learn(frame.path for plane in planes for frame in plane.frames)
+    contents.learn(frame.place for plane in planes for frame in plane.frames)
     choice = (None if captures is None else sorted(captures), None if methods is None else sorted(methods))
     # of what is there before it is read: what is changed meanwhile is seen to have changed
     record = evaluated_from(project, planes, calibration_hashes(project, calibrations), choice, contents)

@@ -16,18 +16,17 @@ Stages, what they read, and where their results lie:
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from core.errors import StripeError
 from core.model import Capture, Method, Project
 from core.pipeline.differences import differences
 from core.pipeline.failures import read_failures
 from core.pipeline.folders import result_path
+from core.pipeline.holdings import UNKNOWN, Holdings, reported_now, stored_record
 from core.pipeline.inputs import (
     Record,
     calibrated_from,
@@ -36,70 +35,15 @@ from core.pipeline.inputs import (
     measured_from,
     part_decoded,
     reconstructed_from,
-    reported_from,
+    rig_values,
 )
 from core.pipeline.measure import BOARDS, side_of
 from core.pipeline.methods import METHODS, archives_of, shares
 from core.pipeline.options import CalibrateOptions
-from core.pipeline.runs import (
-    Run,
-    calibration_file,
-    calibration_hashes,
-    current_run,
-    read_run,
-    run_folder,
-)
-from core.project import read_capture
+from core.pipeline.runs import calibration_file, calibration_hashes, read_run, run_folder
+from core.pipeline.states import CURRENT, STAGES, ProjectStates, State, part_of, together, upstream_words, worst
 from core.project.archive import read_head
-from core.project.contents import Contents, contents_of
-
-Word = Literal["absent", "current", "outdated", "failed"]
-STAGES = ("decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
-_WORST: tuple[Word, ...] = ("failed", "outdated", "absent", "current")
-_MOST_NAMED = 3
-UNKNOWN = "it does not say what it was made from: an earlier version of the program made it"
-
-
-@dataclass(frozen=True)
-class State:
-    """Where a stage stands, for one capture or all, and the sentences that say because of what."""
-
-    state: Word
-    because: tuple[str, ...] = ()
-
-    def as_dict(self) -> dict[str, Any]:
-        """Give it as `status --json` writes it."""
-        return {"state": self.state, "because": list(self.because)}
-
-
-CURRENT = State("current")
-
-
-@dataclass(frozen=True)
-class ProjectStates:
-    """The state of every stage, of the project and of every capture that the stage is for."""
-
-    stages: Mapping[str, State]
-    captures: Mapping[str, Mapping[str, State]]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Give it as `status --json` writes it."""
-        return {
-            "stages": {stage: state.as_dict() for stage, state in self.stages.items()},
-            "captures": {
-                name: {stage: state.as_dict() for stage, state in states.items()}
-                for name, states in self.captures.items()
-            },
-        }
-
-    def outdated(self, *stages: str) -> tuple[str, ...]:
-        """Say which of some stages have results that do not follow from what is there, a sentence each."""
-        found = {stage: self.stages[stage] for stage in stages}
-        return tuple(
-            f"{stage} is {state.state}: {'; '.join(state.because)}"
-            for stage, state in found.items()
-            if state.state in ("outdated", "failed")
-        )
+from core.project.contents import hash_value
 
 
 def project_states(project: Project, captures: Mapping[Path, Capture | StripeError] | None = None) -> ProjectStates:
@@ -114,113 +58,22 @@ def project_states(project: Project, captures: Mapping[Path, Capture | StripeErr
     return Graph(project, captures).states()
 
 
-@dataclass
-class Graph:
-    """One look at a project: what is there is read once."""
-
-    project: Project
-    known: Mapping[Path, Capture | StripeError] | None = None
-    contents: Contents = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.contents = contents_of(self.project.path)
-
-    # ------------------------------------------------------------------------------------------------- what is there
-
-    @cached_property
-    def read(self) -> dict[str, Capture | StripeError]:
-        """Every capture by its name, or why it cannot be read; of two of one name the later has its folder's path."""
-        found: dict[str, Capture | StripeError] = {}
-        for folder in self.project.captures:
-            name = folder.name if folder.name not in found else str(folder.relative_to(self.project.path))
-            try:
-                capture = (self.known or {}).get(folder) or read_capture(folder, self.project)
-            except StripeError as error:
-                capture = error
-            found[name] = capture
-        return found
-
-    @cached_property
-    def captures(self) -> dict[str, Capture]:
-        """The captures that can be read."""
-        found = {name: c for name, c in self.read.items() if isinstance(c, Capture)}
-        self.contents.learn(frame.path for c in found.values() for frame in c.frames)
-        return found
-
-    def of_role(self, *roles: str) -> list[Capture]:
-        """Give the captures of some roles."""
-        return [c for c in self.captures.values() if c.role in roles]
-
-    @cached_property
-    def runs(self) -> dict[Method, Run | None]:
-        """The run of every calibration in use; None where it is not known."""
-        return {
-            m: current_run(self.project, m) for m in METHODS if calibration_file(self.project, f"{m}.npz") is not None
-        }
-
-    @cached_property
-    def targets(self) -> tuple[dict[str, Record | None], str]:
-        """What the kept targets of every capture were made from, and what is wrong with their file."""
-        path = result_path(self.project, "targets.npz")
-        if not path.exists():
-            return {}, ""
-        try:
-            sets = read_head(path)["value"]
-            return {s["fields"]["capture"]: _record(s["fields"].get("made_from")) for s in sets}, ""
-        except StripeError as error:
-            return {}, str(error)
-        except (TypeError, KeyError, AttributeError):
-            return {}, f"{path}: damaged"
-
-    @cached_property
-    def evaluation(self) -> tuple[Record | None, set[str], str]:
-        """What the evaluation was made from, the planes in it, and what is wrong with its file."""
-        path = result_path(self.project, "evaluation.npz")
-        if not path.exists():
-            return None, set(), ""
-        try:
-            head = read_head(path)
-            return head.get("made_from"), {e["fields"]["capture"] for e in head["value"]}, ""
-        except StripeError as error:
-            return None, set(), str(error)
-        except (TypeError, KeyError, AttributeError):
-            return None, set(), f"{path}: damaged"
-
-    @cached_property
-    def clouds(self) -> dict[tuple[str, Method], Record | None]:
-        """What the points that are kept were made from, by capture and method."""
-        found: dict[tuple[str, Method], Record | None] = {}
-        for path in sorted(result_path(self.project, "points").glob("*.npz")):
-            name, _, method = path.stem.rpartition(".")
-            if method in METHODS:
-                found[name, method] = _kept_record(path, self.contents)
-        return found
-
-    @cached_property
-    def decoded(self) -> dict[str, Any]:
-        """The figures of what was decoded, with its records, by capture."""
-        return decoded_figures(self.project)
-
-    @cached_property
-    def sides(self) -> dict[str, str]:
-        """The side from which the boards of each role are seen."""
-        return {role: side_of([c for c in self.captures.values() if c.role == role and c.seeds]) for role in BOARDS}
-
-    # ----------------------------------------------------------------------------------------------------- the states
+class Graph(Holdings):
+    """What a project holds, and the states that follow from it."""
 
     def states(self) -> ProjectStates:
         """Compute everything."""
         by_capture: dict[str, dict[str, State]] = {name: {} for name in self.read}
         single = {
-            "decode": self._each(self.read, self._decode),
-            "measure": self._each(self._measurable(), self._measure),
+            "decode": {name: self._decode(name) for name in self.read},
+            "measure": {name: self._measure(name) for name in self._measurable()},
         }
         stages = {
-            "decode": _together(single["decode"], "there are no captures"),
+            "decode": together(single["decode"], "there are no captures"),
             "measure": self._measure_all(single["measure"]),
         }
         single["calibrate"], stages["calibrate"] = self._calibrate()
-        single["reconstruct"] = self._each(self._reconstructible(), self._reconstruct)
+        single["reconstruct"] = {name: self._reconstruct(name) for name in self._reconstructible()}
         single["evaluate"], stages["evaluate"] = self._evaluate()
         stages["reconstruct"] = self._reconstruct_all(single["reconstruct"], stages["evaluate"])
         stages["report"] = self._report(stages)
@@ -229,10 +82,6 @@ class Graph:
                 by_capture.setdefault(name, {})[stage] = state
         self.contents.keep()
         return ProjectStates(self._with_failures({stage: stages[stage] for stage in STAGES}), by_capture)
-
-    @staticmethod
-    def _each(names: Iterable[str], look: Any) -> dict[str, State]:
-        return {name: look(name) for name in names}
 
     def _decode(self, name: str) -> State:
         capture = self.read[name]
@@ -283,7 +132,7 @@ class Graph:
     def _measure_all(self, each: Mapping[str, State]) -> State:
         if not each:
             return State("absent", ("there are no captures of a testfield",))
-        return _together(each, "")
+        return together(each, "")
 
     @cached_property
     def calibrations(self) -> dict[Method, tuple[State, dict[str, State]]]:
@@ -291,9 +140,9 @@ class Graph:
         found = shares(self.captures.values(), self.runs)
         states = {method: self._calibration(method, captures) for method, captures in found.items()}
         for method, (state, each) in states.items():
-            stale = _worst(states[m][0] for m in METHODS[method].reads if m in states and m in self.runs)
+            stale = worst(states[m][0] for m in METHODS[method].reads if m in states and m in self.runs)
             if state == CURRENT and stale.state == "outdated":
-                states[method] = State("outdated", _upstream("a calibration it takes into account", stale)), each
+                states[method] = State("outdated", upstream_words("a calibration it takes into account", stale)), each
         return states
 
     def _calibration(self, method: Method, captures: list[Capture]) -> tuple[State, dict[str, State]]:
@@ -314,18 +163,18 @@ class Graph:
         now = calibrated_from(self.project, METHODS[method], used, options, side_of(used), self.contents, read)
         changed = differences(then, now)
         state = State("outdated", changed) if changed else CURRENT
-        return state, {c.name: _part(then, now, c.name) for c in used}
+        return state, {c.name: part_of(then, now, c.name) for c in used}
 
     def _calibrate(self) -> tuple[dict[str, State], State]:
         if not self.calibrations:
             return {}, State("absent", ("it needs captures of a moved testfield, or plates at known depths",))
         each = {name: state for _, states in self.calibrations.values() for name, state in states.items()}
-        return each, _worst(state for state, _ in self.calibrations.values())
+        return each, worst(state for state, _ in self.calibrations.values())
 
     def _of_calibrations(self, methods: Iterable[str]) -> tuple[str, ...]:
         """Say which of the calibrations that a result was made by are outdated themselves."""
-        found = _worst(state for method, (state, _) in self.calibrations.items() if method in methods)
-        return _upstream("calibrate", found) if found.state == "outdated" else ()
+        found = worst(state for method, (state, _) in self.calibrations.items() if method in methods)
+        return upstream_words("calibrate", found) if found.state == "outdated" else ()
 
     def _damage(self, method: Method) -> tuple[str, ...]:
         """Say which archives of the calibration in use are not as they were written."""
@@ -356,7 +205,7 @@ class Graph:
     def _reconstruct(self, name: str) -> State:
         capture = self.captures[name]
         found = [self.points(capture, method) for cloud, method in self.clouds if cloud == capture.name]
-        return _worst(found) if found else State("absent", ("not reconstructed yet",))
+        return worst(found) if found else State("absent", ("not reconstructed yet",))
 
     def points(self, capture: Capture, method: Method) -> State:
         """Compute the state of the points of one capture by one method."""
@@ -371,7 +220,7 @@ class Graph:
 
     def _reconstruct_all(self, each: Mapping[str, State], evaluate: State) -> State:
         if each:
-            return _together(each, "")
+            return together(each, "")
         if evaluate.state == "current":
             return State("current", ("the planes, while evaluating",))
         return State("absent", ("there are no captures of objects",))
@@ -388,7 +237,7 @@ class Graph:
         each = {}
         upstream = self._of_calibrations((then.get("options") or {}).get("methods") or METHODS)
         for c in planes:
-            state = _part(then, now, c.name, "results", "methods", "rig")
+            state = part_of(then, now, c.name, "results", "methods", "rig")
             if c not in used:
                 state = State("absent", ("was not chosen to be evaluated",))
             elif upstream and state.state != "absent":
@@ -416,7 +265,7 @@ class Graph:
         there = [folder / f"report.{kind}" for kind in ("html", "pdf")]
         if not there[0].exists():
             return State("absent", ("not written yet",))
-        record = _stored_record(folder / "report.json", {path.name: self.contents.of(path) for path in there})
+        record = stored_record(folder / "report.json", {path.name: self.contents.of(path) for path in there})
         if isinstance(record, str):
             return State("outdated", (record,))
         changed = differences(record, reported_now(self.project, self.contents))
@@ -424,7 +273,7 @@ class Graph:
             text
             for stage in ("calibrate", "evaluate")
             if stages[stage].state in ("outdated", "failed")
-            for text in _upstream(stage, stages[stage])
+            for text in upstream_words(stage, stages[stage])
         ]
         because = (*dict.fromkeys(upstream), *changed)
         return State("outdated", because) if because else CURRENT
@@ -442,9 +291,6 @@ class Graph:
 
     def sign(self) -> str:
         """Sign everything that people and rigs put into the project: any change of it is worth another try."""
-        from core.pipeline.inputs import rig_values
-        from core.project.contents import hash_value
-
         parts: list[Any] = [rig_values(self.project)]
         for name, capture in self.read.items():
             if not isinstance(capture, Capture):
@@ -458,109 +304,3 @@ class Graph:
 def sign_of(project: Project) -> str:
     """Sign everything that the stages of a project read."""
     return Graph(project).sign()
-
-
-# ------------------------------------------------------------------------------------------------- records on the disk
-
-
-def decoded_figures(project: Project) -> dict[str, dict[str, Any]]:
-    """Read what was decoded for its own sake: figures or an error by capture, each with its record."""
-    try:
-        stored = json.loads(result_path(project, "decode.json").read_text(encoding="utf-8"))
-        return {str(name): dict(entry) for name, entry in stored["captures"].items()}
-    except (OSError, ValueError, KeyError, AttributeError, TypeError):
-        return {}
-
-
-def reported_now(project: Project, contents: Contents | None = None) -> Record:
-    """Record what a report would be made from now."""
-    from core.pipeline.report import signed_state
-
-    contents = contents or contents_of(project.path)
-    files = {
-        "evaluation": result_path(project, "evaluation.npz"),
-        "adjustment": calibration_file(project, "adjustment.npz"),
-    }
-    hashes = {name: contents.of(path) for name, path in files.items() if path is not None and path.exists()}
-    hashes |= {"sign-off": signed} if (signed := signed_state(project)) else {}
-    return reported_from(project, {**calibration_hashes(project), **hashes})
-
-
-def _kept_record(path: Path, contents: Contents) -> Record | None:
-    """Read the record beside a result; None where there is none, or where it is of another file."""
-    record = _stored_record(path.with_suffix(".json"), {path.name: contents.of(path)})
-    return None if isinstance(record, str) else record
-
-
-def _stored_record(path: Path, files: Mapping[str, str | None]) -> Record | str:
-    """Read a record that lies beside its files; in words what is wrong if it does not fit them."""
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        record, written = stored["made_from"], stored["files"]
-        for name, value in files.items():
-            if value != written[name]:
-                return f"{name} is {'gone' if value is None else 'not as it was written'}"
-        return dict(record)
-    except FileNotFoundError:
-        return UNKNOWN
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return f"{path.name} is damaged"
-
-
-def _record(text: Any) -> Record | None:
-    try:
-        record = json.loads(text)
-    except (ValueError, TypeError):
-        return None
-    return record if isinstance(record, dict) else None
-
-
-# ------------------------------------------------------------------------------------------------- states put together
-
-
-def _part(then: Record, now: Record, name: str, *shared: str) -> State:
-    """State of one capture in the result of many."""
-    if name not in then.get("captures", {}):
-        return State("absent", ("has no part in it yet",))
-
-    def own(record: Record) -> Record:
-        return {
-            **{key: record.get(key) for key in shared},
-            "captures": {name: record.get("captures", {}).get(name)},
-        }
-
-    changed = differences(own(then), own(now))
-    return State("outdated", changed) if changed else CURRENT
-
-
-def _together(each: Mapping[str, State], nothing: str) -> State:
-    """Put the states of captures together: the worst, and because of which captures."""
-    if not each:
-        return State("absent", (nothing,))
-    word = next(w for w in _WORST if any(s.state == w for s in each.values()))
-    if word == "current":
-        return CURRENT
-    named = [(name, state) for name, state in each.items() if state.state == word]
-    if word == "absent":
-        why: dict[str, list[str]] = {}
-        for name, state in named:
-            why.setdefault("; ".join(state.because), []).append(name)
-        return State(word, tuple(f"{len(n)} of {len(each)} captures: {text} ({_few(n)})" for text, n in why.items()))
-    because = list(dict.fromkeys(text for _, state in named for text in state.because))
-    if len(because) > 2 * _MOST_NAMED:
-        because = [*because[: 2 * _MOST_NAMED], f"and {len(because) - 2 * _MOST_NAMED} more changes"]
-    return State(word, tuple(because))
-
-
-def _few(names: list[str]) -> str:
-    return ", ".join(names[:_MOST_NAMED]) + (" …" if len(names) > _MOST_NAMED else "")
-
-
-def _worst(states: Iterable[State]) -> State:
-    found = list(states) or [CURRENT]
-    word = next(w for w in _WORST if any(s.state == w for s in found))
-    return State(word, tuple(dict.fromkeys(text for s in found if s.state == word for text in s.because)))
-
-
-def _upstream(stage: str, state: State) -> tuple[str, ...]:
-    return tuple(f"{stage} is {state.state}: {text}" for text in state.because) or (f"{stage} is {state.state}",)

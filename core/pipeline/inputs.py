@@ -26,7 +26,7 @@ import numpy as np
 
 from core.model import Capture, Frame, Project, Testfield
 from core.pipeline.options import CalibrateOptions
-from core.project.contents import Contents, contents_of, hash_value
+from core.project.contents import Contents, Look, contents_of, hash_value
 
 if TYPE_CHECKING:
     from core.pipeline.methods import CalibrationMethod
@@ -70,7 +70,7 @@ def rig_values(project: Project) -> dict[str, Any]:
 _last: list[Any] = []  # the project asked for last and its values: every capture asks
 
 
-def decoded_from(project: Project, capture: Capture, contents: Contents | None = None) -> Record:
+def decoded_from(project: Project, capture: Capture, contents: Contents | Look | None = None) -> Record:
     """Record what the coordinates of one capture follow from: its frames, their patterns, the devices' sizes."""
     contents = contents or contents_of(project.path)
     return {
@@ -80,7 +80,7 @@ def decoded_from(project: Project, capture: Capture, contents: Contents | None =
     }
 
 
-def measured_from(project: Project, capture: Capture, side: str, contents: Contents | None = None) -> Record:
+def measured_from(project: Project, capture: Capture, side: str, contents: Contents | Look | None = None) -> Record:
     """Record what the targets of one capture follow from: what decoding reads, picks, board and rig."""
     contents = contents or contents_of(project.path)
     rig = {key: value for key, value in rig_values(project).items() if not key.startswith(("scale.", "lengths."))}
@@ -97,7 +97,7 @@ def calibrated_from(
     captures: Sequence[Capture],
     options: CalibrateOptions,
     side: str,
-    contents: Contents | None = None,
+    contents: Contents | Look | None = None,
     read: Mapping[str, Record] | None = None,
 ) -> Record:
     """Record what a calibration follows from: the captures it used, the rig, the scale and what was chosen.
@@ -127,7 +127,7 @@ def evaluated_from(
     planes: Iterable[Capture],
     calibrations: Mapping[str, str | None],
     chosen: tuple[Sequence[str] | None, Sequence[str] | None] = (None, None),
-    contents: Contents | None = None,
+    contents: Contents | Look | None = None,
 ) -> Record:
     """Record what deviations follow from: the planes' frames and angles, hashes of the calibrations, the choice."""
     contents = contents or contents_of(project.path)
@@ -141,7 +141,7 @@ def evaluated_from(
 
 
 def reconstructed_from(
-    project: Project, capture: Capture, calibrations: Mapping[str, str | None], contents: Contents | None = None
+    project: Project, capture: Capture, calibrations: Mapping[str, str | None], contents: Contents | Look | None = None
 ) -> Record:
     """Record what the points of one capture follow from."""
     return {
@@ -176,10 +176,10 @@ def _frame_values(rig: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _shown(capture: Capture, contents: Contents) -> Record:
+def _shown(capture: Capture, contents: Contents | Look) -> Record:
     """Record the frames of a capture by their content, and what each was meant to show."""
     start = len(str(capture.path)) + 1
-    names = [str(frame.path) for frame in capture.frames]
+    names = [frame.place for frame in capture.frames]
     hashes = {name[start:]: contents.of(name) for name in names}
     meant = tuple((name[start:], *_of_frame(frame)) for name, frame in zip(names, capture.frames, strict=True))
     record: Record = {"frames": hashes, "patterns": _meant_hash(meant)}
@@ -213,7 +213,7 @@ def board_hash(board: Testfield) -> str:
     return known[1]
 
 
-_of_frame = attrgetter(*(field.name for field in fields(Frame) if field.name != "path"))
+_of_frame = attrgetter(*(field.name for field in fields(Frame) if field.name != "place"))
 
 
 @lru_cache(maxsize=256)

@@ -162,7 +162,7 @@ def turned_together(
 def signs_of(project: Project, captures: Sequence[Capture], sides: Mapping[Role, Side]) -> dict[Path, str]:
     """Record what the targets of captures follow from, as one text each, by the captures' folders."""
     contents = contents_of(project.path)
-    contents.learn(frame.path for c in captures for frame in c.frames)
+    contents.learn(frame.place for c in captures for frame in c.frames)
     signs = {
         c.path: json.dumps(measured_from(project, c, sides[c.role], contents), separators=(",", ":")) for c in captures
     }

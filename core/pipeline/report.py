@@ -18,7 +18,8 @@ from core.model import Adjustment, DepthCalibration, PhotogrammetricCalibration,
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, known_truth, result_path
-from core.pipeline.graph import project_states, reported_now
+from core.pipeline.graph import project_states
+from core.pipeline.holdings import reported_now
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import SIGN_OFF, calibration_file, current_runs, run_folder
 from core.progress import SILENT, Progress

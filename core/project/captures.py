@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import marshal
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -35,6 +36,8 @@ VERSIONS = (1, 2)
 PATIENCE_S = 30.0  # for another program that is writing project.json
 ROLES = ("testfield", "depth", "plane", "object")
 _UNKNOWN: tuple[tuple[str, Mapping[str, DeviceSpec]], ...] = (("camera", {}), ("projector", {}))  # no project: any name
+_KNOWN_FRAMES: dict[bytes, tuple[Frame, ...]] = {}
+_MOST_KNOWN = 64
 _COLUMNS = ("row", "col", "x_mm", "y_mm", "z_mm", "diameter_mm")
 
 
@@ -137,17 +140,14 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
     if fields.data.get("state") == "taking":
         status = unfinished_status(folder, len(fields.items("planned")))
         raise InputError(path, str(status), "start the same capture again: it goes on where it stopped")
-    frames, place, where = [], str(folder), str(path)
-    devices = (("camera", project.rig.cameras), ("projector", project.rig.projectors)) if project else _UNKNOWN
-    for i, item in enumerate(fields.items("frames")):
-        entry = Fields.of(item, f"{where}: frame {i}")
-        name = entry.text("file")
-        if not os.path.isfile(os.path.join(place, name)):
-            raise InputError(folder / name, "the frame is not there", "record it again, or take it out of capture.json")
-        pattern = pattern_from_dict(entry.data.get("pattern"), f"{where}: frame {i} ({name})")
-        camera, projector = (_device_of(entry, kind, known) for kind, known in devices)
-        exposure = entry.real("exposure_ms", above=0.0, default=None) if "exposure_ms" in entry.data else None
-        frames.append(Frame(folder / name, pattern, camera, projector, exposure))
+    frames, here = [], str(folder)
+    with os.scandir(folder) as entries:  # one look at the folder is quicker than one at each frame
+        there = {entry.name for entry in entries if entry.is_file()}
+    for frame in _frames(fields, project):
+        place = f"{here}{os.sep}{frame.place}"
+        if frame.place not in there and not os.path.isfile(place := os.path.join(here, frame.place)):
+            raise InputError(place, "the frame is not there", "record it again, or take it out of capture.json")
+        frames.append(Frame(place, frame.pattern, frame.camera, frame.projector, frame.exposure_ms))
     if not frames:
         raise fields.refuse("frames", [], "a capture needs frames: record it again")
     testfield = None
@@ -165,6 +165,29 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
         seeds,
         excluded,
     )
+
+
+def _frames(fields: Fields, project: Project | None) -> tuple[Frame, ...]:
+    """Read the list of frames, their places from the capture's folder; many captures of a project have the same."""
+    items = fields.items("frames")
+    devices = (("camera", project.rig.cameras), ("projector", project.rig.projectors)) if project else _UNKNOWN
+    try:  # tells 1, 1.0 and true apart, as equality does not
+        key = marshal.dumps([items, [list(known) for _, known in devices]], 2)
+    except ValueError:
+        key = b""
+    if key in _KNOWN_FRAMES:
+        return _KNOWN_FRAMES[key]
+    frames = []
+    for i, item in enumerate(items):
+        entry = Fields.of(item, f"{fields.where}: frame {i}")
+        name = str(Path(entry.text("file")))
+        pattern = pattern_from_dict(entry.data.get("pattern"), f"{fields.where}: frame {i} ({name})")
+        camera, projector = (_device_of(entry, kind, known) for kind, known in devices)
+        exposure = entry.real("exposure_ms", above=0.0, default=None) if "exposure_ms" in entry.data else None
+        frames.append(Frame(name, pattern, camera, projector, exposure))
+    if len(_KNOWN_FRAMES) >= _MOST_KNOWN:
+        _KNOWN_FRAMES.clear()
+    return _KNOWN_FRAMES.setdefault(key, tuple(frames)) if key else tuple(frames)
 
 
 def _device_of(entry: Fields, kind: str, known: Mapping[str, DeviceSpec]) -> str:

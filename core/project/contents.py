@@ -66,17 +66,22 @@ class Contents:
                 self._changed = True
         return value
 
-    def learn(self, paths: Iterable[Path | str]) -> None:
-        """Hash what is not known yet on several threads, so that `of` has it at once."""
+    def learn(self, paths: Iterable[Path | str]) -> dict[str, str | None]:
+        """Give the hashes of many files by path; what is not known yet is hashed on several threads."""
+        found: dict[str, str | None] = {}
         due = []
-        for path in paths:
-            name = str(path)
+        for name in map(str, paths):
             known, seen = self._known.get(self._key(name)), _look(name)
-            if seen is not None and (known is None or known[0] != seen or not _settled(seen, known[1])):
+            if seen is None:
+                found[name] = None
+            elif known is not None and known[0] == seen and _settled(seen, known[1]):
+                found[name] = known[2]
+            else:
                 due.append(name)
-        if len(due) > 1:
+        if due:
             with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:
-                list(pool.map(self.of, due))
+                found.update(zip(due, pool.map(self.of, due), strict=True))
+        return found
 
     def keep(self) -> None:
         """Remember for the next time; where nothing can be written nothing is, and no word is lost on it."""
@@ -114,6 +119,26 @@ class Contents:
                     return
             except (OSError, ValueError, KeyError, TypeError, AttributeError):
                 continue
+
+
+class Look:
+    """The files of a project at one moment: each is looked at once, however often it is asked for."""
+
+    def __init__(self, contents: Contents) -> None:
+        self.keep = contents.keep
+        self._contents = contents
+        self._hashes: dict[str, str | None] = {}
+
+    def of(self, path: Path | str) -> str | None:
+        """Give the hash of a file's content; None where there is no file that can be read."""
+        name = str(path)
+        if name not in self._hashes:
+            self._hashes[name] = self._contents.of(name)
+        return self._hashes[name]
+
+    def learn(self, paths: Iterable[Path | str]) -> None:
+        """Look at many files at once."""
+        self._hashes |= self._contents.learn(paths)
 
 
 _open: dict[str, Contents] = {}

@@ -1,7 +1,8 @@
-"""Opening projects of many captures: project.json and every capture.json with its checks."""
+"""Opening projects of many captures: project.json, every capture.json with its checks, and the state of every stage."""
 
 from __future__ import annotations
 
+import os
 import tempfile
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from core.model import DeviceSpec
 from core.patterns import reference_sequence
+from core.pipeline import project_states
 from core.project import read_capture, read_project, write_image, write_project
 from core.project.captures import write_capture_json
 from tests.benchmarks.timing import Contestant, Row, race
@@ -28,7 +30,7 @@ def run() -> list[Row]:
 
 
 def _write(folder: Path, count: int) -> None:
-    frames = [(f"../000/{i:03d}.png", pattern) for i, pattern in enumerate(reference_sequence())]
+    frames = [(f"{i:03d}.png", pattern) for i, pattern in enumerate(reference_sequence())]
     for i in range(len(frames)):
         write_image(folder / "captures" / "000" / f"{i:03d}.png", np.zeros((4, 4), np.uint8), durable=False)
     text = None
@@ -40,13 +42,18 @@ def _write(folder: Path, count: int) -> None:
         else:
             place.mkdir()
             (place / "capture.json").write_bytes(text)
+            for name, _ in frames:
+                os.link(folder / "captures" / "000" / name, place / name)
     spec = DeviceSpec(4, 4, (0.01, 0.01), 12.0)
     write_project(folder, "many", spec, spec, captures=[f"captures/{k:03d}" for k in range(count)])
 
 
 def _open(folder: Path) -> int:
     project = read_project(folder)
-    return sum(len(read_capture(path, project).frames) == 28 for path in project.captures)
+    captures = {path: read_capture(path, project) for path in project.captures}
+    states = project_states(project, captures)
+    assert all(of["decode"].state == "absent" for of in states.captures.values())
+    return sum(len(capture.frames) == 28 for capture in captures.values())
 
 
 def _all(found: int, expected: int) -> str:
