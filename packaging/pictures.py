@@ -13,6 +13,8 @@ from pathlib import Path
 
 from PIL import Image
 
+from stripe_gui.tour import SCALE
+
 FOLDER = Path(__file__).parents[1] / "resources" / "help" / "images"
 PICTURES = {
     "new-project": "new-project-rig",
@@ -31,7 +33,8 @@ def main(project: Path) -> None:
     """Write one picture a chapter."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "stripe_gui", "--tour", folder, str(project)]
-        subprocess.run(command, check=True, env={"QT_QPA_PLATFORM": "offscreen", **os.environ})
+        alone = {"QT_QPA_PLATFORM": "offscreen", SCALE: "1", **os.environ}  # at one scale, which is all that is taken
+        subprocess.run(command, check=True, env=alone)
         for chapter, page in PICTURES.items():
             with Image.open(Path(folder) / f"{page}-light-1x.png") as taken:
                 taken.convert("RGB").quantize(COLOURS).save(FOLDER / f"{chapter}.png", optimize=True)

@@ -20,7 +20,7 @@ from stripe_gui.workbench import Workbench
 
 SIZE = (1360, 860)
 PATIENCE_S = 60.0
-_SCALE = "STRIPE_TOUR_SCALE"
+SCALE = "STRIPE_TOUR_SCALE"
 
 
 def tour(out: Path, project: Path | None = None) -> int:
@@ -28,7 +28,7 @@ def tour(out: Path, project: Path | None = None) -> int:
 
     Without a project the demo experiment is made first, at its quickest.
     """
-    scale = os.environ.get(_SCALE)
+    scale = os.environ.get(SCALE)
     if scale is not None:
         return _pictures(out, project, scale)
     with tempfile.TemporaryDirectory() as temporary:
@@ -40,7 +40,7 @@ def tour(out: Path, project: Path | None = None) -> int:
         command = [*_this_program(), "--tour", str(out), str(folder)]
         running = []
         for scale in ("1", "2"):  # Qt reads the scale once, when a process starts
-            environment = {**os.environ, _SCALE: scale, "QT_SCALE_FACTOR": scale}
+            environment = {**os.environ, SCALE: scale, "QT_SCALE_FACTOR": scale}
             running.append(subprocess.Popen(command, env=environment))
         return max([process.wait() for process in running])
 

@@ -3565,8 +3565,8 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>warum dennoch freigegeben wird</translation>
     </message>
     <message>
-        <source>without a name the report is not signed</source>
-        <translation>ohne Namen keine Freigabe</translation>
+        <source>without a name: not signed</source>
+        <translation>ohne Namen: keine Freigabe</translation>
     </message>
     <message>
         <source>Failed: {what}. It can be signed with a reason only.</source>
@@ -3652,6 +3652,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>failed</source>
         <translation>gescheitert</translation>
+    </message>
+    <message>
+        <source>and {n} more</source>
+        <translation>und {n} weitere</translation>
     </message>
     <message>
         <source>points of {n} captures</source>

@@ -140,7 +140,7 @@ def look_at(spec: SequenceSpec | None, shown: Shown, progress: Progress = SILENT
     frame_s = shown.frame_s or USUAL_FRAME_S
     text = translate("Sequence", "{n} images, about {s:.0f} s at {ms:.0f} ms an image.")
     words = [text.format(n=len(patterns), s=max(1.0, len(patterns) * frame_s), ms=1000 * frame_s)]
-    if not shows_grey(patterns):
+    if shown.refusal is None and not shows_grey(patterns):
         words.append(translate("Sequence", "Black and white only: any projector of this size can show it."))
     elif shown.refusal is None:
         words.append(translate("Sequence", "It has levels of grey: a projector of black and white cannot show it."))

@@ -6,6 +6,8 @@ himself, a line of its own.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -16,6 +18,7 @@ from core.pipeline.graph import Graph
 from stripe_gui.presenters.failures import StageFailure, read_failures
 from stripe_gui.presenters.folder import ProjectFolder
 
+MOST_CAUSES = 2  # told of many
 STAGES = ("capture", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
 translate = QCoreApplication.translate
 
@@ -88,13 +91,27 @@ def statuses_of(folder: ProjectFolder, states: ProjectStates) -> dict[str, Stage
     for stage, state in states.stages.items():
         each = [of[stage] for of in states.captures.values() if stage in of]
         failure = failures.get(stage) if state.state == "failed" else None
-        reason = "; ".join(state.because) or _done_words(stage, len(each))
+        reason = causes(state.because) or _done_words(stage, len(each))
         if stage == "calibrate" and state.state == "current":
             reason = _methods_words(folder)
         if state.state == "failed" and failure is None:
             failure = StageFailure(reason, "", "")
         found[stage] = StageStatus(stage, _STATES[state.state], failure.happened if failure else reason, failure)
     return found
+
+
+def causes(because: Sequence[str]) -> str:
+    """Sum up why something is out of date: each cause once, whichever stages hand it on, the first two of many.
+
+    Examples
+    --------
+    >>> causes(["calibrate is outdated: the scale was 1, is 2", "the scale was 1, is 2", "measure is outdated: a; b"])
+    'the scale was 1, is 2; a; and 1 more'
+    """
+    each = [part for text in because for part in re.split(r"; |\b\w+ is outdated: ", text) if part]
+    found = list(dict.fromkeys(each))
+    more = translate("Stages", "and {n} more").format(n=len(found) - MOST_CAUSES)
+    return "; ".join([*found[:MOST_CAUSES], *([more] if len(found) > MOST_CAUSES else [])])
 
 
 def _done_words(stage: str, count: int) -> str:

@@ -11,7 +11,7 @@ from stripe_gui.presenters.calibrate import CalibrationView
 from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.correlation_view import CorrelationView
 from stripe_gui.widgets.coverage_view import CoverageView
-from stripe_gui.widgets.layout import card, emptied, label, scrolled, tab_name
+from stripe_gui.widgets.layout import card, emptied, label, row, scrolled, tab_name
 from stripe_gui.widgets.point_map import PointMap
 from stripe_gui.widgets.residual_view import ResidualView
 from stripe_gui.widgets.result_table import ResultTable
@@ -59,8 +59,10 @@ class CalibrationResults(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(10)
         layout.addWidget(self.verdicts)
-        layout.addWidget(self.made)
-        layout.addWidget(self.warned)
+        said = row(self.made, self.warned)
+        said.setStretch(0, 1)
+        said.setStretch(1, 1)
+        layout.addLayout(said)
         layout.addWidget(self.tabs, 1)
 
     def show_calibration(self, view: CalibrationView) -> None:

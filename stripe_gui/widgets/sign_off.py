@@ -52,7 +52,7 @@ class SignOffForm(QWidget):
         self.failed = label("", wrap=True)
         form.addRow(self.failed)
         self.reason.setPlaceholderText(self.tr("why it is signed all the same"))
-        self.operator.setPlaceholderText(self.tr("without a name the report is not signed"))
+        self.operator.setPlaceholderText(self.tr("without a name: not signed"))
         layout.addLayout(form)
         layout.addWidget(self.with_tolerance)
         layout.addLayout(row(self.limit, self.of, None))

@@ -34,7 +34,9 @@ class VerdictBox(QFrame):
         self.verdict = verdict
         kind = KINDS[verdict.state]
         self.setProperty("notice", kind)
-        self.text = label(verdict_words(verdict, of), wrap=True)
+        words = verdict_words(verdict, of)
+        passed = verdict.state == "passed"  # takes a line where others take room
+        self.text = label(words.replace("\n", "   ") if passed else words, wrap=True)
         self.setAccessibleName(self.text.text())
         font = self.text.font()
         font.setBold(verdict.state == "failed")
@@ -43,7 +45,8 @@ class VerdictBox(QFrame):
         inside = row(sign, self.text)
         inside.setAlignment(sign, Qt.AlignmentFlag.AlignTop)
         inside.setStretch(1, 1)
-        inside.setContentsMargins(14, 8, 14, 8)
+        edge = 4 if passed else 8
+        inside.setContentsMargins(14, edge, 14, edge)
         self.setLayout(inside)
 
 
