@@ -20,6 +20,7 @@ from core.model import (
     PhotogrammetricCalibration,
     PointCloud,
     Project,
+    ScaleBar,
     StationId,
     TargetSet,
     Testfield,
@@ -56,8 +57,29 @@ def _calibrate(project: Project, captures: list[Capture], options: CalibrateOpti
                 progress=progress.part(start, end),
             )
         used = _recentred(targets, testfield, adjustment)
-    warnings = (*(f"{t.capture}: {note}" for t in targets for note in t.notes), *calibration.warnings)
+    bars = [bar for bar in (project.scale, *project.lengths) if bar is not None]
+    notes = [f"{t.capture}: {note}" for t in targets for note in t.notes]
+    warnings = (*notes, *placed_by_chance(captures, testfield, bars), *calibration.warnings)
     return Calibrated(replace(calibration, warnings=warnings), targets, {ADJUSTMENT: adjustment})
+
+
+def placed_by_chance(captures: Sequence[Capture], testfield: Testfield, bars: Sequence[ScaleBar]) -> list[str]:
+    """Tell known distances whose ends are others when a board that nobody picked is taken the other way round."""
+    from core.measure import kind_of, symmetries
+
+    if any(c.seeds for c in captures) or kind_of(testfield).coded:
+        return []
+    turns, told = symmetries(testfield), []
+    for bar in bars:
+        ends = np.array([bar.start, bar.stop])
+        if any(
+            {*map(tuple, (ends @ np.array(turn).T + shift).tolist())} != {bar.start, bar.stop} for turn, shift in turns
+        ):
+            told.append(
+                f"nobody picked, and the board looks the same when turned: the length from {bar.start} to {bar.stop} "
+                "may be between other targets; pick 4 targets in one capture, or measure across the board's middle"
+            )
+    return told
 
 
 def _common_testfield(captures: list[Capture]) -> Testfield:
