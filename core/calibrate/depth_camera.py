@@ -118,7 +118,7 @@ def orient_camera(
         return _assumed(spec, distance_mm)
     known = _known(spec, interior)
     thin = [_thinned(plane) for plane in usable]
-    tries = [_adjust(spec, thin, start, known) for start in _starts(spec, usable, known.interior)]
+    tries = [_adjust(spec, thin, start, known, rounds=1) for start in _starts(spec, usable, known.interior)]
     if not tries:
         raise AdjustmentError("depth plate", "its targets fit no pose", "check the picks of the depth captures")
     best = min(tries, key=lambda result: result.cost)
@@ -197,7 +197,7 @@ def _unpack(spec: DeviceSpec, parameters: Array) -> tuple[Interior, Pose, Array]
     return interior, Pose(matrix_from_rotation_vector(turn), shift), _axis(axis, float(sign[0]))
 
 
-def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array, known: Known) -> _Solution:
+def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array, known: Known, rounds: int = 3) -> _Solution:
     """Least squares from one start, repeated with the variances that the residuals before it show."""
     from scipy.optimize import least_squares  # takes longer to import than an adjustment that needs none of it
 
@@ -220,7 +220,7 @@ def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array, known
         return np.concatenate([observed, before, p[-2:] * scale[-2:] / AXIS_PRIOR_RAD])
 
     p, sigmas = start[:-1] / scale, (1.0, 0.0)
-    for _ in range(3):
+    for _ in range(rounds):
         solution = least_squares(residuals, p, args=sigmas, x_scale=1.0, method="lm", max_nfev=4000)
         p = solution.x
         sigmas = _sigmas(misfit(p), target)
