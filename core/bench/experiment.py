@@ -66,6 +66,8 @@ class Plan:
         Form error from lowest to highest place.
     camera_name : str
         Of the rig's camera.
+    ending : str
+        Of the frames' names: PNG, or plain TIFF of twice the room and a tenth of the time.
     others : mapping
         Further cameras by name, each as a rig with the same projector.
     depth_sigma_mm, axis_tilt_deg : float
@@ -92,6 +94,7 @@ class Plan:
     scale_sigma_mm: float = 0.005
     plate_half_mm: tuple[float, float] = (200.0, 200.0)
     camera_name: str = "camera"
+    ending: str = ".png"
     others: Mapping[str, Rig] | None = None
 
 

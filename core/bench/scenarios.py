@@ -86,6 +86,7 @@ def _paper() -> Plan:
         angles_deg=(0, -15, 10, 20),
         sequence=lambda _role: reference_sequence(),
         reference="brenner1999",
+        ending=".tif",
     )
 
 

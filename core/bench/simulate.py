@@ -100,7 +100,7 @@ def _write_shot(
         of_camera = next(s for s in view.shots if s.name == shot.name)
         frames = view.take(of_camera, faults, progress=quiet)
         prefix = f"{camera}-" if len(views) > 1 else ""
-        named += [(f"{prefix}{k:03d}.png", pattern, image) for k, (pattern, image) in enumerate(frames)]
+        named += [(f"{prefix}{k:03d}{e.plan.ending}", pattern, image) for k, (pattern, image) in enumerate(frames)]
         cameras += [{"camera": camera}] * len(frames)
         seeds += [replace(seed, camera=camera if prefix else "") for seed in of_camera.seeds]
     # a simulation can be repeated: no need to wait for the disk after every frame

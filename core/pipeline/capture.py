@@ -70,7 +70,7 @@ def _begun(out: Path, captures: Sequence[str]) -> set[str]:
     own = {"project.json", "testfield.csv", "plate.csv", "truth.json"}
     for folder in captures:
         own |= {f"{folder}/{name}" for name in ("capture.json", "picks.json")}
-        own |= {f"{folder}/{path.name}" for path in (out / folder).glob("[0-9][0-9][0-9].png")}
+        own |= {f"{folder}/{path.name}" for path in (out / folder).glob("[0-9][0-9][0-9].*")}
     return own
 
 
