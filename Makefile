@@ -33,12 +33,12 @@ $(VENV)/.ready $(BUNDLE)/.ready: pyproject.toml packaging/setup.sh
 	@touch $@
 
 demo: setup
-	@echo "Simulating the reference experiment, calibrating both ways, judging the plane-table: about two minutes."
+	@echo "Simulating the reference experiment, calibrating both ways, judging the plane-table: about a minute."
 	@$(BIN)/stripe-core demo $(OUT)
 	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ] && [ -z "$$CI" ]; then $(BIN)/stripe-gui $(OUT); fi
 
 test: setup
-	@echo "Running all tests: about ten minutes on two cores."
+	@echo "Running all tests: about eight minutes on two cores."
 	@$(BIN)/python -m pytest -n 2 --dist worksteal
 
 # rooms whose tests need no rendered project, and the rules of the house

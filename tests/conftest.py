@@ -17,11 +17,12 @@ from core.pipeline import calibrate_project, simulate_project, update_project
 from core.project import read_project
 
 Make = Callable[[Path], Any]
+LONGEST = ("test_paper_experiment.py", "test_starting.py", "test_target_identity.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the module that takes longest: a worker that began it last would end alone."""
-    items.sort(key=lambda item: item.path.name != "test_paper_experiment.py")
+    """Begin with the modules that hold the longest tests: a worker that began one last would end alone."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
