@@ -168,8 +168,7 @@ def _measure(
     check_duplicates(sequence.frames, sample, where)
     measured = [n for table in sequence.tables for n in (*table.phase_frames, *table.line_frames)]
     saturation = full_scale(images, tuple(measured), sample, options)
-    rows = len(range(*spread(images[0].shape)[0].indices(len(images[0]))))
-    tables, gains = steady(sequence.tables, sample, rows, saturation)
+    tables, gains = steady(sequence.tables, images, saturation)
     for n, gain in gains.items():
         sample[n] /= np.float32(gain)
     response = estimate_response(sequence.waves, patterns, sample, saturation, images)

@@ -7,17 +7,21 @@ each other. Both are linear in the gains of the frames, which follow by least sq
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from core.decode.frames import Image
 from core.decode.tables import Array, AxisTable, Fits, Singles
 
 ROUNDS = 3
-PIXELS = 1024  # tell if it is worth looking; all of the sample then tell how much
-FEWEST = 300  # pixels
+PATCHES, ACROSS, STEP = 8, 12, 8  # of the image in either direction; places of each, px between them
+FINEST = 3  # places across a part of a patch, in which fringes must be seen to change: so a patch has several
+COHERENT = 0.5  # mean of exp(i phase) in such a part from which it has less than about half a fringe
 NOTICED = 0.01  # part by which the light of all pixels differs from frame to frame; fringes may do that too
-BLOCK = (8, 32)  # rows and columns of the sample in which visibility is the same
-COHERENT = 0.5  # mean of exp(i phase) in a block, from which it has too few fringes
+PIXELS = 1024  # tell if it is worth looking; all then tell how much
+FEWEST = 300  # pixels
 DIM = 0.2  # part of the brightest pixels' modulation that one must have
 PRIOR = 0.1  # standard deviation of a frame's gain
 OUTLIER = 4.0  # standard deviations
@@ -26,7 +30,7 @@ SLIGHT = 0.003  # of the gain: less is not worth it
 
 
 def steady(
-    tables: tuple[AxisTable, AxisTable], sample: Singles, rows: int, saturation: float
+    tables: tuple[AxisTable, AxisTable], images: Sequence[Image], saturation: float
 ) -> tuple[tuple[AxisTable, AxisTable], dict[int, float]]:
     """Divide the frames of every period by their gains, where these differ.
 
@@ -34,9 +38,7 @@ def steady(
     ----------
     tables : (AxisTable, AxisTable)
         Of axis x and y.
-    sample : float32 (frames, n)
-        Grey values of pixels in so many `rows`, one row after the other.
-    rows : int
+    images : sequence of arrays (H, W)
     saturation : float
 
     Returns
@@ -47,12 +49,18 @@ def steady(
         Of the frames, where some differ; 1 in the mean.
     """
     waves = [wave for table in tables for wave in _waves(table)]
-    found = [_gains(sample[frames], solution, rows, saturation) for frames, solution in waves]
+    row, column = (_places(size) for size in images[0].shape)
+    patch, part = (_numbers(len(row), len(column), each) for each in (ACROSS, FINEST))
+    seen = [np.stack([images[n][np.ix_(row, column)].ravel() for n in frames]) for frames, _ in waves]
+    found = [
+        _gains(grey.astype(np.float32), solution, patch, part, saturation)
+        for grey, (_, solution) in zip(seen, waves, strict=True)
+    ]
     if all(gains is None for gains in found):
         return tables, {}
     each = [np.ones(len(frames)) if g is None else g for (frames, _), g in zip(waves, found, strict=True)]
-    lit = sample.max(axis=0) < saturation
-    means = [(solution[0] / g) @ sample[frames][:, lit] for (frames, solution), g in zip(waves, each, strict=True)]
+    lit = np.max([grey.max(axis=0) for grey in seen], axis=0) < saturation
+    means = [(solution[0] / g) @ grey[:, lit] for (_, solution), g, grey in zip(waves, each, seen, strict=True)]
     usual = np.median(means, axis=0)
     gains: dict[int, float] = {}
     for (frames, _), g, mean in zip(waves, each, means, strict=True):
@@ -60,6 +68,20 @@ def steady(
         gains |= dict(zip(frames.tolist(), (g * level).tolist(), strict=True))
     x, y = (_divided(table, gains) for table in tables)
     return (x, y), gains
+
+
+def _places(size: int) -> NDArray[np.intp]:
+    """Rows or columns that patches all over the image take."""
+    patches = max(1, min(PATCHES, size // (ACROSS * STEP)))
+    first = (np.arange(patches) * size) // patches
+    places = (first[:, None] + STEP * np.arange(ACROSS)).ravel()
+    return np.asarray(places[places < size], np.intp)
+
+
+def _numbers(rows: int, columns: int, each: int) -> NDArray[np.intp]:
+    """Number of the square of so many places that each of a grid belongs to."""
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    return np.asarray(row // each * (columns // each + 1) + column // each, np.intp)
 
 
 def _waves(table: AxisTable) -> list[tuple[NDArray[np.int32], Array]]:
@@ -85,43 +107,41 @@ def _divided(table: AxisTable, gains: dict[int, float]) -> AxisTable:
     return table._replace(fits=fits, hat=hat)
 
 
-def _gains(grey: Singles, solution: Array, rows: int, saturation: float) -> NDArray[np.float64] | None:
+def _gains(
+    grey: Singles, solution: Array, patch: NDArray[np.intp], part: NDArray[np.intp], saturation: float
+) -> NDArray[np.float64] | None:
     """Gains of the frames of one period, None where they do not differ."""
     light = grey.mean(axis=1)
     if np.abs(light / light.mean() - 1).max() < NOTICED:
         return None
-    block = _blocks(rows, grey.shape[1] // rows)
-    thinned = max(1, grey.shape[1] // PIXELS)
-    total = np.ones(len(grey))
+    both = (solution[1] + 1j * solution[2]).astype(np.complex64)
+    z = np.einsum("f,fn->n", both, grey)
+    amplitude = np.abs(z)
+    good = (grey.max(axis=0) < saturation) & (amplitude > DIM * np.percentile(amplitude, 90))
+    turn = np.where(good, z / np.maximum(amplitude, 1e-6), 0)
+    count = np.maximum(np.bincount(part[good], minlength=part.max() + 1), 1)
+    means = np.hypot(*(np.bincount(part, side, len(count)) for side in (turn.real, turn.imag)))
+    good &= (means < COHERENT * count)[part] & (count > 4)[part]
+    good &= (np.bincount(patch[good], minlength=patch.max() + 1) > FINEST * FINEST)[patch]
+    if good.sum() < FEWEST:
+        return None
+    grey, patch = grey[:, good], patch[good]
+    total, thinned = np.ones(len(grey)), max(1, grey.shape[1] // PIXELS)
     for k in range(ROUNDS):
         some = slice(None, None, thinned if k == 0 else 1)
-        step = _look((grey[:, some] / total[:, None]).astype(np.float32), solution, block[some], saturation)
-        if step is None or (k == 0 and not step[1]):
+        change, significant = _look((grey[:, some] / total[:, None]).astype(np.float32), solution, patch[some])
+        if k == 0 and not significant:
             return None
-        total *= 1 + step[0]
+        total *= 1 + change
     total /= total.mean()
     return total if np.abs(total - 1).max() > SLIGHT else None
 
 
-def _blocks(rows: int, columns: int) -> NDArray[np.intp]:
-    """Number of the block of every pixel of a sample."""
-    row, column = np.divmod(np.arange(rows * columns), columns)
-    return np.asarray(row // BLOCK[0] * (columns // BLOCK[1] + 1) + column // BLOCK[1], np.intp)
-
-
-def _look(grey: Singles, solution: Array, block: NDArray[np.intp], saturation: float) -> tuple[Array, bool] | None:
-    """Changes of the gains, and whether they are significant; None where the sample does not tell."""
-    both = (solution[1] + 1j * solution[2]).astype(np.complex64)
-    z, mean = np.einsum("f,fn->n", both, grey), np.einsum("f,fn->n", solution[0].astype(np.float32), grey)
-    amplitude = np.abs(z)
-    good = (grey.max(axis=0) < saturation) & (amplitude > DIM * np.percentile(amplitude, 90)) & (mean > 1)
-    count = np.bincount(block[good], minlength=block.max() + 1)
-    turn = np.where(good, z / np.maximum(amplitude, 1e-6), 0)
-    means = np.array([np.bincount(block, part, len(count)) for part in (turn.real, turn.imag)])
-    good &= (np.hypot(*means) < COHERENT * count)[block] & (count > 4)[block]
-    if good.sum() < FEWEST:
-        return None
-    g, m, z, turn, block = grey[:, good].astype(float), mean[good], z[good], turn[good], block[good]
+def _look(grey: Singles, solution: Array, block: NDArray[np.intp]) -> tuple[Array, bool]:
+    """Changes of the gains, and whether they are significant."""
+    g, both = grey.astype(float), solution[1] + 1j * solution[2]
+    z, m = both @ g, np.maximum(solution[0] @ g, 1)
+    turn = z / np.maximum(np.abs(z), 1e-6)
     part = np.abs(z) / m
     slopes = ((turn.conj() * both[:, None]).real - part * solution[0][:, None]) * g / m
     radial, seen = _without_mean(slopes, block), _without_mean(part[None], block)[0]
