@@ -4,11 +4,12 @@ VENV   := .venv
 BUNDLE := .bundle-venv
 BIN    := $(VENV)/bin
 OUT    ?= demo
+INPUTS ?= 100000
 
 # small matrices: the threads of the linear algebra would only spin beside our own
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test quick check bench bundle docs pictures clean
+.PHONY: help setup demo test quick check bench fuzz bundle docs pictures clean
 
 help:
 	@echo "make setup     the environment in $(VENV) (a second call is quick)"
@@ -17,6 +18,7 @@ help:
 	@echo "make quick     the tests that need no rendered project, in less than a minute"
 	@echo "make check     ruff, formatting and types"
 	@echo "make bench     benchmarks against peers, to a table and plots in bench-results"
+	@echo "make fuzz      mutated files for all readers, INPUTS of them; what fails is kept in tests/fuzz/corpus"
 	@echo "make bundle    a folder that runs without Python, built and tried, in dist/stripe-workbench"
 	@echo "make docs      the reference of the library and the gallery of examples, in build/docs"
 	@echo "make pictures  the pictures of the help, from the finished project in $(OUT)"
@@ -56,6 +58,9 @@ check: setup
 bench: setup
 	@echo "Installing the peers into .bench-venv, then all side by side: six to seven minutes if nothing else runs."
 	@$(BIN)/python -m tests.benchmarks
+
+fuzz: setup
+	@$(BIN)/python -m tests.fuzz --inputs $(INPUTS)
 
 bundle: $(BUNDLE)/.ready
 	@echo "Putting the bundle together, then trying it: about five minutes."

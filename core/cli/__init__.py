@@ -27,7 +27,7 @@ from core.cli.commands import (
     watching,
 )
 from core.cli.console import Console, Unread
-from core.errors import Cancelled, StripeError
+from core.errors import Cancelled, InputError, StripeError
 from core.progress import Progress
 
 GROUPS = (experiment, recording, sequences, road, results, state, watching, many, exchange, verifying)
@@ -106,4 +106,10 @@ def _check_json(target: str) -> None:
     """Refuse a file for the figures that cannot be written before anything else is."""
     from core.atomic import check_place
 
-    check_place(Path(target))
+    path = Path(target)
+    check_place(path)
+    if path.is_file() and path.stat().st_size:
+        with path.open("rb") as file:
+            start = file.read(200).lstrip()
+        if not start.startswith(b"{") or b'"stripe-' in start:
+            raise InputError(path, "is there already and holds no figures", "give another name, or move that file away")

@@ -61,6 +61,8 @@ def _read(path: Path) -> Pair:
                 width, height = (int(_first(storage, (f"{prefix}_{side}",))) for side in ("width", "height"))
                 devices.append(Pinhole(name, width, height, K[0, 0], K[1, 1], K[0, 2], K[1, 2], k))
             R, T = numbers(_first(storage, ("R",)), (3, 3)), numbers(_first(storage, ("T",)), (3,))
+        except cv2.error as error:
+            raise InputError(path, f"a matrix cannot be read ({error.err})", "export it as opencv again") from error
         finally:
             storage.release()
     return Pair(devices[0], devices[1], R, T)

@@ -335,6 +335,22 @@ def test_a_file_that_somebody_else_put_there_is_not_replaced(small: Path, tmp_pa
     assert main(command) == 2
 
 
+def test_figures_replace_figures_and_nothing_else(small: Path, tmp_path: Path, capsys) -> None:
+    command = ["status", str(small), "--json"]
+    for target, text in ((tmp_path / "notes.txt", "mine"), (small / "project.json", None)):
+        if text:
+            target.write_text(text)
+        before = target.read_bytes()
+        assert main([*command, str(target)]) == 2
+        assert "holds no figures" in capsys.readouterr().err
+        assert target.read_bytes() == before
+    figures = tmp_path / "figures.json"
+    figures.write_text('{"of": "another program"}')
+    assert main([*command, str(figures)]) == 0
+    assert main([*command, str(figures)]) == 0
+    assert "stages" in json.loads(figures.read_text())
+
+
 # ------------------------------------------------------------------------------------------------------------- damages
 
 

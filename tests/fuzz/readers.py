@@ -1,0 +1,142 @@
+"""All readers of files that come from outside, each with a sound file to begin with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from core.calibrate import calibrate_photogrammetric
+from core.devices.profile import read_profile
+from core.exchange import FORMATS
+from core.geometry import pair_of
+from core.model import Adjustment, PhotogrammetricCalibration, TargetSet
+from core.patterns.spec import read_sequence_file
+from core.pipeline.runs import read_run
+from core.project import load_archive, read_capture, read_image, read_network, read_project, save_archive
+from core.project.captures import read_picks, read_testfield
+from core.project.made import read_made
+from tests.core.checks.rigs import simulate
+
+BOARD = "row,col,x_mm,y_mm,z_mm,diameter_mm\n" + "".join(
+    f"{r},{c},{20 * c},{20 * r},0,5\n" for r in range(3) for c in range(3)
+)
+DEVICE = {"width": 8, "height": 6, "pitch_mm": [0.01, 0.01], "nominal_c_mm": 12}
+PROJECT = {
+    "format": "stripe-project",
+    "version": 2,
+    "name": "small",
+    "cameras": {"left": {**DEVICE, "interior": {"model": "brown", "c_mm": 12.1, "sigma": {"c_mm": 0.1}}}},
+    "projector": {**DEVICE, "response": [[0, 0], [1, 1]]},
+    "scale": {"from": [0, 0], "to": [0, 1], "length_mm": 20, "sigma_mm": 0.1},
+    "lengths": [{"from": [0, 0], "to": [1, 1], "length_mm": 28, "sigma_mm": 0.1}],
+    "sequence": {"preset": "gray-sine"},
+    "captures": ["captures/a"],
+}
+PATTERNS = [
+    {"kind": "white"},
+    {"kind": "gray", "axis": "x", "bit": 0, "bits": 3, "cell": 1, "inverse": False},
+    {"kind": "phase", "axis": "y", "period": 4.5, "steps": 4, "step": 1, "shift_rad": 1.57, "profile": "sine"},
+    {"kind": "line", "axis": "x", "index": 3, "width": 2},
+    {"kind": "level", "value": 0.5},
+    {"kind": "lines", "axis": "x", "values": "01100110"},
+]
+CAPTURE = {
+    "format": "stripe-capture",
+    "version": 2,
+    "role": "depth",
+    "z_mm": 5.0,
+    "testfield": "testfield.csv",
+    "frames": [{"file": f"{k}.png", "pattern": p, "camera": "left", "exposure_ms": 2} for k, p in enumerate(PATTERNS)],
+}
+PICKS = {
+    "format": "stripe-picks",
+    "version": 1,
+    "seeds": [{"row": r, "col": c, "u": 2.0 + c, "v": 1.0 + r} for r in (0, 2) for c in (0, 2)],
+}
+NETWORK = {
+    "format": "stripe-network",
+    "version": 1,
+    "devices": {"cam": {**DEVICE, "estimate": ["c", "x0"]}},
+    "stations": {"1": {"device": "cam"}, "2": {"device": "cam"}},
+    "scale": {"from": "A", "to": "B", "length_mm": 10, "sigma_mm": 0.1},
+}
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A file within a folder, a sound one's contents, and what reads it."""
+
+    file: str
+    seed: bytes
+    read: Callable[[Path], object]  # given the folder
+
+
+def text_of(document: object) -> bytes:
+    return json.dumps(document).encode()
+
+
+def readers(folder: Path) -> dict[str, Reader]:
+    """Fill a folder with sound files, and give the readers of each."""
+    (folder / "captures/a").mkdir(parents=True)
+    (folder / "testfield.csv").write_text(BOARD)
+    (folder / "project.json").write_bytes(text_of(PROJECT))
+    (folder / "captures/a/capture.json").write_bytes(text_of(CAPTURE))
+    image = np.arange(48, dtype=np.uint8).reshape(6, 8)
+    for k in range(len(PATTERNS)):
+        cv2.imwrite(str(folder / f"captures/a/{k}.png"), image)
+    cv2.imwrite(str(folder / "image.tiff"), image.astype(np.uint16))
+    (folder / "network.json").write_bytes(text_of(NETWORK))
+    (folder / "points.csv").write_text(
+        "point,x_mm,y_mm,z_mm,sigma_x_mm,sigma_y_mm,sigma_z_mm\nA,0,0,0,1,1,0\nB,10,0,0,,,\n"
+    )
+    rows = "".join(f"{s},{p},{u},3.5,0.1\n" for s in (1, 2) for p, u in (("A", 1.5), ("B", 6)))
+    (folder / "observations.csv").write_text(f"station,point,u,v,sigma_px\n{rows}")
+    p = simulate("modern", 1, poses=5)
+    calibration, adjustment = calibrate_photogrammetric(p.rig, p.board, p.fields[:5], scale=p.scale)
+    for name, value in (("calibration", calibration), ("adjustment", adjustment), ("targets", p.fields[:2])):
+        save_archive(folder / f"{name}.npz", value)
+    run = {"number": 1, "made_at": "2026-01-01T00:00:00", "options": {}, "captures": {}, "excluded": {}, "figures": {}}
+    (folder / "run.json").write_bytes(text_of(run))
+    (folder / ".stripe-made.json").write_bytes(text_of({"format": "stripe-made", "files": {"a": "b"}, "replaced": {}}))
+    (folder / "sequence.json").write_bytes(text_of({"preset": "paper"}))
+    (folder / "profile.toml").write_text(
+        (Path(__file__).parents[2] / "resources/profiles/stripe-lines.toml").read_text(encoding="utf-8")
+    )
+
+    def of(file: str, read: Callable[[Path], object]) -> Reader:
+        return Reader(file, (folder / file).read_bytes(), read)
+
+    found = {
+        "project": of("project.json", read_project),
+        "board": of("testfield.csv", lambda f: read_testfield(f / "testfield.csv")),
+        "capture": of("captures/a/capture.json", lambda f: read_capture(f / "captures/a", read_project(f))),
+        "picks": Reader("picks.json", text_of(PICKS), lambda f: read_picks(f / "picks.json")),
+        "png": of("captures/a/0.png", lambda f: read_image(f / "captures/a/0.png", (6, 8))),
+        "tiff": of("image.tiff", lambda f: read_image(f / "image.tiff", (6, 8))),
+        "network": of("network.json", read_network),
+        "points": of("points.csv", read_network),
+        "observations": of("observations.csv", read_network),
+        "calibration": of("calibration.npz", lambda f: load_archive(f / "calibration.npz", PhotogrammetricCalibration)),
+        "adjustment": of("adjustment.npz", lambda f: load_archive(f / "adjustment.npz", Adjustment)),
+        "targets": of("targets.npz", lambda f: load_archive(f / "targets.npz", tuple, TargetSet)),
+        "run": of("run.json", read_run),
+        "made": of(".stripe-made.json", read_made),
+        "sequence": of("sequence.json", lambda f: read_sequence_file(f / "sequence.json")),
+        "profile": of("profile.toml", lambda f: read_profile(str(f / "profile.toml"), 640, 640)),
+    }
+    pair = pair_of(calibration)
+    from core.exchange import fit_pair
+
+    for name, form in FORMATS.items():
+        path = folder / "exchange" / name / f"calibration{form.endings[0]}"
+        path.parent.mkdir(parents=True)
+        written = form.write(fit_pair(pair, form.free), path)
+        for k, file in enumerate(written):
+            own = str(file.relative_to(folder))
+            found[f"{name}{k or ''}"] = of(own, lambda f, form=form, path=path: form.read(path))  # type: ignore[misc]
+    return found
