@@ -16,6 +16,7 @@ from core.capture.identity import identity
 from core.capture.plan import Plan, check_shown, make_plan, sequence_for
 from core.capture.quality import lamp, line, modulation, movement, sample_grid, saturation, summarise
 from core.capture.store import TIFF, Listen, Store, capture_status, is_complete, no_listener, open_store, read_findings
+from core.capture.triggered import runs_by_itself, take_sequence
 from core.capture.writer import Writer
 from core.devices import Camera, Image, Projector, open_devices, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
@@ -167,9 +168,32 @@ class Loop:
     def take(self, shots: Sequence[int], progress: Progress) -> None:
         """Take shots one after the other; they are on disk when this returns."""
         with Writer(self.store) as writer:
+            if len(shots) == len(self.plan.shots) and self._take_all(writer, progress):
+                writer.wait()
+                return
             for i in progress.over(shots, "frame {}"):
                 writer.put(i, self._take(i, progress))
             writer.wait()
+
+    def _take_all(self, writer: Writer, progress: Progress) -> bool:
+        """Take the whole sequence by the projector's own clock, if this pair can; say whether it succeeded."""
+        shots = self.plan.shots
+        if not runs_by_itself(self.projector, self.camera) or self.projector.capacity < len(shots):
+            return False
+        for _ in range(TRIES):
+            try:
+                self.projector.load(shots, progress.check)
+                self._loaded = True
+                images = take_sequence(self.projector, self.camera, len(shots), progress.check)
+            except DeviceError as error:
+                self.store.note("failed", reason=str(error))
+                continue
+            for planned, image in enumerate(images):
+                self._check_image(image, shots[planned])
+                writer.put(planned, image)
+            return True
+        self._loaded = False  # step by step instead, which is slower and surer
+        return False
 
     def doubt(self) -> None:
         """Wait longer from now on, perhaps the light was not steady; load again, perhaps the device is out of step."""

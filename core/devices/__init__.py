@@ -23,16 +23,18 @@ No device is needed to test any of this: one suite, tests/devices, holds every p
 """
 
 from core.devices.address import parse_address, with_option
-from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, Faults
+from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, TRIGGER_FAULTS, Faults
 from core.devices.opening import CAMERA_KINDS, PROJECTOR_KINDS, DeviceKind, open_camera, open_devices, open_projector
 from core.devices.profile import profile_names
 from core.devices.protocol import (
     Adjustable,
+    Armed,
     Camera,
     Check,
     Image,
     Note,
     Projector,
+    SelfRunning,
     Setting,
     no_check,
     no_note,
@@ -45,7 +47,9 @@ __all__ = [
     "CAMERA_KINDS",
     "LINK_FAULTS",
     "PROJECTOR_KINDS",
+    "TRIGGER_FAULTS",
     "Adjustable",
+    "Armed",
     "Camera",
     "Check",
     "DeviceKind",
@@ -53,6 +57,7 @@ __all__ = [
     "Image",
     "Note",
     "Projector",
+    "SelfRunning",
     "Setting",
     "Surface",
     "no_check",

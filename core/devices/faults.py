@@ -30,6 +30,12 @@ CAMERA_FAULTS = {
     "torn-frame": "the lower half is from the image before",
 }
 
+TRIGGER_FAULTS = {  # where the projector triggers the camera
+    "lost-trigger": "the camera does not see a trigger",
+    "doubled-trigger": "the camera sees one trigger twice",
+    "late-trigger": "the camera exposes a whole pattern later",
+}
+
 
 @dataclass
 class Faults:

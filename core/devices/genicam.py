@@ -50,6 +50,8 @@ class GenicamCamera:
         What is set where the camera has a gamma. All that is automatic is switched off.
     pixel_format : str
         "Mono8", "Mono10", "Mono12", "Mono16"; empty: as the camera is set.
+    line : str
+        Where the projector's trigger comes in, such as "Line1"; empty: nowhere.
     harvester : object, optional
         In place of a new ``harvesters.core.Harvester``.
 
@@ -68,10 +70,12 @@ class GenicamCamera:
         gain: float | None = None,
         gamma: float = 1.0,
         pixel_format: str = "",
+        line: str = "",
         note: Note = no_note,
         harvester: Any = None,
     ) -> None:
         self.name, self.note = f"GenICam camera {place}", note
+        self.can_arm, self._line = bool(line), line
         self._harvester = _new_harvester(self.name) if harvester is None else harvester
         self._acquirer: Any = None
         self._unfinished = False  # an image may come that nobody waits for any more
@@ -135,6 +139,34 @@ class GenicamCamera:
             if passed and waited > 0.001 and time.monotonic() - start > self._exposure_s():
                 return Image(pixels, self.bits, time.monotonic() - self._exposure_s())
         raise DeviceError(self.name, f"{_MOST} images from the buffer", "set a lower frame rate or a software trigger")
+
+    def arm(self, count: int) -> None:
+        """Be ready for triggers on the line."""
+        self._switch(self._line)
+        self._unfinished = False
+
+    def collect(self, count: int, timeout_s: float, check: Check = no_check) -> list[Image]:
+        """Give the images of the triggers since, by the camera's own clock; then the trigger is software's again."""
+        images: list[Image] = []
+        end = time.monotonic() + timeout_s
+        while time.monotonic() < end and len(images) <= count:  # one more than wanted tells of a doubled trigger
+            patience = min(end - time.monotonic(), 0.1) if len(images) == count else end - time.monotonic()
+            try:
+                found = self._fetch(max(0.01, patience), check)
+            except DeviceError:
+                break
+            stamp = time.monotonic() if found.stamp_s is None else found.stamp_s
+            images.append(Image(found.pixels, self.bits, stamp, found.number))
+        self._switch("Software")
+        return images
+
+    def _switch(self, source: str) -> None:
+        """Take triggers from somewhere else; what was on its way is given up."""
+        with self._told("does not change its trigger", "switch the camera off and on"):
+            self._acquirer.stop()
+            self._wanted("TriggerSource", source)
+            self._acquirer.start()
+        self._last = None
 
     def _drain(self) -> None:
         """Throw away images that nobody has waited for."""

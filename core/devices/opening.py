@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 from weakref import WeakValueDictionary
 
 from core.devices.address import Address, parse_address, with_option
-from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, parse_faults
+from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, TRIGGER_FAULTS, parse_faults
 from core.devices.profile import Profile, read_profile
 from core.devices.protocol import Camera, Check, Note, Projector, no_check, no_note
 from core.devices.scene import FlatScene, Scene
@@ -109,13 +109,16 @@ def _virtual_projector(address: Address, note: Note, check: Check) -> Projector:
     stage = open_stage(address)
     settle_s = address.real("settle_ms", 0.0, 0.0, 10_000.0) / 1000
     capacity = address.integer("capacity", 256, 0, 100_000)
+    period_s = address.real("period_ms", 0.0, 0.0, 10_000.0) / 1000
     address.finish()
-    return VirtualProjector(stage, settle_s, capacity)
+    return VirtualProjector(stage, settle_s, capacity, period_s)
 
 
 def _virtual_camera(address: Address, note: Note, check: Check) -> Camera:
     stage = open_stage(address)
-    faults = parse_faults(address.text("faults", ""), CAMERA_FAULTS, address.url, address.integer("fault_seed", 0))
+    faults = parse_faults(
+        address.text("faults", ""), CAMERA_FAULTS | TRIGGER_FAULTS, address.url, address.integer("fault_seed", 0)
+    )
     exposure_s = address.real("exposure_ms", 0.0, 0.0, 60_000.0) / 1000
     gain = address.real("gain", 1.0, 0.01, 100.0)
     address.finish()
@@ -205,11 +208,10 @@ def _genicam(address: Address, note: Note, check: Check) -> Camera:
         raise InputError(address.url, "no camera", "name its serial number, or 0 for the first")
     producer, pixel_format = address.text("producer", ""), address.text("format", "")
     exposure_us, gain = address.optional("exposure_us"), address.optional("gain")
-    gamma = address.real("gamma", 1.0, 0.1, 10.0)
+    gamma, line = address.real("gamma", 1.0, 0.1, 10.0), address.text("line", "")
     address.finish()
-    return GenicamCamera(
-        address.place, producer, exposure_us=exposure_us, gain=gain, gamma=gamma, pixel_format=pixel_format, note=note
-    )
+    how = {"gamma": gamma, "pixel_format": pixel_format, "line": line}
+    return GenicamCamera(address.place, producer, exposure_us=exposure_us, gain=gain, note=note, **how)  # type: ignore[arg-type]
 
 
 def _profile(address: Address, columns: int, rows: int) -> tuple[Profile, float]:

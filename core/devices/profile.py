@@ -29,6 +29,7 @@ COMMANDS: dict[str, set[str]] = {  # and the fields that can be sent with each, 
     "rewind": set(),
     "step": set(),
     **{f"show-{kind}": {*SHOWN, "level"} for kind in KINDS},
+    "run": {"count", "period_us"},
     "query": set(),
     "stop": set(),
 }
@@ -101,6 +102,7 @@ class Profile:
     load_s: float
     gap_s: float
     settle_s: float
+    period_s: float
     retries: int
     commands: Mapping[str, Command]
     refusal: Template | None
@@ -298,6 +300,7 @@ def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
         load_s,
         timing.real("gap_ms", above=0.0, default=30.0) / 1000,
         timing.real("settle_ms", least=0.0) / 1000,
+        timing.real("period_ms", least=0.0, default=0.0) / 1000,
         timing.integer("retries", 0, 20, default=3),
         commands,
         refusal,

@@ -37,6 +37,7 @@ class Image:
     pixels: Pixels
     bits: int
     time_s: float
+    number: int | None = None  # that the camera counts it as
 
     @property
     def full(self) -> int:
@@ -147,6 +148,32 @@ class Adjustable(Protocol):
         DeviceError
             When the camera takes another value.
         """
+        ...
+
+
+@runtime_checkable
+class SelfRunning(Protocol):
+    """A projector that can show its loaded sequence by its own clock, with a trigger for the camera at each pattern."""
+
+    period_s: float  # of a pattern; 0: it waits for every step
+
+    def run(self, check: Check = no_check) -> None:
+        """Start the sequence that is loaded; it runs through once."""
+        ...
+
+
+@runtime_checkable
+class Armed(Protocol):
+    """A camera that can take an image at every trigger on its cable."""
+
+    can_arm: bool
+
+    def arm(self, count: int) -> None:
+        """Be ready for triggers; what was taken before is thrown away."""
+        ...
+
+    def collect(self, count: int, timeout_s: float, check: Check = no_check) -> list[Image]:
+        """Give the images since, in their order, once there are `count` and no more come, or the time is over."""
         ...
 
 

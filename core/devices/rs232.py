@@ -43,6 +43,7 @@ class SerialProjector:
             raise InputError(profile.name, "switches a projector and shows no patterns", remedy)
         self.profile, self.url, self.note = profile, url, note
         self.settle_s = profile.settle_s if settle_s is None else settle_s
+        self.period_s = profile.period_s if {"load", "run"} <= profile.commands.keys() else 0.0
         self.capacity = profile.slots if "load" in profile.commands else _MANY
         self.sequence: tuple[Pattern, ...] | None = tuple(profile.stored) or None
         self._loaded: tuple[Pattern, ...] = ()
@@ -98,6 +99,13 @@ class SerialProjector:
             return
         slot = self.profile.stored[pattern] if self.profile.stored else self.profile.first_slot + index
         self._recovering(lambda: self._go(slot), check)
+
+    def run(self, check: Check = no_check) -> None:
+        """Show the loaded sequence by the projector's own clock; never repeated, it may have begun."""
+        self._check_open()
+        self.dialogue.cancel = check
+        self.dialogue.do("run", once=True, count=len(self._loaded), period_us=round(1e6 * self.period_s))
+        self._shown = -1
 
     def close(self) -> None:
         """Let the line go."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.devices.faults import CAMERA_FAULTS, Faults
+from core.devices.faults import CAMERA_FAULTS, TRIGGER_FAULTS, Faults
 from core.devices.protocol import (
     Check,
     Image,
@@ -42,6 +42,16 @@ class Stage:
         self._before: Light = Black()
         self._steady_s = time.monotonic()
         self._exposures = 0
+        self.shown: list[tuple[float, Light]] = []  # by the projector's own clock, and since when
+        self.patient = True  # whoever runs thousands of sequences need not wait for them
+
+    def at(self, moment_s: float) -> Pixels:
+        """Take an image in the light of a moment while the projector ran by its own clock."""
+        light: Light = next((light for since, light in reversed(self.shown) if since <= moment_s), Black())
+        with self._lock:
+            self._now = light
+            self._steady_s = 0.0
+        return self.expose()
 
     def switch(self, light: Light, delay_s: float = 0.0) -> None:
         """Let the light change; it is steady after `delay_s` and the switching time."""
@@ -62,7 +72,8 @@ class Stage:
 class VirtualProjector:
     """A projector without a cable: every pattern is shown at once."""
 
-    def __init__(self, stage: Stage, settle_s: float = 0.0, capacity: int = 256) -> None:
+    def __init__(self, stage: Stage, settle_s: float = 0.0, capacity: int = 256, period_s: float = 0.0) -> None:
+        self.period_s = period_s
         self.name, self.settle_s, self.capacity = "virtual projector", settle_s, capacity
         self.stage, self.sequence = stage, stage.scene.sequence
         stage.switching_s = settle_s
@@ -93,6 +104,14 @@ class VirtualProjector:
         """Show a pattern of the loaded sequence."""
         self.show(pattern_at(self, self._loaded, index))
 
+    def run(self, check: Check = no_check) -> None:
+        """Show the loaded sequence by its own clock."""
+        self._check_open()
+        start = time.monotonic()
+        self.stage.shown = [(start + k * self.period_s, p) for k, p in enumerate(self._loaded)]
+        if self.stage.patient:
+            wait_until(start + len(self._loaded) * self.period_s, check)
+
     def close(self) -> None:
         """Let go."""
         self._open = False
@@ -112,7 +131,7 @@ class VirtualCamera:
         self.name, self.bits, self.exposure_s = "virtual camera", stage.scene.bits, exposure_s
         self.stage, self.faults, self.gain = stage, faults or Faults(), gain
         self._previous: Pixels | None = None
-        self._open = True
+        self._open, self.can_arm, self._number = True, True, 0
 
     @property
     def size(self) -> tuple[int, int]:
@@ -139,10 +158,7 @@ class VirtualCamera:
             raise DeviceError(
                 self.name, f"no image within {timeout_s:g} s", "check the camera's cable, trigger and exposure time"
             )
-        pixels = self.stage.expose()
-        if self.gain != 1.0:
-            top = (1 << self.bits) - 1
-            pixels = np.clip(np.rint(pixels * self.gain), 0, top).astype(pixels.dtype)
+        pixels = self._amplified(self.stage.expose())
         wait_until(start + self.exposure_s, check)
         previous, self._previous = self._previous, pixels
         if fault == "stale-frame" and previous is not None:
@@ -151,6 +167,31 @@ class VirtualCamera:
             half = len(pixels) // 2
             pixels = np.concatenate([pixels[:half], previous[half:]])
         return Image(pixels, self.bits, start)
+
+    def arm(self, count: int) -> None:
+        """Be ready for triggers."""
+        self.stage.shown = []
+
+    def collect(self, count: int, timeout_s: float, check: Check = no_check) -> list[Image]:
+        """Give an image for every trigger that was seen, exposed in the middle of its pattern."""
+        shown = self.stage.shown
+        half = (shown[1][0] - shown[0][0]) / 2 if len(shown) > 1 else 0.0
+        images = []
+        for since, _ in shown:
+            check()
+            fault = self.faults.next(TRIGGER_FAULTS)
+            moments = [since + half * (3 if fault == "late-trigger" else 1)]
+            if fault == "doubled-trigger":
+                moments.append(moments[0] + 0.2 * half)
+            for moment in [] if fault == "lost-trigger" else moments:
+                self._number += 1
+                images.append(Image(self._amplified(self.stage.at(moment)), self.bits, moment, self._number))
+        return images
+
+    def _amplified(self, pixels: Pixels) -> Pixels:
+        if self.gain == 1.0:
+            return pixels
+        return np.clip(np.rint(pixels * self.gain), 0, (1 << self.bits) - 1).astype(pixels.dtype)
 
     def close(self) -> None:
         """Let go."""

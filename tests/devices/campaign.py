@@ -1,4 +1,4 @@
-"""`python -m tests.devices.campaign [--random N]`: faults by the thousand, and what became of the captures.
+"""`python -m tests.devices.campaign [--random N] [--triggered N]`: faults by the thousand, and what became of them.
 
 First every fault alone: each fault of the serial line at every command of a capture, each fault of the camera at every
 shot, with both profiles. Then captures with many faults at random. A capture ends right, refused (a typed error that
@@ -20,7 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from core.capture import run_capture
-from core.devices import CAMERA_FAULTS, LINK_FAULTS
+from core.capture.live import Continuous
+from core.devices import CAMERA_FAULTS, LINK_FAULTS, TRIGGER_FAULTS, open_devices
 from core.devices.scene import FlatScene
 from core.errors import DeviceError
 from core.model import DeviceSpec, Project
@@ -68,6 +69,29 @@ def many(seed: int) -> Case:
     return "at random", projector, f"virtual:flat?faults={camera}&fault_seed={seed}"
 
 
+def triggered(project: Project, count: int, seed: int) -> Counter[str]:
+    """Sequences at 125 patterns a second with lost, doubled and late triggers, 0.1 to 3 % of all, nobody waiting."""
+    rng, counts, scene = random.Random(seed), Counter[str](), FlatScene(noise=0.0)
+    with open_devices("virtual:flat?period_ms=8", f"virtual:flat?faults=lost-trigger:0&fault_seed={seed}") as devices:
+        projector, camera = devices
+        projector.stage.patient = False  # type: ignore[attr-defined]
+        faults = camera.faults  # type: ignore[attr-defined]
+        rig = Continuous(project, projector, camera)
+        wanted = [scene.frame(pattern, 0).astype(float) for pattern in rig.plan.patterns]
+        for _ in range(count):
+            faults.rates = dict.fromkeys(TRIGGER_FAULTS, 10 ** rng.uniform(-3.0, -1.5) / len(TRIGGER_FAULTS))
+            faults.committed.clear()
+            try:
+                taken = rig.take()
+                worst = max(np.abs(i - w).mean() for i, w in zip(taken.images, wanted, strict=True))
+                counts["mislabelled" if worst > 1.5 else "right"] += 1
+            except DeviceError:
+                counts["refused"] += 1
+            counts["wrong triggers"] += len(faults.committed)
+            counts["sequences with any"] += bool(faults.committed)
+    return counts
+
+
 def every_fault_alone() -> Iterator[Case]:
     """Every fault at every place."""
     for profile in PROFILES:
@@ -83,9 +107,15 @@ def main() -> int:
     """Run the campaign and print what became of it."""
     parser = argparse.ArgumentParser(prog="tests.devices.campaign", description=__doc__)
     parser.add_argument("--random", type=int, default=0, metavar="N", help="captures with faults at random instead")
+    parser.add_argument("--triggered", type=int, default=0, metavar="N", help="sequences by the projector's own clock")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the first of them")
     options = parser.parse_args()
     start = time.monotonic()
+    if options.triggered:
+        with tempfile.TemporaryDirectory() as folder:
+            result = triggered(make_project(Path(folder)), options.triggered, options.seed)
+        print(f"{options.triggered} sequences, {time.monotonic() - start:.0f} s: {dict(result)}")
+        return 1 if result["mislabelled"] else 0
     cases = [many(options.seed + i) for i in range(options.random)] if options.random else list(every_fault_alone())
     counts: Counter[tuple[str, str]] = Counter()
     longest = 0.0

@@ -368,3 +368,20 @@ def test_the_simulated_camera_of_the_genicam_package() -> None:
 
 def cancelled() -> None:
     raise Cancelled
+
+
+def test_a_genicam_camera_takes_the_triggers_of_its_line() -> None:
+    producer = Late(numbers=True, stamps=True, restarts=True)
+    camera = GenicamCamera("A1", harvester=producer, line="Line1")
+    camera.arm(3)
+    assert producer.nodes.TriggerSource.value == "Line1"
+    for light in (10, 20, 30):
+        producer.light = light
+        producer.fire()
+        time.sleep(0.005)
+    images = camera.collect(3, 1.0)
+    assert [image.pixels.mean() for image in images] == [10, 20, 30]
+    assert [image.number for image in images] == [1, 2, 3]
+    assert np.all(np.diff([image.time_s for image in images]) >= 0.005)
+    assert producer.nodes.TriggerSource.value == "Software"
+    camera.close()
