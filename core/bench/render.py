@@ -177,5 +177,5 @@ def expose(exposures: Sequence[Exposure], seed: int | Sequence[int], *, progress
 def _tables(lcd: Lcd, projector: DeviceSpec, patterns: tuple[Pattern, ...]) -> Floats:
     """Tabulate patterns along one axis, side by side; all captures of an experiment show the same ones."""
     count = projector.height if axis_of(patterns[0]) == "y" else projector.width
-    shown = (brightness(pattern, np.arange(count)) for pattern in patterns)
+    shown = (brightness(pattern, np.arange(count)) ** lcd.exponent for pattern in patterns)
     return np.stack([relative_tables(lcd, lines) for lines in shown], axis=-1)

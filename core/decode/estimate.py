@@ -127,7 +127,7 @@ def refine(
     known = misfit[np.isfinite(misfit)]
     beyond = float(np.median(known)) / MEDIAN if len(known) else 1.0
     if beyond > 1:  # what the model does not hold counts for sigma
-        planes.sigma[:] *= np.float32(np.sqrt(beyond))
+        np.multiply(planes.sigma, np.float32(np.sqrt(beyond)), out=planes.sigma, where=np.isfinite(misfit))
         misfit /= np.float32(beyond)
     progress(1.0, "drawing back")
     shape = (planes.rows, planes.columns)

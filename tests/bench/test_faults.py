@@ -6,7 +6,7 @@ import pytest
 from core.bench import experiment, faults, lines_of, prepare, truth_maps
 from core.bench.experiment import Experiment
 from core.bench.faults import FAULTS, displaced
-from core.patterns import Level
+from core.patterns import Level, parse_sequence
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +107,14 @@ def test_a_response_changes_grey_alone(small):
     )
     assert np.allclose(level, half, atol=1e-3)
     assert level.sum() < 0.3 * white.sum() + black.sum()
+
+
+def test_a_response_bends_sine_fringes():
+    e = experiment("quick", 1, parse_sequence("gray-sine"))
+    sound, bent = (e.take(e.shot("plane+00"), names) for names in ([], ["response"]))
+    for (pattern, before), (_, after) in zip(sound, bent, strict=True):
+        darker = float(np.mean(after < before - 5.0))
+        assert darker > 0.1 if pattern.kind == "phase" else darker < 0.01
 
 
 def test_flicker_changes_from_frame_to_frame():
