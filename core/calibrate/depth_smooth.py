@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import Array, Floats
+from core.numerics import sigma_by_median
 from core.progress import SILENT, Progress
 
 TREND_DEGREES = (1, 2, 4)  # one after the other: the higher ones start from what the lower ones took for the plate
@@ -133,7 +134,7 @@ def _trend(measured: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, float]:
             weighted = design * weights[:, None]
             solution = np.linalg.lstsq(weighted.T @ design, weighted.T @ values, rcond=None)[0]
             rest = np.abs(values - design @ solution)
-            spread = max(1.4826 * float(np.median(rest)), 1e-6)
+            spread = max(sigma_by_median(rest), 1e-6)
             weights = (rest <= DISTURBED_FACTOR * spread) / np.maximum(rest, 0.1 * spread)
     surface: Array = np.zeros((height, width))
     for (i, j), value in zip(powers, solution, strict=True):

@@ -14,11 +14,11 @@ from core.calibrate.elimination import solve
 from core.calibrate.equations import cost_of, misclosures
 from core.calibrate.iterate import MOST_DAMPING, next_damping, regular, shortened
 from core.calibrate.problem import Problem, State, reweighted
+from core.numerics import sigma_by_median
 
 Array = NDArray[np.float64]
 
 HALF_WEIGHT = 3.0  # usual misfits of its device at which an observation counts half
-MEDIAN_OF_NORMAL = 0.6745  # of the size of a normal deviate
 ITERATIONS = 60
 SETTLED = 1e-6  # gain of a step, as a share of the weighted squares, that ends the iterations
 LEAST_UNIT = 1e-6  # sigmas: what observations without noise leave is rounding
@@ -62,5 +62,5 @@ def misfits(problem: Problem, state: State) -> Array:
     for d in range(len(units)):
         own = w[problem.device == d][seen[problem.device == d]]
         if len(own):
-            units[d] = max(np.sqrt(freedom) * float(np.median(own)) / MEDIAN_OF_NORMAL, LEAST_UNIT)
+            units[d] = max(np.sqrt(freedom) * sigma_by_median(own), LEAST_UNIT)
     return np.max(np.where(seen, w, 0.0), axis=1) / units[problem.device]

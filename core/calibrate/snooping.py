@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from core.calibrate.equations import Equations
 from core.calibrate.problem import Problem, State
-from core.calibrate.robust import MEDIAN_OF_NORMAL, misfits
+from core.calibrate.robust import misfits
 from core.errors import AdjustmentError
 from core.model import Network
-from core.numerics import normal_limit
+from core.numerics import normal_limit, sigma_by_median
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,7 +33,7 @@ def normalised_residuals(problem: Problem, equations: Equations, numbers: Array)
         residuals = np.where(checked, equations.w / np.sqrt(np.where(checked, numbers, 1.0)), np.nan)
     if not checked.any():
         return residuals
-    robust = float(np.nanmedian(np.abs(residuals))) / MEDIAN_OF_NORMAL
+    robust = sigma_by_median(residuals)
     sigma0 = float(np.sqrt(equations.cost / problem.redundancy))
     unit = min(robust, sigma0) if np.count_nonzero(checked) > 50 else sigma0
     return residuals / unit if unit > 1e-6 else np.where(checked, 0.0, np.nan)

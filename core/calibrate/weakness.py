@@ -11,11 +11,11 @@ from core.calibrate.equations import Equations, largest_displacements, linearise
 from core.calibrate.iterate import NotConvergedError
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.problem import Problem, State, interior_of
-from core.calibrate.robust import MEDIAN_OF_NORMAL
 from core.calibrate.selection import listed
 from core.errors import AdjustmentError
 from core.geometry import LENSES, Lens, regular
 from core.model import Network
+from core.numerics import sigma_by_median
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def check_estimable(
 def _usual_variance(problem: Problem, equations: Equations) -> float:
     """Variance factor of the bulk of the observations: a gross error is no fault of the geometry."""
     seen = problem.root_weight > 0
-    middle = float(np.median(np.abs(equations.w[seen]))) / MEDIAN_OF_NORMAL
+    middle = sigma_by_median(equations.w[seen])
     robust = middle**2 * np.count_nonzero(seen) / problem.redundancy
     return max(min(equations.cost / problem.redundancy, robust), 1e-30)
 

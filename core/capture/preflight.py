@@ -26,6 +26,7 @@ from core.capture.plan import Plan, guards_for, own_sequence
 from core.capture.quality import LIT, sample_grid, summarise
 from core.devices import Camera, Check, Projector, no_check, wait_until
 from core.errors import DeviceError
+from core.numerics import sigma_about_median
 from core.patterns import Black, Level, Pattern, Phase, White, axis_of, finest_steps
 from core.progress import SILENT, Progress
 
@@ -174,8 +175,7 @@ def measure_stripes(
     if lit.mean() < LIT or not stack:
         seen = "too little of the image is lit" if stack else "the sequence has no stripes"
         raise DeviceError(projector.name, seen, "put a bright plate where both look, and expose longer")
-    difference = (again - white)[lit]
-    noise = 1.4826 * float(np.median(np.abs(difference - np.median(difference)))) / 2**0.5
+    noise = sigma_about_median((again - white)[lit]) / 2**0.5
     return [image[lit] for image in stack], max(noise, 0.3)
 
 

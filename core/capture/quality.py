@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from core.capture.finding import Finding, Level
 from core.capture.plan import Plan
+from core.numerics import sigma_about_median
 from core.patterns import cycle_lines, finest_steps, level_of
 
 Array = NDArray[np.float64]
@@ -174,15 +175,14 @@ def movement(plan: Plan, first: list[Array], last: list[Array], noise: float) ->
 def _noise(a: Array, b: Array) -> float:
     """Standard deviation of a grey value from two shots of the same light, whatever the lamp did between."""
     gain = float(np.median(b)) / max(float(np.median(a)), 1e-9)
-    difference = b - gain * a
-    return float(1.4826 * np.median(np.abs(difference - np.median(difference))) / sqrt(1 + gain**2))
+    return sigma_about_median(b - gain * a) / sqrt(1 + gain**2)
 
 
 def _noise_of_one(image: Array, at: NDArray[np.intp]) -> float:
     """Standard deviation of a grey value from one sampled image (n,): what neighbours in a row do not share."""
     rows = image.reshape(len(np.unique(at[0])), -1)
     bend = rows[:, 2:] - 2 * rows[:, 1:-1] + rows[:, :-2]
-    return float(1.4826 * np.median(np.abs(bend - np.median(bend))) / sqrt(6)) if bend.size else 1.0
+    return sigma_about_median(bend) / sqrt(6) if bend.size else 1.0
 
 
 def _shift(a: Array, b: Array, noise: float) -> tuple[float, float]:

@@ -15,7 +15,7 @@ import numpy as np
 from core.checks.concern import LEVEL, Concern
 from core.checks.plates import Plates
 from core.model import Adjustment, Array, ScaleBar, Testfield
-from core.numerics import chi_square_limit
+from core.numerics import chi_square_limit, sigma_by_median
 
 TOLERANCE = 0.002  # boards are made to about 0.1 %
 SIGNIFICANT = 3.3  # sigmas of what the calibration leaves uncertain, at the level of the other tests
@@ -170,12 +170,12 @@ def _positions(plates: Plates) -> tuple[float, float, list[Concern]]:
     slope = float(np.median(slopes))
     rest = along - slope * z
     rest -= np.median(rest)
-    noise = 1.4826 * float(np.median(np.abs(rest))) / (abs(slope) * float(np.std(z)) * len(z) ** 0.5)
+    noise = sigma_by_median(rest) / (abs(slope) * float(np.std(z)) * len(z) ** 0.5)
     concerns = []
     if len(z) >= 4:
         for k in np.argsort(-np.abs(rest))[: max(1, len(z) // 4)]:
             others = np.delete(rest, k)
-            limit = max(SCATTER * 1.4826 * float(np.median(np.abs(others))), LEAST_OFF * distance * max(abs(slope), 1))
+            limit = max(SCATTER * sigma_by_median(others), LEAST_OFF * distance * max(abs(slope), 1))
             if abs(rest[k]) > limit:
                 is_at = z[k] + rest[k] / slope
                 text = (

@@ -10,6 +10,7 @@ import numpy as np
 
 from core.checks.concern import Concern
 from core.model import Array, Floats, PlaneEvaluation
+from core.numerics import sigma_by_median
 
 WINDOW = 40.0  # the low pass's standard deviation is the image's larger side over this
 LEAST_COVERED = 0.6  # share of the low pass's weight that must lie on the plane
@@ -19,7 +20,6 @@ CORE, BEYOND_CORE = 2.0, 0.0455  # sigmas, and the share of noise beyond them
 OWN_ANGLE_DEG, MOST_ANGLE_DEG = 1.0, 5.0  # angles between planes against angle_deg
 APART = 0.01  # distance between the planes of two methods, over their distance from the camera
 MOST_APART = 0.05
-SCALED = 0.02  # the same share for both: their known lengths differ
 
 
 def form_of(deviation_mm: Floats) -> tuple[float | None, float]:
@@ -44,7 +44,7 @@ def form_of(deviation_mm: Floats) -> tuple[float | None, float]:
     valid = np.isfinite(part)
     sigma = low_pass_px(deviation_mm.shape)
     # single gross errors are not form
-    middle = float(np.median(np.abs(part[valid]))) * 1.4826
+    middle = sigma_by_median(part[valid])
     capped = np.clip(np.where(valid, part, 0.0), -8 * middle, 8 * middle).astype(np.float32)
     weight = cv2.GaussianBlur(valid.astype(np.float32), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
     low = cv2.GaussianBlur(capped, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)

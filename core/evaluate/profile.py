@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from core.errors import InputError
 from core.geometry import ray_directions
 from core.model import Array, DeviceSpec, Interior, PlaneEvaluation
+from core.numerics import four_pixels
 
 LEAST_PX = 1.0  # a shorter line has no direction worth a profile
 Pair = tuple[float, float]
@@ -117,21 +118,9 @@ def interpolate(image: NDArray, uv: ArrayLike) -> tuple[Array, Array]:
     >>> interpolate(np.array([[0.0, 1.0], [2.0, 3.0]]), [[0.5, 0.5], [1.0, 0.0]])[0].tolist()
     [1.5, 1.0]
     """
-    p = np.array(uv, np.float64).reshape(-1, 2)
-    height, width = image.shape
-    inside = np.all((p >= 0) & (p <= np.array([width - 1, height - 1])), axis=1)
-    p[~inside] = 0.0
-    corner = np.minimum(np.floor(p).astype(np.intp), (max(width - 2, 0), max(height - 2, 0)))
-    fraction = p - corner
-    mean, squared = np.zeros(len(p)), np.zeros(len(p))
-    for du in (0, 1):
-        for dv in (0, 1):
-            weight = np.abs(1 - du - fraction[:, 0]) * np.abs(1 - dv - fraction[:, 1])
-            column, row = np.minimum(corner[:, 0] + du, width - 1), np.minimum(corner[:, 1] + dv, height - 1)
-            value = np.where(weight > 0, image[row, column], 0.0)
-            mean += weight * value
-            squared += (weight * value) ** 2
-    return np.where(inside, mean, np.nan), np.where(inside, np.sqrt(squared), np.nan)
+    rows, columns, weight = four_pixels(image.shape, uv)
+    share = weight * np.where(weight > 0, image[rows, columns], 0.0)
+    return share.sum(axis=0), np.sqrt((share**2).sum(axis=0))
 
 
 def points_on_plane(plane: ArrayLike, spec: DeviceSpec, camera: Interior, uv: ArrayLike) -> Array:

@@ -32,7 +32,7 @@ MODEL = "brown"
 class Pinhole:
     """A device in OpenCV's model and axes; pixels count from the centre of the top-left one.
 
-    `distortion` holds k1, k2, p1, p2, k3, k4, k5, k6; `rms_px` and `most_px` are what fitting ours to it left.
+    `distortion` holds k1, k2, p1, p2, k3, k4, k5, k6; `rms_px` is what fitting ours to it left.
     """
 
     name: str
@@ -44,16 +44,11 @@ class Pinhole:
     cy: float
     distortion: tuple[float, ...] = (0.0,) * 8
     rms_px: float = 0.0
-    most_px: float = 0.0
 
     @property
     def matrix(self) -> Array:
         """The camera matrix, shape (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
-
-    def holds(self, names: Sequence[str]) -> bool:
-        """Whether all distortion not named is zero."""
-        return all(v == 0 or n in names for n, v in zip(DISTORTION, self.distortion, strict=True))
 
 
 @dataclass(frozen=True)
@@ -128,7 +123,7 @@ def fit_device(name: str, spec: DeviceSpec, interior: Interior, free: Sequence[s
             f"with {', '.join(free) or 'no distortion'} alone it is off by {rms:.3g} px r.m.s., more than {LIMIT_PX:g}",
             "choose a format with more distortion parameters, such as opencv",
         )
-    return replace(_plain(made(found.x)), rms_px=rms, most_px=float(off.max()))
+    return replace(_plain(made(found.x)), rms_px=rms)
 
 
 def _plain(p: Pinhole) -> Pinhole:

@@ -22,7 +22,6 @@ propose.py        a guess of the picks: the dots in order, laid onto the testfie
 recognise.py      an image that nobody picked
 turns.py          which way round the board was held, told for all images together
 missing.py        why a target was not measured, in words
-robust.py         small fits and medians over many targets at once
 kernels.py        the two loops over pixels
 """
 

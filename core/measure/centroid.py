@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from core.measure.kernels import in_bands, weighted_moments
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
-from core.measure.robust import inverse_2x2, normal_equations
+from core.numerics import inverse_2x2, normal_equations
 from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]

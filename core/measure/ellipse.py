@@ -25,7 +25,7 @@ from core.measure.centroid import centroids
 from core.measure.kernels import in_bands
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
-from core.measure.robust import inverse_2x2
+from core.numerics import inverse_2x2, sigma_by_median
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def _row_scatter(excess: Array, power: Array) -> float:
     """Variance of the rows' shifts in px² from every dot's ``|a|² - tr P`` and ``|P|²``; dots unlike the others but."""
     each = excess / power
     middle = np.median(each)
-    usual = np.abs(each - middle) <= 6 * 1.4826 * np.median(np.abs(each - middle))
+    usual = np.abs(each - middle) <= 6 * sigma_by_median(each - middle)
     return max(float(excess[usual].sum() / power[usual].sum()), 0.0) if usual.any() else 0.0
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from core.measure.light import CUT
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
-from core.measure.robust import row_median
+from core.numerics import MEDIAN_OF_NORMAL, row_median, sigma_by_median
 from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def _scale_among_neighbours(uv: Array, size: Array) -> tuple[Array, float]:
     place = np.where(np.isfinite(uv), uv, -1e6)
     near = kd_tree(place).query(place, k=min(9, len(uv)))[1].reshape(len(uv), -1)
     scale = size / row_median(np.where(size > 0, size, np.nan)[near])
-    return scale, 1.4826 * float(np.nanmedian(np.abs(np.log(scale))))
+    return scale, sigma_by_median(np.log(scale))
 
 
 def _beyond_border(image: Floats, rays: Rays, window: Array) -> NDArray[np.bool_]:
@@ -126,7 +126,7 @@ def _one_sided(value: Floats, scatter: Array | None = None, *, most: bool = Fals
     usual = np.quantile(along, 0.8 if most else 0.5, axis=1)
     # between rays whose means share none; a half in the dark raises only the few differences across its edge
     apart = np.roll(along, 3, axis=1) if most else usual[:, None]
-    spread = 1.4826 * np.median(np.abs(along - apart), axis=1) / (np.sqrt(2) if most else 1.0)
+    spread = np.median(np.abs(along - apart), axis=1) / MEDIAN_OF_NORMAL / (np.sqrt(2) if most else 1.0)
     least = 6.0 * (spread if scatter is None else scatter)
     sunk = usual - along.min(axis=1)
     return (sunk > (1 - LIT) * usual) & (sunk > least) & (usual > 0), spread

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from core.measure.blobs import Blobs, scale_and_roundness
 from core.measure.board import Board
-from core.measure.robust import inverse_2x2, normal_equations, row_median
 from core.measure.view import View, fit_both_tilts, fit_view
+from core.numerics import inverse_2x2, normal_equations, row_median
 from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]

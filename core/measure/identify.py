@@ -13,9 +13,9 @@ from core.measure.blobs import Blobs
 from core.measure.board import Board
 from core.measure.grow import Lattice, grow, predict, prune
 from core.measure.picks import Picks
-from core.measure.robust import inverse_2x2
 from core.measure.view import View, first_view
 from core.model import DeviceSpec
+from core.numerics import inverse_2x2
 from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]

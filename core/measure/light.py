@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure.robust import normal_equations, row_median
 from core.model import DeviceSpec
+from core.numerics import normal_equations, row_median
 from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]

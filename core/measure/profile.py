@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.rays import ANGLES, DIRECTIONS, RAYS, Rays
-from core.measure.robust import normal_equations, row_median
+from core.numerics import MEDIAN_OF_NORMAL, normal_equations, row_median
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -117,7 +117,7 @@ def _background(image: Floats, rays: Rays, start: Array, spacing: Array, rounds:
     plane: Array = np.zeros((len(start), 3))
     for _ in range(rounds):
         off = np.where(usable, np.abs(value - model), np.nan).astype(np.float32)
-        weight = usable & (off <= 3.5 * 1.4826 * row_median(off)[:, None] + 1e-6)
+        weight = usable & (off <= 3.5 / MEDIAN_OF_NORMAL * row_median(off)[:, None] + 1e-6)
         N, b = normal_equations(A, weight.astype(np.float64), value[..., None])
         plane = np.asarray(np.linalg.solve(N + 1e-9 * np.eye(3), b)[..., 0], np.float64)
         model = (A @ plane[..., None])[..., 0]

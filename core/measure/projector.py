@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.rays import Rays
-from core.measure.robust import row_median
+from core.numerics import four_pixels, row_median
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -20,18 +20,10 @@ def bilinear(values: Floats, sigma: Floats, uv: Array) -> tuple[Array, Array]:
     The four errors are independent, so that ``sigma² = sum(weight² sigma_i²)``: smaller than a pixel's own. In a smooth
     map both diagonals have the same sum; where they differ by more than noise, one of the four is a decoding error.
     """
-    height, width = values.shape
-    inside = np.all((uv >= 0) & (uv <= np.array([width - 1, height - 1])), axis=1)
-    i, j = np.floor(np.where(inside[:, None], uv, 0.0)).astype(int).T
-    i, j = np.clip(i, 0, max(width - 2, 0)), np.clip(j, 0, max(height - 2, 0))
-    a, b = np.where(inside, uv[:, 0] - i, np.nan), np.where(inside, uv[:, 1] - j, np.nan)
-    total, variance, twist, spread = np.zeros((4, len(uv)))
-    for du, dv, weight in ((0, 0, (1 - a) * (1 - b)), (1, 0, a * (1 - b)), (0, 1, (1 - a) * b), (1, 1, a * b)):
-        value, error = values[j + dv, i + du].astype(np.float64), sigma[j + dv, i + du].astype(np.float64)
-        total += weight * value
-        variance += (weight * error) ** 2
-        twist += (1 if du == dv else -1) * value
-        spread += error**2
+    rows, columns, weight = four_pixels(values.shape, uv)
+    value, error = values[rows, columns].astype(np.float64), sigma[rows, columns].astype(np.float64)
+    total, variance = (weight * value).sum(axis=0), ((weight * error) ** 2).sum(axis=0)
+    twist, spread = value[0] - value[1] - value[2] + value[3], (error**2).sum(axis=0)
     with np.errstate(invalid="ignore"):
         total[np.abs(twist) > JUMP_LINES + 6 * np.sqrt(spread)] = np.nan
     return total, np.sqrt(variance)

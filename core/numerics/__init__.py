@@ -3,19 +3,37 @@
 distributions.py   limits of the distributions that tests of hypotheses ask for; the error function
 neighbours.py      the nearest of a few thousand places
 cholesky.py        a symmetric system: factor, solution, inverse
+robust.py          spreads and medians that gross errors do not move; small fits to many places at once
+interpolation.py   between the pixels of an image
 """
 
 from core.numerics.cholesky import factor_of, inverse_by, solution_by
 from core.numerics.distributions import chi_square_limit, erf, fisher_limit, normal_limit
+from core.numerics.interpolation import four_pixels
 from core.numerics.neighbours import nearest
+from core.numerics.robust import (
+    MEDIAN_OF_NORMAL,
+    inverse_2x2,
+    normal_equations,
+    row_median,
+    sigma_about_median,
+    sigma_by_median,
+)
 
 __all__ = [
+    "MEDIAN_OF_NORMAL",
     "chi_square_limit",
     "erf",
     "factor_of",
     "fisher_limit",
+    "four_pixels",
+    "inverse_2x2",
     "inverse_by",
     "nearest",
+    "normal_equations",
     "normal_limit",
+    "row_median",
+    "sigma_about_median",
+    "sigma_by_median",
     "solution_by",
 ]

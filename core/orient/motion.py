@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from core.errors import InputError
 from core.geometry import Pose, cross_matrix, matrix_from_rotation_vector, pair_for, perturbed, ray_directions
 from core.model import AdjustedDevice, Array, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
+from core.numerics import sigma_by_median
 from core.orient.residuals import Residuals, Sight, epipolar_residuals
 from core.progress import SILENT, Progress
 
@@ -125,8 +126,8 @@ def find_motion(
         depth_change_mm=float(np.median(1 / start.q - 1 / now.q)),
         depth_sigma_mm=_depth_sigma(sight, projector, _moved(pose, basis @ x[:5]), motion_cov),
         pixels=len(sight.at),
-        residual_rms=_spread(start.e),
-        corrected_rms=_spread(e),
+        residual_rms=sigma_by_median(start.e),
+        corrected_rms=sigma_by_median(e),
         projector_from_camera=_moved(pose, basis @ x[:5]),
         camera=phase.camera,
         projector=phase.projector,
@@ -225,13 +226,8 @@ def _moved(pose: Pose, motion: Array) -> Pose:
     return Pose(R, -R @ (pose.origin_mm + motion[3:]))
 
 
-def _spread(e: Array) -> float:
-    """Root mean square about zero, by the median of the absolute residuals."""
-    return float(1.4826 * np.median(np.abs(e)))
-
-
 def _weights(e: Array) -> Array:
-    return np.minimum(1.0, HUBER * max(_spread(e), 1.0) / np.maximum(np.abs(e), 1e-12))
+    return np.minimum(1.0, HUBER * max(sigma_by_median(e), 1.0) / np.maximum(np.abs(e), 1e-12))
 
 
 def _step(e: Array, A: Array, prior: Array, x: Array) -> Array:

@@ -49,11 +49,6 @@ def boards_of(project: Project) -> list[Capture]:
     return [c for role in BOARDS for c in captures_of(project, role) if c.testfield is not None or c.seeds]
 
 
-def picked_boards(project: Project) -> list[Capture]:
-    """Give all captures of boards that have picks."""
-    return [c for c in boards_of(project) if c.seeds]
-
-
 def measured_targets(project: Project, captures: Sequence[Capture], progress: Progress = SILENT) -> list[TargetSet]:
     """Measure the targets of captures, or take what was measured before where nothing has changed since.
 

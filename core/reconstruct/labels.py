@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import Array, Floats, PhaseMap
+from core.numerics import four_pixels
 
 PLANE = np.array([[-1.0, 0.0, 1.0]] * 3) / 6  # slope of the plane through 3 by 3 values, along a row
 
@@ -35,21 +36,11 @@ class Labels:
 
     def between(self, at: Array) -> tuple[Array, Array, Array]:
         """Values, variances (n, 2) and slopes (n, 2, 2) at places (n, 2) of the image, bilinear; NaN outside."""
-        height, width = self.values.shape[:2]
-        inside = np.all((at >= 0) & (at <= [width - 1, height - 1]), axis=1)
-        at = np.where(inside[:, None], at, 0.0)
-        corner = np.minimum(at.astype(int), [width - 2, height - 2])
-        part = at - corner
-        value, variance = np.zeros((len(at), 2)), np.zeros((len(at), 2))
-        for down in (0, 1):
-            for right in (0, 1):
-                share = np.abs(1 - right - part[:, 0]) * np.abs(1 - down - part[:, 1])
-                place = corner[:, 1] + down, corner[:, 0] + right
-                value += share[:, None] * self.values[place]
-                variance += share[:, None] ** 2 * self.variances[place]
-        nearest = (at + 0.5).astype(int)
+        rows, columns, share = four_pixels(self.values.shape, at)
+        value = np.einsum("kn,kni->ni", share, self.values[rows, columns])
+        variance = np.einsum("kn,kni->ni", share**2, self.variances[rows, columns])
+        nearest = (np.where(np.isfinite(share[0])[:, None], at, 0.0) + 0.5).astype(int)
         slope = self.slopes[nearest[:, 1], nearest[:, 0]].astype(np.float64)
-        value[~inside] = np.nan
         return value, variance, slope
 
 

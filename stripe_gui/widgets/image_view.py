@@ -203,10 +203,6 @@ class ImageView(QWidget):
         """Put an overlay over the image."""
         self.canvas.box.addItem(item, ignoreBounds=True)
 
-    def remove_item(self, item: pg.GraphicsObject) -> None:
-        """Take an overlay away."""
-        self.canvas.box.removeItem(item)
-
     def value_at(self, u: float, v: float) -> float | None:
         """Give the value of the pixel at a position; None outside and where it is NaN."""
         if self._image is None or not (np.isfinite(u) and np.isfinite(v)):

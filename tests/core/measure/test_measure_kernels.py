@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from core.measure.kernels import sample_rays, weighted_moments
-from core.measure.robust import inverse_2x2, row_median
+from core.numerics import inverse_2x2, row_median
 
 
 def test_sampling_along_rays_is_bilinear_interpolation():

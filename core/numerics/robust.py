@@ -1,12 +1,31 @@
-"""Small fits and medians over many targets at once."""
+"""Spreads and medians that gross errors do not move, and small fits to many places at once."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
+
+MEDIAN_OF_NORMAL = 0.6745  # of the size of a normal deviate
+
+
+def sigma_by_median(residuals: ArrayLike) -> float:
+    """Give the standard deviation of normal residuals about zero by the median of their sizes; NaN is left out.
+
+    Examples
+    --------
+    >>> round(sigma_by_median([-1.0, 0.5, 0.7, -0.3, 100.0, np.nan]), 2)
+    1.04
+    """
+    return float(np.nanmedian(np.abs(residuals))) / MEDIAN_OF_NORMAL
+
+
+def sigma_about_median(values: ArrayLike) -> float:
+    """Give the standard deviation of normal values by their median distance from the median; NaN is left out."""
+    given = np.asarray(values, np.float64)
+    return sigma_by_median(given - np.nanmedian(given))
 
 
 def row_median(values: Array | Floats) -> Array:

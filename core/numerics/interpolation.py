@@ -1,0 +1,42 @@
+"""Between the pixels of an image."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def four_pixels(shape: tuple[int, ...], uv: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    """Give the four pixels around places of an image, and their weights in a bilinear interpolation.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Height and width, at least one pixel.
+    uv : array, shape (n, 2)
+        Places, px.
+
+    Returns
+    -------
+    rows, columns : int array, shape (4, n)
+        Upper left, upper right, lower left, lower right.
+    weights : array, shape (4, n)
+        Their sum is 1; NaN outside the image.
+
+    Examples
+    --------
+    >>> rows, columns, weights = four_pixels((2, 2), [[0.5, 0.5], [1.0, 0.0], [1.1, 0.0]])
+    >>> (np.array([[0.0, 1.0], [2.0, 3.0]])[rows, columns] * weights).sum(axis=0)
+    array([1.5, 1. , nan])
+    """
+    p = np.asarray(uv, np.float64).reshape(-1, 2)
+    last = np.array([shape[1] - 1, shape[0] - 1])
+    inside = np.all((p >= 0) & (p <= last), axis=1)
+    corner = np.minimum(np.where(inside[:, None], p, 0.0).astype(np.intp), np.maximum(last - 1, 0))
+    right, down = np.where(inside, (p - corner).T, np.nan)
+    column, row = corner.T
+    beside, below = np.minimum(column + 1, last[0]), np.minimum(row + 1, last[1])
+    weights = np.stack([(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down])
+    return np.stack([row, row, below, below]), np.stack([column, beside, column, beside]), weights
