@@ -41,6 +41,9 @@ def rows(sequence: str, estimate: bool) -> Iterator[tuple[str, float, float, flo
         error = np.stack([phase.u - truth.u, phase.v - truth.v])[:, truth.lit]
         sigma = np.stack([phase.sigma_u, phase.sigma_v])[:, truth.lit]
         valid = np.isfinite(error).all(axis=0)
+        if not valid.any():
+            yield name, 0.0, np.nan, np.nan, np.nan
+            continue
         error, sigma = error[:, valid], sigma[:, valid]
         fine = np.abs(error).max(axis=0) < GROSS
         error, sigma = error[:, fine], sigma[:, fine]
