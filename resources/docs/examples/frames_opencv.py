@@ -32,15 +32,15 @@ figure = plt.figure(figsize=(9, 4), layout="constrained")
 for k, (title, turn) in enumerate((("here", np.eye(3)), ("OpenCV", OPENCV_FROM_OURS.rotation))):
     axes = figure.add_subplot(1, 2, k + 1, projection="3d")
     corners = np.array([[-2.0, -1.5, -4], [2, -1.5, -4], [2, 1.5, -4], [-2, 1.5, -4]])
-    # drawn with the line of sight to the right and up upwards: plot axes are (-Z, X, Y)
+    # drawn with the line of sight to the right and up upwards: plot axes are (-Z, -X, Y), right-handed as the frame is
     for a, b in [*((np.zeros(3), c) for c in corners), *zip(corners, np.roll(corners, -1, axis=0), strict=True)]:
-        axes.plot(*np.array([[-a[2], -b[2]], [a[0], b[0]], [a[1], b[1]]]), color="0.6", lw=0.8)
+        axes.plot(*np.array([[-a[2], -b[2]], [-a[0], -b[0]], [a[1], b[1]]]), color="0.6", lw=0.8)
     for name, axis, colour in zip("XYZ", turn, ("C3", "C2", "C0"), strict=True):
         tip = 2.2 * axis
-        axes.quiver(0, 0, 0, -tip[2], tip[0], tip[1], color=colour)
-        axes.text(-1.15 * tip[2], 1.15 * tip[0], 1.15 * tip[1], name, color=colour, fontsize=13)
-    axes.set(title=title, xlim=(-2.5, 4.5), ylim=(-3, 3), zlim=(-3, 3))
+        axes.quiver(0, 0, 0, -tip[2], -tip[0], tip[1], color=colour)
+        axes.text(-1.2 * tip[2], -1.2 * tip[0], 1.2 * tip[1], name, color=colour, fontsize=13)
+    axes.set(title=title, xlim=(-2, 4), ylim=(-2, 2), zlim=(-2, 2))
     axes.set_axis_off()
-    axes.set_box_aspect((7, 6, 6))
+    axes.set_box_aspect((6, 4, 4), zoom=1.05)
     axes.view_init(elev=18, azim=-62)
 plt.show()
