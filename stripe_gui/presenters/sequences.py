@@ -19,7 +19,6 @@ from stripe_gui.presenters.words import sentence
 translate = QCoreApplication.translate
 CHOICES = {"axes": ("xy", "x", "y"), "code": ("gray", "binary"), "profile": ("sine", "square")}
 USUAL_FRAME_S = 0.1  # as `stripe-core plan-sequence` assumes where nothing was measured
-MOST_DRAWN = 200  # patterns
 
 Refusal = Callable[[Pattern], str | None]
 
