@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from core.cli import main
-from core.devices import offer_screens, open_projector
+from core.devices import offer_screens, open_projector, ports
 from core.devices.dialogue import Dialogue
 from core.devices.framing import unwrap, wrap
 from core.devices.profile import profile_names, read_profile
@@ -335,3 +335,35 @@ def test_bytes_that_cannot_be_read_are_shown_in_the_error(own) -> None:
         with pytest.raises(DeviceError, match=r"bytes that cannot be read \(fe ff 00\)"):
             talk.do("select", slot=1)
         talk.close()
+
+
+def test_a_device_that_comes_back_under_another_name_is_found_by_its_serial_number(own, monkeypatch) -> None:
+    told: list[str] = []
+    first, second = Prompting(), Prompting()
+    there: dict[str, str] = {}
+    monkeypatch.setattr(
+        ports,
+        "_ports",
+        lambda: [SimpleNamespace(device=name, vid=0x403, pid=0x6001, serial_number=s) for name, s in there.items()],
+    )
+    with plugged(first) as old:
+        there[old] = "FT1"
+        projector = open_projector(f"serial:{old}?profile={own(PROMPTING)}", lambda who, what: told.append(what))
+        projector.show(White())
+    del there[old]
+    with plugged(Describing()) as other, plugged(second) as new:
+        there.update({other: "FT2", new: "FT1"})
+        projector.show(Line("x", 4, 4))
+        assert second.slots[1] == b"\x0f\x00"
+        assert f"came back as {new}" in told
+        projector.close()
+
+
+def test_a_port_that_does_not_open_says_whose_it_is_or_which_are_there(tmp_path: Path, monkeypatch) -> None:
+    port = tmp_path / "ttyUSB0"
+    port.write_bytes(b"")
+    monkeypatch.setattr(ports.os, "access", lambda place, mode: False)
+    group = port.group()
+    assert f"usermod -aG {group}" in ports.opening_remedy(str(port))
+    monkeypatch.setattr(ports, "_BY_ID", tmp_path)
+    assert str(port) in ports.opening_remedy(str(tmp_path / "ttyUSB7"))
