@@ -32,4 +32,4 @@ class Estimator(Protocol):
         ...
 
 
-ESTIMATORS: dict[str, Estimator] = {"ellipse": ellipse_centres, "centroid": centroids}
+ESTIMATORS: dict[str, Estimator] = {"centroid": centroids, "ellipse": ellipse_centres}

@@ -22,7 +22,7 @@ class Testfield:
     diameter_mm: Array  # (n,)
     polarity: Literal["white-on-black", "black-on-white"] = "white-on-black"
     kind: str = "dots"  # one of core.measure.TARGET_KINDS
-    estimator: str = "ellipse"  # of a dot's centre, one of core.measure.ESTIMATORS
+    estimator: str = "centroid"  # of a dot's centre, one of core.measure.ESTIMATORS
 
     def index(self) -> dict[tuple[int, int], int]:
         """Position in the arrays of every (row, col)."""

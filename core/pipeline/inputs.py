@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 Record = dict[str, Any]
 
 # raise a number with every change after which the same frames give other figures; results of before are then outdated
-METHOD_VERSIONS = {"decode": 2, "measure": 3, "calibrate": 3, "reconstruct": 2, "evaluate": 1, "report": 1}
+METHOD_VERSIONS = {"decode": 2, "measure": 4, "calibrate": 3, "reconstruct": 2, "evaluate": 1, "report": 1}
 
 _NOT_THE_RIG = ("path", "name", "rig", "captures", "reference", "sequence")  # fields of a project
 _NOT_IN_FRAMES = (
@@ -196,7 +196,8 @@ def _picked(capture: Capture) -> Record:
     return {"picks": picks, "board": None if capture.testfield is None else board_hash(capture.testfield)}
 
 
-_SAID_LATER = {"kind": "dots", "estimator": "ellipse"}  # fields that older boards lack, and what they meant
+# fields that older boards lack, and what they meant
+_SAID_LATER = {"kind": Testfield.kind, "estimator": Testfield.estimator}
 _boards: dict[int, tuple[Testfield, str]] = {}  # by identity: many captures share a board
 
 

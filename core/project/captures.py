@@ -269,8 +269,8 @@ def _read_testfield(path: Path) -> Testfield:
         np.array([[row.real(f"{axis}_mm") for axis in "xyz"] for row in rows]),
         np.array([row.real("diameter_mm", above=0.0) for row in rows]),
         polarity,  # type: ignore[arg-type]
-        told.get("kind", "dots"),
-        told.get("estimator", "ellipse"),
+        told.get("kind", Testfield.kind),
+        told.get("estimator", Testfield.estimator),
     )
 
 
@@ -377,7 +377,7 @@ def write_project(
 def write_testfield(path: Path, testfield: Testfield, comment: str = "") -> None:
     """Write the nominal targets of a board."""
     lines = [f"# {line}" for line in comment.splitlines()]
-    usual = {"kind": "dots", "estimator": "ellipse"}
+    usual = {"kind": Testfield.kind, "estimator": Testfield.estimator}
     lines += [f"# {key}: {said}" for key, value in usual.items() if (said := getattr(testfield, key)) != value]
     lines += [f"# polarity: {testfield.polarity}", ",".join(_COLUMNS)]
     for row, col, xyz, diameter in zip(

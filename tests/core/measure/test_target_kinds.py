@@ -87,7 +87,7 @@ def test_a_board_says_its_kind_and_keeps_it(sparks: Testfield, tmp_path: Path) -
     write_testfield(tmp_path / "board.csv", sparks)
     assert "# kind: sparks" in (tmp_path / "board.csv").read_text()
     again = read_testfield(tmp_path / "board.csv")
-    assert (again.kind, again.estimator, again.polarity) == ("sparks", "ellipse", "white-on-black")
+    assert (again.kind, again.estimator, again.polarity) == ("sparks", "centroid", "white-on-black")
 
 
 def comment(project: Path, text: str) -> None:
