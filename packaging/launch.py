@@ -8,6 +8,10 @@ from multiprocessing import freeze_support
 from pathlib import Path
 
 freeze_support()  # a process of `stripe-core batch` goes its own way here
+if sys.argv[1:2] == ["-c"]:  # as an interpreter: a reader that may come to grief has a process of its own
+    code, sys.argv = sys.argv[2], ["-c", *sys.argv[3:]]
+    exec(code)
+    sys.exit()
 if Path(sys.executable).name == "stripe-gui":
     from stripe_gui.__main__ import main
 else:

@@ -133,7 +133,7 @@ def readers(folder: Path) -> dict[str, Reader]:
     from core.exchange import fit_pair
 
     for name, form in FORMATS.items():
-        if name == "matlab":  # scipy.io.loadmat itself ends with a segmentation fault on damaged files
+        if name == "matlab":  # read in a process of its own: too slow for this
             continue
         path = folder / "exchange" / name / f"calibration{form.endings[0]}"
         path.parent.mkdir(parents=True)

@@ -7,17 +7,26 @@ TranslationOfCamera2`` in mm. In MATLAB: ``s = load(file); p = stereoParameters(
 
 from __future__ import annotations
 
-from io import BytesIO
+import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 
 from core.atomic import atomic_write
 from core.errors import InputError
 from core.exchange.formats.format import LARGEST, Format, numbers, reading
 from core.exchange.pinhole import Pair, Pinhole
+
+# on some damaged files the library does not raise, but ends its process: it gets one of its own
+_READER = """
+import json, sys, scipy.io
+stored = scipy.io.loadmat(sys.argv[1], squeeze_me=True, simplify_cells=True)
+json.dump(stored["stereoParams"], sys.stdout, default=lambda value: value.tolist())
+"""
+_LONGEST_S = 60.0
 
 
 def _write(pair: Pair, path: Path) -> list[Path]:
@@ -28,6 +37,8 @@ def _write(pair: Pair, path: Path) -> list[Path]:
         "TranslationOfCamera2": np.asarray(pair.translation_mm, np.float64).reshape(1, 3),
         "Version": "9.0",
     }
+    import scipy.io
+
     with atomic_write(path) as file:
         scipy.io.savemat(file, {"stereoParams": stored}, oned_as="row")
     return [path]
@@ -58,15 +69,18 @@ def _read(path: Path) -> Pair:
     try:
         if path.stat().st_size > LARGEST:
             raise InputError(path, f"{path.stat().st_size} bytes", "give the file of a calibration")
-        stored = scipy.io.loadmat(BytesIO(path.read_bytes()), squeeze_me=True, simplify_cells=True)
+        path.open("rb").close()
     except OSError as error:
         raise InputError(path, error.strerror or str(error), "give the file of a calibration") from error
-    except InputError:
-        raise
-    except Exception as error:  # scipy raises whatever a damaged file leads it to
-        raise InputError(path, "no .mat file of version 7 or earlier", "save it with -v7") from error
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _READER, str(path)], capture_output=True, timeout=_LONGEST_S, check=True
+        )
+        s = json.loads(done.stdout)
+    except (subprocess.SubprocessError, ValueError) as error:
+        seen = "no .mat file of version 7 or earlier with the struct stereoParams"
+        raise InputError(path, seen, "save it with -v7") from error
     with reading(path, "matlab"):
-        s = stored["stereoParams"]
         R = numbers(s["RotationOfCamera2"], (3, 3)).T
         t = numbers(s["TranslationOfCamera2"], (3,))
         first, second = _device("camera", s["CameraParameters1"]), _device("projector", s["CameraParameters2"])

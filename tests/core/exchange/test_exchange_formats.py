@@ -209,3 +209,16 @@ def test_foreign_files_are_refused_in_one_line(name, content, tmp_path) -> None:
     with pytest.raises(InputError) as refused:
         FORMATS[name].read(path)
     assert "\n" not in str(refused.value)
+
+
+def test_a_damaged_mat_file_ends_nothing_but_its_reader(tmp_path: Path) -> None:
+    """These bytes end the process that SciPy reads them in (bus error in 1.17)."""
+    path = tmp_path / "damaged.mat"
+    struct = {"RotationOfCamera2": np.eye(3), "TranslationOfCamera2": np.ones((1, 3)), "Version": "9.0"}
+    scipy.io.savemat(path, {"stereoParams": struct}, oned_as="row")
+    data, rng = bytearray(path.read_bytes()), np.random.default_rng(68)
+    for _ in range(rng.integers(1, 4)):
+        data[int(rng.integers(120, len(data)))] = int(rng.integers(0, 256))
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"damaged\.mat"):
+        FORMATS["matlab"].read(path)
