@@ -370,8 +370,11 @@ def _run(client: Client, jobs: Sequence[Job], outcomes: dict[str, Outcome], prog
         while done < len(jobs):
             progress(0.02 + 0.98 * done / len(jobs), message)
             with suppress(Empty):
-                name = futures[finished.get(timeout=_ASK_S).key][1]
-                outcomes[name] = _outcome(name, next(f for f, n in futures.values() if n == name))
+                future, name = futures[finished.get(timeout=_ASK_S).key]
+                if future.status in ("lost", "pending"):  # who held the figures died: another worker is at it again
+                    future.add_done_callback(finished.put)
+                    continue
+                outcomes[name] = _outcome(name, future)
                 done += 1
                 message = f"{done} of {len(jobs)}: {name} {outcomes[name].state}"
             if client.status != "running":

@@ -104,7 +104,7 @@ def test_a_worker_that_dies_is_replaced_and_its_captures_are_done_again(quick: P
 
     report = run_batch(project, tmp_path / "out", steps=["decode"], workers=2, progress=Progress(kill_one))
     assert killed
-    assert [o.state for o in report.outcomes] == ["done"] * len(project.captures)
+    assert [(o.state, o.error) for o in report.outcomes] == [("done", "")] * len(project.captures)
 
 
 def _workers_of(parent: int) -> list[int]:
