@@ -66,7 +66,7 @@ def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool
             )
 
     run_in_bands(band, measured.shape[0])
-    return PointCloud(xyz, add_orientation(calibration, xyz, sigma_depth), sigma_depth)
+    return PointCloud(xyz, add_orientation(calibration, xyz, sigma_depth), sigma_depth, by_depth=True)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")

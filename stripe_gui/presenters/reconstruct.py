@@ -83,7 +83,8 @@ def load_points(path: Path, progress: Progress = SILENT) -> Points:
     """Read points that `work.reconstruct` kept."""
     progress.check()
     with np.load(path, allow_pickle=False) as stored:
-        sigma = stored["sigma"][..., 2] if "sigma" in stored else stored.get("sigma_depth")
+        whole = stored.get("sigma", stored.get("sigma_xyz"))
+        sigma = stored.get("sigma_depth") if whole is None else whole[..., 2]
         return Points(stored["xyz"], sigma)
 
 
