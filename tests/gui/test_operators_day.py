@@ -82,6 +82,7 @@ def make_project(operator: Operator, folder: Path) -> None:
         for field, value in zip(fields.all(), values, strict=True):
             operator.type(field, value)
     operator.click(page.next_button)
+    operator.click(page.next_button)  # the projector's own sequence
     asked = page.field
     for field, value in ((asked.rows, "7"), (asked.columns, "9"), (asked.spacing, "19"), (asked.diameter, "9")):
         operator.type(field, value)
