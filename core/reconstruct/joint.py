@@ -245,8 +245,8 @@ def merged(
         xyz = devices[name].from_base.inverse().apply(cloud.xyz_mm[keep]).astype(np.float32)
         own = (cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight, images[name])
         parts.append((xyz, *(values[keep] for values in own)))
-    *columns, image = (np.concatenate(column)[None] for column in zip(*parts, strict=True))
-    return PointCloud(*columns), image
+    xyz, sigma, depth, sight, image = (np.concatenate(column)[None] for column in zip(*parts, strict=True))
+    return PointCloud(xyz, sigma, depth, sight), image
 
 
 def _tell_disagreeing(sight: NDArray, rss: Array, count: NDArray) -> None:
