@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.errors import InputError
 from core.geometry.lens import lens_of
 from core.geometry.rotation import Pose, cross_matrix, matrix_from_rotation_vector
-from core.model import AdjustedDevice, Interior, Orientation, Pair, PhaseMap, PhotogrammetricCalibration
+from core.model import AdjustedDevice, Capture, Interior, Orientation, Pair, PhaseMap, PhotogrammetricCalibration
 
 Array = NDArray[np.float64]
 
@@ -88,8 +88,8 @@ def pair_of(calibration: PhotogrammetricCalibration | Pair, camera: str = "", pr
     return Pair(devices[0], devices[1], relative, L @ calibration.covariance @ L.T)
 
 
-def pair_for(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -> Pair:
-    """Take the pair out of a calibration that a phase map names; the only one where there is no choice.
+def pair_for(phase: PhaseMap | Capture, calibration: PhotogrammetricCalibration | Pair) -> Pair:
+    """Take the pair out of a calibration that a phase map or capture names; the only one where there is no choice.
 
     Raises
     ------

@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path
 
 from core.errors import InputError
-from core.geometry import pair_for, pair_of
+from core.geometry import pair_for
 from core.model import Capture, Figures, Pair, PhotogrammetricCalibration, Project, RigMotion
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import decode_images, one_series
@@ -56,7 +56,7 @@ def orient_capture(
     options = OrientOptions(significance=significance)
     motion = find_motion(phase, calibration, capture=capture.name, options=options, progress=progress.part(0.3, 1.0))
     if correct:
-        save_archive(_kept(project, capture), (motion, _signature(pair_for(phase, calibration))))
+        save_archive(_kept(project, capture), (motion, _signature(pair_for(capture, calibration))))
     return motion
 
 
@@ -99,7 +99,7 @@ def oriented(project: Project, capture: Capture, calibration: PhotogrammetricCal
     """
     from core.orient import corrected_pair
 
-    path, pair = _kept(project, capture), _pair(calibration, capture)
+    path, pair = _kept(project, capture), pair_for(capture, calibration)
     again = f"run `stripe-core orient {project.path} {capture.name} --correct` first"
     if not path.exists():
         raise InputError(path, "no corrected orientation is kept for this capture", again)
@@ -168,11 +168,6 @@ def motion_words(motion: RigMotion) -> list[str]:
         f"depth changes by {motion.depth_change_mm:+.3f} ± {motion.depth_sigma_mm:.3f} mm (median over the pixels)",
         f"shape is corrected; not seen: {', '.join(motion.unobserved)}, so scale and distance are not",
     ]
-
-
-def _pair(calibration: PhotogrammetricCalibration, capture: Capture) -> Pair:
-    known = {capture.camera, capture.projector} <= set(calibration.devices)
-    return pair_of(calibration, capture.camera, capture.projector) if known else pair_of(calibration)
 
 
 def _signature(pair: Pair) -> str:
