@@ -44,6 +44,13 @@ def _only_listed(evidence: Evidence, name: str, _calibration: Any) -> Judgement:
     return Judgement(left_out=evidence.left_out(name))
 
 
+def intersected(phase: PhaseMap, calibration: Any, extrapolate: bool, progress: Progress) -> PointCloud:
+    """Give the points by `core.reconstruct`, for calibrations that it knows."""
+    from core.reconstruct import reconstruct
+
+    return reconstruct(phase, calibration, extrapolate=extrapolate, progress=progress)
+
+
 @dataclass(frozen=True)
 class CalibrationMethod:
     """A method of calibration.

@@ -18,7 +18,6 @@ from core.model import (
     Interior,
     PhaseMap,
     PhotogrammetricCalibration,
-    PointCloud,
     Project,
     ScaleBar,
     StationId,
@@ -27,7 +26,7 @@ from core.model import (
 )
 from core.pipeline.evidence import Evidence, because_of, sound_words, warned
 from core.pipeline.measure import measured_targets
-from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement
+from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
 
@@ -176,21 +175,13 @@ def _camera(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> Interio
     return pair_for(phase, calibration).camera.interior
 
 
-def _reconstruct(
-    phase: PhaseMap, calibration: PhotogrammetricCalibration, extrapolate: bool, progress: Progress
-) -> PointCloud:
-    from core.reconstruct import reconstruct
-
-    return reconstruct(phase, calibration, progress=progress)
-
-
 PHOTOGRAMMETRIC = CalibrationMethod(
     title="photogrammetric calibration",
     result=PhotogrammetricCalibration,
     roles=("testfield",),
     none=("no capture of a testfield", "capture a moved testfield, named in capture.json"),
     calibrate=_calibrate,
-    reconstruct=_reconstruct,
+    reconstruct=intersected,
     figures=photogrammetric_figures,
     devices=_devices,
     camera=_camera,

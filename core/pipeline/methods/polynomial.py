@@ -18,13 +18,12 @@ from core.model import (
     Interior,
     PhaseMap,
     PhotogrammetricCalibration,
-    PointCloud,
     Project,
 )
 from core.pipeline.decode import phase_maps
 from core.pipeline.evidence import Evidence
 from core.pipeline.measure import measured_or_why, side_of, signs_of, turned_together
-from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement
+from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
 
@@ -124,19 +123,13 @@ def _camera(phase: PhaseMap, calibration: DepthCalibration) -> Interior:
     return calibration.camera
 
 
-def _reconstruct(phase: PhaseMap, calibration: DepthCalibration, extrapolate: bool, progress: Progress) -> PointCloud:
-    from core.reconstruct import reconstruct
-
-    return reconstruct(phase, calibration, extrapolate=extrapolate, progress=progress)
-
-
 POLYNOMIAL = CalibrationMethod(
     title="depth calibration",
     result=DepthCalibration,
     roles=("depth",),
     none=("no capture of role depth", "capture a plate at known depths"),
     calibrate=_calibrate,
-    reconstruct=_reconstruct,
+    reconstruct=intersected,
     figures=depth_figures,
     devices=_devices,
     camera=_camera,
