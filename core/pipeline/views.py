@@ -8,12 +8,15 @@ from core.model import Floats, PointCloud, Project
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import find_capture
+from core.pipeline.methods import METHODS
+from core.pipeline.runs import current_runs
 from core.progress import SILENT, Progress
 
 
 def seen_by_several(project: Project, name: str) -> bool:
-    """Whether several cameras or projectors took part in a capture."""
-    return len(find_capture(project, name).pairs) > 1
+    """Whether several cameras or projectors took part in a capture, and a calibration in use knows them together."""
+    several = len(find_capture(project, name).pairs) > 1
+    return several and any(METHODS[method].joint for method in current_runs(project))
 
 
 def reconstruct_views(

@@ -13,7 +13,7 @@ from core.cli import main
 from core.errors import InputError
 from core.geometry import pair_of
 from core.model import PhotogrammetricCalibration, Project
-from core.pipeline import load_calibrations, reconstruct_capture, simulate_project
+from core.pipeline import load_calibrations, reconstruct_capture, seen_by_several, simulate_project
 from core.pipeline.decode import decode_capture
 from core.pipeline.measure import kept_targets
 from core.project import read_capture, read_project
@@ -150,3 +150,10 @@ def test_every_pair_is_watched(project: Project, tmp_path: Path) -> None:
     assert main([*words, "--out", str(tmp_path / "right.npz")]) == 0
     # the corrected projector is that of this camera: the plane stays flat
     assert flatness(tmp_path / "right.npz")[1] == pytest.approx(1.0, abs=0.15)
+
+
+def test_rays_of_all_are_the_default_of_what_knows_all_devices(project: Project, monkeypatch) -> None:
+    """A calibration of one camera with one projector stays what it is for where it alone is in use."""
+    assert seen_by_several(project, "plane+15")
+    monkeypatch.setattr("core.pipeline.views.current_runs", lambda _: {"polynomial": 1})
+    assert not seen_by_several(project, "plane+15")
