@@ -30,6 +30,7 @@ from core.progress import SILENT, Progress
 from core.reconstruct.intersect import LEAST_VARIANCE, intersect
 from core.reconstruct.labels import Labels, labels_of
 from core.reconstruct.placed import Device, moved, placed
+from core.reconstruct.rays import camera_rays
 
 Rays = Literal["all", "cameras"]
 
@@ -175,7 +176,8 @@ def intersect_all(
     if rays == "cameras" and len(own) == len(phases):
         raise InputError("the capture", "was seen by one camera alone", "use rays from the projector too")
     scene, alone = _Scene(placed(calibration), views, camera, rays), [intersect(phase, calibration) for phase in own]
-    directions = scene.directions(np.stack(np.meshgrid(*(np.arange(n) for n in own[0].u.shape[::-1])), axis=-1))
+    plane = camera_rays(scene.devices[camera].spec, scene.devices[camera].interior)  # `intersect` has made them
+    directions = np.concatenate([plane, np.full_like(plane[..., :1], -1.0)], axis=-1, dtype=np.float64)
     progress(0.3, "intersecting all rays")
     start = alone[0].xyz_mm.copy()
     for cloud in alone[1:]:  # where the first projector's light does not reach
