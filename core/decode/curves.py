@@ -63,14 +63,6 @@ def light_of(parameters: Array) -> Array:
     return np.asarray(light / light[-1])
 
 
-def table_of(curve: Sequence[tuple[float, float]] | Array) -> Array:
-    """Light at `LEVELS` of a curve given as [[level, light], ...], scaled to run from 0 to 1."""
-    level, light = np.asarray(curve, float).T
-    order = np.argsort(level, kind="stable")
-    table = np.interp(LEVELS, level[order], light[order])
-    return np.asarray((table - table[0]) / (table[-1] - table[0]))
-
-
 def light_at(table: Array, level: Array) -> Array:
     """Light at any levels (0 to 1) of a curve tabulated at `LEVELS`."""
     psi = np.arccos(np.clip(1 - 2 * np.asarray(level, float), -1, 1)) * (NODES / np.pi)
