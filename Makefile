@@ -8,6 +8,8 @@ INPUTS ?= 100000
 
 # small matrices: the threads of the linear algebra would only spin beside our own
 export OPENBLAS_NUM_THREADS ?= 1
+# the tests start hundreds of interpreters: none may have to compile the sources again
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: help setup demo test quick check bench fuzz bundle docs pictures clean
 
@@ -24,7 +26,7 @@ help:
 	@echo "make pictures  the pictures of the help, from the finished project in $(OUT)"
 	@echo "make clean     remove the environments and all that was built; $(OUT) and bench-results stay"
 
-setup: $(VENV)/.ready
+setup: $(VENV)/.ready $(VENV)/.kernels
 	@:
 
 # an environment, and what it is for: an extra of pyproject.toml
@@ -32,6 +34,12 @@ $(VENV)/.ready: EXTRA = dev
 $(BUNDLE)/.ready: EXTRA = bundle
 $(VENV)/.ready $(BUNDLE)/.ready: pyproject.toml packaging/setup.sh
 	@sh packaging/setup.sh $(PYTHON) $(@D) $(EXTRA)
+	@touch $@
+
+# beside the checks, where make is told to do two things at once
+$(VENV)/.kernels: $(VENV)/.ready
+	@echo "Compiling the kernels for this processor, so that no command waits for that: a minute."
+	@trial=$$(mktemp -d); $(BIN)/stripe-core demo $$trial/quick --scenario quick >/dev/null || true; rm -r $$trial
 	@touch $@
 
 demo: setup
@@ -50,7 +58,7 @@ QUICK := tests/test_architecture.py tests/core/geometry tests/core/patterns test
 quick: setup
 	@$(BIN)/python -m pytest -n 2 --dist worksteal $(QUICK)
 
-check: setup
+check: $(VENV)/.ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

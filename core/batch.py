@@ -58,8 +58,6 @@ class Job:
 
     Attributes
     ----------
-    project : Project
-    capture : Capture
     out : Path
         Where its results go.
     steps : tuple of str
@@ -129,7 +127,6 @@ def run_batch(
 
     Parameters
     ----------
-    project : Project
     out : Path
         Folder of the results.
     captures : sequence of str
@@ -278,7 +275,7 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
     from core.evaluate import evaluate_plane
     from core.pipeline.methods import METHODS
 
-    calibrations = _calibrations(job.project, job.calibrations)
+    calibrations = _read_calibrations(job.project.path, job.calibrations)
     if step == "reconstruct":
         method, calibration = next(iter(calibrations.items()))
         cloud = METHODS[method].reconstruct(phase, calibration, False, SILENT)
@@ -297,10 +294,6 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
     )
     save_archive(path, planes)
     return evaluation_figures(planes)["planes"]
-
-
-def _calibrations(project: Project, hashes: tuple[tuple[str, str | None], ...]) -> dict[Method, Calibration]:
-    return _read_calibrations(project.path, hashes)
 
 
 @lru_cache(maxsize=1)

@@ -8,6 +8,9 @@ nothing anew. Only kernels of this package are kept so: nothing of numba's own s
 
 `njit` compiles what Python calls. What only kernels call is marked `inner`: without wrappers through which Python could
 call it, and in one version for constants and variables alike, it costs a third less to compile.
+
+numba offers no public way to name entries or to load them quicker. Its private parts are asked for where they are used;
+where another version has them no more, kernels run all the same and are compiled by every process.
 """
 
 from __future__ import annotations
@@ -27,16 +30,10 @@ from typing import Any
 import numba
 import numpy as np
 from llvmlite.binding import add_symbol, parse_assembly, parse_bitcode
-from numba.core import types
-from numba.core.caching import NullCache
-from numba.core.compiler import CompileResult
-from numba.core.dispatcher import Dispatcher
-from numba.core.runtime import nrt
-from numba.core.serialize import dumps
-from numba.extending import register_jitable
+from numba import types
+from numba.extending import is_jitted, register_jitable
 
 from core.atomic import atomic_write
-from core.errors import StripeError
 from core.progress import announce
 
 __all__ = ["inner", "njit"]
@@ -51,7 +48,7 @@ def njit(function: Any = None, *, cache: bool = False, **how: Any) -> Any:
         return partial(njit, cache=cache, **how)
     compiled: Any = numba.njit  # its types know no wrappers to be left out
     kernel = compiled(function, no_cfunc_wrapper=True, **how)
-    if cache and isinstance(kernel, Dispatcher):  # not where numba is told to compile nothing
+    if cache and is_jitted(kernel):  # not where numba is told to compile nothing
         vars(kernel)["_cache"] = _KernelCache(kernel)
     return kernel
 
@@ -64,10 +61,10 @@ def inner(function: Any = None, **how: Any) -> Any:
     return register_jitable(**how)(function) if how else register_jitable(function)
 
 
-class _KernelCache(NullCache):
-    """The compiled versions of one kernel, a file each."""
+class _KernelCache:
+    """The compiled versions of one kernel, a file each; numba asks it for them."""
 
-    def __init__(self, kernel: Dispatcher) -> None:
+    def __init__(self, kernel: Any) -> None:
         self._kernel = kernel
 
     @cached_property
@@ -79,6 +76,8 @@ class _KernelCache(NullCache):
     def cache_path(self) -> str | None:
         return str(kernel_folder() or "") or None
 
+    def flush(self) -> None: ...
+
     def _entry(self, signature: Any, codegen: Any) -> Path | None:
         folder = kernel_folder()
         if folder is None:
@@ -88,41 +87,44 @@ class _KernelCache(NullCache):
         return folder / f"{self._kernel.py_func.__module__}.{self._kernel.py_func.__name__}-{name}.kernel"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        entry = self._entry(sig, target_context.codegen())
         try:
-            if entry is not None:
+            if (entry := self._entry(sig, target_context.codegen())) is not None:
                 _offer_runtime()
                 found = _loaded(target_context, *pickle.loads(entry.read_bytes()))
                 if time.time() - entry.stat().st_mtime > 86400:
                     os.utime(entry)  # what is in use stays
                 return found
         except Exception:  # absent, cut off, or written by something else: compiled anew
-            pass
-        target_context.refresh()
+            target_context.refresh()
         announce("compiling for this processor, once")
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        entry = self._entry(sig, data.codegen)
-        if entry is None or data.library.has_dynamic_globals or any(not part.can_cache for part in data.lifted):
-            return
         try:
+            from numba.core.serialize import dumps
+
+            entry = self._entry(sig, data.codegen)
+            if entry is None or data.library.has_dynamic_globals or any(not part.can_cache for part in data.lifted):
+                return
             _sweep(entry.parent)
             with atomic_write(entry, durable=False) as file:
                 file.write(dumps(data._reduce()))
-        except (OSError, StripeError):  # a full disk takes nothing from the result
+        except Exception:  # a full disk, or another numba, takes nothing from the result
             pass
 
 
-def _loaded(target_context: Any, library: Any, function: Any, *rest: Any) -> CompileResult:
+def _loaded(target_context: Any, library: Any, function: Any, *rest: Any) -> Any:
     """Make a kernel of what was kept, without the bitcode for those that would be linked with it.
 
     Parsing that takes longer than all the rest, and only a kernel that is compiled and calls this one asks for it.
     """
+    from numba.core.compiler import CompileResult
+
     name, kind, (code, bitcode) = library
     target_context.codegen()._engine._defined_symbols |= {function.llvm_func_name, function.llvm_cpython_wrapper_name}
     without = name, kind, (code, parse_assembly("").as_bitcode())
     found = CompileResult._rebuild(target_context, without, function, *rest)
+    assert callable(found.library._get_module_for_linking)
     found.library._get_module_for_linking = cache(lambda: parse_bitcode(bitcode))
     return found
 
@@ -133,6 +135,8 @@ def _offer_runtime() -> None:
 
     numba itself loads a kernel only when the whole compiler is ready to work, which takes half a second.
     """
+    from numba.core.runtime import nrt
+
     for name, address in nrt._nrt.c_helpers.items():
         add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
@@ -148,7 +152,7 @@ def _parts(value: Any, seen: dict[int, Any]) -> Iterator[str]:
     """Say what a function or a constant is, and all that a function refers to; never by address or place."""
     if id(value) in seen:
         return
-    if isinstance(value, Dispatcher):
+    if is_jitted(value):
         yield _ordered(value.targetoptions)
         value = value.py_func
     value = getattr(value, "_defn", value)  # an intrinsic

@@ -45,14 +45,6 @@ class NotRecognisedError(InputError):
     """A board that an image does not show well enough; other images may."""
 
 
-class DecodeError(StripeError):
-    """Frames from which no absolute coordinate follows."""
-
-
-class MeasureError(StripeError):
-    """Targets that could not be found or identified."""
-
-
 class AdjustmentError(StripeError):
     """A network that cannot be solved, or an adjustment that does not converge."""
 

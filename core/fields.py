@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import errno
+import json
+import math
 import os
 import stat
 from collections.abc import Mapping, Sequence
@@ -16,6 +19,7 @@ _ABSENT: Any = object()
 
 LARGEST = 1e12  # no length, angle or pixel of a rig comes near these; the squares of what lies between can be summed
 SMALLEST = 1e-12
+VERSIONS = (1, 2)  # of the interchange format
 
 
 @dataclass(frozen=True)
@@ -60,9 +64,17 @@ class Fields:
         """Read a nested object."""
         return Fields.of(self._get(key, _ABSENT), f"{self.where}: {key}")
 
-    def items(self, key: str) -> list[Any]:
+    def optional(self, key: str) -> Fields | None:
+        """Read a nested object; None where there is none."""
+        return None if self.data.get(key) is None else self.nested(key)
+
+    def objects(self, key: str, one: str, default: Any = _ABSENT) -> list[Fields]:
+        """Read a list of objects; `one` is what messages call each, before its number."""
+        return [Fields.of(item, f"{self.where}: {one} {i}") for i, item in enumerate(self.items(key, default))]
+
+    def items(self, key: str, default: Any = _ABSENT) -> list[Any]:
         """Read a list."""
-        value = self._get(key, _ABSENT)
+        value = self._get(key, default)
         if not isinstance(value, list):
             raise self.refuse(key, value, "give a list")
         return value
@@ -133,6 +145,107 @@ def regular(path: Path) -> Path:
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise OSError(errno.EINVAL, "a pipe or a device, not a file", str(path))
     return path
+
+
+def read_document(path: Path, kind: str) -> Fields:
+    """Read a JSON file and check its format name and version.
+
+    Raises
+    ------
+    InputError
+        If it is missing, not JSON, has a field twice, or is of another format or version.
+    """
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            names = [name for name, _ in pairs]
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InputError(path, f"field {twice!r} is there twice", "remove one of the two")
+        return found
+
+    try:
+        data = json.loads(regular(path).read_text(encoding="utf-8-sig"), object_pairs_hook=once)
+    except OSError as error:
+        raise InputError(path, f"cannot be read ({error.strerror})", f"give a folder that holds {path.name}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(path, f"byte {error.start} is not UTF-8 text", "store the file as UTF-8") from error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a ValueError too
+        raise InputError(path, f"not JSON ({error})", "mend or restore the file") from error
+    fields = Fields.of(data, str(path))
+    fields.text("format", among=(kind,))
+    version = fields.integer("version")
+    if version not in VERSIONS:
+        known = " and ".join(map(str, VERSIONS))
+        raise fields.refuse(
+            "version", version, f"this program reads versions {known}: convert the file or update the program"
+        )
+    return fields
+
+
+def read_table(
+    path: Path, columns: Sequence[str], texts: Sequence[str] = (), optional: Sequence[str] = ()
+) -> list[Fields]:
+    """Read a CSV file with a header; `#` starts a comment; all columns are numbers but those named in `texts`.
+
+    Those named in `optional` may be missing, or empty in a row.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, a row is too short, or the table is empty.
+    """
+    try:
+        lines = regular(path).read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError) as error:
+        undecoded = isinstance(error, UnicodeDecodeError)
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text" if undecoded else "no file name"
+        remedy = "store the file as UTF-8" if undecoded else "restore the file, or correct the name that points to it"
+        raise InputError(path, f"cannot be read ({reason})", remedy) from error
+    numbered = [(i, line.partition("#")[0]) for i, line in enumerate(lines, 1)]
+    numbered = [(i, line) for i, line in numbered if line.strip()]
+    if not numbered:
+        raise InputError(path, "the table is empty", f"give a header {','.join(columns)} and a line for each")
+    header = _cells(path, *numbered[0])
+    if missing := [c for c in columns if c not in header]:
+        raise InputError(
+            path, f"the header is {','.join(header)!r}, without {missing[0]!r}", f"start with {','.join(columns)}"
+        )
+    if twice := [c for c in columns if header.count(c) > 1]:
+        raise InputError(
+            path, f"the header has {twice[0]!r} {header.count(twice[0])} times", "keep one of these columns"
+        )
+    if len(numbered) == 1:
+        raise InputError(path, "the table has a header and no rows", "add the rows")
+    table = []
+    for i, line in numbered[1:]:
+        record = dict(zip(header, _cells(path, i, line), strict=False))
+        where = f"{path}: line {i}"
+        values: dict[str, Any] = {}
+        for name in columns:
+            cell = record.get(name, "")
+            values[name] = cell or None if name in texts else _number(cell, name, where)
+        for name in optional:
+            values[name] = _number(record[name], name, where) if record.get(name) else None
+        table.append(Fields(values, where))
+    return table
+
+
+def _cells(path: Path, number: int, line: str) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([line]))]
+    except csv.Error as error:
+        raise InputError(f"{path}: line {number}", f"{len(line)} characters ({error})", "mend that line") from error
+
+
+def _number(cell: str, name: str, where: str) -> float:
+    try:
+        value = math.nan if "_" in cell else float(cell)  # Python's 1_000 is no number anywhere else
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(where, f"{name} is {cell!r}", "give a finite number")
+    return value
 
 
 def _is_number(value: object) -> bool:

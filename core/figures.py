@@ -7,13 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from core.geometry import lens_of, pair_of
+from core.geometry import Pose, lens_of, pair_of
 from core.model import (
     AdjustedDevice,
     Adjustment,
     DepthCalibration,
     Figures,
-    LeftOut,
     PhaseMap,
     PhotogrammetricCalibration,
     PlaneEvaluation,
@@ -38,19 +37,14 @@ def device_figures(device: AdjustedDevice) -> Figures:
 def adjustment_figures(adjustment: Adjustment) -> Figures:
     """The bundle adjustment of a network."""
     return {
-        "sigma0": adjustment.sigma0,
-        "redundancy": adjustment.redundancy,
-        "iterations": adjustment.iterations,
+        **picked(adjustment, "sigma0 redundancy iterations"),
         "devices": {name: device_figures(device) for name, device in adjustment.devices.items()},
         "object_sigma_rms_um": object_sigma_rms_um(adjustment),
         "stations": len(adjustment.network.station_names),
         "image_points": len(adjustment.residuals),
         "object_points": len(adjustment.points_mm),
         "variance_factors": dict(adjustment.variance_factors),
-        "orientations": {
-            name: {"rotation": pose.rotation.tolist(), "translation_mm": pose.translation_mm.tolist()}
-            for name, pose in adjustment.relative.items()
-        },
+        "orientations": {name: pose_figures(pose) for name, pose in adjustment.relative.items()},
         "points": {
             name: {"xyz_mm": [float(x) for x in xyz], "sigma_um": [plain(1e3 * math.sqrt(v)) for v in np.diag(cov)]}
             for name, xyz, cov in zip(
@@ -86,19 +80,14 @@ def photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
     relative_sigma = np.sqrt(np.diagonal(pair.covariance)[-6:])
     sigmas = dict(zip(calibration.parameter_names, np.sqrt(np.diagonal(calibration.covariance)), strict=True))
     return {
-        "sigma0": calibration.sigma0,
-        "stations": calibration.stations,
-        "image_points": calibration.image_points,
-        "object_points": calibration.object_points,
-        "redundancy": calibration.redundancy,
+        **picked(calibration, "sigma0 stations image_points object_points redundancy"),
         "camera": device_figures(calibration.camera),
         "projector": device_figures(calibration.projector),
         "devices": {name: device_figures(device) for name, device in calibration.devices.items()},
         "orientations": {
             name: {
                 "from": known.base,
-                "rotation": known.device_from_base.rotation.tolist(),
-                "translation_mm": known.device_from_base.translation_mm.tolist(),
+                **pose_figures(known.device_from_base),
                 "rotation_sigma_rad": [plain(sigmas[f"{name}.r{axis}"]) for axis in "xyz"],
                 "translation_sigma_mm": [plain(sigmas[f"{name}.t{axis}"]) for axis in "xyz"],
             }
@@ -106,8 +95,7 @@ def photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
         },
         "object_sigma_rms_um": [plain(s) for s in calibration.object_sigma_rms_um],
         "projector_from_camera": {
-            "rotation": pair.projector_from_camera.rotation.tolist(),
-            "translation_mm": pair.projector_from_camera.translation_mm.tolist(),
+            **pose_figures(pair.projector_from_camera),
             "rotation_sigma_rad": [plain(s) for s in relative_sigma[:3]],
             "translation_sigma_mm": [plain(s) for s in relative_sigma[3:]],
         },
@@ -118,36 +106,15 @@ def verdict_figures(verdict: Verdict | None) -> Figures:
     """A verdict; what nobody judged is doubtful."""
     if verdict is None:
         return {"state": "doubtful", "because": ["not judged: made by another version of the program"]}
-    return {"state": verdict.state, "because": list(verdict.because)}
-
-
-def left_out_figures(entry: LeftOut) -> Figures:
-    """Points of a capture that had no part."""
-    return {"capture": entry.capture, "points": entry.points, "of": entry.of, "because": entry.because}
+    return picked(verdict, "state because")
 
 
 def evaluation_figures(evaluations: Sequence[PlaneEvaluation]) -> Figures:
     """Every plane by every method."""
-    rows = []
-    for e in evaluations:
-        rows.append(
-            {
-                "capture": e.capture,
-                "angle_deg": e.angle_deg,
-                "method": e.method,
-                "n": e.n,
-                "rms_mm": e.rms_mm,
-                "max_mm": e.max_mm,
-                "min_mm": e.min_mm,
-                "predicted_rms_mm": e.predicted_rms_mm,
-                "form_pv_um": e.form_pv_um,
-                "verdict": verdict_figures(e.verdict),
-                "excluded": e.excluded,
-                "excluded_rule": e.excluded_rule,
-                "camera": e.devices[0],
-                "projector": e.devices[1],
-            }
-        )
+    names = "capture angle_deg method n rms_mm max_mm min_mm predicted_rms_mm form_pv_um excluded excluded_rule"
+    rows = [{**picked(e, names), "verdict": verdict_figures(e.verdict)} for e in evaluations]
+    for row, e in zip(rows, evaluations, strict=True):
+        row["camera"], row["projector"] = e.devices
     return {"planes": rows}
 
 
@@ -173,9 +140,8 @@ def _target_set_figures(t: TargetSet) -> Figures:
         }
         for i in range(len(t.row))
     ]
-    missing = [{"row": m.row, "col": m.col, "reason": m.reason} for m in t.missing]
-    devices = {"camera": t.camera, "projector": t.projector}
-    return {"capture": t.capture, **devices, "targets": measured, "missing": missing, "notes": list(t.notes)}
+    missing = [picked(m, "row col reason") for m in t.missing]
+    return {**picked(t, "capture camera projector notes row_shift_px"), "targets": measured, "missing": missing}
 
 
 def phase_figures(phase: PhaseMap) -> Figures:
@@ -196,6 +162,17 @@ def phase_figures(phase: PhaseMap) -> Figures:
         figures["response"] = [[plain(level), plain(light)] for level, light in phase.response.tolist()]
     figures["notes"] = list(phase.notes)
     return figures
+
+
+def picked(value: object, names: str) -> Figures:
+    """Give attributes of a result under their own names, tuples as lists."""
+    found = {name: getattr(value, name) for name in names.split()}
+    return {name: list(item) if isinstance(item, tuple) else item for name, item in found.items()}
+
+
+def pose_figures(pose: Pose) -> Figures:
+    """A pose as two lists."""
+    return {"rotation": pose.rotation.tolist(), "translation_mm": pose.translation_mm.tolist()}
 
 
 def plain(value: float) -> float | None:

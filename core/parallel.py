@@ -25,7 +25,6 @@ def run_in_bands(function: Callable[[int, int], None], rows: int, least: int = 1
     ----------
     function : callable
         Works on rows start to stop - 1 and touches no others; it should release the interpreter lock.
-    rows : int
     least : int
         A band has so many rows in the mean at least; small work stays in the calling thread.
 

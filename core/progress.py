@@ -17,14 +17,6 @@ def _quiet(fraction: float, message: str) -> None:
     return None
 
 
-def _untold(name: str, step: int, value: float) -> None:
-    return None
-
-
-def _never() -> bool:
-    return False
-
-
 _latest: tuple[Report, float] = (_quiet, 0.0)  # the channel last used, and how far it was
 
 
@@ -53,8 +45,8 @@ class Progress:
     """
 
     report: Report = _quiet
-    cancelled: Callable[[], bool] = _never
-    course: Course = _untold
+    cancelled: Callable[[], bool] = lambda: False
+    course: Course = lambda name, step, value: None
 
     def check(self) -> None:
         """Raise `Cancelled` if the user asked to stop."""

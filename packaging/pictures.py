@@ -25,6 +25,7 @@ PICTURES = {
     "reconstruct": "reconstruct-height",
     "evaluate": "evaluate-maps",
     "report": "report",
+    "rig": "rig-space",
 }  # chapter of the help -> page and part, as the tour names them
 COLOURS = 128  # enough for the window's few tints, and a quarter of the size
 

@@ -41,10 +41,3 @@ fi
 echo "setup: making the environment in $venv (a minute or two the first time)"
 "$venv/bin/python" -m pip --version >/dev/null 2>&1 || "$python" -m venv "$venv"
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -e ".[$extra]"
-
-if [ "$extra" != bundle ]; then
-    echo "setup: compiling the kernels for this processor, so that no command waits for that (a minute the first time)"
-    trial=$(mktemp -d)
-    "$venv/bin/python" -m core demo "$trial/quick" --scenario quick >/dev/null || true
-    rm -r "$trial"
-fi

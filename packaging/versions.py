@@ -74,7 +74,7 @@ def trial(uv: str, interpreter: str, which: str, folder: Path) -> str:
     install = [uv, "pip", "install", "-q", "--python", str(python), "--resolution", resolution]
     steps = [
         [uv, "venv", "-q", "--seed", "--python", interpreter, str(environment)],
-        [*install, f"{source}[gui,gl,devices,batch]"],
+        [*install, f"{source}[gui,devices,batch]"],
         [str(python), "-c", IMPORTS],
         *([str(python), "-m", "core", *step.split()] for step in ROAD),
         [str(python), "-m", "pip", "uninstall", "-q", "-y", "stripe-workbench"],

@@ -7,7 +7,9 @@ import ctypes
 import os
 import socket
 import sys
+import threading
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 
 
@@ -33,9 +35,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     program = Program(make_application())
     program.watch_faults()
     program.window.show()
+    threading.Thread(target=_warm_up, daemon=True).start()
     if options.project is not None:
         program.window.open_path(options.project)
     return program.app.exec()
+
+
+def _warm_up() -> None:
+    """Import what opening a project needs, while the operator reads the first page."""
+    for name in ("presenters.status", "pages.capture_page"):
+        import_module(f"stripe_gui.{name}")
 
 
 def _parser() -> argparse.ArgumentParser:

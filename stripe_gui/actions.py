@@ -67,7 +67,6 @@ class Action:
 
     @property
     def menu(self) -> str:
-        """The menu it stands in."""
         return self.id.partition(".")[0]
 
 

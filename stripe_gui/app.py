@@ -11,11 +11,10 @@ from PySide6.QtCore import QLibraryInfo, QLocale, QObject, Qt, QTranslator
 from PySide6.QtGui import QFont, QFontDatabase, QIcon
 from PySide6.QtWidgets import QApplication
 
-from core.devices import offer_screens
 from stripe_gui import theme
 from stripe_gui.assets import asset
 from stripe_gui.main_window import MainWindow
-from stripe_gui.screens import Screens
+from stripe_gui.presenters.told import speak
 from stripe_gui.workbench import Workbench
 
 FONT_PT = 9.5
@@ -48,7 +47,6 @@ class Program(QObject):
         super().__init__()
         self.app = app
         self.bench = bench or Workbench()
-        offer_screens(Screens().open)  # capturing may use any screen as a projector
         self._translators: list[QTranslator] = []
         self.show_theme(self.bench.settings.text("theme", "system"))
         self.load_language(self.bench.settings.text("language", "") or _desktop_language())
@@ -58,12 +56,10 @@ class Program(QObject):
         self.bench.language_wanted.connect(self.choose_language, Qt.ConnectionType.QueuedConnection)
 
     def choose_theme(self, choice: str) -> None:
-        """Change the appearance and remember it."""
         self.bench.settings.set("theme", choice)
         self.show_theme(choice)
 
     def show_theme(self, choice: str) -> None:
-        """Change the appearance."""
         theme.apply(self.app, theme.resolve(choice))
 
     def choose_language(self, language: str) -> None:
@@ -93,6 +89,7 @@ class Program(QObject):
             if translator.load(f"{name}_{language}", folder):
                 self.app.installTranslator(translator)
                 self._translators.append(translator)
+        speak(language)
         QLocale.setDefault(QLocale(QLocale.Language.C))  # numbers as in the report: a point, no grouping
 
     def watch_faults(self) -> None:

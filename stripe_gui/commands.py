@@ -11,7 +11,7 @@ from PySide6.QtGui import QDesktopServices
 from stripe_gui import theme
 from stripe_gui.actions import Action, project_idle, project_open
 from stripe_gui.jobs import Failure
-from stripe_gui.presenters.status import STAGES, stage_name
+from stripe_gui.presenters.stages import STAGES, stage_name
 from stripe_gui.workbench import Workbench
 
 translate = QCoreApplication.translate
@@ -100,6 +100,7 @@ def _file_actions() -> list[Action]:
 def _go_actions() -> list[Action]:
     pages = [("start", translate("Actions", "Start page"), "Ctrl+0", "home")]
     pages += [(stage, stage_name(stage), f"Ctrl+{i}", stage) for i, stage in enumerate(STAGES, 1)]
+    pages.append(("rig", translate("Actions", "The ri&g"), "Ctrl+8", "rig"))
     return [
         Action(
             f"go.{page}",

@@ -31,19 +31,15 @@ class QtDialogs:
     """The real ones."""
 
     def open_folder(self, parent: QWidget | None, title: str, start: Path | None = None) -> Path | None:
-        """Ask for a folder."""
         return _path(QFileDialog.getExistingDirectory(parent, title, str(start or "")))
 
     def open_file(self, parent: QWidget | None, title: str, kinds: str, start: Path | None = None) -> Path | None:
-        """Ask for a file."""
         return _path(QFileDialog.getOpenFileName(parent, title, str(start or ""), kinds)[0])
 
     def save_file(self, parent: QWidget | None, title: str, kinds: str, start: Path | None = None) -> Path | None:
-        """Ask for a new file."""
         return _path(QFileDialog.getSaveFileName(parent, title, str(start or ""), kinds)[0])
 
     def confirm(self, parent: QWidget | None, title: str, text: str, yes: str, no: str) -> bool:
-        """Ask in a message box."""
         box = QMessageBox(QMessageBox.Icon.Question, title, text, QMessageBox.StandardButton.NoButton, parent)
         agree = box.addButton(yes, QMessageBox.ButtonRole.AcceptRole)
         refuse = box.addButton(no, QMessageBox.ButtonRole.RejectRole)
@@ -55,7 +51,6 @@ class QtDialogs:
         return agreed
 
     def tell(self, parent: QWidget | None, title: str, text: str) -> None:
-        """Show a message box."""
         QMessageBox.about(parent, title, text)
 
 

@@ -68,12 +68,10 @@ class Job(QObject):
 
     @property
     def stopping(self) -> bool:
-        """Whether it was asked to stop."""
         return self._stop.is_set()
 
     @property
     def active(self) -> bool:
-        """Whether it waits or runs."""
         return self.state in (JobState.WAITING, JobState.RUNNING)
 
     def cancel(self) -> None:
@@ -152,17 +150,14 @@ class JobQueue(QObject):
 
     @property
     def running(self) -> Job | None:
-        """The job at work."""
         return self._running
 
     @property
     def waiting(self) -> tuple[Job, ...]:
-        """Jobs that will run after it."""
         return tuple(self._waiting)
 
     @property
     def busy(self) -> bool:
-        """Whether anything runs or waits."""
         return self._running is not None or bool(self._waiting)
 
     def run(

@@ -13,6 +13,7 @@ from stripe_gui.assets import asset
 from stripe_gui.commands import menu_titles, program_actions
 from stripe_gui.pages import PAGES, make_page
 from stripe_gui.pages.page import Page
+from stripe_gui.pages.parts_page import PartsPage
 from stripe_gui.widgets.command_palette import CommandPalette
 from stripe_gui.widgets.help_panel import HelpPanel
 from stripe_gui.widgets.job_bar import JobBar
@@ -188,7 +189,6 @@ class MainWindow(QMainWindow):
 
     @property
     def page(self) -> Page:
-        """The page in front."""
         page = self.stack.currentWidget()
         assert isinstance(page, Page)
         return page
@@ -210,6 +210,7 @@ class MainWindow(QMainWindow):
 
     def show_page(self, name: str) -> None:
         """Bring a page to the front; without a project there is only the start page."""
+        name, _, part = name.partition("#")
         page = self.page_of(name if name in PAGES else "start")
         if page.needs_project and not self.bench.session.is_open:
             page = self.page_of("start")
@@ -217,12 +218,13 @@ class MainWindow(QMainWindow):
         self.strip.show_page(page.stage)
         page.setFocus()
         page.refresh()
+        if part and isinstance(page, PartsPage):
+            page.go_to(part)
         if not self.help.isHidden():
             self.help.show_topic(page.stage or page.id)
         self.actions_.update()
 
     def open_palette(self) -> CommandPalette:
-        """Show the searchable list of actions."""
         self.actions_.update()
         palette = CommandPalette(self.actions_, self)
         palette.open()
@@ -339,6 +341,8 @@ class MainWindow(QMainWindow):
                 return
         self.bench.jobs.shut_down()
         self.bench.views.shut_down()
+        self.bench.watch.shut_down()
+        self.bench.states.shut_down()
         self.remember()
         event.accept()
 

@@ -57,7 +57,6 @@ class PatternWindow(QWidget):
         return self._number
 
     def paintEvent(self, _event: object) -> None:  # noqa: N802
-        """Paint the image, one of its pixels on one of the screen's."""
         painter = QPainter(self)
         painter.fillRect(self.rect(), QColor("black"))
         if not self._image.isNull():
@@ -147,7 +146,6 @@ class ScreenSurface:
             time.sleep(RETRY_S)
 
     def close(self) -> None:
-        """Take the window away."""
         self._courier.call(self._remove)
 
     def _make(self) -> PatternWindow:

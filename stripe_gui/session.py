@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import QObject, Signal
 
 from core.errors import InputError
-from core.model import DeviceSpec
-from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
-from stripe_gui.presenters.status import StageStatus, stage_statuses
+from stripe_gui.presenters.stages import StageStatus
 from stripe_gui.settings import Settings
 
 if TYPE_CHECKING:
     from core.evaluate import Line
+    from core.model import DeviceSpec
+    from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
 
 
 class Session(QObject):
@@ -40,7 +40,6 @@ class Session(QObject):
 
     @property
     def folder(self) -> ProjectFolder | None:
-        """The open project's folder."""
         return self._folder
 
     @property
@@ -52,7 +51,6 @@ class Session(QObject):
 
     @property
     def is_open(self) -> bool:
-        """Whether a project is open."""
         return self._folder is not None
 
     @property
@@ -68,10 +66,24 @@ class Session(QObject):
         InputError
             If there is no usable project; the one that was open stays open.
         """
-        path = Path(path)
-        path = path.parent if path.name == "project.json" else path
-        folder = ProjectFolder(path.resolve())
-        statuses = stage_statuses(folder)
+        from stripe_gui.presenters.status import stage_statuses
+
+        folder = self.found(path)
+        self.adopt(folder, stage_statuses(folder))
+
+    def found(self, path: Path) -> ProjectFolder:
+        """Read the project.json of a folder (or of this name); nothing is opened yet.
+
+        Raises
+        ------
+        InputError
+        """
+        from stripe_gui.presenters.folder import ProjectFolder  # what reads projects is not needed to begin with
+
+        return ProjectFolder((path.parent if path.name == "project.json" else path).resolve())
+
+    def adopt(self, folder: ProjectFolder, statuses: dict[str, StageStatus]) -> None:
+        """Open a project that was looked at."""
         self._folder, self._statuses, self.line = folder, statuses, None
         names = [c.name for c in folder.project.captures]
         self._capture = names[0] if names else ""
@@ -94,12 +106,21 @@ class Session(QObject):
         """
         if self._folder is None:
             return
+        from stripe_gui.presenters.status import stage_statuses
+
         try:
-            self._statuses = stage_statuses(self._folder)
+            statuses = stage_statuses(self._folder)
         except InputError:
             self.close()
             raise
-        names = [c.name for c in self._folder.project.captures]
+        self.take_statuses(self._folder, statuses)
+
+    def take_statuses(self, folder: ProjectFolder, statuses: dict[str, StageStatus]) -> None:
+        """Show the open project as it was found."""
+        if folder is not self._folder:
+            return
+        self._statuses = statuses
+        names = [c.name for c in folder.project.captures]
         if self._capture not in names:
             self.choose_capture(names[0] if names else "")
         self.refreshed.emit()
@@ -117,7 +138,6 @@ class Session(QObject):
 
     @property
     def projector(self) -> DeviceSpec:
-        """The projector of these."""
         return self.opened.project.rig.projectors[self.pair[1]]
 
     def choose_pair(self, pair: tuple[str, str]) -> None:
@@ -146,6 +166,5 @@ class Session(QObject):
         self.line = line
 
     def take_target(self) -> tuple[int, int] | None:
-        """Give the target to point at, once."""
         target, self._target = self._target, None
         return target

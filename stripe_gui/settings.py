@@ -19,11 +19,9 @@ class Settings:
             self._store = QSettings(str(file), QSettings.Format.IniFormat)
 
     def text(self, key: str, default: str = "") -> str:
-        """Give a text."""
         return str(self._store.value(key, default))
 
     def flag(self, key: str, default: bool = False) -> bool:
-        """Give a yes or no."""
         return self.text(key, "true" if default else "false") == "true"
 
     def set(self, key: str, value: str | bool | QByteArray) -> None:
@@ -45,5 +43,4 @@ class Settings:
         self.set("recent", "\n".join(str(p) for p in paths[:RECENT]))
 
     def remove_recent(self, folder: Path) -> None:
-        """Forget a project."""
         self.set("recent", "\n".join(str(p) for p in self.recent() if p != folder))

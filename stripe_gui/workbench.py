@@ -5,18 +5,21 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, Signal
 
 from core.errors import StripeError
 from stripe_gui.dialogs import Dialogs, QtDialogs
 from stripe_gui.jobs import Failure, Job, JobQueue
-from stripe_gui.presenters.failures import clear_failure, describe, keep_failure
-from stripe_gui.presenters.status import stage_name
+from stripe_gui.presenters.stages import stage_name
 from stripe_gui.session import Session
 from stripe_gui.settings import Settings
+
+if TYPE_CHECKING:
+    from stripe_gui.presenters.folder import ProjectFolder
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,8 @@ class Workbench(QObject):
         Long work, one at a time, shown in the window with progress and cancel.
     views : JobQueue
         What only fills the picture (reading a frame, decoding for a look); a newer one replaces the older.
+    watch, states : JobQueue
+        Whether the rig has moved, by the capture that is looked at; the states of a large project.
     """
 
     noticed = Signal(object)  # Notice
@@ -58,15 +63,17 @@ class Workbench(QObject):
         self.session = Session(self.settings, self)
         self.jobs = JobQueue(self)
         self.views = JobQueue(self, latest_only=True)
+        self.watch = JobQueue(self, latest_only=True)
+        self.states = JobQueue(self, latest_only=True)
 
     # ---------------------------------------------------------------------------------------- speaking to the operator
 
     def notify(self, kind: str, happened: str, remedy: str = "", details: str = "") -> None:
-        """Show a notice."""
         self.noticed.emit(Notice(kind, happened, remedy, details))
 
     def report_error(self, error: BaseException, trace: str = "") -> None:
-        """Show an error as a notice."""
+        from stripe_gui.presenters.failures import describe  # its rooms of the core are not needed to begin with
+
         failure = describe(error, trace)
         self.notify("error", failure.happened, failure.remedy, failure.details)
 
@@ -75,7 +82,7 @@ class Workbench(QObject):
         self.report_error(failure.error, failure.trace)
 
     def show_page(self, page: str) -> None:
-        """Bring a page to the front."""
+        """Bring a page to the front, or a part of it ("page#part")."""
         self.page_wanted.emit(page)
 
     # -------------------------------------------------------------------------------------------------------- projects
@@ -87,15 +94,36 @@ class Workbench(QObject):
             self.notify("warning", text, self.tr("wait until it is done, or cancel it"))
             return False
         try:
-            self.session.open(path)
+            folder = self.session.found(path)
+            if not folder.large:
+                self.session.open(path)
         except StripeError as error:
             self.report_error(error)
             return False
-        self.show_page(page)
+        if folder.large:
+
+            def looked(statuses: Any) -> None:
+                self.session.adopt(folder, statuses)
+                self.show_page(page)
+
+            self._look(folder, looked)
+        else:
+            self.show_page(page)
         return True
 
+    def _look(self, folder: ProjectFolder, done: Callable[[Any], Any]) -> None:
+        """Look at a large project in the background."""
+        from stripe_gui.presenters.status import stage_statuses
+
+        title = self.tr("Looking at the captures")
+        self.states.run(title, stage_statuses, folder, on_done=done, on_failed=self.report_failure)
+
     def refresh(self) -> None:
-        """Look at the project's files again."""
+        """Look at the project's files again, at those of a large one in the background."""
+        folder = self.session.folder
+        if folder is not None and folder.large:
+            self._look(folder, partial(self.session.take_statuses, folder))
+            return
         try:
             self.session.refresh()
         except StripeError as error:
@@ -116,6 +144,8 @@ class Workbench(QObject):
         ``function(project, *arguments, progress=..., **keywords)`` is called with the project. Its failure is told and
         kept as the stage's state until it succeeds; the window is refreshed at the end.
         """
+        from stripe_gui.presenters.failures import clear_failure, describe, keep_failure
+
         folder = self.session.folder
         if folder is None or any(job.stage == stage for job in (self.jobs.running, *self.jobs.waiting) if job):
             return None

@@ -6,9 +6,12 @@ import fcntl
 import json
 import os
 import shutil
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -17,6 +20,7 @@ from core.pipeline import calibrate_project, simulate_project, update_project
 from core.project import read_project
 
 Make = Callable[[Path], Any]
+GUIDE = Path(__file__).parents[1] / "resources" / "docs" / "extending"
 LONGEST = ("test_paper_experiment.py", "test_starting.py", "test_target_identity.py")
 
 
@@ -71,19 +75,15 @@ def calibrated_original(quick_original: Path, once: Callable[[str, Make], Path])
 
 @pytest.fixture(scope="session")
 def whole_original(calibrated_original: Path, once: Callable[[str, Make], Path]) -> Path:
-    """The same with every stage done; never change it."""
+    """The same with every stage done, the report without drawings; never change it."""
 
     def whole(folder: Path) -> None:
         shutil.copytree(calibrated_original, folder)
-        update_project(read_project(folder))
+        with pytest.MonkeyPatch.context() as patch:
+            without_drawings(patch)
+            update_project(read_project(folder))
 
     return once("quick-3-whole", whole)
-
-
-@pytest.fixture(scope="session")
-def recorded(once: Callable[[str, Make], Path]) -> Path:
-    """The `quick` scenario with other noise, as the window's tests have it; never change it."""
-    return once("quick-0", lambda folder: simulate_project(folder, "quick"))
 
 
 @pytest.fixture
@@ -104,13 +104,18 @@ def quick_truth(quick_original: Path) -> dict[str, Any]:
     return json.loads((quick_original / "truth.json").read_text())
 
 
-@pytest.fixture
-def plain_reports(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Reports without their drawings, a tenth of the work: where it matters that they are there, not how they look."""
+def without_drawings(patch: pytest.MonkeyPatch) -> None:
+    """Leave the drawings out of reports: nine tenths of the work."""
     from core.report.chapters import CHAPTERS
 
     for key, chapter in CHAPTERS.items():
-        monkeypatch.setitem(CHAPTERS, key, replace(chapter, drawings=lambda data: ()))
+        patch.setitem(CHAPTERS, key, replace(chapter, drawings=lambda data: ()))
+
+
+@pytest.fixture
+def plain_reports(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports without their drawings: where it matters that they are there, not how they look."""
+    without_drawings(monkeypatch)
 
 
 @pytest.fixture
@@ -122,3 +127,22 @@ def edit_json() -> Callable[..., None]:
         path.write_text(json.dumps({key: value for key, value in data.items() if value is not None}))
 
     return edit
+
+
+@pytest.fixture
+def extension(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., ModuleType]]:
+    """Add to a registry what an example of the developer's guide adds, without its demonstration; gone afterwards."""
+    kept: list[tuple[dict, dict]] = []
+
+    def add(example: str, registry: dict) -> ModuleType:
+        kept.append((registry, dict(registry)))
+        code = (GUIDE / f"{example}.py").read_text().partition("# %%")[0]
+        (tmp_path / f"guide_{example}.py").write_text(code.replace("import matplotlib.pyplot as plt\n", ""))
+        monkeypatch.syspath_prepend(tmp_path)
+        sys.modules.pop(f"guide_{example}", None)
+        return import_module(f"guide_{example}")
+
+    yield add
+    for registry, before in kept:
+        registry.clear()
+        registry.update(before)

@@ -48,7 +48,7 @@ ALLOWED = {
     "evaluate": GROUND,
     "checks": GROUND,
     "exchange": GROUND,
-    "orient": GROUND,
+    "orient": GROUND | {"evaluate"},
     "report": {"errors", "atomic", "progress", "resources", "model", "geometry"},
     "figures": {"geometry", "model"},
     "pipeline": GROUND

@@ -17,47 +17,34 @@ scenarios.py    the experiments by name: paper, modern, quick
 simulate.py     an experiment written as a project, with its truth
 """
 
-from core.bench.experiment import Experiment, Place, Plan, Shot, build
+from core.bench.experiment import Experiment
 from core.bench.faults import faults
 from core.bench.optics import Lcd, Lens
-from core.bench.render import Exposure, Prepared, expose, lines_of, prepare, render
-from core.bench.rig import Rig, converging_pair, interior, look_at
+from core.bench.render import Prepared, lines_of, prepare, render
+from core.bench.rig import Rig, converging_pair, look_at
 from core.bench.scenarios import experiment, plan, scenarios
-from core.bench.scene import Block, Board, Form, Scene, Sphere, board_as_made
+from core.bench.scene import Block, Board, Form, Scene, Sphere
 from core.bench.sensor import Sensor
-from core.bench.simulate import simulate, truth_of
-from core.bench.truth import TrueTargets, TruthMaps, operator_picks, true_targets, truth_maps
-from core.project import nominal_testfield
+from core.bench.simulate import simulate
+from core.bench.truth import true_targets, truth_maps
 
 __all__ = [
     "Block",
     "Board",
     "Experiment",
-    "Exposure",
     "Form",
     "Lcd",
     "Lens",
-    "Place",
-    "Plan",
     "Prepared",
     "Rig",
     "Scene",
     "Sensor",
-    "Shot",
     "Sphere",
-    "TrueTargets",
-    "TruthMaps",
-    "board_as_made",
-    "build",
     "converging_pair",
     "experiment",
-    "expose",
     "faults",
-    "interior",
     "lines_of",
     "look_at",
-    "nominal_testfield",
-    "operator_picks",
     "plan",
     "prepare",
     "render",
@@ -65,5 +52,4 @@ __all__ = [
     "simulate",
     "true_targets",
     "truth_maps",
-    "truth_of",
 ]

@@ -146,13 +146,7 @@ class Experiment:
         return found
 
     def shot(self, name: str) -> Shot:
-        """Look up a capture by name.
-
-        Raises
-        ------
-        InputError
-            If there is none of that name.
-        """
+        """Look up a capture by name."""
         for shot in self.shots:
             if shot.name == name:
                 return shot
@@ -196,7 +190,10 @@ def build(plan: Plan, seed: int) -> Experiment:
     made = board_as_made(
         field_nominal, rng, bend_mm=plan.bend_mm, offset_sigma_mm=plan.offset_sigma_mm, margin_mm=plan.field[2]
     )
-    plate = _plate_as_made(plate_nominal, plan, rng)
+    dots = board_as_made(
+        plate_nominal, rng, bend_mm=plan.plate_flat_mm, offset_sigma_mm=(0.02, 0.02, 0.0), margin_mm=20.0
+    )
+    plate = replace(dots, half_size_mm=plan.plate_half_mm)
     table = Board((200.0, 200.0), random_form(rng, (120.0, 120.0), plan.table_flat_mm))
     fields = _field_shots(plan, made, rng)
     depths, depth_true_mm = _depth_shots(plan, plate, rng)
@@ -209,11 +206,6 @@ def build(plan: Plan, seed: int) -> Experiment:
         tuple(replace(shot, stream=k, seeds=_picks(plan.rig, shot, rng)) for k, shot in enumerate(shots)),
         depth_true_mm,
     )
-
-
-def _plate_as_made(nominal: Testfield, plan: Plan, rng: np.random.Generator) -> Board:
-    dots = board_as_made(nominal, rng, bend_mm=plan.plate_flat_mm, offset_sigma_mm=(0.02, 0.02, 0.0), margin_mm=20.0)
-    return replace(dots, half_size_mm=plan.plate_half_mm)
 
 
 def _measured_scale(plan: Plan, shots: Sequence[Shot], rng: np.random.Generator) -> ScaleBar:

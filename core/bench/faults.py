@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,24 +16,6 @@ from core.bench.rig import Rig
 from core.bench.scene import Scene
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector
-
-T = TypeVar("T")
-
-
-def _same(value: T) -> T:
-    return value
-
-
-def _spotless(scene: Scene, _rng: np.random.Generator) -> Scene:
-    return scene
-
-
-def _steady(_part: float) -> float:
-    return 1.0
-
-
-def _in_order(frames: int) -> list[int]:
-    return list(range(frames))
 
 
 @dataclass(frozen=True)
@@ -54,12 +35,12 @@ class Fault:
     """
 
     what: str
-    scene: Callable[[Scene, np.random.Generator], Scene] = _spotless
-    rig: Callable[[Rig], Rig] = _same
-    lamp: Callable[[float], float] = _steady
-    room: Callable[[float], float] = _steady
+    scene: Callable[[Scene, np.random.Generator], Scene] = lambda scene, rng: scene
+    rig: Callable[[Rig], Rig] = lambda rig: rig
+    lamp: Callable[[float], float] = lambda part: 1.0
+    room: Callable[[float], float] = lambda part: 1.0
     moved_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    order: Callable[[int], list[int]] = _in_order
+    order: Callable[[int], list[int]] = lambda frames: list(range(frames))
 
 
 def _spots(scene: Scene, rng: np.random.Generator, count: int, radius_mm: tuple[float, float], albedo: float) -> Scene:
@@ -76,20 +57,12 @@ def _specks(scene: Scene, rng: np.random.Generator) -> Scene:
     return _spots(bright, rng, 60, (0.3, 1.2), 0.03)
 
 
-def _glints(scene: Scene, rng: np.random.Generator) -> Scene:
-    return _spots(scene, rng, 8, (1.0, 3.0), 40.0)
-
-
 def _overexposed(rig: Rig) -> Rig:
     return replace(rig, sensor=replace(rig.sensor, white_level=3.5 * rig.sensor.white_level))
 
 
 def _out_of_focus(rig: Rig) -> Rig:
     return replace(rig, lens=replace(rig.lens, blur_px=1.5), lcd=replace(rig.lcd, blur_lines=1.6 * rig.lcd.blur_lines))
-
-
-def _bent(rig: Rig) -> Rig:
-    return replace(rig, lcd=replace(rig.lcd, exponent=2.2))
 
 
 def _flicker(part: float) -> float:
@@ -122,12 +95,15 @@ FAULTS = {
     "blurred": Fault("camera and projector are out of focus", rig=_out_of_focus),
     "moved": Fault("the object is displaced by half a millimetre in mid-sequence", moved_mm=(0.4, 0.2, 0.2)),
     "specks": Fault("bright and dark specks on the board", scene=_specks),
-    "reflections": Fault("glints that saturate", scene=_glints),
+    "reflections": Fault("glints that saturate", scene=lambda scene, rng: _spots(scene, rng, 8, (1.0, 3.0), 40.0)),
     "ambient-drift": Fault("the light of the room grows to four times", room=lambda part: 1 + 3 * part),
     "knocked": Fault("the projector has turned by 0.4 mrad and shifted by 0.1 mm", rig=_knocked),
     "lamp-flicker": Fault("the lamp flickers by 5 % from frame to frame", lamp=_flicker),
     "room-flicker": Fault("the light of the room flickers by 5 % from frame to frame", room=_flicker),
-    "response": Fault("the projector's light is the level to the power of 2.2", rig=_bent),
+    "response": Fault(
+        "the projector's light is the level to the power of 2.2",
+        rig=lambda rig: replace(rig, lcd=replace(rig.lcd, exponent=2.2)),
+    ),
     "lamp-drift": Fault("the lamp fades by 8 % during the sequence", lamp=lambda part: 1 - 0.08 * part),
 }
 
@@ -138,13 +114,7 @@ def faults() -> tuple[str, ...]:
 
 
 def fault(name: str) -> Fault:
-    """Look up a fault.
-
-    Raises
-    ------
-    InputError
-        If there is none of that name.
-    """
+    """Look up a fault."""
     if name not in FAULTS:
         raise InputError("fault", f"no fault {name!r}", f"choose among {', '.join(FAULTS)}")
     return FAULTS[name]

@@ -35,9 +35,6 @@ class Prepared:
 
     Attributes
     ----------
-    rig : Rig
-    scene : Scene
-    samples : Samples
     room : array, shape (H, W)
         The image by the light of the room alone, white at the image's middle as 1.
     """

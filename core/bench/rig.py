@@ -37,7 +37,6 @@ class Rig:
         What the maker's sheet says.
     camera_interior, projector_interior : Interior
         What is true.
-    projector_from_camera : Pose
     camera_from_volume : Pose
         The measuring volume's frame: origin at its middle, y up, z towards the rig.
     lcd, lens, sensor
@@ -80,12 +79,7 @@ def look_at(centre_mm: ArrayLike, target_mm: ArrayLike = (0.0, 0.0, 0.0)) -> Pos
 
 
 def converging_pair(base_mm: float, distance_mm: float) -> tuple[Pose, Pose]:
-    """Stand camera (left) and projector (right) at equal distances from the origin of the volume, looking at it.
-
-    Returns
-    -------
-    camera_from_volume, projector_from_camera : Pose
-    """
+    """Stand camera (left) and projector (right) at equal distances from the origin of the volume, looking at it."""
     height = float(np.sqrt(distance_mm**2 - base_mm**2 / 4))
     camera = look_at([-base_mm / 2, 0.0, height])
     projector = look_at([base_mm / 2, 0.0, height])

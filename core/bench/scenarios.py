@@ -192,13 +192,7 @@ def scenarios() -> tuple[str, ...]:
 
 
 def plan(name: str) -> Plan:
-    """Look up an experiment's plan.
-
-    Raises
-    ------
-    InputError
-        If there is none of that name.
-    """
+    """Look up an experiment's plan."""
     if name not in _PLANS:
         raise InputError("scenario", f"no scenario {name!r}", f"choose among {', '.join(_PLANS)}")
     return _PLANS[name]()
@@ -212,11 +206,6 @@ def experiment(name: str = "paper", seed: int = 0, sequence: SequenceSpec | None
     >>> e = experiment("paper")
     >>> len(e.shots), e.shots[0].name, len(e.shots[0].patterns)
     (37, 'testfield-01', 28)
-
-    Raises
-    ------
-    InputError
-        For a name or a seed that there is not.
     """
     found = plan(name)
     if seed < 0:

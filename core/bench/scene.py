@@ -50,7 +50,6 @@ class Board:
     ----------
     half_size_mm : (float, float)
         It reaches from -half to +half in x and y; beyond it there is nothing.
-    form : Form
     albedo : float
         Of the paint between the targets.
     targets : Testfield or None

@@ -50,7 +50,6 @@ def digitise(sensor: Sensor, light: Floats, rng: np.random.Generator) -> Image:
 
     Parameters
     ----------
-    sensor : Sensor
     light : array, float32
         Changed in place.
     rng : numpy Generator

@@ -12,7 +12,7 @@ PER_LINE = 16  # table entries per projector line, interpolated linearly
 PAD = 12  # lines tabulated beyond either end of the raster
 
 
-@inner
+@inner(forceinline=True)
 def look_up(table: Floats, width: int, line: float) -> np.float32:
     """Value of a table of `core.bench.optics` at a projector coordinate, linearly interpolated; 0 beyond its ends."""
     place = (line + PAD) * PER_LINE
@@ -37,18 +37,17 @@ def fade_rows(
                 gain[i, j] = gain[i, j] * edge if edge > 1e-6 else 0.0
 
 
-@inner
-def add_lines(tables: Floats, width: int, line: float, out: Floats) -> None:
-    """Turn `out` on or off by what each of several patterns shows at a projector coordinate: c + r - 2 c r."""
+@inner(forceinline=True)
+def add_lines(tables: Floats, width: int, line: float, out: Floats, at: int, count: int) -> None:
+    """Turn `count` of `out` on or off by what as many patterns show at a projector coordinate: c + r - 2 c r."""
     place = (line + PAD) * PER_LINE
     if not 0 <= place < tables.shape[1] - 1:
         return
     i = int(place)
     f = np.float32(place - i)
-    before, after = tables[width, i], tables[width, i + 1]
-    for p in range(out.size):
-        shown = before[p] + f * (after[p] - before[p])
-        out[p] += shown - 2 * out[p] * shown
+    for p in range(count):  # by indices: a view would cost more than a pattern
+        shown = tables[width, i, p] + f * (tables[width, i + 1, p] - tables[width, i, p])
+        out[at + p] += shown - 2 * out[at + p] * shown
 
 
 @njit(cache=True, nogil=True)
@@ -66,6 +65,7 @@ def expose_pixels(
     margin = (taps - per_pixel) // 2
     lead = (margin + per_pixel - 1) // per_pixel  # pixels before the first and after the last
     light = np.zeros((per_pixel, (pixels + 2 * lead) * count), np.float32)
+    lit = light.ravel()
     half = np.empty(pixels * count, np.float32)
     turns = (taps + per_pixel - 1) // per_pixel  # pixel rows under way
     sums = np.zeros((turns, half.size), np.float32)
@@ -76,14 +76,14 @@ def expose_pixels(
             done = i
             for m in range((pixels + 2 * lead) * per_pixel):
                 j = min(max(m - lead * per_pixel, 0), u.shape[1] - 1)
-                at = m // per_pixel * count
-                lit = light[m % per_pixel, at : at + count]
-                lit[:] = 0
+                at = (m % per_pixel * (pixels + 2 * lead) + m // per_pixel) * count
+                for p in range(at, at + count):
+                    lit[p] = 0
                 g = gain[i, j]
                 if g > 0:
-                    add_lines(columns, width[i, j], u[i, j], lit)
-                    add_lines(rows, width[i, j], v[i, j], lit)
-                    for p in range(count):
+                    add_lines(columns, width[i, j], u[i, j], lit, at, count)
+                    add_lines(rows, width[i, j], v[i, j], lit, at, count)
+                    for p in range(at, at + count):
                         lit[p] = g * (off + bright * lit[p])
             for start in range(0, half.size, 1024):  # what the processor keeps at hand
                 part = half[start : start + 1024]

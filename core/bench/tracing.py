@@ -30,16 +30,28 @@ def pack_device(spec: DeviceSpec, interior: Interior) -> Array:
     return np.array([*interior.vector, interior.r0_mm**2, *raster], np.float64)
 
 
-@njit(cache=True, nogil=True)
+@inner(error_model="numpy", forceinline=True)
 def direction_of(device: Array, u: float, v: float) -> tuple[float, float]:
     """Slopes (X/-Z, Y/-Z) of the ray that a device's pixel (u, v) sees; NaN where the polynomial has no inverse."""
+    x1, y1 = _with_distortion(device, u, v)
+    x, y = _without_distortion(device, x1, y1, x1, y1)
+    return x / device[_C], y / device[_C]
+
+
+@inner(error_model="numpy", forceinline=True)
+def _with_distortion(device: Array, u: float, v: float) -> tuple[float, float]:
+    """Image coordinates (mm) of a pixel, before affinity and principal point have changed them."""
     mx = (u - (device[_W] - 1) / 2) * device[_PX]
     my = ((device[_H] - 1) / 2 - v) * device[_PY]
-    a3, a4, a5, a6 = device[_A3], device[_A4], device[_A5], device[_A6]
+    a3, a4 = device[_A3], device[_A4]
     det = 1 - a3 * a3 - a4 * a4
-    x1 = ((1 - a3) * mx - a4 * my) / det - device[_X0]
-    y1 = ((1 + a3) * my - a4 * mx) / det - device[_Y0]
-    x, y = x1, y1
+    return ((1 - a3) * mx - a4 * my) / det - device[_X0], ((1 + a3) * my - a4 * mx) / det - device[_Y0]
+
+
+@inner(error_model="numpy", forceinline=True)
+def _without_distortion(device: Array, x1: float, y1: float, x: float, y: float) -> tuple[float, float]:
+    """The collinearity image (mm), by Newton's method from (x, y); NaN where the polynomial has no inverse."""
+    a5, a6 = device[_A5], device[_A6]
     for _ in range(12):
         r2 = x * x + y * y
         d = device[_A1] * (r2 - device[_R02]) + device[_A2] * (r2 * r2 - device[_R02] * device[_R02])
@@ -53,12 +65,12 @@ def direction_of(device: Array, u: float, v: float) -> tuple[float, float]:
         sx, sy = (jyy * fx - jxy * fy) / j, (jxx * fy - jxy * fx) / j
         x -= sx
         y -= sy
-        if sx * sx + sy * sy < 1e-18:
-            return x / device[_C], y / device[_C]
+        if sx * sx + sy * sy < 1e-12:  # the next one would be a millionth of its square
+            return x, y
     return np.nan, np.nan
 
 
-@njit(cache=True, nogil=True)
+@inner(error_model="numpy", forceinline=True)
 def place_of(device: Array, X: float, Y: float, Z: float) -> tuple[float, float]:
     """Pixel (u, v) at which a device sees a point of its own frame, with Z < 0."""
     x, y = -device[_C] * X / Z, -device[_C] * Y / Z
@@ -72,7 +84,7 @@ def place_of(device: Array, X: float, Y: float, Z: float) -> tuple[float, float]
     return mx / device[_PX] + (device[_W] - 1) / 2, (device[_H] - 1) / 2 - my / device[_PY]
 
 
-@njit(cache=True, nogil=True)
+@inner(error_model="numpy", forceinline=True)
 def form_at(form: Array, scale: float, x: float, y: float) -> tuple[float, float, float]:
     """Height of a form and its slopes in x and y."""
     h, hx, hy = 0.0, 0.0, 0.0
@@ -88,7 +100,7 @@ def form_at(form: Array, scale: float, x: float, y: float) -> tuple[float, float
     return h, hx / scale, hy / scale
 
 
-@njit(cache=True, nogil=True)
+@inner(error_model="numpy", forceinline=True)
 def meets_sphere(sphere: Array, o: Array, dx: float, dy: float, dz: float) -> float:
     """Ray parameter of the first meeting with a sphere (centre, radius) beyond 1e-6, infinite if there is none."""
     px, py, pz = o[0] - sphere[0], o[1] - sphere[1], o[2] - sphere[2]
@@ -104,7 +116,7 @@ def meets_sphere(sphere: Array, o: Array, dx: float, dy: float, dz: float) -> fl
     return (-b + root) / a if (-b + root) / a > 1e-6 else np.inf
 
 
-@njit(cache=True, nogil=True)
+@inner(error_model="numpy", forceinline=True)
 def meets_block(block: Array, o: Array, dx: float, dy: float, dz: float) -> tuple[float, int]:
     """Ray parameter at which a ray from outside enters a block (two corners), and through the faces of which axis."""
     near, far, axis = -np.inf, np.inf, -1
@@ -126,7 +138,7 @@ def meets_block(block: Array, o: Array, dx: float, dy: float, dz: float) -> tupl
     return np.inf, -1
 
 
-@inner
+@inner(error_model="numpy", forceinline=True)
 def share_of_footprint(inside: float, long: float, short: float) -> float:
     """Share of a parallelogram inside a straight edge: how far in its middle is, and its sides square to the edge."""
     if short < 1e-3 * long:
@@ -140,7 +152,7 @@ def share_of_footprint(inside: float, long: float, short: float) -> float:
     return total / (long * short)
 
 
-@njit(cache=True, nogil=True)
+@inner(error_model="numpy", forceinline=True)
 def paint_at(
     board: Array, circles: Array, cell_start: Counts, cell_circle: Counts, grid: Array,
     x: float, y: float, sx: float, sy: float, ux: float, uy: float, vx: float, vy: float,
@@ -170,7 +182,7 @@ def paint_at(
     return albedo, lift
 
 
-@inner
+@inner(error_model="numpy", forceinline=True)
 def in_shadow(spheres: Array, blocks: Array, p: Array, lx: float, ly: float, lz: float) -> bool:
     """Whether anything stands between a point and the projector, at the end of the vector (lx, ly, lz)."""
     for k in range(spheres.shape[0]):
@@ -182,21 +194,26 @@ def in_shadow(spheres: Array, blocks: Array, p: Array, lx: float, ly: float, lz:
     return nearest < 1
 
 
-@inner
+@inner(error_model="numpy", forceinline=True)
 def _meet(
     o: Array, dx: float, dy: float, dz: float, board: Array, form: Array, spheres: Array, blocks: Array, hit: Array
 ) -> tuple[int, int]:
-    """Find the nearest surface along a ray; put the point and the unit normal into `hit` (6,); say kind and number."""
+    """Find the nearest surface along a ray; put the point and the unit normal into `hit`; say kind and number.
+
+    hit[6] is the board's height where the ray before met it: one step of Newton's method leads from there to the form,
+    which is smooth and nearly flat.
+    """
     kind, which, best, axis = MISS, 0, np.inf, -1
     if dz != 0:
-        t = -o[2] / dz
+        t = (hit[6] - o[2]) / dz
         hx, hy = 0.0, 0.0
-        for _ in range(2 if form.size > 0 else 0):  # Newton from the plane: the form is smooth and nearly flat
+        if form.size > 0:
             h, hx, hy = form_at(form, board[3], o[0] + t * dx, o[1] + t * dy)
-            t += (h - o[2] - t * dz) / (dz - hx * dx - hy * dy)
+            t += (h - hit[6]) / (dz - hx * dx - hy * dy)
         x, y = o[0] + t * dx, o[1] + t * dy
         if t > 0 and abs(x) <= board[0] and abs(y) <= board[1]:
             kind, best = BOARD, t
+            hit[6] = o[2] + t * dz
             n = np.sqrt(hx * hx + hy * hy + 1)
             hit[3], hit[4], hit[5] = -hx / n, -hy / n, 1 / n
     for k in range(spheres.shape[0]):
@@ -218,7 +235,7 @@ def _meet(
     return kind, which
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def cast_rows(
     first: int, last: int, per_pixel: int, camera: Array, projector: Array, R: Array, eye: Array, P: Array, lamp: Array,
     board: Array, form: Array, circles: Array, cell_start: Counts, cell_circle: Counts, grid: Array,
@@ -231,15 +248,25 @@ def cast_rows(
     (3,): the projector's centre in the board's frame; light (3,): reference distance, focus distance,
     and the step of relative defocus from one tabulated width to the next. A ray that ends unlit has gain 0.
     """
-    hit = np.empty(6)
+    hit = np.empty(7)
     for i in range(first, last):
+        hit[6] = 0.0
+        x, y, step_x, step_y = np.nan, np.nan, 0.0, 0.0
         for j in range(u.shape[1]):
             gain[i, j] = reflect[i, j] = 0.0
             if points.shape[0] > 0:
                 points[i, j, :] = np.nan
-            a, b = direction_of(camera, (j + 0.5) / per_pixel - 0.5, (i + 0.5) / per_pixel - 0.5)
-            if not np.isfinite(a):
+            x1, y1 = _with_distortion(camera, (j + 0.5) / per_pixel - 0.5, (i + 0.5) / per_pixel - 0.5)
+            was_x, was_y = x, y
+            if np.isfinite(x):  # one step is enough from where the row so far leads
+                x, y = _without_distortion(camera, x1, y1, x + step_x, y + step_y)
+            else:
+                x, y = _without_distortion(camera, x1, y1, x1, y1)
+            if not np.isfinite(x):
                 continue
+            if np.isfinite(was_x):
+                step_x, step_y = x - was_x, y - was_y
+            a, b = x / camera[_C], y / camera[_C]
             dx = R[0, 0] * a + R[0, 1] * b - R[0, 2]
             dy = R[1, 0] * a + R[1, 1] * b - R[1, 2]
             dz = R[2, 0] * a + R[2, 1] * b - R[2, 2]

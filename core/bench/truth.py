@@ -74,11 +74,6 @@ def true_targets(
     """Find where a scene's targets appear and whether they are wholly seen and lit.
 
     Shadows of spheres and blocks are not considered: testfields have none.
-
-    Raises
-    ------
-    ValueError
-        If the scene's board has no targets.
     """
     t = scene.board.targets
     if t is None:
@@ -104,13 +99,7 @@ def true_targets(
 
 
 def operator_picks(targets: TrueTargets, rng: np.random.Generator, sigma_px: float = 1.5) -> tuple[Seed, ...]:
-    """Click on the four visible targets nearest to the corners of the visible part, each with a click error.
-
-    Raises
-    ------
-    ValueError
-        If fewer than four different targets can be picked.
-    """
+    """Click on the four visible targets nearest to the corners of the visible part, each with a click error."""
     seen = np.flatnonzero(targets.visible)
     if seen.size < 4:
         raise ValueError(f"{seen.size} targets are visible: four are needed for picking")

@@ -7,8 +7,10 @@ Photogrammetric, by bundle adjustment:
 * `equations` holds the observation equations with their derivatives, `normals` the normal equations, which
   `elimination` solves `by_poses` or, where there are very many points, `by_points`; `dense` is what remains;
 * `datum` holds the inner constraints, `iterate` the way to the solution;
+* `shared` adds to the covariances what the targets of an image have in common;
 * `covariance` and `snooping` judge it, `weakness` says in words what the network does not determine, `rigid` whether
   the rig was rigid; `adjust` and `photogrammetric` put it all together;
+* `left_out` says what the other captures foresee of one, `next_pose` what one more would bring;
 * `board_view` tells roll and tilt of a board from its picks alone.
 
 Depth, per pixel: the files that begin with `depth`.
@@ -16,7 +18,9 @@ Depth, per pixel: the files that begin with `depth`.
 
 from core.calibrate.adjust import adjust
 from core.calibrate.depth import DepthOptions, DepthPlane, calibrate_depth
+from core.calibrate.left_out import LeftOut, leave_captures_out
 from core.calibrate.network import network_from_targets
+from core.calibrate.next_pose import NextPose, next_poses
 from core.calibrate.options import AdjustOptions
 from core.calibrate.photogrammetric import CALIBRATION_OPTIONS, calibrate_photogrammetric
 from core.calibrate.rigid import RigidityTest, rigidity_test
@@ -26,10 +30,14 @@ __all__ = [
     "AdjustOptions",
     "DepthOptions",
     "DepthPlane",
+    "LeftOut",
+    "NextPose",
     "RigidityTest",
     "adjust",
     "calibrate_depth",
     "calibrate_photogrammetric",
+    "leave_captures_out",
     "network_from_targets",
+    "next_poses",
     "rigidity_test",
 ]

@@ -57,6 +57,21 @@ def layout_of(problem: Problem) -> Layout:
     return Layout(POSE, 6, POINT, 3, problem.pose, problem.point, problem.points)
 
 
+def reduced_equations(problem: Problem, J: Array, C: Array, rows: Ints) -> Array:
+    """Equations of some observations, shape (k, 2, U), by the kept unknowns, the eliminated ones following them."""
+    layout, J = layout_of(problem), J[rows]
+    A = -J[:, :, layout.own_at : layout.own_at + layout.own_width] @ C[layout.own[rows]]
+    each, columns = np.arange(len(rows)), problem.columns[problem.device[rows]]
+    for j in range(columns.shape[1]):
+        use = columns[:, j] >= 0
+        A[each[use], :, columns[use, j]] += J[use, :, GLOBALS + j]
+    if layout.kept_count:
+        for j in range(layout.kept_width):
+            place = problem.globals + layout.kept_width * layout.kept[rows] + j
+            A[each, :, place] += J[:, :, layout.kept_at + j]
+    return np.asarray(A)
+
+
 @dataclass(frozen=True)
 class Normals:
     """Normal equations of the image observations, reduced to U kept unknowns, the globals first; E blocks eliminated.

@@ -12,6 +12,7 @@ from core.calibrate.network import network_from_targets
 from core.calibrate.options import AdjustOptions
 from core.calibrate.problem import base_devices, estimated
 from core.calibrate.rigid import mean_relative_poses, rigidity_of
+from core.calibrate.shared import with_shared_errors
 from core.errors import AdjustmentError
 from core.geometry.pairs import names_of, orientation_names
 from core.model import (
@@ -90,6 +91,7 @@ def calibrate_photogrammetric(
         if not test.rigid:
             advice = "" if not rigid else "; adjust with free stations, and mount the devices firmly"
             warnings.append(f"{test}{advice}")
+    solved = with_shared_errors(solved, targets)
     adjustment = result_of(solved, warnings)
     others = [name for name, base in bases.items() if base != name]
     if rigid:

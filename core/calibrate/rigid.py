@@ -16,7 +16,7 @@ from core.calibrate.options import DEFAULT, AdjustOptions
 from core.calibrate.problem import Problem, State, problem_of, weighted_problem
 from core.calibrate.weakness import singular_error, unsolved_error
 from core.errors import InputError
-from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
+from core.geometry import Pose, rotation_vector_from_matrix
 from core.geometry.pairs import relative_derivatives
 from core.model import Network
 from core.numerics import fisher_limit
@@ -168,7 +168,7 @@ def _weighted_mean(solved: Solved, rigid: Problem, device: int, Q: Array) -> tup
     mean = _plain_mean(samples)
     for _ in range(3):
         step = np.sum([share @ _difference(s, mean) for share, s in zip(shares, samples, strict=True)], axis=0)
-        mean = Pose(matrix_from_rotation_vector(step[:3]) @ mean.rotation, mean.translation_mm + step[3:])
+        mean = mean.changed(step)
     return mean, np.sum(shares @ derivatives, axis=0)
 
 

@@ -34,7 +34,6 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
 
     Parameters
     ----------
-    plan : Plan
     sampled : Sampled
         Of all shots, guards included.
     lines : (int, int)

@@ -63,7 +63,6 @@ def import_frames(
 
     Parameters
     ----------
-    project : Project
     folder : Path
         Holds the images: PNG or TIFF of 8 or 16 bit; colour files, BMP and JPEG are converted to grey PNG.
     name, role, testfield, z_mm, angle_deg
@@ -116,7 +115,10 @@ def import_frames(
     _check_twice(files, images, patterns, lines)
     progress(0.7, "verifying")
     findings = _verified(plan, images, lines)
-    words += [_finding_words(finding, files) for finding in findings]
+    for finding in findings:
+        named = f" [{', '.join(files[k].name for k in finding.shots)}]" if 0 < len(finding.shots) <= 3 else ""
+        hint = "; see whether --order content finds another order" if finding.level == "bad" else ""
+        words.append(f"{finding.text}{named}{hint}")
     progress.check()
     converted = _write(target, plan, files, images, str(folder.resolve()))
     try:
@@ -148,13 +150,7 @@ def natural(path: Path) -> tuple[tuple[int, int, str], ...]:
 
 
 def sequence_of(project: Project) -> SequenceSpec:
-    """Give the sequence of a project: its own, or that of its latest capture.
-
-    Raises
-    ------
-    InputError
-        If it has neither.
-    """
+    """Give the sequence of a project: its own, or that of its latest capture."""
     if project.sequence is not None:
         return project.sequence
     for path in reversed(project.captures):
@@ -236,12 +232,6 @@ def _verified(plan: Plan, images: Sequence[Image], lines: tuple[int, int]) -> tu
     sampled = summarise(bare, grey, at, (shape[0], shape[1]), 255 if images[0].itemsize == 1 else int(grey.max()))
     findings: list[Finding] = [*identity(bare, sampled, lines), modulation(bare, sampled), saturation(sampled)]
     return tuple(sorted(findings, key=lambda f: f.level != "bad"))
-
-
-def _finding_words(finding: Finding, files: Sequence[Path]) -> str:
-    named = ", ".join(files[k].name for k in finding.shots[:3]) if len(finding.shots) <= 3 else ""
-    hint = "; see whether --order content finds another order" if finding.level == "bad" else ""
-    return f"{finding.text}{named and f' [{named}]'}{hint}"
 
 
 def _write(target: Path, plan: Plan, files: Sequence[Path], images: Sequence[Image], source: str) -> int:

@@ -70,15 +70,10 @@ class Continuous:
 
     Parameters
     ----------
-    project : Project
     projector, camera : Projector, Camera
         Open devices of the project's sizes.
     patterns : sequence of Pattern, optional
         Without it what `sequence_for` chooses.
-
-    Raises
-    ------
-    InputError, PatternRefusedError
     """
 
     def __init__(

@@ -96,7 +96,6 @@ def leave_one_out(fit: Fit, few: Numbers, limit: Array, tolerance: Array, rows: 
 
     Parameters
     ----------
-    fit : Fit
     few : array, shape (n,)
         Which pixels.
     limit, tolerance, rows : array, shape (n,)

@@ -50,9 +50,17 @@ def explanation(plan: Plan, sampled: Sampled, values: Array, looked: Looked, sha
         for j in range(len(looked.shots))
     ]
     alone = [j for left, j in single if left <= most] if len(looked.shots) >= 5 else []
-    shown = [(misfit, name, j) for j in alone for misfit, name in [_shown(looked, j)] if misfit < SURE]
+    # a frame that shows what it claims is not at fault, though the others get on without it
+    off = {j: (misfit, name) for j in alone for own, misfit, name in [_shown(looked, j)] if own > min(misfit, SURE)}
+    alone = list(off)
+    shown = [(misfit, name, j) for j, (misfit, name) in off.items() if misfit < SURE]
     if plain := [entry for entry in shown if entry[1] in PLAIN]:
         return _one(looked, min(plain)[2], min(plain)[1])
+    codes = [p for p in looked.patterns if isinstance(p, Code)]
+    room = max((p.cell << p.bits for p in codes), default=0)
+    if room > looked.lines and contradicting(looked.values, looked.patterns, replace(looked, lines=room), FEW) <= most:
+        word = "width" if looked.axis == "x" else "height"
+        return f": they fit if the projector has more than {looked.lines} lines: {word} in project.json", None
     tried = [(contradicting(v, p, looked, FEW), text) for text, v, p in _descriptions(plan, values, looked)]
     least = min(left for left, _ in tried)
     if least <= most:  # several may fit: the plain ones come first
@@ -92,6 +100,8 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
                 when = f"{abs(quarter) * 90}° {'later' if quarter > 0 else 'earlier'}"
                 words = f"they fit if the phase steps begin {when}{way}"
                 yield f"{words}: shift_rad", own, _phases(patterns, sign=sign, shift=quarter * pi / 2)
+        shifts = [replace(p, shift_rad=p.shift_rad * pi / 180) if isinstance(p, Phase) else p for p in patterns]
+        yield "they fit if shift_rad is in degrees", own, shifts
     for period in sorted({p.period for p in phases}):
         for other in _other_periods(period, codes):
             changed = [replace(p, period=other) if isinstance(p, Phase) and p.period == period else p for p in patterns]
@@ -130,8 +140,8 @@ def _one(looked: Looked, j: int, shows: str) -> tuple[str, int]:
     return f": frame {shot} claims {describe(looked.patterns[j])} and shows {shows}", shot
 
 
-def _shown(looked: Looked, j: int) -> tuple[float, str]:
-    """Name what a frame shows, by the lines that the others tell, and how far off that is, squared."""
+def _shown(looked: Looked, j: int) -> tuple[float, float, str]:
+    """How far a frame is off what it claims, by the lines that others tell, squared, and off what it shows; that."""
     from core.capture.stored import looks
 
     some = np.linspace(0, looked.values.shape[1] - 1, min(FEW, looked.values.shape[1])).astype(int)
@@ -140,11 +150,12 @@ def _shown(looked: Looked, j: int) -> tuple[float, str]:
     _, best = nearest(looked.values[others][:, some], possible[others])
     seen = looked.values[j, some]
     misfit = {describe(p): _unlike(seen, possible[k, best]) for k, p in enumerate(looked.patterns)}
-    del misfit[describe(looked.patterns[j])]
+    own = misfit.pop(describe(looked.patterns[j]))
     misfit |= {"its inverse": _unlike(looked.inverted[j, some], possible[j, best])}
     misfit |= {name: _unlike(seen, np.full_like(seen, level)) for name, level in zip(PLAIN, (1, 0), strict=False)}
     name, value = min(misfit.items(), key=lambda item: item[1])
-    return value, name
+    _, best = nearest(looked.values[:, some], possible)  # without it two lines may look the same
+    return min(own, _unlike(seen, possible[j, best])), value, name
 
 
 def _unlike(seen: Array, light: Array) -> float:

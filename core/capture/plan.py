@@ -109,13 +109,7 @@ def make_plan(
 
 
 def sequence_for(project: Project, projector: Projector) -> tuple[Pattern, ...]:
-    """Choose what a projector shows: the project's sequence, else its own, else fringes of grey if it can show grey.
-
-    Raises
-    ------
-    InputError
-        If the project's sequence does not fit the projector's size.
-    """
+    """Choose what a projector shows: the project's sequence, else its own, else fringes of grey if it can show grey."""
     if project.sequence is not None:
         return project.sequence.patterns(projector.size, f"{project.path / 'project.json'}: sequence")
     return own_sequence(projector)
@@ -129,12 +123,7 @@ def own_sequence(projector: Projector) -> tuple[Pattern, ...]:
 
 
 def check_shown(plan: Plan, refusal: Any, projector: str) -> None:
-    """See that the projector can show everything before anything is shown.
-
-    Raises
-    ------
-    PatternRefusedError
-    """
+    """See that the projector can show everything before anything is shown."""
     for pattern in plan.shots:
         if reason := refusal(pattern):
             raise PatternRefusedError(projector, f"cannot show {describe(pattern)}", reason)

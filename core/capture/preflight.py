@@ -45,14 +45,8 @@ def preflight(
     ----------
     projector, camera
         Open devices that look at an even, bright surface at working distance.
-    progress : Progress
     rest_s : float
         Certainly longer than the light takes to be steady.
-
-    Raises
-    ------
-    DeviceError
-        If a device fails.
     """
     progress(0.0, "settle time")
     settle = measure_settle(projector, camera, rest_s, progress.check)

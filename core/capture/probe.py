@@ -42,15 +42,7 @@ class Exchange:
 
 
 def probe_device(profile: str, port: str, progress: Progress = SILENT) -> Iterator[Exchange]:
-    """Go through every command of a profile once, in the order in which a capture uses them; nothing is repeated.
-
-    Raises
-    ------
-    InputError
-        If the profile cannot be read.
-    DeviceError
-        If the port cannot be opened, or the line goes down.
-    """
+    """Go through every command of a profile once, in the order in which a capture uses them; nothing is repeated."""
     once = replace(read_profile(profile), retries=0)
     talk = Dialogue(port, replace(once, commands={k: c for k, c in once.commands.items() if k != "stop"}))
     talk.cancel = progress.check

@@ -104,7 +104,8 @@ def modulation(plan: Plan, sampled: Sampled) -> Finding:
             "and the exposure is long enough"
         )
         return Finding("modulation", "bad", text, {"lit": share}, tuple(plan.own))
-    words, figures, level = [f"{share:.0%} of the image is lit"], {"lit": share}, "good"
+    words, figures = [f"{share:.0%} of the image is lit"], {"lit": share}
+    level: Level = "good"
     for axis, along in (("x", "columns"), ("y", "rows")):
         period, steps = finest_steps(plan.patterns, axis)  # type: ignore[arg-type]
         if not steps:
@@ -118,7 +119,7 @@ def modulation(plan: Plan, sampled: Sampled) -> Finding:
         if c < 5 * sampled.noise:
             level = "warning"
             words.append("which is little: focus, darken the room or expose longer")
-    return Finding("modulation", _level(level), "; ".join(words), figures)
+    return Finding("modulation", level, "; ".join(words), figures)
 
 
 def lamp(plan: Plan, sampled: Sampled) -> Finding:
@@ -196,7 +197,3 @@ def _shift(a: Array, b: Array, noise: float) -> tuple[float, float]:
     shift = -np.linalg.solve(N, np.array([np.sum(gx * d), np.sum(gy * d)]))
     sigma = sqrt(2) * noise / sqrt(max(float(np.linalg.eigvalsh(N)[0]), 1e-9))
     return float(np.hypot(*shift)), sigma
-
-
-def _level(text: str) -> Level:
-    return "warning" if text == "warning" else "good"

@@ -54,11 +54,6 @@ def recognise(
         The projector's columns and rows.
     where : str
         What messages call the images.
-
-    Raises
-    ------
-    InputError
-        If no order makes the images show these patterns.
     """
     for axis in ("x", "y"):
         uses = {use_of(p) for p in patterns if axis_of(p) == axis}

@@ -31,7 +31,6 @@ def retake_frame(
 
     Parameters
     ----------
-    project : Project
     name : str
         The capture's folder.
     frame : int

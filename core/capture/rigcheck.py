@@ -35,17 +35,11 @@ def check_rig(
 
     Parameters
     ----------
-    project : Project
     urls : (str, str)
     depths_mm : sequence of float
         Where a plate is put to see whether the stripes are clear over the working depth; none: not looked at.
     place : callable
         Is asked to put the plate at a position and returns when it is there. The virtual bench puts its own plate.
-    progress : Progress
-
-    Raises
-    ------
-    InputError, DeviceError
     """
     with open_devices(*urls, check=progress.check) as (projector, camera):
         check_sizes(project, projector, camera)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -69,7 +70,6 @@ def run_capture(
 
     Parameters
     ----------
-    project : Project
     name : str
         The new capture's folder.
     role : str
@@ -131,33 +131,36 @@ class Loop:
         self.plan: Plan = store.plan
         self.settle_s = projector.settle_s
         self.notes = notes if notes is not None else []
+        self.beside: Sequence[Loop] = ()  # those of further cameras, which look at the same patterns
         self.again_when_moved = True  # all of it, once
         self._loaded = False
         self._shape: tuple[int, ...] | None = None  # of the images
 
-    def run(self, progress: Progress = SILENT) -> CaptureReport:
-        """Take what is missing, verify everything, take wrong frames again, and finish.
+    @property
+    def together(self) -> list[Loop]:
+        """This loop and those of further cameras."""
+        return [self, *self.beside]
 
-        Raises
-        ------
-        DeviceError
-        """
+    def run(self, progress: Progress = SILENT) -> CaptureReport:
+        """Take what is missing, verify everything, take wrong frames again, and finish."""
         start, resumed, retakes = time.monotonic(), len(self.store.shots), 0
         whole_again = not self.again_when_moved
         for attempt in range(ROUNDS + 1):
-            missing = [i for i in range(len(self.plan.shots)) if i not in self.store.shots]
+            missing = [
+                i for i in range(len(self.plan.shots)) if any(i not in loop.store.shots for loop in self.together)
+            ]
             retakes += len(missing) if attempt else 0
             self.take(missing, progress.part(0.9 * attempt / (attempt + 1), 0.9))
-            findings = verify(self.store, self.projector.size, progress.part(0.9, 1.0))
+            findings = [f for loop in self.together for f in loop.verified(progress.part(0.9, 1.0))]
             wrong, moved = judge(findings)
             if not wrong and moved and not whole_again:
                 wrong, whole_again = list(range(len(self.plan.shots))), True
-                self.store.drop(wrong, moved.text)
+                self._drop(wrong, moved.text)
                 continue
             if not wrong:
                 return self.finish(findings, start, retakes, resumed)
             reasons = "; ".join(f.text for f in findings if f.level == "bad" or f is moved)
-            self.store.drop(wrong, reasons)
+            self._drop(wrong, reasons)
             self.doubt()
         raise DeviceError(
             self.store.folder,
@@ -167,30 +170,32 @@ class Loop:
 
     def take(self, shots: Sequence[int], progress: Progress) -> None:
         """Take shots one after the other; they are on disk when this returns."""
-        with Writer(self.store) as writer:
-            if len(shots) == len(self.plan.shots) and self._take_all(writer, progress):
+        with ExitStack() as stack:
+            writers = [stack.enter_context(Writer(loop.store)) for loop in self.together]
+            if len(shots) != len(self.plan.shots) or not self._take_all(writers, progress):
+                for i in progress.over(shots, "frame {}"):
+                    for writer, image in zip(writers, self._take(i, progress), strict=True):
+                        writer.put(i, image)
+            for writer in writers:
                 writer.wait()
-                return
-            for i in progress.over(shots, "frame {}"):
-                writer.put(i, self._take(i, progress))
-            writer.wait()
 
-    def _take_all(self, writer: Writer, progress: Progress) -> bool:
-        """Take the whole sequence by the projector's own clock, if this pair can; say whether it succeeded."""
-        shots = self.plan.shots
-        if not runs_by_itself(self.projector, self.camera) or self.projector.capacity < len(shots):
+    def _take_all(self, writers: Sequence[Writer], progress: Progress) -> bool:
+        """Take the whole sequence by the projector's own clock, if these devices can; say whether it succeeded."""
+        shots, cameras = self.plan.shots, [loop.camera for loop in self.together]
+        if not runs_by_itself(self.projector, cameras) or self.projector.capacity < len(shots):
             return False
         for _ in range(TRIES):
             try:
                 self.projector.load(shots, progress.check)
                 self._loaded = True
-                images = take_sequence(self.projector, self.camera, len(shots), progress.check)
+                taken = take_sequence(self.projector, cameras, len(shots), progress.check)
             except DeviceError as error:
                 self.store.note("failed", reason=str(error))
                 continue
-            for planned, image in enumerate(images):
-                self._check_image(image, shots[planned])
-                writer.put(planned, image)
+            for loop, writer, images in zip(self.together, writers, taken, strict=True):
+                for planned, image in enumerate(images):
+                    loop._check_image(image, shots[planned])
+                    writer.put(planned, image)
             return True
         self._loaded = False  # step by step instead, which is slower and surer
         return False
@@ -206,18 +211,29 @@ class Loop:
         seconds = time.monotonic() - start_s
         repeats, asked = getattr(self.projector, "repeats", (0, 0))
         findings = [*findings, line(repeats, asked)] if asked else list(findings)
-        self.store.finish(findings, seconds, retakes, repeats)
+        for loop in self.together:
+            loop.store.finish(findings, seconds, retakes, repeats)
         frames = len(self.plan.patterns)
         return CaptureReport(self.store.folder, frames, tuple(findings), retakes, seconds, resumed, repeats)
 
-    def _take(self, planned: int, progress: Progress) -> Image:
-        """Show, wait until steady, expose."""
+    def verified(self, progress: Progress) -> list[Finding]:
+        """Verify the frames of this loop's camera, and name it where there are several."""
+        found = verify(self.store, self.projector.size, progress)
+        name = self.plan.devices.get("camera")
+        return [replace(f, text=f"{name}: {f.text}") for f in found] if name else found
+
+    def _drop(self, shots: Sequence[int], reason: str) -> None:
+        for loop in self.together:
+            loop.store.drop(shots, reason)
+
+    def _take(self, planned: int, progress: Progress) -> list[Image]:
+        """Show, wait until steady, expose all cameras."""
         pattern = self.plan.shots[planned]
         for attempt in range(TRIES):
             try:
                 self._show(planned, progress)
                 wait_until(time.monotonic() + self.settle_s, progress.check)
-                image = self.camera.grab(check=progress.check)
+                images = [loop.camera.grab(check=progress.check) for loop in self.together]
                 break
             except PatternRefusedError:
                 raise
@@ -228,8 +244,9 @@ class Loop:
                     self._write_notes()
                     raise
         self._write_notes()
-        self._check_image(image, pattern)
-        return image
+        for loop, image in zip(self.together, images, strict=True):
+            loop._check_image(image, pattern)
+        return images
 
     def _show(self, planned: int, progress: Progress) -> None:
         shots = self.plan.shots
@@ -271,12 +288,6 @@ def verify(store: Store, lines: tuple[int, int], progress: Progress = SILENT) ->
         With every planned shot taken.
     lines : (int, int)
         The projector's columns and rows.
-    progress : Progress
-
-    Raises
-    ------
-    DeviceError
-        If frames have different sizes.
     """
     plan = store.plan
     shape = store.read(0).shape
@@ -311,16 +322,11 @@ def verify(store: Store, lines: tuple[int, int], progress: Progress = SILENT) ->
     ]
 
 
-def check_sizes(project: Project, projector: Projector, camera: Camera) -> None:
-    """See that the devices are those of the project.
-
-    Raises
-    ------
-    InputError
-    """
+def check_sizes(project: Project, projector: Projector, camera: Camera, name: str = "") -> None:
+    """See that the devices are those of the project; the camera that of a name in it, or the one that is meant."""
     for device, spec, size, unit in (
         ("projector", project.projector, projector.size, "lines"),
-        ("camera", project.camera, camera.size, "px"),
+        (name or "camera", project.rig.cameras[name or project.rig.camera_name], camera.size, "px"),
     ):
         if size is not None and tuple(size) != (spec.width, spec.height):
             raise InputError(

@@ -12,7 +12,7 @@ import os
 import threading
 import time
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,10 +24,10 @@ from core.capture.finding import Finding
 from core.capture.plan import Plan
 from core.devices import Image
 from core.errors import InputError, StripeError
-from core.fields import Fields
+from core.fields import Fields, read_document
 from core.patterns import pattern_from_dict, pattern_to_dict
 from core.project import read_capture, read_image, write_image
-from core.project.captures import VERSIONS, write_capture_json
+from core.project.captures import write_capture_json
 from core.project.images import Image as Pixels
 from core.project.unfinished import TRANSCRIPT, Status, is_intact, transcript, unfinished_status
 
@@ -190,27 +190,21 @@ def reopen_store(folder: Path, listen: Listen = no_listener) -> Store:
     if document.get("state") != "complete" or "guards" not in document:
         raise InputError(folder, "was not recorded and verified by this program", "capture it under another name")
     capture, where = read_capture(folder), str(folder / "capture.json")
-    kept = [Fields.of(item, f"{where}: guards") for item in document["guards"]]
+    kept = Fields(document, where).objects("guards", "guard")
     guards = [(g.text("file"), pattern_from_dict(g.data.get("pattern"), g.where)) for g in kept]
     half, frames = len(guards) // 2, [(frame.path.name, frame.pattern) for frame in capture.frames]
     patterns, before = tuple(p for _, p in frames), tuple(p for _, p in guards[:half])
     name, z_mm, angle = document.get("testfield"), capture.z_mm, capture.angle_deg
     plan = Plan(folder.name, capture.role, patterns, before, name, z_mm, angle)
     store = Store(folder, plan, taken=_numbers(folder), listen=listen)
-    bits = Fields.of(document, where).integer("camera_bits", 1, 16)
+    bits = Fields(document, where).integer("camera_bits", 1, 16)
     for i, (file, _) in enumerate([*guards[:half], *frames, *guards[half:]]):
         store.shots[i] = Shot(i, file, bits)
     return store
 
 
 def capture_status(folder: Path) -> Status:
-    """Say how far a capture got; nothing is changed.
-
-    Raises
-    ------
-    InputError
-        If the folder holds no capture.
-    """
+    """Say how far a capture got; nothing is changed."""
     document = _document(folder)
     if document.get("state", "complete") == "complete":
         count = len(document.get("frames", []))
@@ -231,17 +225,11 @@ def read_findings(folder: Path) -> list[Finding]:
     ]
 
 
-def _document(folder: Path) -> dict[str, Any]:
-    path = folder / "capture.json"
+def _document(folder: Path) -> Mapping[str, Any]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(folder, "holds no capture.json", "choose another name for the capture") from error
-    except (OSError, ValueError) as error:
-        raise InputError(path, f"cannot be read ({error})", "choose another name for the capture") from error
-    if not isinstance(document, dict) or document.get("version") not in VERSIONS:
-        raise InputError(path, "not a capture of this program's version", "choose another name for the capture")
-    return document
+        return read_document(folder / "capture.json", "stripe-capture").data
+    except InputError as error:
+        raise InputError(error.where, error.seen, "choose another name for the capture") from error
 
 
 def _numbers(folder: Path) -> int:

@@ -65,7 +65,6 @@ def check_stored(capture: Capture, images: Sequence[NDArray], phase: PhaseMap, l
 
     Parameters
     ----------
-    capture : Capture
     images : sequence of array, shape (H, W)
         Its frames, in its order.
     phase : PhaseMap

@@ -16,15 +16,17 @@ from core.errors import DeviceError
 OFF = 0.25  # of a period that an exposure may be away from its pattern's
 
 
-def runs_by_itself(projector: Projector, camera: Camera) -> bool:
-    """Whether a pair can take a sequence by the projector's clock."""
-    return (
-        isinstance(projector, SelfRunning) and isinstance(camera, Armed) and projector.period_s > 0 and camera.can_arm
-    )
+def runs_by_itself(projector: Projector, cameras: Sequence[Camera]) -> bool:
+    """Whether a projector and cameras can take a sequence by the projector's clock."""
+    if not isinstance(projector, SelfRunning) or projector.period_s <= 0:
+        return False
+    return all(isinstance(camera, Armed) and camera.can_arm for camera in cameras)
 
 
-def take_sequence(projector: Projector, camera: Camera, count: int, check: Check = no_check) -> list[Image]:
-    """Take the `count` patterns that are loaded; give their images in this order.
+def take_sequence(
+    projector: Projector, cameras: Sequence[Camera], count: int, check: Check = no_check
+) -> list[list[Image]]:
+    """Take the `count` patterns that are loaded; give every camera's images in this order.
 
     Raises
     ------
@@ -32,11 +34,12 @@ def take_sequence(projector: Projector, camera: Camera, count: int, check: Check
         If the images are not one for each pattern.
     """
     assert isinstance(projector, SelfRunning)  # as `runs_by_itself` says
-    assert isinstance(camera, Armed)
-    camera.arm(count)
+    armed = [camera for camera in cameras if isinstance(camera, Armed)]
+    for camera in armed:
+        camera.arm(count)
     projector.run(check)
-    images = camera.collect(count, 2.0 + 2 * count * projector.period_s, check)
-    return matched(images, count, projector.period_s, camera.name)
+    wait_s = 2.0 + 2 * count * projector.period_s
+    return [matched(c.collect(count, wait_s, check), count, projector.period_s, c.name) for c in armed]
 
 
 def matched(images: Sequence[Image], count: int, period_s: float, where: str) -> list[Image]:

@@ -7,8 +7,9 @@ concern.py   a concern, and the verdict that several make
 network.py   the bundle adjustment: chi-square test, systematic residuals, gross errors, nominal values
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
 plates.py    ... where the plates stood, seen by camera and projector
+volume.py    how sure a calibration is over the working volume, and how far two differ in it
 planes.py    deviations from planes: form apart from noise, angles, one method against the other
-sequences.py what captures say they show: code against projector lines
+sequences.py what captures say they show: code and the light's end against projector lines
 files.py     the same frames twice
 left_out.py  points and captures that had no part, with the reasons
 """
@@ -16,21 +17,24 @@ left_out.py  points and captures that had no part, with the reasons
 from core.checks.concern import Concern, verdict_of
 from core.checks.files import repeated_frames, repeated_targets
 from core.checks.left_out import left_out_of
-from core.checks.lengths import length_concerns
+from core.checks.lengths import bar_notes, length_concerns
 from core.checks.network import adjustment_concerns, nominal_concerns, variance_ratios
 from core.checks.planes import DOUBTFUL_RATIO, form_of, pair_concerns, plane_concerns
 from core.checks.plates import Plates, pose_plates, see_plates
-from core.checks.sequences import code_concerns
+from core.checks.sequences import code_concerns, end_notes, light_end
 
 __all__ = [
     "DOUBTFUL_RATIO",
     "Concern",
     "Plates",
     "adjustment_concerns",
+    "bar_notes",
     "code_concerns",
+    "end_notes",
     "form_of",
     "left_out_of",
     "length_concerns",
+    "light_end",
     "nominal_concerns",
     "pair_concerns",
     "plane_concerns",

@@ -74,7 +74,27 @@ def length_concerns(
             if np.isfinite(slope):
                 sigma = float(np.hypot(_by_calibration(plates, lambda p: _positions(p)[0]), noise))
                 lengths.append(Length("the plate positions", "capture.json, z_mm", 1.0 / slope, sigma))
-    return [*_odd_one(lengths, scale, board), *concerns, *(_epipolar(plates) if plates is not None else ())]
+    apart = _distances(adjustment) if adjustment is not None else []
+    return [*apart, *_odd_one(lengths, scale, board), *concerns, *(_epipolar(plates) if plates is not None else ())]
+
+
+def _distances(adjustment: Adjustment) -> list[Concern]:
+    """Measured distances that the adjustment, which has them all, gives otherwise: no residual is beyond its sigma."""
+    network, concerns = adjustment.network, []
+    known = [] if network.scale is None else [("scale", network.scale)]
+    known += [(f"lengths, entry {i}", bar) for i, bar in enumerate(network.lengths)]
+    for key, bar in known if len(known) > 1 else ():
+        a, b = (adjustment.points_mm[k] for k in (bar.start, bar.stop))
+        found = float(np.linalg.norm(b - a))
+        off = found - bar.length_mm
+        if abs(off) > SIGNIFICANT * bar.sigma_mm + 1e-6 * found:
+            text = (
+                f"project.json, {key}: is {bar.length_mm:.4g} mm, {found:.4g} mm by all measured distances together "
+                f"({abs(off) / bar.sigma_mm:.3g} times sigma_mm): two known lengths disagree; measure them again"
+            )
+            text += _unit_hint(max(found / bar.length_mm, bar.length_mm / found))
+            concerns.append(Concern("failed" if abs(off) > FAILED * found else "doubtful", text))
+    return concerns
 
 
 def _epipolar(plates: Plates) -> list[Concern]:
@@ -273,18 +293,29 @@ def _unit_hint(ratio: float) -> str:
     return ""
 
 
+def bar_notes(scale: ScaleBar | None, board: Testfield) -> tuple[str, ...]:
+    """Say how far a scale bar is off the nominal board: where nothing can be adjusted, that may be why."""
+    own = _nominal_length(scale, board)
+    if scale is None or own is None or abs(scale.length_mm / own - 1) <= FAILED:
+        return ()
+    hint = _unit_hint(max(scale.length_mm / own, own / scale.length_mm))
+    return (f"the scale bar has length_mm {scale.length_mm:g}, the nominal testfield {own:g} mm there{hint}",)
+
+
+def _nominal_length(scale: ScaleBar | None, board: Testfield) -> float | None:
+    index = board.index()
+    if scale is None or scale.start not in index or scale.stop not in index:
+        return None
+    return float(np.linalg.norm(board.xyz_mm[index[scale.start]] - board.xyz_mm[index[scale.stop]]))
+
+
 def _bar_hint(scale: ScaleBar | None, board: Testfield | None, factor: float) -> str:
     """Name other targets that are this far from each other, if the length itself could be right."""
-    if scale is None or board is None:
+    own = None if board is None else _nominal_length(scale, board)
+    if scale is None or board is None or own is None or abs(scale.length_mm / own - 1) <= TOLERANCE:
         return ""
     index = board.index()
-    if scale.start not in index or scale.stop not in index:
-        return ""
-    a, b = index[scale.start], index[scale.stop]
-    own = float(np.linalg.norm(board.xyz_mm[a] - board.xyz_mm[b]))
-    if abs(scale.length_mm / own - 1) <= TOLERANCE:
-        return ""
-    for end, name in ((a, scale.start), (b, scale.stop)):
+    for end, name in ((index[scale.start], scale.start), (index[scale.stop], scale.stop)):
         far = np.linalg.norm(board.xyz_mm - board.xyz_mm[end], axis=1)
         for k in np.flatnonzero(np.abs(far / scale.length_mm - 1) < TOLERANCE):
             return (

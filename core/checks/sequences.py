@@ -1,12 +1,76 @@
-"""What captures say they show: the code against the projector's lines."""
+"""What captures say they show: the code, and where the light ends, against the projector's lines."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+import numpy as np
 
 from core.checks.concern import Concern
-from core.model import Capture, DeviceSpec
+from core.model import Capture, DeviceSpec, Floats
 from core.patterns import Code
+
+End = tuple[int, float] | None  # a line, and where in the image it lies
+
+SECTIONS = 80  # rows and columns in which the end of the light is looked for
+DARK_PX = 4  # beyond it
+OFTEN = 0.3  # of the sections must end at the same line
+BEYOND = 0.01  # of the pixels may lie there by mistake
+SHORT = 0.01  # of the lines, and 3 of them, that the light may end early by blur
+APART = 0.01  # of the image, that its end must have moved from one scene to the other
+
+
+def light_end(lines: Floats) -> End:
+    """Find the highest line of the light, where that is seen, and where in the image, over its size.
+
+    A border at one line in many rows or columns, with nothing beyond, may also be that of an object along stripes.
+    """
+    found = []
+    for values in (lines, lines[:, ::-1], lines.T, lines.T[:, ::-1]):
+        some = values[:: max(1, len(values) // SECTIONS)]
+        valid = np.isfinite(some)
+        end = valid.copy()
+        for k in range(1, DARK_PX + 1):
+            end[:, :-k] &= ~valid[:, k:]
+        end[:, : DARK_PX + 1] = end[:, -DARK_PX:] = False
+        rows, columns = np.nonzero(end)
+        rises = some[rows, columns] > some[rows, columns - DARK_PX]  # NaN does not
+        at, columns = some[rows, columns][rises], columns[rises]
+        if not len(at):
+            continue
+        count = np.bincount(np.maximum(at, 0).astype(int))
+        line = int(np.argmax(np.convolve(count, [1, 1], "valid"))) if len(count) > 1 else 0
+        own = (at >= line) & (at < line + 2)
+        if own.sum() > OFTEN * len(some) and np.mean(some[valid] > line + 3) < BEYOND:
+            found.append((int(own.sum()), line + 1, float(np.median(columns[own])) / some.shape[1]))
+    return max(found)[1:] if found else None
+
+
+def end_notes(ends: Mapping[str, Sequence[End]], projector: DeviceSpec) -> dict[str, str]:
+    """Say of captures whose light ends early, at one line in different scenes, that project.json has more lines.
+
+    Parameters
+    ----------
+    ends : mapping
+        By capture, `light_end` of u and of v.
+    projector : DeviceSpec
+    """
+    notes: dict[str, str] = {}
+    for axis, word, lines in ((0, "width", projector.width), (1, "height", projector.height)):
+        known = [(name, end) for name, both in ends.items() if (end := both[axis]) is not None]
+        for (a, (line, at)), (b, (other, place)) in combinations(known, 2):
+            if (
+                abs(line - other) < 2
+                and abs(at - place) > APART
+                and max(line, other) < lines - 1 - max(3, SHORT * lines)
+            ):
+                text = (
+                    f"the projector's light ends at line {line} along {'xy'[axis]}, {word} is {lines}: correct {word} "
+                    "of the projector in project.json, unless something cuts its light off"
+                )
+                notes |= {a: text, b: text}
+    return notes
 
 
 def code_concerns(captures: Sequence[Capture], projector: DeviceSpec) -> list[Concern]:

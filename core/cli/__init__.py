@@ -14,23 +14,12 @@ from contextlib import AbstractContextManager, nullcontext, redirect_stdout, sup
 from pathlib import Path
 
 from core.cli.arguments import Commands, Parser, Version, write_figures
-from core.cli.commands import (
-    exchange,
-    experiment,
-    many,
-    recording,
-    results,
-    road,
-    sequences,
-    state,
-    verifying,
-    watching,
-)
+from core.cli.commands import exchange, experiment, many, recording, results, road, sequences, state, watching
 from core.cli.console import Console, Unread
 from core.errors import Cancelled, InputError, StripeError
 from core.progress import Progress
 
-GROUPS = (experiment, recording, sequences, road, results, state, watching, many, exchange, verifying)
+GROUPS = (experiment, recording, sequences, road, results, state, watching, many, exchange)
 
 
 def run() -> None:

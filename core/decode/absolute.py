@@ -12,16 +12,18 @@ from numpy.typing import NDArray
 from core.decode.curves import LEVELS
 from core.decode.estimate import Planes, estimable, refine
 from core.decode.exposures import DEEPEST, fuse_exposures
+from core.decode.fitting import estimate_response
 from core.decode.flicker import steady
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
-from core.decode.harmonics import Spectrum, measure_bend, spectra
+from core.decode.harmonics import SquareWave, measure_bend, square_waves
 from core.decode.kernel import decode_pixels, scratch_for
+from core.decode.late import late_frames
 from core.decode.likelihood import decode_words, has_words
 from core.decode.noise import contrasts
 from core.decode.notes import notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
-from core.decode.response import Response, Wave, estimate_response, sine_waves, straighten
+from core.decode.response import Response, Wave, sine_waves, straighten
 from core.decode.rim import drop_rim
 from core.decode.sample import (
     check_duplicates,
@@ -32,7 +34,7 @@ from core.decode.sample import (
     spread,
     take_sample,
 )
-from core.decode.sections import decode_sections, section_scratch
+from core.decode.sections import decode_sections, measure_ripple, section_scratch
 from core.decode.tables import SWEEP, AxisTable, Limits, Rows, Singles, axis_table, image_row, make_rows, no_axis
 from core.errors import InputError
 from core.model import PhaseMap
@@ -42,6 +44,7 @@ from core.progress import SILENT, Progress
 
 DEFAULT = DecodeOptions()
 CURVE = 4  # of the levels at which a response is tabulated, so manieth is told
+AXES: tuple[Axis, Axis] = ("x", "y")
 BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
 
 
@@ -120,7 +123,7 @@ def decode(
         sequence = _prepare(tuple(patterns), lines)
     except InputError as error:
         raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
-    limits, tables, response, sample = _measure(sequence, patterns, arrays, options, where)
+    limits, tables, response, gains, sample = _measure(sequence, patterns, arrays, options, where)
     height, width = arrays[0].shape
     planes = np.empty((6, height * width), np.float32)  # one block, large enough for large pages
     place, sigma, modulation, image = planes[:2], planes[2:4], planes[4], planes[5]
@@ -152,8 +155,12 @@ def decode(
     misfit = None
     if options.estimate and estimable(sequence.frames):
         refined = Planes(place, sigma, image, width)
-        misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, refined, progress).reshape(shape)
-    notes = notes_on(arrays, sample, flags[spread(shape)].ravel(), limits, tables)
+        misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, gains, refined, progress).reshape(
+            shape
+        )
+    taken = spread(shape)
+    late = late_frames(patterns, sample, range(*taken[0].indices(height)), (u[taken].ravel(), v[taken].ravel()), limits)
+    notes = (*late, *notes_on(arrays, sample, flags[taken].ravel(), limits, tables))
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]
     return PhaseMap(
         u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags, curve, misfit, notes
@@ -162,7 +169,7 @@ def decode(
 
 def _measure(
     sequence: _Prepared, patterns: Sequence[Pattern], images: Sequence[Image], options: DecodeOptions, where: str
-) -> tuple[Limits, tuple[AxisTable, AxisTable], Response | None, Singles]:
+) -> tuple[Limits, tuple[AxisTable, AxisTable], Response | None, dict[int, float], Singles]:
     """What a sample of the grey values tells: the thresholds, and how the stripes of both axes are blurred."""
     sample = take_sample(images)
     check_duplicates(sequence.frames, sample, where)
@@ -176,10 +183,16 @@ def _measure(
     noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images, bent)
     tables = straighten(tables, response, sequence.waves) if response else tables
     x, y = (
-        measure_bend(measure_fading(table, sample, noise), sharp, sample, noise)
-        for table, sharp in zip(tables, sequence.spectra, strict=True)
+        measure_ripple(table, sequence.frames.axes.get(axis), sample, noise)
+        for table, axis in zip(tables, AXES, strict=True)
     )
-    return limits_of(noise, saturation, options), (x, y), response, sample
+    tables = (x, y)
+    across = len(range(*spread(images[0].shape)[1].indices(images[0].shape[1])))
+    x, y = (
+        measure_bend(measure_fading(table, sample, noise), squares, sample, across, noise)
+        for table, squares in zip(tables, sequence.squares, strict=True)
+    )
+    return limits_of(noise, saturation, options), (x, y), response, gains, sample
 
 
 @dataclass(frozen=True)
@@ -189,7 +202,7 @@ class _Prepared:
     frames: SortedFrames
     tables: tuple[AxisTable, AxisTable]
     waves: tuple[Wave, ...]
-    spectra: tuple[tuple[Spectrum, ...], tuple[Spectrum, ...]]
+    squares: tuple[tuple[SquareWave, ...], tuple[SquareWave, ...]]
     image_rows: Rows
     contrasts: NDArray[np.float64]
 
@@ -201,8 +214,7 @@ def _prepare(patterns: tuple[Pattern, ...], lines: tuple[int, int] | None) -> _P
     if not frames.axes:
         raise InputError("", "no code, phase or line frames", "give the frames of at least one projector axis")
     tables = []
-    axes: tuple[Axis, Axis] = ("x", "y")
-    for number, axis in enumerate(axes):
+    for number, axis in enumerate(AXES):
         mine = frames.axes.get(axis)
         plan = plan_axis(mine, lines[number] if lines else None, "") if mine else None
         tables.append(axis_table(plan, mine, frames) if plan and mine else no_axis())
@@ -211,7 +223,7 @@ def _prepare(patterns: tuple[Pattern, ...], lines: tuple[int, int] | None) -> _P
         frames,
         (x, y),
         sine_waves(frames),
-        (spectra(patterns, x), spectra(patterns, y)),
+        (square_waves(patterns, x), square_waves(patterns, y)),
         make_rows([image_row(frames)]),
         contrasts(frames, len(patterns)),
     )

@@ -8,7 +8,7 @@ changes within a pixel's footprint, the coordinate is drawn to the brighter side
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -63,6 +63,7 @@ def refine(
     tables: tuple[AxisTable, AxisTable],
     limits: Limits,
     response: Response | None,
+    gains: Mapping[int, float],
     planes: Planes,
     progress: Progress,
 ) -> Singles:
@@ -80,6 +81,8 @@ def refine(
         Noise and full scale.
     response : Response, optional
         Of the projector, which grey patterns go through.
+    gains : dict
+        Of frames that a flickering lamp lit more or less.
     planes : Planes
         Changed.
     progress : Progress
@@ -99,6 +102,7 @@ def refine(
         limits.shot,
         limits.floor,
         limits.saturation,
+        np.array([1 / gains.get(n, 1.0) for n in range(len(images))], np.float32),
     )
     addresses = np.array([image.ctypes.data for image in images], np.uint64)
     source = addresses, images[0].itemsize

@@ -50,6 +50,11 @@ class LineFrames:
     width: int
     frames: Numbers
 
+    @property
+    def pitch(self) -> float:
+        """Distance between neighbouring sections in lines."""
+        return float(np.median(np.diff(np.unique(self.centre)))) if len(set(self.centre)) > 1 else 1.0
+
 
 @dataclass(frozen=True)
 class AxisFrames:

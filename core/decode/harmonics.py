@@ -1,156 +1,249 @@
 """What a square wave shows besides its first harmonic, and how that bends the phase.
 
 Few steps cannot tell the first harmonic from those that are one more or one less than a multiple of their number: the
-phase of a sharp square wave is bent, by a third of a line where the period is 16 lines and there are four steps. How
-strong the harmonics are follows from the blur, and that from the modulation: what it has lost of a sharp wave's, the
-m-th harmonic has lost m² times, as a logarithm (the blur is taken as Gaussian, and as the same in the whole image).
-Not every lens is so: phases are straightened only where they crowd as these harmonics would make them.
+phase of a sharp square wave is bent, by a third of a line where the period is 16 lines and there are four steps. Sharp
+waves even stand still over lines, and no phase tells where in them a pixel lies. How strong the harmonics are depends
+on the blur. It shows in the first harmonic's amplitude, which then changes with the phase, in how phases crowd, and in
+what is left of the contrast of white and black; but not every lens dims harmonics as a Gaussian blur does. So every
+blur of a family counts by how well it explains a sample: the phase is straightened by their mean, and what they leave
+open is part of its variance.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.curves import HIGHEST, LEVELS, both_sides, waves
+from core.decode.curves import HIGHEST
 from core.decode.noise import Noise
 from core.decode.tables import AxisTable, Singles, sums_of
-from core.patterns import Pattern, grey_reason, use_of
+from core.patterns import Pattern, brightness, grey_reason, use_of
 
 Array = NDArray[np.float64]
-Spectrum = tuple[complex, ...]
+Terms = NDArray[np.complex128]
 
 GRID = 512  # places in a period
-SLIGHT = 2e-4  # turns: less is not worth straightening
+PLACES = 2048  # of a wave, at least
+LONGEST = 512  # lines after which waves of no whole number of lines are taken to repeat
+WIDTHS = 0.12 * 1.12 ** np.arange(26)  # lines, blur of a family
+SHAPES = {1.3: 0.07, 1.6: 0.17, 2.0: 0.5, 2.5: 0.17, 3.2: 0.07}  # exponent of the frequency, and how usual it is
+USUAL = -0.8, 0.9  # logarithm of the blur's variance (lines²): what is usual, and how much rigs differ
+SINE = 0.02  # how usual a lens is that passes nothing but the first harmonic
+BINS = 128  # of the phase, in which a sample is looked at
+PARTS = 3  # of the image in either direction, each of a blur of its own
+UNEVEN = 4.0  # times chance, from which the crowding of phases is the scene's
+UNLIKELY = 0.03  # of the mean density, there are phases everywhere
+CONTRAST = 0.15  # part by which fringes may have another contrast than white and black
+MISFIT = 0.02, 0.1  # part of amplitude and of density by which the family may miss
+FAR = 4.0  # 80th percentiles of how far the amplitude is from the median, beyond which a pixel tells nothing
 FEWEST = 100  # lit pixels that tell the blur
-THINNED = 2  # so many times fewer pixels of the sample tell it as well
-UNKNOWN = 0.15, 0.015  # part of the logarithm of the first harmonic's loss, and loss, by which the blur may be mistaken
-ROUNDS = 4  # to the loss
-STEPS = 500  # of the modulation, so that captures of a rig need not compute the bend anew
-SEEN, SIGMAS = 0.25, 2.0  # part of the expected crowding that must show, and standard deviations beyond it
+DIM = 0.1  # part of the brightest pixels' modulation that one must have
+SLIGHT = 2e-4  # turns: less is not worth straightening
 STRAIGHT = np.repeat(np.array([[0.0], [1.0], [0.0]], np.float32), GRID, axis=1)
 STEEPEST = 4.0  # lines of place by lines of phase, from which a flat stretch of the phase tells nothing more
 
 
-def spectra(patterns: Sequence[Pattern], table: AxisTable) -> tuple[Spectrum, ...]:
-    """What the sharp waves of every period make of cosine plus i sine, by harmonic; empty for what has but one.
+@dataclass(frozen=True, eq=False)
+class SquareWave:
+    """Square fringes of one period: the axis' how manieth, and what the frames that are fitted make of every line."""
 
-    Parameters
-    ----------
-    patterns : sequence of Pattern
-        Of all frames.
-    table : AxisTable
+    number: int
+    period: float
+    sharp: Terms
 
-    Returns
-    -------
-    spectra : tuple of tuple of complex
-        The term of harmonic m, at index m + HIGHEST, is the factor of ``exp(2 pi i m (u + 1/2) / P)`` at line u.
+    @cached_property
+    def family(self) -> Family:
+        """Of every blur, what a wave seen through it shows."""
+        return _family(self.sharp.tobytes(), self.period)  # the axes mostly show the same
+
+    @lru_cache(maxsize=8)  # noqa: B019  a wave lives as long as its sequence
+    def binned(self, octave: int) -> tuple[Array, Array]:
+        """Density and logarithm of the amplitude in bins of the phase, (models, BINS), by noise of 2^octave turns."""
+        density, _, _, amplitude = (_blurred(each, 2.0**octave) for each in self.family.sums)
+        density, amplitude = (each.reshape(len(each), BINS, -1).sum(axis=2) for each in (density, amplitude))
+        share = np.maximum(density * BINS, 0) + UNLIKELY
+        return share / share.sum(axis=1, keepdims=True), amplitude / np.maximum(density, 1e-9)
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Of every blur: how usual it is, and sums over all places by the phase seen there.
+
+    `sums` (4, models, GRID) are parts of the places, those times true minus seen phase (turns), times its square, and
+    times the logarithm of the amplitude.
     """
+
+    prior: Array
+    sums: Array
+
+
+def square_waves(patterns: Sequence[Pattern], table: AxisTable) -> tuple[SquareWave, ...]:
+    """All periods of an axis whose steps are square waves."""
     found = []
-    for j, period in enumerate(table.period):
+    for j, period in enumerate(table.period.tolist()):
         entries = slice(table.fits.first[j], table.fits.first[j + 1])
         shown = [patterns[n] for n in table.fits.frame[entries]]
-        square = any(use_of(p) == "phase" and grey_reason(p) is None for p in shown)
-        if not square or abs(period - round(float(period))) > 1e-6:
-            found.append(())
-            continue
-        both = table.fits.value[1, entries] + 1j * table.fits.value[2, entries]
-        found.append(tuple((both @ both_sides(waves(shown, round(float(period)), LEVELS))).tolist()))
+        if any(use_of(p) == "phase" and grey_reason(p) is None for p in shown):
+            lines = np.arange(_repeat(period))
+            both = table.fits.value[1, entries] + 1j * table.fits.value[2, entries]
+            found.append(SquareWave(j, period, both @ np.array([brightness(p, lines) for p in shown])))
     return tuple(found)
 
 
-def measure_bend(table: AxisTable, sharp: tuple[Spectrum, ...], sample: Singles, noise: Noise) -> AxisTable:
-    """Set how the phase of every period is straightened, as far as the sample's contrast tells the blur.
+def _repeat(period: float) -> int:
+    """Lines after which a wave of whole lines is the same again, or nearly so."""
+    cycles = period * np.arange(1, max(2, int(LONGEST / period)))
+    return round(float(cycles[np.argmin(np.abs(cycles - np.round(cycles)).round(4))]))
+
+
+@lru_cache(maxsize=16)
+def _family(sharp: bytes, period: float) -> Family:
+    light = np.frombuffer(sharp, complex)
+    lines = len(light)
+    fine = -(-PLACES // lines)
+    terms = np.fft.fft(np.repeat(light, fine))
+    frequency = np.abs(np.fft.fftfreq(lines * fine, 1 / fine))
+    terms[frequency > HIGHEST / period + 0.5 / lines] = 0
+    frequency[0] = 1e-9
+    place = (np.arange(lines * fine) + 0.5) / (fine * period)
+    passed = [np.exp(-((np.sqrt(2) * np.pi * w * frequency) ** q)) for q in SHAPES for w in WIDTHS]
+    first = np.abs(np.fft.fftfreq(lines * fine, 1 / fine) * period - 1) < 0.5 * period / lines
+    waves = [np.fft.ifft(terms * p) for p in passed] + [np.fft.ifft(terms * first)]
+    usual = np.exp(-0.5 * ((np.log(WIDTHS**2) - USUAL[0]) / USUAL[1]) ** 2)
+    prior = np.concatenate([*(share * usual / usual.sum() for share in SHAPES.values()), [SINE]])
+    sums = np.zeros((4, len(waves), GRID))
+    for k, z in enumerate(waves):
+        seen = np.angle(z) / (2 * np.pi)
+        away = place - seen - np.rint(place - seen)
+        at = np.minimum(((seen + 0.5) * GRID).astype(int), GRID - 1)
+        for out, each in zip(sums[:, k], (None, away, away * away, np.log(np.abs(z) + 1e-9)), strict=True):
+            out[:] = np.bincount(at, each, GRID) / len(z)
+    return Family(prior, sums)
+
+
+def _blurred(rows: Array, turns: float) -> Array:
+    """Rows over the phase, as phases of so much noise (turns) show them."""
+    terms = np.fft.rfft(rows) * np.exp(-2 * (np.pi * turns * np.arange(GRID // 2 + 1)) ** 2)
+    return np.asarray(np.fft.irfft(terms, GRID))
+
+
+def measure_bend(
+    table: AxisTable, waves: Sequence[SquareWave], sample: Singles, across: int, noise: Noise
+) -> AxisTable:
+    """Set how the phase of every square wave is straightened, and how uncertain that is.
 
     Parameters
     ----------
     table : AxisTable
-    sharp : tuple of tuple of complex
-        Of `spectra`.
+    waves : sequence of SquareWave
+        Of `square_waves`.
     sample : float32 (frames, n)
         Grey values.
+    across : int
+        Pixels of the sample in a row of the image.
     noise : Noise
     """
-    if not table.has_contrast or not any(len(spectrum) for spectrum in sharp):
+    if not waves:
         return table
-    sample = sample[:, ::THINNED]
     threshold, contrast = islice(sums_of(table.rows, sample), 2)
-    lit = np.flatnonzero(contrast > 5 * np.sqrt(noise.variance(threshold)))
-    if len(lit) < FEWEST:
-        return table
-    bends = table.bend.copy() if len(table.bend) else np.repeat(STRAIGHT[None], len(sharp), axis=0)
-    for j, spectrum in enumerate(sharp):
-        if len(spectrum) == 0:
-            continue
-        entries = slice(table.fits.first[j], table.fits.first[j + 1])
-        c, s = np.einsum("rf,fn->rn", table.fits.value[1:, entries], sample[table.fits.frame[entries]])[:, lit]
-        light = np.sort(np.sqrt(c * c + s * s) / (2 * contrast[lit]))
-        left = float(light[len(light) // 2])  # `np.median` takes ten times as long
-        bend, density = _bend(spectrum, max(round(left * STEPS), 1) / STEPS)
-        if density.any() and _is_seen(density, np.arctan2(s, c) / np.float32(2 * np.pi)):
-            bends[j] = bend
-    return table._replace(bend=bends) if bends[:, 0].any() else table
+    bends = table.bend.copy() if len(table.bend) else np.repeat(STRAIGHT[None], len(table.period), axis=0)
+    row, column = np.divmod(np.arange(sample.shape[1]), across)
+    block = row * PARTS // (row[-1] + 1) * PARTS + column * PARTS // across
+    for wave in waves:
+        entries = slice(table.fits.first[wave.number], table.fits.first[wave.number + 1])
+        mean, c, s = np.einsum("rf,fn->rn", table.fits.value[:, entries], sample[table.fits.frame[entries]])
+        amplitude = np.hypot(c, s)
+        spread = np.sqrt(noise.variance(mean) * table.covariance[wave.number, 0])
+        lit = (amplitude > DIM * np.percentile(amplitude, 90)) & (amplitude > 5 * spread)
+        light = 2 * contrast if table.has_contrast else threshold if table.has_threshold else mean
+        lit &= light > 0
+        weight, turns = wave.family.prior, 1e-3
+        if lit.sum() >= FEWEST:
+            turns = float(np.sqrt(np.mean((spread[lit] / amplitude[lit]) ** 2))) / (2 * np.pi)
+            seen = np.arctan2(s[lit], c[lit]) / (2 * np.pi)
+            part = np.log(amplitude[lit] / light[lit])
+            usual = _usual(part, block[lit])
+            binned = wave.binned(int(np.clip(np.rint(np.log2(max(turns, 1e-6))), -12, -4)))
+            sight = seen[usual], part[usual], block[lit][usual]
+            weight = _weights(wave.family.prior, binned, *sight, table.has_contrast)
+        bends[wave.number] = _bend(wave.family, weight, turns)
+    return table._replace(bend=bends) if np.abs(bends[:, 0]).max() > SLIGHT else table
 
 
-@lru_cache(maxsize=64)
-def _bend(spectrum: Spectrum, left: float) -> tuple[Singles, Singles]:
-    """How a wave is straightened the median of whose modulation is `left` of the light.
+def _usual(part: Singles, block: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Where the amplitude is not far from its part of the image: at rims of light and surface it is anything."""
+    usual = np.ones(len(part), bool)
+    for b in range(PARTS * PARTS):
+        at = np.flatnonzero(block == b)
+        if len(at):
+            off = np.abs(part[at] - np.median(part[at]))
+            usual[at] = off <= FAR * np.percentile(off, 80)
+    return usual
 
-    Returns
-    -------
-    bend : float32 (3, GRID)
-        Correction of the phase (turns), square of the slope, variance of the correction (turns²).
-    density : float32 (GRID,)
-        By how much more phases there are than in the mean, as a part of it.
+
+def _weights(
+    prior: Array, binned: tuple[Array, Array], seen: Singles, part: Singles, block: NDArray[np.intp], absolute: bool
+) -> Array:
+    """How likely every blur of the family is somewhere in the image, each part of which tells for itself.
+
+    By phases (turns) and the amplitudes' logarithms, which are `absolute` or not. What no blur explains - scenes have
+    some phases more often, and textures of their own - makes both count less.
     """
-    terms, (part, least) = np.array(spectrum), UNKNOWN
-    loss = _loss(terms, left)
-    doubt = part * loss + least
-    straight, sharper, softer = (correction(terms, max(each, 0.0)) for each in (loss, loss - doubt, loss + doubt))
-    if np.abs(straight).max() < SLIGHT:
-        return STRAIGHT, STRAIGHT[0]
-    density = np.gradient(np.r_[straight[-1], straight, straight[0]], 1 / GRID)[1:-1]
-    slope = np.clip(1 + density, 1 / STEEPEST, STEEPEST)
-    bend = np.stack([straight, slope**2, ((sharper - softer) / 2) ** 2])
-    return bend.astype(np.float32), density.astype(np.float32)
+    density, amplitude = binned
+    at = np.minimum(((seen + np.float32(0.5)) * BINS).astype(np.intp), BINS - 1) + BINS * block
+    size = PARTS * PARTS * BINS
+    count = np.bincount(at, minlength=size).reshape(-1, BINS).astype(float)
+    mean = np.bincount(at, part, size).reshape(-1, BINS) / np.maximum(count, 1)
+    within = float(np.mean(np.square(part - mean.ravel()[at])))
+    total = count.sum(axis=1)
+    # (count - expected)² by its variance, which is that of the mean part of the image
+    expected = density * (len(part) / np.count_nonzero(total))
+    per = 1 / (expected + (MISFIT[1] * expected) ** 2)
+    crowd = _times(count**2, per) - 2 * _times(count, density * per) * total + _times(1.0, density**2 * per) * total**2
+    # not by matrix product, see `tables.sums_of`
+    weight = np.where(count > 0, 1 / (within / np.maximum(count, 1) + MISFIT[0] ** 2), 0)
+    level = (weight * mean).sum(axis=1) - _times(weight, amplitude)
+    light = (weight * mean**2).sum(axis=1) - 2 * _times(weight * mean, amplitude) + _times(weight, amplitude**2)
+    light -= level**2 / (weight.sum(axis=1) + (1 / CONTRAST**2 if absolute else 1e-9))
+    uneven, own = (np.maximum(each.min(axis=0) / BINS, 1.0) for each in (crowd, light))
+    likelihood = -0.5 * (crowd / uneven * (uneven < UNEVEN) + light / own)
+    likely = prior[:, None] * np.exp(likelihood - likelihood.max(axis=0))
+    return np.asarray((likely / likely.sum(axis=0)) @ total)
 
 
-def _is_seen(density: Singles, turns: Singles) -> bool:
-    """Whether phases crowd where such a bend would crowd them: not every lens dims harmonics as a Gaussian blur does.
+def _times(rows: Array | float, models: Array) -> Array:
+    """Sums over the bins, shape (models, rows)."""
+    return np.einsum("mb,rb->mr", models, np.broadcast_to(rows, (np.shape(rows)[0] if np.ndim(rows) else 1, BINS)))
 
-    Phases of a scene are evenly spread; bent ones with a density of ``1 + d(correction)/d(phase)``.
+
+def _bend(family: Family, weight: Array, turns: float) -> Singles:
+    """Correction of the phase (turns), square of its slope, variance of the correction (turns²); shape (3, GRID)."""
+    some = weight > 1e-4 * weight.max()
+    mixed = np.einsum("k,skg->sg", weight[some], family.sums[:3, some])
+    turns = max(turns, 0.5 / GRID)
+    total, first, second = _blurred(mixed, turns)
+    known = total > 1e-6 * total.max()
+    straight = np.interp(np.arange(GRID), np.flatnonzero(known), (first / total)[known], period=GRID)
+    unsure = np.where(known, second / np.maximum(total, 1e-12) - straight**2, 1 / GRID)
+    slope = 1 + np.gradient(np.r_[straight[-1], straight, straight[0]], 1 / GRID)[1:-1]
+    slope = np.clip(slope, 1 / STEEPEST, STEEPEST)
+    return np.array([straight, slope**2, np.maximum(unsure - (turns * slope) ** 2, 0)], np.float32)
+
+
+def correction(terms: Terms) -> Array:
+    """True minus measured phase (turns) at the middles of `GRID` equal parts of a turn from -1/2 to 1/2.
+
+    `terms` are those of cosine plus i sine, by harmonic from -HIGHEST to HIGHEST.
     """
-    strength = float(np.mean(density**2))
-    at = np.minimum(((turns + np.float32(0.5)) * GRID).astype(np.intp), GRID - 1)
-    share = float(np.mean(density[at])) / strength
-    return share > SEEN + SIGMAS / np.sqrt(len(at) * strength)
-
-
-def _loss(terms: NDArray[np.complex128], left: float) -> float:
-    """Logarithm of the first harmonic's loss where the modulation's median is `left` of the light."""
-    loss = 0.0
-    for _ in range(ROUNDS):
-        usual = float(np.median(np.abs(_wave(terms, loss))))
-        loss = max(loss + float(np.log(usual / left)), 0.0)
-    return loss
-
-
-def _wave(terms: NDArray[np.complex128], loss: float) -> NDArray[np.complex128]:
-    """Cosine plus i sine part over `GRID` places of a period."""
-    m = np.arange(-HIGHEST, HIGHEST + 1)
     placed = np.zeros(GRID, complex)
-    placed[m] = terms * np.exp(-loss * m**2)
-    return np.asarray(GRID * np.fft.ifft(placed))
-
-
-def correction(terms: NDArray[np.complex128], loss: float = 0.0) -> NDArray[np.float64]:
-    """True minus measured phase (turns) at the middles of `GRID` equal parts of a turn from -1/2 to 1/2."""
+    placed[np.arange(-HIGHEST, HIGHEST + 1)] = terms
     true = np.arange(GRID) / GRID
-    seen = np.unwrap(np.angle(_wave(terms, loss))) / (2 * np.pi)
+    seen = np.unwrap(np.angle(GRID * np.fft.ifft(placed))) / (2 * np.pi)
     seen += np.round(true[0] - seen[0])
     seen, true = (np.concatenate([a - 1, a, a + 1]) for a in (np.maximum.accumulate(seen), true))
     at = (np.arange(GRID) + 0.5) / GRID - 0.5

@@ -16,17 +16,20 @@ from numpy.typing import NDArray
 
 from core.decode.frames import Numbers, PhaseFrames, SortedFrames
 from core.decode.tables import fundamental
+from core.patterns import brightness
 
 Array = NDArray[np.float64]
 
 BINS = 12  # of grey values, with the same number of residuals each
 LEAST = 50  # residuals that tell a variance
+SHOWN = 2.0  # standard deviations that a slope must have
 LOWEST = 0.5  # the noise is never taken below this part of the least seen
 TINY = 1e-12
 MEDIAN_OF_SQUARE = 0.45494  # of a normal deviate
 OUTSIDE = 50.0  # squares by their median, of what is no noise
 EXPLAINED = 8  # harmonics of a sine wave that a response makes
-HARMONICS = (3, 5, 7)  # of a square wave, next to the first
+LINES = 256  # of square waves that tell what their steps show
+VISIBLE = 1e-6  # part of the strongest, of what is no rounding
 
 
 class Noise(NamedTuple):
@@ -71,9 +74,9 @@ def _design(phase: PhaseFrames) -> Array:
     parts = np.array([fundamental(pattern) for pattern in phase.patterns])
     design = np.column_stack([np.ones(len(parts)), parts])
     if phase.patterns[0].profile == "square":
-        angle = np.array([pattern.shift_rad for pattern in phase.patterns])
-        for harmonic in HARMONICS:
-            design = np.column_stack([design, np.cos(harmonic * angle), np.sin(harmonic * angle)])
+        light = np.array([brightness(pattern, np.arange(LINES)) for pattern in phase.patterns])
+        shown, strength, _ = np.linalg.svd(light, full_matrices=False)
+        design = np.column_stack([design, shown[:, strength > VISIBLE * strength[0]]])
     return design
 
 
@@ -136,7 +139,8 @@ def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
         return Noise(floor, 0.0, floor)
     bins = min(len(residual) // LEAST, BINS) or 1
     by_level = np.argsort(level)[len(level) % bins :].reshape(bins, -1)
-    return _fit(_robust_variances(residual[by_level], floor), level[by_level].mean(axis=1, dtype=float), floor)
+    variances = _robust_variances(residual[by_level], floor)
+    return _fit(variances, level[by_level].mean(axis=1, dtype=float), floor, by_level.shape[1])
 
 
 def _robust_variances(residual: Array, floor: float) -> Array:
@@ -152,8 +156,8 @@ def _robust_variances(residual: Array, floor: float) -> Array:
     return variance
 
 
-def _fit(variance: Array, level: Array, floor: float) -> Noise:
-    """Weighted straight line through variances, not falling.
+def _fit(variance: Array, level: Array, floor: float, number: int) -> Noise:
+    """Weighted straight line through variances of so many residuals each, not falling; level where no slope is shown.
 
     The weights follow from the line itself: those from the variances found would favour what is small by chance.
     """
@@ -163,8 +167,9 @@ def _fit(variance: Array, level: Array, floor: float) -> Noise:
         total = float(weight.sum())
         mean_level, mean_variance = float(weight @ level) / total, float(weight @ variance) / total
         away = weight * (level - mean_level)
-        slope = float(away @ (variance - mean_variance)) / max(float(away @ (level - mean_level)), TINY * total)
-        slope = max(slope, 0.0)
+        lever = max(float(away @ (level - mean_level)), TINY * total)
+        slope = float(away @ (variance - mean_variance)) / lever
+        slope = slope if slope > SHOWN * np.sqrt(2 / number * mean_variance**2 * total / lever / len(level)) else 0.0
         noise = Noise(mean_variance - slope * mean_level, slope, least)
         weight = 1 / np.square(noise.variance(level))
     return noise

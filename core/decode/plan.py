@@ -104,7 +104,8 @@ def _usable(code: CodeFrames, lines: int | None) -> tuple[UsedCode | None, str]:
     """The bits from the most significant down to the first gap, and what is missing beyond it."""
     reach = code.cell << code.bits
     if lines is not None and reach < lines:
-        return None, f"{code.bits} bits in cells of {code.cell} tell {reach} lines apart, the projector has {lines}"
+        told = f"{code.bits} bits in cells of {code.cell} tell {reach} lines apart"
+        return None, f"{told}, by project.json the projector has {lines}"
     extent = lines or code.cell << min(code.bits, MAX_BITS)
     # a bit that stays 0 over the whole projector need not be seen
     first = sum((code.cell << (code.bits - 1 - bit)) >= extent for bit in range(code.bits))

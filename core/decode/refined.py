@@ -49,7 +49,7 @@ class AxisModel(NamedTuple):
 
 
 class Light(NamedTuple):
-    """What all pixels share: numbers of evenly lit and of dark frames, noise and full scale as in `Limits`."""
+    """What all pixels share: evenly lit and dark frames, `Limits`, and factors of all frames to a steady lamp."""
 
     white: Shorts
     black: Shorts
@@ -57,6 +57,7 @@ class Light(NamedTuple):
     shot: np.float32
     floor: np.float32
     saturation: np.float32
+    steady: Singles
 
 
 @_part
@@ -157,19 +158,19 @@ def _fit(grey_x, grey_y, even, x, y, light, wx, wy, u, v, has_x, has_y, looks): 
 
 
 @part
-def _copy_in(frames, source, count, column, grey):  # type: ignore[no-untyped-def]
+def _copy_in(frames, steady, source, count, column, grey):  # type: ignore[no-untyped-def]
     """Put frames beside each other, a row a pixel."""
     for n in range(len(frames)):
         if source[1] == 1:
-            _put(narrow(grey_at(source, frames[n], count), count), count, grey[:, column + n])
+            _put(narrow(grey_at(source, frames[n], count), count), steady[frames[n]], count, grey[:, column + n])
         else:
-            _put(wide(grey_at(source, frames[n], count), count), count, grey[:, column + n])
+            _put(wide(grey_at(source, frames[n], count), count), steady[frames[n]], count, grey[:, column + n])
 
 
 @part
-def _put(a, count, column):  # type: ignore[no-untyped-def]
+def _put(a, factor, count, column):  # type: ignore[no-untyped-def]
     for i in range(count):
-        column[i] = a[i]
+        column[i] = factor * F(a[i])
 
 
 def rows_for(x: AxisModel, y: AxisModel, light: Light, count: int = SPAN) -> Singles:
@@ -180,10 +181,10 @@ def rows_for(x: AxisModel, y: AxisModel, light: Light, count: int = SPAN) -> Sin
 @part
 def _gather(x, y, light, source, count, grey):  # type: ignore[no-untyped-def]
     even = x.size + y.size
-    _copy_in(x.frames, source, count, 0, grey)
-    _copy_in(y.frames, source, count, x.size, grey)
-    _copy_in(light.white, source, count, even, grey)
-    _copy_in(light.black, source, count, even + len(light.white), grey)
+    _copy_in(x.frames, light.steady, source, count, 0, grey)
+    _copy_in(y.frames, light.steady, source, count, x.size, grey)
+    _copy_in(light.white, light.steady, source, count, even, grey)
+    _copy_in(light.black, light.steady, source, count, even + len(light.white), grey)
 
 
 @_part

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from core.decode.compiled import fast, load, part
+from core.decode.frames import AxisFrames
+from core.decode.noise import Noise
 from core.decode.options import Flag
 from core.decode.tables import TAIL as TAIL_PART
 from core.decode.tables import AxisTable, Singles
+from core.numerics import erf
 
 LOW, SATURATED, NO_U = int(Flag.LOW_MODULATION), int(Flag.SATURATED), int(Flag.NO_U)
 DISAGREEMENT, OUTSIDE = int(Flag.DISAGREEMENT), int(Flag.OUTSIDE)
@@ -16,6 +19,51 @@ F = np.float32
 HALF, ONE, TWICE, TINY, TAIL = F(0.5), F(1), F(2), F(1e-20), F(TAIL_PART)
 RIVAL = F(0.5)  # part of its height that light may reach far from the section
 CHANCE = F(2)  # the brightest of some hundred frames is so many standard deviations higher by chance alone
+
+
+BLURS = 0.1 * 1.1 ** np.arange(40)  # lines
+USUAL = 0.5  # lines, blur where too few pixels tell it
+FEWEST = 50  # pixels that tell it
+CLEAR = 10.0  # standard deviations that their sections stand out
+
+
+def measure_ripple(table: AxisTable, axis: AxisFrames | None, sample: Singles, noise: Noise) -> AxisTable:
+    """Set what the discrete lines of a sweep do to the centroid, by the blur that its sections have in a sample.
+
+    How few lines share a section's light, ``sum(w²) / sum(w)²``, tells the blur.
+    """
+    lines = axis.lines if axis else None
+    if len(table.line_frames) == 0 or lines is None:
+        return table
+    grey = sample[table.line_frames]
+    peak, dark = grey.max(axis=0), np.median(grey, axis=0)
+    spread = np.sqrt(noise.variance(dark))
+    clear = peak - dark > CLEAR * spread
+    seen, cut = np.inf, TAIL_PART
+    if clear.sum() >= FEWEST:
+        height = (peak - dark)[clear]
+        ground = np.maximum(TAIL_PART * height, 2 * spread[clear])
+        cut = float(np.median(ground / height))
+        near = np.abs(table.line_centre[:, None] - table.line_centre[grey[:, clear].argmax(axis=0)]) <= table.line_reach
+        light = np.where(near, np.maximum(grey[:, clear] - dark[clear] - ground, 0), 0)
+        seen = float(np.mean(np.square(light).sum(axis=0) / light.sum(axis=0) ** 2))
+    shared, ripples = np.array([_sampled(lines.pitch, lines.width, blur, cut) for blur in BLURS]).T
+    at = np.abs(shared - seen).argmin() if np.isfinite(seen) else np.abs(BLURS - USUAL).argmin()
+    return table._replace(line_ripple=np.float32(ripples[at]))
+
+
+def _sampled(pitch: float, width: int, blur: float, cut: float) -> tuple[float, float]:
+    """How few lines share the light of a section `width` wide, shown every `pitch` lines; the centroid's r.m.s. error.
+
+    Both over all places, with light counted above the part `cut` of the brightest.
+    """
+    u = (np.arange(32)[:, None] + 0.5) / 32 * pitch
+    x = np.arange(-20, 22) * pitch
+    light = erf((x + width / 2 - u) / (blur * np.sqrt(2))) - erf((x - width / 2 - u) / (blur * np.sqrt(2)))
+    weight = np.maximum(light - cut * light.max(axis=1, keepdims=True), 0)
+    total = weight.sum(axis=1)
+    error = (weight * x).sum(axis=1) / total - u[:, 0]
+    return float(np.mean(np.square(weight).sum(axis=1) / total**2)), float(np.sqrt(np.mean(np.square(error))))
 
 
 def section_scratch(table: AxisTable) -> tuple[Singles, Singles]:

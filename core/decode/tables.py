@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from core.decode.frames import AxisFrames, Numbers, PhaseFrames, SortedFrames
 from core.decode.plan import Plan, UsedCode
-from core.numerics import erf
 from core.patterns import Phase, brightness
 
 Array = NDArray[np.float64]
@@ -31,7 +30,6 @@ NEGLIGIBLE = 1e-9
 TOGETHER = 4  # frames that the kernel adds in one pass, for every pass over the sum costs more than a frame
 TAIL = 0.05  # part of a light section's height below which light is not counted
 RIM = 0.25  # of the finest period: as far as a blur that leaves its fringes visible reaches
-BLUR = 0.5  # lines: as sharp as projection and camera can be expected to be
 
 
 class Rows(NamedTuple):
@@ -314,8 +312,8 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         phase_frames=np.unique(np.array([n for fit in fits for n in fit.frames], np.int32)),
         line_frames=np.array(lines.frames if lines else [], np.int32),
         line_centre=np.array(lines.centre if lines else [], np.float32),
-        line_reach=np.float32(lines.width + 2 * _pitch(lines.centre) + 3 if lines else 0),
-        line_ripple=np.float32(ripple(_pitch(lines.centre), lines.width) if lines else 0),
+        line_reach=np.float32(lines.width + 2 * lines.pitch + 3 if lines else 0),
+        line_ripple=np.float32(0),
         black=np.array(frames.black[:1], np.int32),
     )
 
@@ -366,20 +364,3 @@ def _steps(plan: Plan, periods: Array) -> tuple[Singles, Singles, Singles]:
     error = vectors.copy()
     error[1:] -= (beat[:-1] / beat[1:])[:, None] * vectors[:-1]
     return vectors.astype(np.float32), beat.astype(np.float32), (error**2).astype(np.float32)
-
-
-def _pitch(centre: Sequence[float]) -> float:
-    """Distance between neighbouring sections in lines."""
-    return float(np.median(np.diff(np.unique(centre)))) if len(set(centre)) > 1 else 1.0
-
-
-def ripple(pitch: float, width: int) -> float:
-    """R.m.s. error in lines of a section's weighted centroid that comes from sampling it at discrete lines.
-
-    For lines `width` wide, shown every `pitch` lines and blurred by `BLUR`.
-    """
-    u = np.arange(32)[:, None] / 32 * pitch
-    x = np.arange(-20, 22) * pitch
-    light = erf((x + width / 2 - u) / (BLUR * np.sqrt(2))) - erf((x - width / 2 - u) / (BLUR * np.sqrt(2)))
-    weight = np.maximum(light - TAIL * light.max(axis=1, keepdims=True), 0)
-    return float(np.sqrt(np.mean(np.square((weight * x).sum(axis=1) / weight.sum(axis=1) - u[:, 0]))))

@@ -23,24 +23,21 @@ No device is needed to test any of this: one suite, tests/devices, holds every p
 """
 
 from core.devices.address import parse_address, with_option
-from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, TRIGGER_FAULTS, Faults
+from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, TRIGGER_FAULTS
 from core.devices.opening import CAMERA_KINDS, PROJECTOR_KINDS, DeviceKind, open_camera, open_devices, open_projector
-from core.devices.profile import profile_names
 from core.devices.protocol import (
     Adjustable,
     Armed,
     Camera,
     Check,
     Image,
-    Note,
     Projector,
     SelfRunning,
     Setting,
     no_check,
-    no_note,
     wait_until,
 )
-from core.devices.screen import Surface, offer_screens
+from core.devices.screen import offer_screens
 
 __all__ = [
     "CAMERA_FAULTS",
@@ -53,21 +50,16 @@ __all__ = [
     "Camera",
     "Check",
     "DeviceKind",
-    "Faults",
     "Image",
-    "Note",
     "Projector",
     "SelfRunning",
     "Setting",
-    "Surface",
     "no_check",
-    "no_note",
     "offer_screens",
     "open_camera",
     "open_devices",
     "open_projector",
     "parse_address",
-    "profile_names",
     "wait_until",
     "with_option",
 ]

@@ -61,24 +61,13 @@ class Address:
         return int(value)
 
     def place_number(self, what: str) -> int:
-        """Read the place as the number of a device: 0, 1, ...
-
-        Raises
-        ------
-        InputError
-        """
+        """Read the place as the number of a device: 0, 1, ..."""
         if not self.place.isdigit():
             raise InputError(self.url, f"{what} {self.place!r}", f"give its number, as in {self.kind}:0")
         return int(self.place)
 
     def finish(self) -> None:
-        """Refuse options that nobody asked for.
-
-        Raises
-        ------
-        InputError
-            Listing what is allowed.
-        """
+        """Refuse options that nobody asked for."""
         unknown = [key for key in self.options if key not in self.asked]
         if unknown:
             allowed = ", ".join(sorted(self.asked)) or "none"
@@ -104,13 +93,7 @@ def with_option(url: str, key: str, value: str | float | None) -> str:
 
 
 def parse_address(url: str) -> Address:
-    """Take a device URL apart.
-
-    Raises
-    ------
-    InputError
-        If it has no kind, or an option without a value.
-    """
+    """Take a device URL apart."""
     head, _, tail = url.partition("?")
     kind, colon, place = head.partition(":")
     if not kind.isalnum() or not colon:

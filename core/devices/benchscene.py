@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,35 +25,35 @@ class BenchScene:
 
     @property
     def camera_size(self) -> tuple[int, int]:
-        """Width and height, px."""
         return self.experiment.rig.camera.width, self.experiment.rig.camera.height
 
     @property
     def projector_size(self) -> tuple[int, int]:
-        """Columns and rows, lines."""
         return self.experiment.rig.projector.width, self.experiment.rig.projector.height
 
     @property
     def bits(self) -> int:
-        """How many bits of a grey value are used."""
         return self.experiment.rig.sensor.bits
 
     @property
     def sequence(self) -> tuple[Pattern, ...]:
-        """The sequence of the experiment."""
         return self.shot.patterns
 
+    def seen_by(self, camera: str, where: str) -> BenchScene:
+        """The same before another camera of the experiment's rig."""
+        views = self.experiment.views
+        if camera not in views:
+            raise InputError(where, f"no camera {camera!r}", f"use {', '.join(views)}")
+        return replace(self, experiment=views[camera], shot=views[camera].shot(self.shot.name))
+
     def refusal(self, pattern: Pattern) -> str | None:
-        """Why the experiment's projector cannot show a pattern."""
         grey = any(grey_reason(p) for shot in self.experiment.shots for p in shot.patterns)
         return None if grey else refuse_grey(pattern)
 
     def frame(self, pattern: Pattern, seed: int) -> Pixels:
-        """Render the scene lit by a pattern."""
         return self._prepared.frame(pattern, seed)
 
     def frame_lines(self, columns: Lines, rows: Lines, seed: int) -> Pixels:
-        """Render the scene lit by column lines XOR row lines."""
         return self._prepared.frame_lines(columns.astype(np.float64), rows.astype(np.float64), seed)
 
     @cached_property
@@ -62,13 +62,7 @@ class BenchScene:
 
 
 def bench_scene(address: Address, seed: int) -> BenchScene:
-    """Find the scene that a URL names: ``SCENARIO?shot=NAME``, or ``SCENARIO?pose=3`` for the third testfield.
-
-    Raises
-    ------
-    InputError
-        For a scenario or a capture that does not exist.
-    """
+    """Find the scene that a URL names: ``SCENARIO?shot=NAME``, or ``SCENARIO?pose=3`` for the third testfield."""
     if address.place not in scenarios():
         raise InputError(address.url, f"scene {address.place!r}", f"use flat, {', '.join(scenarios())}")
     made = experiment(address.place, seed)

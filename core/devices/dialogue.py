@@ -34,8 +34,8 @@ class Dialogue:
     `asked` counts the questions, `repeats` those that had to be put again, `heard` the last bytes that came.
     """
 
-    def __init__(self, url: str, profile: Profile, note: Note = no_note, name: str = "") -> None:
-        self.name = name or f"projector {profile.name} on {url}"
+    def __init__(self, url: str, profile: Profile, note: Note = no_note) -> None:
+        self.name = f"projector {profile.name} on {url}"
         self.url, self.profile, self.note = url, profile, note
         self.cancel: Check = no_check  # of the call that is under way
         self.asked, self.repeats = 0, 0
@@ -169,13 +169,7 @@ class Dialogue:
 
     @property
     def up(self) -> Link:
-        """The line.
-
-        Raises
-        ------
-        LineDownError
-            If it has been closed.
-        """
+        """The line."""
         if self._link is None:
             raise LineDownError(self.name, "the line is closed", "open the projector again")
         return self._link

@@ -31,7 +31,6 @@ class Emulator:
 
     Parameters
     ----------
-    profile : Profile
     stage : Stage
         What its light falls on.
     faults : Faults

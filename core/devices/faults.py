@@ -47,7 +47,6 @@ class Faults:
         Probability of each fault by name.
     at : mapping
         Opportunity number (0, 1, ...) to the fault that happens there, for certain.
-    seed : int
 
     Examples
     --------
@@ -85,11 +84,6 @@ class Faults:
 
 def parse_faults(text: str, known: Mapping[str, str], where: str, seed: int = 0) -> Faults:
     """Read ``name:rate,name@number,...``; the number counts opportunities from 0.
-
-    Raises
-    ------
-    InputError
-        For an unknown name or a rate outside 0 to 1.
 
     Examples
     --------

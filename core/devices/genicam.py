@@ -44,8 +44,6 @@ class GenicamCamera:
         The camera's serial number, or its number in the list: 0, 1, ...
     producer : str
         Path of the maker's producer file (.cti).
-    exposure_us : float, optional
-    gain : float, optional
     gamma : float
         What is set where the camera has a gamma. All that is automatic is switched off.
     pixel_format : str
@@ -98,27 +96,22 @@ class GenicamCamera:
 
     @property
     def bits(self) -> int:
-        """How many bits of a grey value are used."""
         digits = "".join(c for c in str(self._nodes.PixelFormat.value) if c.isdigit())
         return int(digits)
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height in px."""
         return int(self._nodes.Width.value), int(self._nodes.Height.value)
 
     @property
     def setting(self) -> Setting:
-        """The exposure time."""
         return Setting("exposure_us", "exposure", "µs", 1e6 * self._exposure_s())
 
     def adjust(self, value: float) -> Setting:
-        """Set the exposure time and read it back."""
-        self._expose("Exposure", value)
+        self._wanted("ExposureTime", value)
         return self.setting
 
     def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
-        """Take one image."""
         if self._acquirer is None:
             raise DeviceError(self.name, "closed", "open it again")
         if self._triggered:
@@ -141,7 +134,6 @@ class GenicamCamera:
         raise DeviceError(self.name, f"{_MOST} images from the buffer", "set a lower frame rate or a software trigger")
 
     def arm(self, count: int) -> None:
-        """Be ready for triggers on the line."""
         self._switch(self._line)
         self._unfinished = False
 
@@ -246,9 +238,9 @@ class GenicamCamera:
             self._wanted("GammaEnable", gamma != 1.0)
         if hasattr(self._nodes, "Gamma") and (gamma != 1.0 or not hasattr(self._nodes, "GammaEnable")):
             self._wanted("Gamma", gamma)
-        for node, value in (("Exposure", exposure_us), ("Gain", gain)):
+        for node, value in (("ExposureTime", exposure_us), ("Gain", gain)):
             if value is not None:
-                self._expose(node, value)
+                self._wanted(node, value)
         self._triggered = hasattr(self._nodes, "TriggerSoftware") and hasattr(self._nodes, "TriggerMode")
         if self._triggered:
             for node, text in (("TriggerSelector", "FrameStart"), ("TriggerSource", "Software"), ("TriggerMode", "On")):
@@ -256,10 +248,6 @@ class GenicamCamera:
                     self._wanted(node, text)
         else:
             self.note(self.name, "has no software trigger and runs freely")
-
-    def _expose(self, node: str, value: float) -> None:
-        """Set exposure or gain."""
-        self._wanted("ExposureTime" if node == "Exposure" else node, value)
 
     def _wanted(self, node: str, value: Any) -> None:
         """Set a node and read it back."""

@@ -14,12 +14,7 @@ def is_hid(place: str) -> bool:
 
 
 class HidPort:
-    """A HID device.
-
-    Raises
-    ------
-    OSError
-    """
+    """A HID device."""
 
     def __init__(self, place: str, wait_s: float) -> None:
         self.wait_s = wait_s
@@ -41,5 +36,4 @@ class HidPort:
         return data
 
     def close(self) -> None:
-        """Let the device go."""
         os.close(self._file)

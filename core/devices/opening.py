@@ -121,8 +121,15 @@ def _virtual_camera(address: Address, note: Note, check: Check) -> Camera:
     )
     exposure_s = address.real("exposure_ms", 0.0, 0.0, 60_000.0) / 1000
     gain = address.real("gain", 1.0, 0.01, 100.0)
+    name, scene = address.text("camera", ""), stage.scene
+    if name:
+        from core.devices.benchscene import BenchScene
+
+        if not isinstance(scene, BenchScene):
+            raise InputError(address.url, f"camera {name!r}", "name none: this scene has one camera")
+        scene = scene.seen_by(name, address.url)
     address.finish()
-    return VirtualCamera(stage, exposure_s, faults, gain)
+    return VirtualCamera(stage, exposure_s, faults, gain, scene)
 
 
 def _folder(address: Address, note: Note, check: Check) -> Camera:

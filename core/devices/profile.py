@@ -176,12 +176,7 @@ class Entries(Fields):
         return Entries(value, f"{self.file}: {path}", self.lines, path, self.file)
 
     def finish(self, known: Iterable[str] = ()) -> None:
-        """Refuse what nobody asked for, with the nearest key that exists.
-
-        Raises
-        ------
-        InputError
-        """
+        """Refuse what nobody asked for, with the nearest key that exists."""
         allowed = self.asked | set(known)
         for key in self.data:
             if key not in allowed:

@@ -214,13 +214,7 @@ def check_sequence(projector: Projector, patterns: Sequence[Pattern], check: Che
 
 
 def pattern_at(projector: Projector, loaded: Sequence[Pattern], index: int) -> Pattern:
-    """Give a pattern of the loaded sequence.
-
-    Raises
-    ------
-    DeviceError
-        If it has none of that number.
-    """
+    """Give a pattern of the loaded sequence."""
     if not 0 <= index < len(loaded):
         raise DeviceError(projector.name, f"step to pattern {index} of {len(loaded)}", "load the sequence first")
     return loaded[index]

@@ -58,7 +58,6 @@ class SerialProjector:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Columns and rows, in lines."""
         return self.profile.columns, self.profile.rows
 
     @property
@@ -67,7 +66,6 @@ class SerialProjector:
         return self.dialogue.repeats, self.dialogue.asked
 
     def refusal(self, pattern: Pattern) -> str | None:
-        """Why this pattern cannot be shown."""
         profile = self.profile
         if "load" in profile.commands:
             if len(profile.plates) == 1 and axis_of(pattern) not in (None, profile.axis):
@@ -78,20 +76,17 @@ class SerialProjector:
         return None if f"show-{pattern.kind}" in profile.commands else f"the profile has no command show-{pattern.kind}"
 
     def show(self, pattern: Pattern, check: Check = no_check) -> None:
-        """Load one pattern and show it."""
         if self._loaded != (pattern,):
             self.load([pattern], check)
         self.step(0, check)
 
     def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
-        """Store a sequence in the device."""
         self._check_open()
         self._loaded = check_sequence(self, patterns, check)
         if "load" in self.profile.commands:
             self._recovering(self._send_sequence, check, reload=False)
 
     def step(self, index: int, check: Check = no_check) -> None:
-        """Show a pattern of the loaded sequence."""
         self._check_open()
         pattern = pattern_at(self, self._loaded, index)
         if not self.profile.stored and "load" not in self.profile.commands:
@@ -108,7 +103,6 @@ class SerialProjector:
         self._shown = -1
 
     def close(self) -> None:
-        """Let the line go."""
         self._open = False
         self.dialogue.close()
 

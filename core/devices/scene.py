@@ -87,17 +87,14 @@ class FlatScene:
         object.__setattr__(self, "maps", (u, v, np.where(dots, 0.45, 1.0) * (0.9 - 0.25 * s * t)))
 
     def refusal(self, pattern: Pattern) -> str | None:
-        """Why the projector cannot show a pattern."""
         return None if self.grey else refuse_grey(pattern)
 
     def frame(self, pattern: Pattern, seed: int) -> Pixels:
-        """Render the board lit by a pattern, shape (H, W)."""
         axis = axis_of(pattern) or "x"
         lines = brightness(pattern, np.arange(self.projector_size[0 if axis == "x" else 1]))
         return self._expose(self._sample(lines, axis), seed)
 
     def frame_lines(self, columns: Lines, rows: Lines, seed: int) -> Pixels:
-        """Render the board lit by column lines XOR row lines, shape (H, W)."""
         a, b = self._sample(columns.astype(float), "x"), self._sample(rows.astype(float), "y")
         return self._expose(a + b - 2 * a * b, seed)
 

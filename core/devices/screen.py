@@ -48,13 +48,7 @@ def offer_screens(screens: Screens | None) -> None:
 
 
 def open_surface(number: int) -> Surface:
-    """Open the window on a screen.
-
-    Raises
-    ------
-    DeviceError
-        If the program has no windows.
-    """
+    """Open the window on a screen."""
     if not _screens:
         raise DeviceError(
             f"screen:{number}", "no window here to show patterns in", "start the capture from the desktop program"
@@ -110,15 +104,12 @@ class ScreenProjector:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Columns and rows: the screen's pixels."""
         return self._size
 
     def refusal(self, pattern: Pattern) -> str | None:
-        """Nothing is refused."""
         return None
 
     def show(self, pattern: Pattern, check: Check = no_check) -> None:
-        """Show one pattern."""
         if not self._open:
             raise DeviceError(self.name, "closed", "open it again")
         if self.surface.size != self._size:
@@ -131,15 +122,12 @@ class ScreenProjector:
         self.surface.present(screen_image(pattern, *self._size, self.gamma))
 
     def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
-        """Store a sequence."""
         self._loaded = check_sequence(self, patterns, check)
 
     def step(self, index: int, check: Check = no_check) -> None:
-        """Show a pattern of the loaded sequence."""
         self.show(pattern_at(self, self._loaded, index))
 
     def close(self) -> None:
-        """Take the window away."""
         if self._open:
             self._open = False
             self.surface.close()

@@ -34,7 +34,6 @@ class ReplayScene:
         self.projector_size = (spec.width, spec.height)
 
     def refusal(self, pattern: Pattern) -> str | None:
-        """Why a pattern cannot be replayed."""
         return None if pattern in self._frames else f"the capture {self.folder.name} holds no frame of this pattern"
 
     def frame(self, pattern: Pattern, seed: int) -> Pixels:
@@ -54,7 +53,6 @@ class FolderCamera:
 
     Parameters
     ----------
-    folder : Path
     bits : int
         How many bits of a grey value the camera uses; 0: all that the file has.
     quiet_s : float
@@ -73,16 +71,13 @@ class FolderCamera:
 
     @property
     def bits(self) -> int:
-        """How many bits of a grey value are used."""
         return self._bits or 8
 
     @property
     def size(self) -> tuple[int, int] | None:
-        """Width and height of the images so far."""
         return self._size
 
     def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
-        """Wait for a file that was not there before this call, and read it once it is complete."""
         start = time.monotonic()
         end = start + timeout_s + self.latency_s
         if self.latency_s:

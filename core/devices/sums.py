@@ -40,7 +40,7 @@ class CheckSum:
         if self.kind == "xor":
             return reduce(int.__xor__, data, self.init)
         value, top = self.init, 1 << (self.bits - 1) if self.bits else 0
-        poly = _mirrored(self.poly, self.bits) if self.reflect else self.poly
+        poly = int(f"{self.poly:0{self.bits}b}"[::-1], 2) if self.reflect else self.poly
         for byte in data if self.bits else b"":
             value ^= byte if self.reflect else byte << (self.bits - 8)
             for _ in range(8):
@@ -49,10 +49,6 @@ class CheckSum:
                 else:
                     value = ((value << 1) ^ (poly if value & top else 0)) & mask
         return value ^ self.xor
-
-
-def _mirrored(value: int, bits: int) -> int:
-    return int(f"{value:0{bits}b}"[::-1], 2)
 
 
 CHECKS = {

@@ -117,7 +117,6 @@ class TextTemplate:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Names of the fields, in their order."""
         return tuple(m[1] for m in _FIELD.finditer(self.text))
 
     @property
@@ -135,7 +134,6 @@ class TextTemplate:
         return _FIELD.sub(lambda m: _as_text((f := self._field(m)).value(values), f.form), self.text).encode("ascii")
 
     def match(self, body: bytes) -> dict[str, Value] | None:
-        """Read the values from a line; None if it is of another form."""
         parts, end, fields = [], 0, []
         for m in _FIELD.finditer(self.text):
             parts.append(re.escape(self.text[end : m.start()]))
@@ -166,12 +164,10 @@ class ByteTemplate:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Names of the fields, in their order."""
         return tuple(m[1] for m in _FIELD.finditer(self.text))
 
     @property
     def sizes(self) -> tuple[int | None, int | None]:
-        """Bytes of the head and of the body; None where the length is not fixed."""
         head, bar, body = self.text.partition("|")
         return (self._size(head), self._size(body)) if bar else (0, self._size(head))
 
@@ -198,7 +194,6 @@ class ByteTemplate:
         return self.lengths.get(f.name)
 
     def fill(self, values: Values) -> bytes:
-        """Write the values in."""
         out = b""
         for token in self._tokens(self.text):
             if isinstance(token, bytes):
@@ -215,7 +210,6 @@ class ByteTemplate:
         return out
 
     def match(self, body: bytes) -> dict[str, Value] | None:
-        """Read the values from bytes; None if they are of another form."""
         values: dict[str, Value] = {}
         at = 0
         for token in self._tokens(self.text):

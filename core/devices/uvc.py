@@ -36,7 +36,6 @@ class UvcCamera:
         Wanted size in px; 0: the device's own.
     exposure : float, optional
         In the unit of the device's driver (Video4Linux: 0.1 ms). Automatic exposure and white balance are switched off.
-    gain, gamma : float, optional
     fourcc : str
         Wanted format, such as "GREY", "Y16 " or "YUYV"; empty: the device's own.
     bits : int
@@ -93,12 +92,10 @@ class UvcCamera:
 
     @property
     def bits(self) -> int:
-        """How many bits of a grey value are used."""
         return self._bits
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height in px."""
         return self._size
 
     @property
@@ -107,8 +104,7 @@ class UvcCamera:
         return Setting("exposure", "exposure", "", float(self._capture.get(cv2.CAP_PROP_EXPOSURE)))
 
     def adjust(self, value: float) -> Setting:
-        """Set the exposure and read it back."""
-        self._expose(value)
+        self._wanted("exposure", cv2.CAP_PROP_EXPOSURE, value)
         return self.setting
 
     def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
@@ -145,43 +141,28 @@ class UvcCamera:
         self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         if fourcc:
             code = cv2.VideoWriter.fourcc(*fourcc.ljust(4)[:4])
-            self._wanted("format", cv2.CAP_PROP_FOURCC, float(code), lambda v: _fourcc_text(v))
+            self._wanted("format", cv2.CAP_PROP_FOURCC, float(code), _fourcc_text)
             if fourcc.strip() in ("Y16", "GREY"):
                 self._capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
-        if width:
-            self._wanted("width", cv2.CAP_PROP_FRAME_WIDTH, float(width))
-        if height:
-            self._wanted("height", cv2.CAP_PROP_FRAME_HEIGHT, float(height))
+        for what, side in (("width", width), ("height", height)):
+            if side:
+                self._wanted(what, getattr(cv2, f"CAP_PROP_FRAME_{what.upper()}"), float(side))
         self._capture.set(cv2.CAP_PROP_AUTO_WB, 0)
         self._by_hand()
-        if exposure is not None:
-            self._expose(exposure)
-        if gain is not None:
-            self._wanted("gain", cv2.CAP_PROP_GAIN, gain)
-        if gamma is not None:
-            self._wanted("gamma", cv2.CAP_PROP_GAMMA, gamma)
-        found = [
-            (n, self._capture.get(k)) for n, k in (("exposure", cv2.CAP_PROP_EXPOSURE), ("gain", cv2.CAP_PROP_GAIN))
-        ]
-        found.append(("gamma", self._capture.get(cv2.CAP_PROP_GAMMA)))
-        self.note(self.name, "found " + ", ".join(f"{name} {value:g}" for name, value in found))
+        settings = (("exposure", exposure), ("gain", gain), ("gamma", gamma))
+        keys = {what: getattr(cv2, f"CAP_PROP_{what.upper()}") for what, _ in settings}
+        for what, value in settings:
+            if value is not None:
+                self._wanted(what, keys[what], value)
+        self.note(self.name, "found " + ", ".join(f"{what} {self._capture.get(key):g}" for what, key in keys.items()))
 
     def _by_hand(self) -> None:
-        """Switch automatic exposure off, which changes the light from frame to frame.
-
-        Raises
-        ------
-        DeviceError
-            If it stays on.
-        """
+        """Switch automatic exposure off, which changes the light from frame to frame."""
         for manual in MANUAL:
             self._capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, manual)
             if self._capture.get(cv2.CAP_PROP_AUTO_EXPOSURE) not in AUTOMATIC:
                 return
         raise DeviceError(self.name, "automatic exposure stays on", "switch it off by the camera's own program")
-
-    def _expose(self, exposure: float) -> None:
-        self._wanted("exposure", cv2.CAP_PROP_EXPOSURE, exposure)
 
     def _wanted(self, what: str, key: int, value: float, text: Callable[[float], str] = "{:g}".format) -> None:
         """Set something and read it back."""

@@ -45,13 +45,13 @@ class Stage:
         self.shown: list[tuple[float, Light]] = []  # by the projector's own clock, and since when
         self.patient = True  # whoever runs thousands of sequences need not wait for them
 
-    def at(self, moment_s: float) -> Pixels:
+    def at(self, moment_s: float, scene: Scene | None = None) -> Pixels:
         """Take an image in the light of a moment while the projector ran by its own clock."""
         light: Light = next((light for since, light in reversed(self.shown) if since <= moment_s), Black())
         with self._lock:
             self._now = light
             self._steady_s = 0.0
-        return self.expose()
+        return self.expose(scene)
 
     def switch(self, light: Light, delay_s: float = 0.0) -> None:
         """Let the light change; it is steady after `delay_s` and the switching time."""
@@ -59,14 +59,18 @@ class Stage:
             self._before, self._now = self._now, light
             self._steady_s = time.monotonic() + delay_s + self.switching_s
 
-    def expose(self) -> Pixels:
-        """Take an image of the scene in the light of this moment; while the light changes, of the one before."""
+    def expose(self, scene: Scene | None = None) -> Pixels:
+        """Take an image of the scene in the light of this moment; while the light changes, of the one before.
+
+        `scene` is the same before another camera.
+        """
         with self._lock:
             light = self._now if time.monotonic() >= self._steady_s else self._before
             seed, self._exposures = self.seed * 100_003 + self._exposures, self._exposures + 1
+        seen = scene or self.scene
         if isinstance(light, tuple):
-            return self.scene.frame_lines(*light, seed)
-        return self.scene.frame(light, seed)
+            return seen.frame_lines(*light, seed)
+        return seen.frame(light, seed)
 
 
 class VirtualProjector:
@@ -82,30 +86,24 @@ class VirtualProjector:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Columns and rows, in lines."""
         return self.stage.scene.projector_size
 
     def refusal(self, pattern: Pattern) -> str | None:
-        """Why this pattern cannot be shown."""
         return self.stage.scene.refusal(pattern)
 
     def show(self, pattern: Pattern, check: Check = no_check) -> None:
-        """Show one pattern."""
         self._check_open()
         check_pattern(self, pattern)
         self.stage.switch(pattern)
 
     def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
-        """Store a sequence."""
         self._check_open()
         self._loaded = check_sequence(self, patterns, check)
 
     def step(self, index: int, check: Check = no_check) -> None:
-        """Show a pattern of the loaded sequence."""
         self.show(pattern_at(self, self._loaded, index))
 
     def run(self, check: Check = no_check) -> None:
-        """Show the loaded sequence by its own clock."""
         self._check_open()
         start = time.monotonic()
         self.stage.shown = [(start + k * self.period_s, p) for k, p in enumerate(self._loaded)]
@@ -113,7 +111,6 @@ class VirtualProjector:
             wait_until(start + len(self._loaded) * self.period_s, check)
 
     def close(self) -> None:
-        """Let go."""
         self._open = False
 
     def _check_open(self) -> None:
@@ -124,32 +121,36 @@ class VirtualProjector:
 class VirtualCamera:
     """A camera that looks at a stage, with faults on demand.
 
-    `gain` multiplies its grey values, as a camera's digital gain does.
+    `gain` multiplies its grey values, as a camera's digital gain does; `scene` is the stage's before another camera.
     """
 
-    def __init__(self, stage: Stage, exposure_s: float = 0.0, faults: Faults | None = None, gain: float = 1.0) -> None:
-        self.name, self.bits, self.exposure_s = "virtual camera", stage.scene.bits, exposure_s
+    def __init__(
+        self,
+        stage: Stage,
+        exposure_s: float = 0.0,
+        faults: Faults | None = None,
+        gain: float = 1.0,
+        scene: Scene | None = None,
+    ) -> None:
+        self.scene = scene or stage.scene
+        self.name, self.bits, self.exposure_s = "virtual camera", self.scene.bits, exposure_s
         self.stage, self.faults, self.gain = stage, faults or Faults(), gain
         self._previous: Pixels | None = None
         self._open, self.can_arm, self._number = True, True, 0
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height in px."""
-        return self.stage.scene.camera_size
+        return self.scene.camera_size
 
     @property
     def setting(self) -> Setting:
-        """The gain."""
         return Setting("gain", "gain", "", self.gain)
 
     def adjust(self, value: float) -> Setting:
-        """Set the gain."""
         self.gain = value
         return self.setting
 
     def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
-        """Take one image."""
         if not self._open:
             raise DeviceError(self.name, "closed", "open it again")
         start = time.monotonic()
@@ -158,7 +159,7 @@ class VirtualCamera:
             raise DeviceError(
                 self.name, f"no image within {timeout_s:g} s", "check the camera's cable, trigger and exposure time"
             )
-        pixels = self._amplified(self.stage.expose())
+        pixels = self._amplified(self.stage.expose(self.scene))
         wait_until(start + self.exposure_s, check)
         previous, self._previous = self._previous, pixels
         if fault == "stale-frame" and previous is not None:
@@ -169,7 +170,6 @@ class VirtualCamera:
         return Image(pixels, self.bits, start)
 
     def arm(self, count: int) -> None:
-        """Be ready for triggers."""
         self.stage.shown = []
 
     def collect(self, count: int, timeout_s: float, check: Check = no_check) -> list[Image]:
@@ -185,7 +185,9 @@ class VirtualCamera:
                 moments.append(moments[0] + 0.2 * half)
             for moment in [] if fault == "lost-trigger" else moments:
                 self._number += 1
-                images.append(Image(self._amplified(self.stage.at(moment)), self.bits, moment, self._number))
+                images.append(
+                    Image(self._amplified(self.stage.at(moment, self.scene)), self.bits, moment, self._number)
+                )
         return images
 
     def _amplified(self, pixels: Pixels) -> Pixels:
@@ -194,5 +196,4 @@ class VirtualCamera:
         return np.clip(np.rint(pixels * self.gain), 0, (1 << self.bits) - 1).astype(pixels.dtype)
 
     def close(self) -> None:
-        """Let go."""
         self._open = False

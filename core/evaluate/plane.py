@@ -22,7 +22,6 @@ class Plane:
     ----------
     normal : array, shape (3,)
         Unit normal, towards the origin (the camera) for a plane the camera sees.
-    offset_mm : float
     """
 
     normal: Array
@@ -42,10 +41,6 @@ def fit_plane(points: ArrayLike, *, where: str = "plane") -> Plane:
         In mm, in the camera's frame, all finite.
     where : str
         What the points belong to, for the message.
-
-    Returns
-    -------
-    plane : Plane
 
     Raises
     ------

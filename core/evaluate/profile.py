@@ -45,16 +45,10 @@ def read_profile(evaluation: PlaneEvaluation, spec: DeviceSpec, start: Pair, sto
 
     Parameters
     ----------
-    evaluation : PlaneEvaluation
     spec : DeviceSpec
         The camera's raster.
     start, stop : (u, v)
         Ends of the line in the camera's image, px; they may lie outside it.
-
-    Raises
-    ------
-    InputError
-        If the ends are less than a pixel apart.
 
     Notes
     -----
@@ -78,11 +72,6 @@ def read_profile(evaluation: PlaneEvaluation, spec: DeviceSpec, start: Pair, sto
 
 def line_across(deviations: Sequence[NDArray], start: Pair = (0.05, 0.5), stop: Pair = (0.95, 0.5)) -> Line:
     """Lay a line over the area in which any of several maps (H, W) has deviations; its ends are shares of that area.
-
-    Raises
-    ------
-    InputError
-        If there are no deviations at all.
 
     Examples
     --------

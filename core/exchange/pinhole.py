@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from core.errors import InputError
-from core.geometry import Pose, calibration_of_pair, pixel_to_image, ray_directions
-from core.geometry.lens import fitted
+from core.geometry import Pose, calibration_of_pair, distort, image_to_pixel, pair_of, pixel_to_image, project
+from core.geometry.lens import MAIN, fitted
 from core.model import (
     AdjustedDevice,
     Array,
@@ -21,9 +20,9 @@ from core.model import (
 )
 
 DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # in OpenCV's order
+VALUES = ("fx", "fy", "cx", "cy", *DISTORTION)
 LIMIT_PX = 0.1  # r.m.s. that a fit may leave: what centroids of targets are measured to at worst
 SAME_PX = 0.005  # r.m.s. below which our own lens model says the same
-GRID = 28  # places along each side of the image
 FLIP = np.diag([1.0, -1.0, -1.0])
 MODEL = "brown"
 
@@ -53,23 +52,17 @@ class Pinhole:
 
 @dataclass(frozen=True)
 class Pair:
-    """Camera and projector, and the projector's pose from the camera's: ``X_p = R X_c + t``, OpenCV's axes, mm."""
+    """Camera and projector, and the projector's pose from the camera's: ``X_p = R X_c + t``, OpenCV's axes, mm.
+
+    `covariance` (30, 30), where it is known, is that of `VALUES` of the camera, of the projector, of a small rotation
+    after R and of t.
+    """
 
     camera: Pinhole
     projector: Pinhole
     rotation: Array
     translation_mm: Array
-
-
-def project_pinhole(p: Pinhole, tangents: Array) -> Array:
-    """Pixel coordinates, (n, 2), of directions (X/Z, Y/Z), (n, 2)."""
-    k1, k2, p1, p2, k3, k4, k5, k6 = p.distortion
-    x, y = tangents[:, 0], tangents[:, 1]
-    r2 = x * x + y * y
-    d = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-    xd = x * d + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    yd = y * d + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    return np.stack([p.fx * xd + p.cx, p.fy * yd + p.cy], axis=1)
+    covariance: Array | None = None
 
 
 def fit_pair(calibration: PhotogrammetricCalibration, free: Sequence[str]) -> Pair:
@@ -80,54 +73,82 @@ def fit_pair(calibration: PhotogrammetricCalibration, free: Sequence[str]) -> Pa
     InputError
         If the model cannot hold a device to `LIMIT_PX`.
     """
-    pose = calibration.projector_from_camera
-    return Pair(
-        fit_device("camera", calibration.camera.spec, calibration.camera.interior, free),
-        fit_device("projector", calibration.projector.spec, calibration.projector.interior, free),
-        FLIP @ pose.rotation @ FLIP,
-        FLIP @ pose.translation_mm,
-    )
+    pair = pair_of(calibration)
+    pose = pair.projector_from_camera
+    own = pair.camera, pair.projector
+    found = [fit_device(n, d.spec, d.interior, free) for n, d in zip(("camera", "projector"), own, strict=True)]
+    covariance = None
+    if np.any(np.diagonal(pair.covariance) > 0):
+        use = [k for k, n in enumerate(VALUES) if n not in DISTORTION or n in free]
+        L = _joined(*(_carried(_ours(d), _theirs(p), p, use) for d, p in zip(own, found, strict=True)))
+        covariance = L @ pair.covariance @ L.T
+    return Pair(found[0], found[1], FLIP @ pose.rotation @ FLIP, FLIP @ pose.translation_mm, covariance)
+
+
+Way = tuple[Array, Callable[[Array, Array], Array]]  # parameters, and pixels (n, 2) by parameters and tangents (n, 2)
+
+
+def _ours(device: AdjustedDevice) -> Way:
+    at, spec = device.interior, device.spec
+
+    def seen(values: Array, tangents: Array) -> Array:
+        interior = Interior.from_vector(values, at.r0_mm, at.model)
+        return project(spec, interior, np.column_stack([tangents * (1, -1), -np.ones(len(tangents))]))
+
+    return at.vector, seen
+
+
+def _theirs(p: Pinhole) -> Way:
+    def seen(values: Array, tangents: Array) -> Array:
+        lens = Interior(1.0, 0.0, 0.0, (*values[4:].tolist(), 0.0), 1.0, MODEL)
+        return values[2:4] + values[:2] * (1, -1) * distort(lens, tangents * (1, -1))
+
+    return np.array([p.fx, p.fy, p.cx, p.cy, *p.distortion]), seen
+
+
+def _carried(of: Way, to: Way, p: Pinhole, use: Sequence[int] | None = None) -> Array:
+    """How those parameters of a model that are in `use` follow another's, (n, m), so that the image stays the same."""
+    u, v = np.meshgrid(np.linspace(0, p.width - 1, 15), np.linspace(0, p.height - 1, 15))
+    tangents = np.column_stack([(u.ravel() - p.cx) / p.fx, (v.ravel() - p.cy) / p.fy])
+    a, b = (_derivatives(way, tangents) for way in (of, to))
+    chosen = np.arange(b.shape[1]) if use is None else np.array(use)
+    scale, found = np.linalg.norm(b[:, chosen], axis=0), np.zeros((b.shape[1], a.shape[1]))
+    found[chosen] = np.linalg.lstsq(b[:, chosen] / scale, a, rcond=None)[0] / scale[:, None]
+    return found
+
+
+def _joined(camera: Array, projector: Array) -> Array:
+    """How all parameters of a pair follow those of another, the orientation's too."""
+    blocks = (camera, projector, FLIP, FLIP)
+    ends = np.cumsum([block.shape for block in blocks], axis=0)
+    L = np.zeros(ends[-1])
+    for block, (n, m) in zip(blocks, ends, strict=True):
+        L[n - len(block) : n, m - block.shape[1] : m] = block
+    return L
+
+
+def _derivatives(way: Way, tangents: Array) -> Array:
+    values, seen = way
+    steps = np.diag(1e-6 * np.maximum(np.abs(values), 1e-2))
+    both = [
+        (seen(values + step, tangents) - seen(values - step, tangents)).ravel() / (2 * step.sum()) for step in steps
+    ]
+    return np.stack(both, axis=1)
 
 
 def fit_device(name: str, spec: DeviceSpec, interior: Interior, free: Sequence[str]) -> Pinhole:
     """Fit this model to a device over its whole image."""
-    u, v = np.meshgrid(np.linspace(0, spec.width - 1, GRID), np.linspace(0, spec.height - 1, GRID))
-    uv = np.stack([u.ravel(), v.ravel()], axis=1)
-    rays = ray_directions(spec, interior, uv)
-    use = np.isfinite(rays).all(axis=1)
-    uv, tangents = uv[use], rays[use, :2] * (1.0, -1.0)
-    chosen = [DISTORTION.index(n) for n in free]
-    scale = np.array([spec.width, spec.width, spec.width, spec.width, *[1.0] * len(chosen)])
-
-    def made(x: Array) -> Pinhole:
-        k = np.zeros(8)
-        k[chosen] = x[4:]
-        fx, fy, cx, cy = x[:4] * scale[:4]
-        return Pinhole(name, spec.width, spec.height, fx, fy, cx, cy, tuple(k.tolist()))
-
-    c = interior.c_mm / np.array(spec.pitch_mm)
-    start = np.array([*c, (spec.width - 1) / 2, (spec.height - 1) / 2]) / scale[:4]
-    found = least_squares(
-        lambda x: (project_pinhole(made(x), tangents) - uv).ravel(),
-        np.concatenate([start, np.zeros(len(chosen))]),
-        x_scale="jac",
-        xtol=1e-15,
-        ftol=1e-15,
-        gtol=1e-15,
-    )
-    off = np.hypot(*found.fun.reshape(-1, 2).T)
-    rms = float(np.sqrt(np.mean(off**2)))
+    found, rms = fitted(spec, interior, MODEL, (*MAIN, *free, "b1"))
     if not rms <= LIMIT_PX:
         raise InputError(
             f"{name} of the calibration",
             f"with {', '.join(free) or 'no distortion'} alone it is off by {rms:.3g} px r.m.s., more than {LIMIT_PX:g}",
             "choose a format with more distortion parameters, such as opencv",
         )
-    return replace(_plain(made(found.x)), rms_px=rms)
-
-
-def _plain(p: Pinhole) -> Pinhole:
-    return replace(p, fx=float(p.fx), fy=float(p.fy), cx=float(p.cx), cy=float(p.cy))
+    *k, b1 = found.a
+    fx, fy = found.c_mm * (1 + b1) / spec.pitch_mm[0], found.c_mm / spec.pitch_mm[1]
+    cx, cy = image_to_pixel(spec, [found.x0_mm, found.y0_mm]).tolist()
+    return Pinhole(name, spec.width, spec.height, fx, fy, cx, cy, tuple(k), rms)
 
 
 def device_from(p: Pinhole, spec: DeviceSpec) -> AdjustedDevice:
@@ -161,21 +182,23 @@ def pair_to_calibration(
 ) -> PhotogrammetricCalibration:
     """Make a calibration of this program's from a pair that another one calibrated."""
     devices = device_from(pair.camera, camera), device_from(pair.projector, projector)
-    size = sum(len(d.interior.vector) for d in devices) + 6
     R = FLIP @ pair.rotation @ FLIP
     if not (np.isfinite(R).all() and np.abs(R @ R.T - np.eye(3)).max() < 1e-4 and np.linalg.det(R) > 0):
         raise InputError(source, "the rotation from camera to projector is none", "export it again")
     U, _, Vt = np.linalg.svd(R)
+    theirs = pair.camera, pair.projector
+    L = _joined(*(_carried(_theirs(p), _ours(d), p) for p, d in zip(theirs, devices, strict=True)))
+    known = pair.covariance is not None
+    covariance = L @ pair.covariance @ L.T if pair.covariance is not None else np.zeros((len(L), len(L)))
+    sigma = np.sqrt(np.maximum(np.diagonal(covariance), 0))
+    parts = np.split(sigma, np.cumsum([len(d.interior.vector) for d in devices]))
+    unknown = (
+        f"imported from {source}, which tells no sigmas: those of points are of the phase alone; judge it by a plane"
+    )
     return calibration_of_pair(
-        camera=devices[0],
-        projector=devices[1],
+        camera=replace(devices[0], sigma=parts[0]),
+        projector=replace(devices[1], sigma=parts[1]),
         projector_from_camera=Pose(U @ Vt, FLIP @ np.asarray(pair.translation_mm, float)),
-        covariance=np.zeros((size, size)),
-        sigma0=1.0,
-        stations=0,
-        image_points=0,
-        object_points=0,
-        redundancy=0,
-        object_sigma_rms_um=(0.0, 0.0, 0.0),
-        verdict=Verdict("doubtful", (f"imported from {source}: its sigmas are not known, judge it by a plane",)),
+        covariance=covariance,
+        verdict=Verdict("passed" if known else "doubtful", (f"imported from {source}" if known else unknown,)),
     )

@@ -14,7 +14,6 @@ from core.geometry.pairs import calibration_of_pair, pair_for, pair_of, perturbe
 from core.geometry.projection import Projection, project_with_derivatives
 from core.geometry.rotation import (
     Pose,
-    angle_of_rotation,
     cross_matrix,
     matrix_from_axis_angle,
     matrix_from_rotation_vector,
@@ -26,7 +25,6 @@ __all__ = [
     "Lens",
     "Pose",
     "Projection",
-    "angle_of_rotation",
     "at_radius",
     "calibration_of_pair",
     "cross_matrix",

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.geometry.lens import lens_of
-from core.geometry.rotation import Pose, cross_matrix, matrix_from_rotation_vector
-from core.model import AdjustedDevice, Capture, Interior, Orientation, Pair, PhaseMap, PhotogrammetricCalibration
+from core.geometry.rotation import Pose, cross_matrix
+from core.model import AdjustedDevice, Capture, Orientation, Pair, PhaseMap, PhotogrammetricCalibration
 
 Array = NDArray[np.float64]
 
@@ -89,13 +89,7 @@ def pair_of(calibration: PhotogrammetricCalibration | Pair, camera: str = "", pr
 
 
 def pair_for(phase: PhaseMap | Capture, calibration: PhotogrammetricCalibration | Pair) -> Pair:
-    """Take the pair out of a calibration that a phase map or capture names; the only one where there is no choice.
-
-    Raises
-    ------
-    InputError
-        If the calibration does not know it.
-    """
+    """Take the pair out of a calibration that a phase map or capture names; the only one where there is no choice."""
     if isinstance(calibration, Pair):
         return calibration
     camera = phase.camera if len(calibration.cameras) > 1 else ""
@@ -139,11 +133,12 @@ def calibration_of_pair(
 
 def perturbed(pair: Pair, change: Array) -> Pair:
     """Add a change, shape (k,) in the order of the covariance, to camera, projector and their orientation."""
-    parts = np.split(change, np.cumsum([len(d.interior.vector) for d in (pair.camera, pair.projector)]))
-    camera, projector = (
-        replace(d, interior=Interior.from_vector(d.interior.vector + part, d.interior.r0_mm, d.interior.model))
-        for d, part in zip((pair.camera, pair.projector), parts[:2], strict=True)
+    camera, projector = pair.camera, pair.projector
+    k = len(camera.interior.vector)
+    of_camera, of_projector, of_pose = np.split(change, [k, k + len(projector.interior.vector)])
+    return Pair(
+        replace(camera, interior=camera.interior.changed(of_camera)),
+        replace(projector, interior=projector.interior.changed(of_projector)),
+        pair.projector_from_camera.changed(of_pose),
+        pair.covariance,
     )
-    pose = pair.projector_from_camera
-    turned = Pose(matrix_from_rotation_vector(parts[2][:3]) @ pose.rotation, pose.translation_mm + parts[2][3:])
-    return Pair(camera, projector, turned, pair.covariance)

@@ -67,11 +67,6 @@ def rotation_vector_from_matrix(matrix: ArrayLike) -> Array:
     return 2.0 * np.arctan2(sine, q[3]) / sine * q[:3]
 
 
-def angle_of_rotation(matrix: ArrayLike) -> float:
-    """Angle in rad (0 to pi) by which a rotation matrix (shape (3, 3)) turns."""
-    return float(np.linalg.norm(rotation_vector_from_matrix(matrix)))
-
-
 @dataclass(frozen=True)
 class Pose:
     """A rigid movement ``X_a = R X_b + t``; name the variable ``a_from_b``.
@@ -101,6 +96,11 @@ class Pose:
     def inverse(self) -> Pose:
         """Give the movement from frame a to frame b."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation_mm)
+
+    def changed(self, change: Array) -> Pose:
+        """Turn from the left by a rotation vector (rad) and shift (mm), shape (6,) together."""
+        turn = matrix_from_rotation_vector(change[:3])
+        return Pose(turn @ self.rotation, self.translation_mm + change[3:])
 
     def __matmul__(self, other: Pose) -> Pose:
         """Chain: ``a_from_b @ b_from_c`` is ``a_from_c``."""

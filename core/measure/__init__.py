@@ -1,7 +1,7 @@
 """From four picked targets to all visible ones: who is who, where exactly, and where the projector sees them.
 
 targets.py        `measure_targets`, the whole stage from top to bottom
-kinds/            what a kind of target is, one file each: dots
+kinds/            what a kind of target is, one file each: dots, rings, chessboard, tags
 estimators.py     how a dot's centre follows from its pixels, by name
 options.py        what an operator may choose
 board.py          the nominal testfield, checked, with everyone's neighbours
@@ -15,6 +15,7 @@ profile.py        contour, blur, background and plateau of every dot
 light.py          where the projector's light ends, in the camera's image
 faults.py         dots that must not be measured, and why
 centroid.py       weighted centroid, its covariance, the image's noise, the light's gradient
+rows.py           how far whole rows of the image are shifted
 eccentricity.py   the middle of an ellipse is not the image of the circle's centre
 projector.py      projector coordinates from the phase maps
 single.py         what an operator sees while picking: the dot at hand, the predicted grid
@@ -22,11 +23,13 @@ propose.py        a guess of the picks: the dots in order, laid onto the testfie
 recognise.py      an image that nobody picked
 turns.py          which way round the board was held, told for all images together
 missing.py        why a target was not measured, in words
+features.py       edges of the evenly lit image on the measured surface: holes, marks, lines
 kernels.py        the two loops over pixels
 """
 
 from core.measure.eccentricity import eccentricity, recentred
 from core.measure.estimators import ESTIMATORS
+from core.measure.features import FEATURES, measure_feature
 from core.measure.kinds import TARGET_KINDS, Marks, Sight, TargetKind, kind_of
 from core.measure.missing import EXCLUDED
 from core.measure.options import MeasureOptions
@@ -41,6 +44,7 @@ from core.measure.view import View
 __all__ = [
     "ESTIMATORS",
     "EXCLUDED",
+    "FEATURES",
     "SAME",
     "TARGET_KINDS",
     "Labelling",
@@ -55,6 +59,7 @@ __all__ = [
     "find_dots",
     "kind_of",
     "labellings",
+    "measure_feature",
     "measure_targets",
     "measured_view",
     "predicted_view",

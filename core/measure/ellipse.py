@@ -7,10 +7,6 @@ contrast C under the light L across it, with d the distance inwards from an elli
 the edge's blur s. Centre, shape (3), s, C, B and g are adjusted by the pixels' variances. No threshold cuts weights, so
 nothing depends on where in its pixel a dot lies; a weighted centroid keeps 0.002 to 0.005 px of that at 12 px
 diameter. A wrong blur or contrast is even about the centre and does not move it.
-
-Video lines that start early or late shift whole rows of a dot. Their scatter j shows in the residuals of all dots: with
-``a_r`` the sum over row r of weight times slope along the row times residual, and P the matrix by which shifts of rows
-act on a, ``E |a|² = tr P + j² |P|²``. The centre's covariance is the fit's own and what such shifts add to it.
 """
 
 from __future__ import annotations
@@ -25,7 +21,7 @@ from core.measure.centroid import centroids
 from core.measure.kernels import in_bands
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
-from core.numerics import inverse_2x2, sigma_by_median
+from core.numerics import inverse_2x2
 
 Array = NDArray[np.float64]
 
@@ -62,24 +58,12 @@ def ellipse_centres(
     sharp = np.sqrt(np.maximum(profile.blur**2 - 1 / 12, LEAST_BLUR**2))
     variance = np.broadcast_to(np.array([max(noise[0], 0.0), noise[1]]), (len(start), 2)).copy()
     reach = profile.window / profile.contour[:, 0] + 1.0 / rays.minor  # with the background around
-    out = np.empty((len(start), 10))
+    out = np.empty((len(start), 5))
     in_bands(_fit, image, start, shape, reach, model, sharp, np.ascontiguousarray(light), variance, out)
     moved = np.linalg.norm(out[:, :2] - start, axis=1)
     fitted = np.isfinite(out).all(axis=1) & (moved < MOST_MOVED_PX)
-    if not fitted.any():
-        return centre, cov
-    own, by_rows = out[:, [2, 3, 3, 4]].reshape(-1, 2, 2), out[:, [5, 6, 6, 7]].reshape(-1, 2, 2)
-    whole = own + _row_scatter(out[fitted, 8], out[fitted, 9]) * by_rows + FLOOR_PX**2 * np.eye(2)
-    keep = fitted[:, None]
+    whole, keep = out[:, [2, 3, 3, 4]].reshape(-1, 2, 2) + FLOOR_PX**2 * np.eye(2), fitted[:, None]
     return np.where(keep, out[:, :2], centre), np.where(keep[..., None], whole, cov)
-
-
-def _row_scatter(excess: Array, power: Array) -> float:
-    """Variance of the rows' shifts in px² from every dot's ``|a|² - tr P`` and ``|P|²``; dots unlike the others but."""
-    each = excess / power
-    middle = np.median(each)
-    usual = np.abs(each - middle) <= 6 * sigma_by_median(each - middle)
-    return max(float(excess[usual].sum() / power[usual].sum()), 0.0) if usual.any() else 0.0
 
 
 @inner
@@ -162,7 +146,7 @@ def _fit(  # pragma: no cover  compiled
     noise: Array,
     out: Array,
 ) -> None:
-    """Fit dots: centre (2), covariance (uu, uv, vv), the same of unit shifts of rows, excess and power; else NaN."""
+    """Fit dots: centre (2), covariance (uu, uv, vv); else NaN."""
     height, width = image.shape
     n = UNKNOWNS
     N, b, step, J, M, old = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n), np.empty((2, 2)), np.empty((2, 2))
@@ -181,16 +165,11 @@ def _fit(  # pragma: no cover  compiled
         A, B, C, D = M[0, 0], M[0, 1], M[1, 0], M[1, 1]  # the window stays where it is
         first_v, last_v = max(math.ceil(v0 - rv), 0), min(math.floor(v0 + rv), height - 1)
         first_u, last_u = max(math.ceil(u0 - ru), 0), min(math.floor(u0 + ru), width - 1)
-        rows = max(last_v - first_v + 1, 0)
-        K, H, q, a = np.empty((rows, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows)
         points, good = 1, False  # the last steps integrate over pixels, the first do without
         s = math.sqrt(s * s + 1 / 12)
         for _ in range(ITERATIONS):
             N[:] = 0.0
             b[:] = 0.0
-            K[:] = 0.0
-            q[:] = 0.0
-            a[:] = 0.0
             count = 0
             for j in range(first_v, last_v + 1):
                 for i in range(first_u, last_u + 1):
@@ -209,12 +188,6 @@ def _fit(  # pragma: no cover  compiled
                         b[r] += value * rest
                         for t in range(6 if even else 0, r + 1):
                             N[r, t] += value * J[t]
-                    if not even:
-                        edge = J[0] / var
-                        q[j - first_v] += edge * J[0]
-                        a[j - first_v] += edge * rest
-                        for r in range(n):
-                            K[j - first_v, r] += edge * J[r]
             if count < LEAST_PIXELS:
                 break
             for r in range(n):
@@ -246,22 +219,3 @@ def _fit(  # pragma: no cover  compiled
         if not good:
             continue
         out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4] = u, v, N[0, 0], N[0, 1], N[1, 1]
-        for r in range(rows):  # the answer of the unknowns to a shift of each row
-            for t in range(n):
-                H[r, t] = 0.0
-                for w in range(n):
-                    H[r, t] += K[r, w] * N[w, t]
-        excess, power = 0.0, 0.0
-        out[k, 5:8] = 0.0
-        for r in range(rows):
-            out[k, 5] += H[r, 0] * H[r, 0]
-            out[k, 6] += H[r, 0] * H[r, 1]
-            out[k, 7] += H[r, 1] * H[r, 1]
-            for t in range(rows):
-                P = q[r] if r == t else 0.0
-                for w in range(n):
-                    P -= H[r, w] * K[t, w]
-                power += P * P
-                if r == t:
-                    excess += a[r] * a[r] - P
-        out[k, 8], out[k, 9] = excess, power

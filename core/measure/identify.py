@@ -24,7 +24,7 @@ LEFT_OVER = 0.15  # share of dots among the identified ones that may belong to n
 REACHED = 0.3  # spacings within which a lattice must foretell a pick that it could not grow to
 
 
-def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots: Ints) -> Lattice:
+def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots: Ints, coded: bool = False) -> Lattice:
     """Grow the lattice from one pick and demand that it meets all others with the identities they were given.
 
     Parameters
@@ -32,6 +32,8 @@ def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots
     board, camera, blobs, picks
     spots : int array, shape (k,)
         The spot of every pick; -1 where it has none, so that only the view may start from where it was clicked.
+    coded : bool
+        Codes lie between the targets: dots that belong to none say nothing.
 
     Raises
     ------
@@ -56,7 +58,7 @@ def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots
             break
     else:
         lattice = _bridged(tried, picks, spots)
-    left, absent, among = _left_over(lattice), _absent(lattice), int(lattice.known.sum())
+    left, absent, among = 0 if coded else _left_over(lattice), _absent(lattice), int(lattice.known.sum())
     pruned = prune(lattice)
     # dots that are no targets are no fault, nor are targets without a dot; both together are a lattice that skips rows
     if left >= 3 and left > LEFT_OVER * among and (pruned or absent > LEFT_OVER * among):
@@ -72,7 +74,8 @@ def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots
     if np.count_nonzero(lattice.known) < len(picks.target):
         seen = "no lattice of dots continues the picks as their rows and columns say"
         raise InputError(picks.where, seen, "correct the rows and columns of the picks, or pick other targets")
-    _refuse_if_shifted(lattice, picks)
+    if not coded:
+        _refuse_if_shifted(lattice, picks)
     return lattice
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -72,17 +72,31 @@ def find_dots(image: NDArray, *, dark: bool) -> Order:
         Empty where there are no dots in lines.
     """
     grey = np.nan_to_num(np.asarray(image, dtype=np.float32))
-    factor = max(1, round(grey.shape[1] / WIDTH))
-    small = _reduced(grey, factor)
+    blobs = bright_spots(-grey if dark else grey)
+    use = _alike(blobs, LEAST * _factor(grey))
+    uv = blobs.uv[use]
+    cell, which = _in_order(uv)
+    return Order(cell, uv[which], blobs.area_px[use][which])
+
+
+def bright_spots(grey: Floats) -> Blobs:
+    """Find spots of all sizes that dots may have, in an image that nothing is known of."""
+    small = _reduced(grey, _factor(grey))
     height, width = small.shape
     across, down = np.linspace(0.1, 0.9, 7) * width, np.linspace(0.1, 0.9, 7) * height
     places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
-    blobs = find_blobs(-small if dark else small, (LEAST, MOST), places)
+    blobs = find_blobs(small, (LEAST, MOST), places)
     scale = grey.shape[1] / width
-    use = _alike(blobs)
-    uv = (blobs.uv[use] + 0.5) * scale - 0.5
-    cell, which = _in_order(uv)
-    return Order(cell, uv[which], blobs.area_px[use][which] * scale**2)
+    return replace(
+        blobs,
+        uv=(blobs.uv + 0.5) * scale - 0.5,
+        area_px=blobs.area_px * scale**2,
+        cov_px2=blobs.cov_px2 * scale**2,
+    )
+
+
+def _factor(grey: Floats) -> int:
+    return max(1, round(grey.shape[1] / WIDTH))
 
 
 def propose_picks(
@@ -148,11 +162,11 @@ def _reduced(grey: Floats, factor: int) -> Floats:
     return grey if factor == 1 else np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
-def _alike(blobs: Blobs) -> Ints:
+def _alike(blobs: Blobs, least: float) -> Ints:
     """Which spots are whole ellipses of about the size that most have."""
     with np.errstate(all="ignore"):
         fill = blobs.area_px / (4 * np.pi * np.sqrt(np.linalg.det(blobs.cov_px2)))
-    whole = (blobs.area_px >= LEAST**2 * np.pi / 4) & (fill > 0.85) & (fill < 1.2) & ~blobs.on_border
+    whole = (blobs.area_px >= least**2 * np.pi / 4) & (fill > 0.85) & (fill < 1.2) & ~blobs.on_border
     if not whole.any():
         return np.zeros(0, np.int64)
     bright = whole & (blobs.contrast > 0.25 * np.percentile(blobs.contrast[whole], 90))

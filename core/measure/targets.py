@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from core.progress import SILENT, Progress
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
+
+BESIDE_CODE = 1.05  # radii from a code to where the board around a dot begins to count: 0.8, and the code's blur
 
 
 def measure_targets(
@@ -107,49 +110,59 @@ def _checked(image: Floats, camera: DeviceSpec, where: str) -> Floats:
 def _target_set(sight: Sight, marks: Marks, capture: str, projector: DeviceSpec | None) -> TargetSet:
     """Read the projector coordinates, leave out what the light's edge cuts, and say what each missing target lacks."""
     board, target, missing = sight.board, marks.target, dict(marks.missing)
-    lines, sigma = _projector(sight.phase, marks.uv, marks.ellipse, marks.window, sight.options)
+    lines, sigma = _projector(sight, marks)
     gradient = line_gradients(marks.uv, lines)
     keep = np.ones(len(target), bool)
     if projector is not None:
         keep = ~cut_by_edge(projector, lines, gradient, marks.ellipse, marks.window, marks.blur)
         missing |= dict.fromkeys(target[~keep].tolist(), CUT)
-    shared = np.einsum("nij,njk,nik->ni", gradient, marks.cov, gradient)
     missing = dict(sorted(missing.items())) | dict.fromkeys(sorted(sight.unwanted), EXCLUDED)
-    return TargetSet(
+    found = TargetSet(
         capture=capture,
         row=board.row[target[keep]],
         col=board.col[target[keep]],
         camera_uv=marks.uv[keep],
         camera_cov=marks.cov[keep],
         projector_uv=lines[keep],
-        projector_sigma=np.sqrt(sigma**2 + np.nan_to_num(shared))[keep],
+        projector_sigma=sigma[keep],
         gradient=gradient[keep],
         eccentricity_px=marks.shift[keep],
         diameter_px=2 * np.sqrt(np.abs(np.linalg.det(marks.ellipse[keep]))),
         missing=tuple(MissingTarget(int(board.row[i]), int(board.col[i]), why) for i, why in missing.items()),
         notes=marks.notes,
+        row_shift_px=marks.row_shift_px,
+        height_px=2 * np.linalg.norm(marks.ellipse[keep, 1], axis=1),
     )
+    cov = found.camera_cov.copy()
+    cov[:, 0, 0] += np.diagonal(found.row_cov)
+    shared = np.einsum("nij,njk,nik->ni", gradient[keep], cov, gradient[keep])
+    sigma = np.sqrt(found.projector_sigma**2 + np.nan_to_num(shared))
+    return replace(found, camera_cov=cov, projector_sigma=sigma)
 
 
-def _projector(
-    phase: PhaseMap, centre: Array, ellipse: Array, window: Array, options: MeasureOptions
-) -> tuple[Array, Array]:
+def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
     """Projector coordinates (n, 2) and sigmas at the targets' centres.
 
-    Where a pixel at the centre is not decoded, or wrong, the rest of the dot tells; where the dot is not, the board
-    round it.
+    Where a pixel at the centre is not decoded, or wrong, the rest of the dot tells; where the dot is not, or is printed
+    dark, the board round it.
     """
+    phase, (centre, ellipse, window) = sight.phase, (marks.uv, marks.ellipse, marks.window)
+    ground = np.minimum(window, marks.code - BESIDE_CODE)
     coordinate, sigma = np.full((len(centre), 2), np.nan), np.full((len(centre), 2), np.nan)
     for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
-        if options.projector == "plane":
+        if sight.options.projector == "plane":
             found, error = inside_dot(values, spread, centre, ellipse, window)
         else:
             found, error = bilinear(values, spread, centre)
         found[refuse_jumps(values, centre, ellipse, found, error)] = np.nan
         lost = ~np.isfinite(found)
         lit = decoded_inside(values, centre, ellipse)
-        for which, fit in ((lost & lit, inside_dot), (lost & ~lit, around_dot)):
-            found[which], error[which] = fit(values, spread, centre[which], ellipse[which], window[which])
+        for which, fit, to in ((lost & lit, inside_dot, window), (lost & ~lit, around_dot, ground)):
+            found[which], error[which] = fit(values, spread, centre[which], ellipse[which], to[which])
+        if sight.testfield.polarity == "black-on-white":
+            around, its_error = around_dot(values, spread, centre, ellipse, ground)
+            better = np.isfinite(around)
+            found[better], error[better] = around[better], its_error[better]
         error[~np.isfinite(found)] = np.nan
         coordinate[:, axis], sigma[:, axis] = found, error
     return coordinate, sigma

@@ -19,9 +19,10 @@ from core.model.calibration import (
     PhotogrammetricCalibration,
 )
 from core.model.capture import Capture, Frame, Role, Seed
+from core.model.features import Feature
 from core.model.ids import StationId, TargetId
 from core.model.network import Network, NetworkDevice, NetworkScale
-from core.model.orientation import RigMotion
+from core.model.orientation import DriftPoint, KnownLength, KnownPoints, RigMotion
 from core.model.phase import PhaseMap
 from core.model.points import PlaneEvaluation, PointCloud
 from core.model.rig import DeviceSpec, Interior, Project, Rig, ScaleBar
@@ -36,11 +37,15 @@ __all__ = [
     "Capture",
     "DepthCalibration",
     "DeviceSpec",
+    "DriftPoint",
+    "Feature",
     "Figures",
     "Floats",
     "Frame",
     "Interior",
     "Ints",
+    "KnownLength",
+    "KnownPoints",
     "LeftOut",
     "Method",
     "MissingTarget",

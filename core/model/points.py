@@ -21,6 +21,7 @@ class PointCloud:
     sigma_mm: Floats | None = None  # (H, W, 3), phase noise and calibration
     sigma_depth_mm: Floats | None = None  # (H, W) of the camera's Z, phase noise alone; both methods
     sight: NDArray[np.uint8] | None = None  # (H, W), how many saw it: `core.reconstruct.Sight`; several cameras only
+    source: NDArray[np.uint8] | None = None  # (H, W), by which of the cameras a joined cloud has it
     by_depth: bool = False  # from the depth method: its sigma leaves out the errors of the plate's places
 
 

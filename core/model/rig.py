@@ -34,6 +34,10 @@ class Interior:
         """(c, x0, y0) and the additional parameters, shape (k,)."""
         return np.array([self.c_mm, self.x0_mm, self.y0_mm, *self.a])
 
+    def changed(self, change: Array) -> Interior:
+        """Add to c, x0, y0 and the additional parameters, shape (k,)."""
+        return Interior.from_vector(self.vector + change, self.r0_mm, self.model)
+
     @staticmethod
     def from_vector(values: Array, r0_mm: float, model: str = "A1..A6") -> Interior:
         """Make the orientation from c, x0, y0 and the additional parameters, shape (k,)."""

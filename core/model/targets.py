@@ -45,9 +45,10 @@ class TargetSet:
     `camera_uv` (n, 2) px is the image of the circle's centre: the weighted centroid less `eccentricity_px` (n, 2).
     `camera_cov` (n, 2, 2) px². `projector_uv` (n, 2) lines and `projector_sigma` (n, 2) are NaN where that axis was not
     decoded at the target. It is read at the measured centroid and shares that one's error: `gradient` (n, 2, 2) says by
-    how many lines it changes per px of the camera's u and v, and `cov` is the covariance of all four. `made_from` signs
-    what they were measured from, empty where nobody asked; `notes` are those of the decoded capture, and of picks and
-    turns.
+    how many lines it changes per px of the camera's u and v, and `cov` is the covariance of all four. Every row of
+    the image is shifted along u as a whole, by `row_shift_px` (standard deviation; part of `camera_cov`): targets that
+    share rows, `height_px` (n,) high, share that error. `made_from` signs what they were measured from, empty where
+    nobody asked; `notes` are those of the decoded capture, and of picks and turns.
     """
 
     capture: str
@@ -65,6 +66,19 @@ class TargetSet:
     notes: tuple[str, ...] = ()
     camera: str = "camera"
     projector: str = "projector"
+    row_shift_px: float = 0.0
+    height_px: Array | None = None
+
+    @property
+    def row_cov(self) -> Array:
+        """Covariance (n, n) of the camera's u, px², by shifts of the image's rows."""
+        if not self.row_shift_px or self.height_px is None or not len(self.row):
+            return np.zeros((len(self.row), len(self.row)))
+        v, half = (self.camera_uv + self.eccentricity_px)[:, 1:], np.maximum(self.height_px[:, None] / 2, 1.0)
+        rows = np.arange(np.floor((v - half).min()), (v + half).max() + 1)
+        share = np.sqrt(np.maximum(1 - ((rows - v) / half) ** 2, 0.0))  # a disc's chords
+        share *= self.row_shift_px / share.sum(axis=1, keepdims=True)
+        return np.asarray(share @ share.T)
 
     @property
     def cov(self) -> Array:

@@ -8,7 +8,7 @@ interpolation.py   between the pixels of an image
 """
 
 from core.numerics.cholesky import factor_of, inverse_by, solution_by
-from core.numerics.distributions import chi_square_limit, erf, fisher_limit, normal_limit
+from core.numerics.distributions import chi_square_limit, erf, fisher_above, fisher_limit, normal_limit
 from core.numerics.interpolation import four_pixels
 from core.numerics.neighbours import nearest
 from core.numerics.robust import (
@@ -25,6 +25,7 @@ __all__ = [
     "chi_square_limit",
     "erf",
     "factor_of",
+    "fisher_above",
     "fisher_limit",
     "four_pixels",
     "inverse_2x2",

@@ -54,7 +54,18 @@ def fisher_limit(first: float, second: float, level: float) -> float:
     >>> round(fisher_limit(5, 10, 0.05), 3)
     3.326
     """
-    return _where(lambda f: _beta_below(second / 2, first / 2, second / (second + first * f)), level)
+    return _where(lambda f: fisher_above(first, second, f), level)
+
+
+def fisher_above(first: float, second: float, value: float) -> float:
+    """Probability that the ratio of two mean squares of `first` and `second` degrees of freedom exceeds `value`.
+
+    Examples
+    --------
+    >>> round(fisher_above(5, 10, 3.326), 3)
+    0.05
+    """
+    return _beta_below(second / 2, first / 2, second / (second + first * value))
 
 
 def _where(above: Callable[[float], float], level: float) -> float:

@@ -4,10 +4,23 @@ A pixel with both projector coordinates gives four observations for the three un
 epipolar residual: how far the projector's ray passes by the camera's. All pixels together show five of the six elements
 of the relative orientation; the length of the base, and with one scene the focal lengths, fit any residual.
 
-residuals.py  the epipolar residual of every pixel, and how it changes with the orientation
+residuals.py  points and epipolar residuals of the image's places, and how they change with the calibration
+known.py      lengths and points that are known, as observations
 motion.py     the test of the calibrated orientation, and the corrected one with its covariance
+chart.py      captures one after the other, each held against those before it
 """
 
-from core.orient.motion import OrientOptions, corrected_pair, find_motion
+from core.orient.chart import Expectation, drift_chart, expectation_of, judged
+from core.orient.known import LENGTHS, lines_at
+from core.orient.motion import OrientOptions, find_motion
 
-__all__ = ["OrientOptions", "corrected_pair", "find_motion"]
+__all__ = [
+    "LENGTHS",
+    "Expectation",
+    "OrientOptions",
+    "drift_chart",
+    "expectation_of",
+    "find_motion",
+    "judged",
+    "lines_at",
+]

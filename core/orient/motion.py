@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.geometry import Pose, cross_matrix, matrix_from_rotation_vector, pair_for, perturbed, ray_directions
-from core.model import AdjustedDevice, Array, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
-from core.numerics import sigma_by_median
-from core.orient.residuals import Residuals, Sight, epipolar_residuals
+from core.geometry import cross_matrix, pair_for, perturbed
+from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
+from core.numerics import fisher_above, sigma_by_median
+from core.orient.known import Observed, measured_length, observed_length, observed_points
+from core.orient.residuals import Residuals, Sight, blocks_of, epipolar_residuals
 from core.progress import SILENT, Progress
 
 HUBER = 2.0  # standard deviations beyond which a residual counts less
 GROSS = 25.0  # and beyond which it is no measurement: a wrong word, or two surfaces in one pixel
-TILES = 400  # lie on the object: residuals of one may hang together
+TILES = 250  # lie on the object: residuals of one, and of neighbours, may hang together
+ALIKE = 2  # tiles that tell as much of the scatter as one that is independent: squares of 2 by 2 overlap
 FEWEST_TILES, FEWEST_PIXELS = 30, 500
 FOOTPRINT_PX2 = 0.2  # about what lenses and pixels have
 FREE = 1e-6
-SOME = 1500  # pixels by which the calibration's own uncertainty is carried over
+CONTRADICTION = 6.0  # standard deviations: no drift, but another length or other places
+LINEAR = 0.05  # standard deviations: residuals that come out as the linear estimate said need no other round
+SHRUNK = 0.5  # of the drift that is allowed for: what stays above is not observed
 
 
 @dataclass(frozen=True)
@@ -31,28 +36,119 @@ class OrientOptions:
     ----------
     significance : float
         Share of captures of an unmoved rig that may be called moved.
-    rotation_prior_rad, shift_prior_mm : float
-        Standard deviation of what rigs drift by, as observations of zero.
-    most_pixels : int
-        Pixels beyond these are thinned out evenly.
+    rotation_prior_rad, shift_prior_mm, interior_prior : float
+        Standard deviation of what rigs drift by, as observations of zero; that of c, x0 and y0 as a share of c.
+    most_places : int
+        Pixels are averaged over blocks down to about so many.
     rounds : int
-        Of the linearised estimate.
+        Of the linearised estimate, at the most.
     """
 
     significance: float = 1e-3
     rotation_prior_rad: float = 2e-3
     shift_prior_mm: float = 0.5
-    most_pixels: int = 400_000
-    rounds: int = 3
+    interior_prior: float = 5e-4
+    most_places: int = 4_000
+    rounds: int = 4
 
 
 DEFAULT = OrientOptions()
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """What is estimated, along f directions."""
+
+    directions: Array  # (k, f) in the space of the pair's parameters
+    moves: Array  # (6, f), rotation and shift of the projector in the camera's frame
+    drift: Array  # (f,), standard deviation of what is expected
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """An estimate x (f,), its covariance by noise (f, f), and what it makes of errors of all parameters (f, k)."""
+
+    x: Array
+    noise: Array
+    carried: Array
+    rest: Array  # (n,), what remains of the residuals
+
+
+class _Tiles:
+    """The tiles of the image in which places lie."""
+
+    def __init__(self, tile: NDArray[np.int64]) -> None:
+        low = tile.min(axis=0)
+        self.shape = tuple(tile.max(axis=0) - low + 1)
+        self._at = (tile - low) @ [self.shape[1], 1]
+        self.count = len(np.unique(self._at))
+
+    def together(self, residuals: Array, used: float) -> float:
+        """By how much the sum of residuals (n,) varies more than if they were independent of one another.
+
+        From the sums of all squares of 2 by 2 tiles (Bartlett's kernel over a tile's distance); a fit has used up so
+        many of what these sums show.
+        """
+        grid = np.pad(np.bincount(self._at, residuals, self.shape[0] * self.shape[1]).reshape(self.shape), 1)
+        squares = grid[1:, 1:] + grid[:-1, 1:] + grid[1:, :-1] + grid[:-1, :-1]
+        left = max(1 - 4 * used / self.count, 0.1)
+        return float(np.sum(squares**2) / 4 / np.sum(residuals**2) / left)
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """Residuals as they were before any change of the parameters, with all that they change with."""
+
+    e: Array
+    A: Array  # (n, k)
+    pulled: Array
+    tiles: _Tiles
+    known: Sequence[Observed]
+
+    def solved(self, free: Freedom, prior: Array, weight: Array, noise: Array) -> _Estimate:
+        """Estimate along free directions, with observations of zero of weights `prior` (f, f) on them.
+
+        The covariance by `noise` (n,) is the sandwich form of White, doi:10.2307/1912934.
+        """
+        f = free.directions.shape[1]
+        B = np.column_stack([self.A @ free.directions, self.pulled])
+        whole = np.zeros((f + 1, f + 1))
+        whole[:f, :f], whole[f, f] = prior, FOOTPRINT_PX2**-2.0
+        weighted = B * weight[:, None]
+        N, H, score, scatter = weighted.T @ B, weighted.T @ self.A, weighted.T @ self.e, np.zeros((f + 1, f + 1))
+        for known in self.known:
+            own = np.column_stack([known.A @ free.directions, np.zeros(len(known.A))])
+            N, H, score = N + own.T @ own, H + own.T @ known.A, score + own.T @ known.rest
+            scatter += own.T @ own
+        inverse = np.linalg.inv(N + whole)
+        x = inverse @ score
+        rest = self.e - B @ x
+        scores = weighted * noise[:, None]
+        scatter += scores.T @ scores
+        scatter[f, f] += whole[f, f]
+        return _Estimate(x[:f], (inverse @ scatter @ inverse)[:f, :f], inverse[:f] @ H, rest)
+
+    def noise(self, changes: Array, weight: Array) -> Array:
+        """Noise (n,): what remains of the residuals where all parameters may change, (k, m) by a sigma each.
+
+        Errors of the calibration leave patterns that no movement explains; they are the same in every capture, and
+        accounted for as such. It is larger by what hangs together among neighbours.
+        """
+        Z = np.column_stack([self.A @ changes, FOOTPRINT_PX2 * self.pulled])
+        weighted = Z * weight[:, None]
+        N = weighted.T @ Z
+        inverse = np.linalg.inv(N + np.eye(len(N)))
+        used = float(np.trace(inverse @ N))
+        rest = self.e - Z @ (inverse @ (weighted.T @ self.e))
+        return rest * np.sqrt(self.tiles.together(weight * rest, used))
 
 
 def find_motion(
     phase: PhaseMap,
     calibration: PhotogrammetricCalibration | Pair,
     *,
+    lengths: Sequence[KnownLength] = (),
+    points: KnownPoints | None = None,
     capture: str = "capture",
     options: OrientOptions = DEFAULT,
     progress: Progress = SILENT,
@@ -64,6 +160,10 @@ def find_motion(
     phase : PhaseMap
         Of any object, with columns and rows.
     calibration : PhotogrammetricCalibration or Pair
+    lengths : sequence of KnownLength
+        In the scene.
+    points : KnownPoints, optional
+        Targets measured before.
     capture : str
         Name, for the result and for messages.
     options : OrientOptions
@@ -76,202 +176,207 @@ def find_motion(
     Raises
     ------
     InputError
-        If too few pixels have both coordinates.
+        If too few pixels have both coordinates, or too few of them lie on something known.
 
     Notes
     -----
-    The estimate is by Huber's weights, with drifts of the given size as observations; the pixels' footprint, which
-    draws coordinates to the brighter side, is estimated with it. Its covariance has two parts: the noise, from the
-    scatter of the scores of image tiles, so that noise may hang together within a tile (the sandwich form of White,
-    doi:10.2307/1912934), and what the calibration's errors do. The test is Wald's, of no movement, on the estimate
-    without the drifts.
+    Estimated are three rotations and two shifts across the base; with something known in the scene the base's length,
+    too, and c, x0 and y0 of both devices. The estimate is by Huber's weights, with drifts of the given size as
+    observations; the pixels' footprint, which draws coordinates to the brighter side, is estimated with it.
+
+    With N the normal equations, P the weights of the drifts, and H what the normals make of all parameters of the
+    calibration, the estimate is ``x = (N + P)⁻¹ s`` of scores ``s = H (δ + E m) + noise``, of the calibration's errors
+    δ and movements m along the free directions E. The corrected parameters' errors are therefore
+    ``(I - E (N + P)⁻¹ H) (δ + E m) - E (N + P)⁻¹ noise``, whatever P is. The test is Wald's, of no movement of the
+    five, on the estimate without the drifts.
     """
     pair = pair_for(phase, calibration)
-    sight = _sight(phase, pair.camera, capture, options.most_pixels)
-    pose, projector = pair.projector_from_camera, pair.projector
-    sight, start = _checked(sight, epipolar_residuals(sight, projector, pose), capture)
-    tiles = np.unique(sight.at, return_inverse=True)[1]
-    basis = _basis(pose)
-    prior = np.diag([options.rotation_prior_rad**-2.0] * 3 + [options.shift_prior_mm**-2.0] * 2 + [FOOTPRINT_PX2**-2.0])
-    x, now = np.zeros(6), start
+    sight, side = blocks_of(phase, options.most_places, TILES)
+    sight, start = _checked(sight, epipolar_residuals(sight, pair), side, phase, capture)
+    tiles = _Tiles(sight.tile)
+    five = orientation_freedom(pair, options)
+    free = _everything(pair, options) if lengths or points is not None else five
+    prior = np.diag(free.drift**-2.0)
+    now, change = start, np.zeros(len(free.directions))
     for i in range(options.rounds):
         progress(0.2 + 0.6 * i / options.rounds, "turning the projector")
         progress.check()
-        x = x + _step(now.e - x[5] * now.pulled, _columns(now, basis), prior, x)
-        now = epipolar_residuals(sight, projector, _moved(pose, basis @ x[:5]))
-    A, e = _columns(now, basis), now.e - x[5] * now.pulled
-    weight = _weights(e)
-    information, scatter = (A * weight[:, None]).T @ A, _scatter(A * (weight * e)[:, None], tiles)
-    lax = prior * FREE  # next to nothing: a prior would make slight movements slighter
-    lax[5, 5] = prior[5, 5]
-    G = _carried(sight, pair, A, weight, lax)
+        equations = _equations(now, pair, change, phase, lengths, points, tiles)
+        if i == 0:
+            _refuse_contradictions(equations.known, pair, free, capture)
+        estimate, weight = _robust(equations, free, prior)
+        change = free.directions @ estimate.x
+        expected = equations.e - equations.A @ change
+        now = epipolar_residuals(sight, perturbed(pair, change))
+        if not equations.known and np.abs(now.e - expected).max() < LINEAR:
+            break
     C = pair.covariance
-    free = np.linalg.inv(information + lax)
-    shown = x + free @ (A.T @ (weight * e) - lax @ x)
-    p = _significance(shown[:5], (free @ (scatter + lax) @ free + G @ C @ G.T)[:5, :5], int(tiles.max()) + 1)
-    inverse = np.linalg.inv(information + prior)
-    noise = basis @ (inverse @ (scatter + prior) @ inverse)[:5, :5] @ basis.T
-    by_calibration = basis @ G[:5]
-    motion_cov = noise + by_calibration @ C @ by_calibration.T
-    rotation, shift = np.split(basis @ x[:5], 2)
+    noise = equations.noise(np.column_stack([np.diag(np.sqrt(np.diagonal(C))), free.directions * free.drift]), weight)
+    estimate = equations.solved(free, prior, weight, noise)
+    shown = replace(equations, known=()).solved(five, FREE * np.diag(five.drift**-2.0), weight, noise)
+    of_shown = shown.noise + shown.carried @ C @ shown.carried.T
+    p = significance_of(shown.x, of_shown, tiles.count // ALIKE)
+    left = np.eye(len(C)) - free.directions @ estimate.carried
+    drifted = C + free.directions @ np.diag(free.drift**2) @ free.directions.T
+    by_noise = free.directions @ estimate.noise @ free.directions.T
+    corrected = replace(perturbed(pair, change), covariance=left @ drifted @ left.T + by_noise)
+    gain = estimate.carried
+    missed = gain @ free.directions - np.eye(len(gain))
+    spread = estimate.noise + gain @ C @ gain.T + missed @ np.diag(free.drift**2) @ missed.T
+    by_depth = -np.median(now.by_xyz[:, 2], axis=0)
     return RigMotion(
         capture=capture,
         moved=bool(p < options.significance),
         p=p,
-        rotation_rad=rotation,
-        shift_mm=shift,
-        covariance=motion_cov,
-        noise=noise,
-        by_calibration=by_calibration,
-        depth_change_mm=float(np.median(1 / start.q - 1 / now.q)),
-        depth_sigma_mm=_depth_sigma(sight, projector, _moved(pose, basis @ x[:5]), motion_cov),
-        pixels=len(sight.at),
-        residual_rms=sigma_by_median(start.e),
-        corrected_rms=sigma_by_median(e),
-        projector_from_camera=_moved(pose, basis @ x[:5]),
+        rotation_rad=(free.moves @ estimate.x)[:3],
+        shift_mm=(free.moves @ estimate.x)[3:],
+        covariance=free.moves @ spread @ free.moves.T,
+        depth_change_mm=float(np.median(start.xyz_mm[:, 2] - now.xyz_mm[:, 2])),
+        depth_sigma_mm=float(np.sqrt(by_depth @ corrected.covariance @ by_depth)),
+        pixels=len(sight.tile) * side**2,
+        residual_rms=_of_pixels(start.e, side),
+        corrected_rms=_of_pixels(estimate.rest, side),
+        pair=corrected,
+        change=change,
+        shown=shown.x,
+        noise=shown.noise,
+        by_calibration=shown.carried,
+        tiles=tiles.count // ALIKE,
+        lengths=tuple(lengths),
+        lengths_mm=tuple(
+            (measured_length(known, phase, pair)[0], measured_length(known, phase, corrected)[0]) for known in lengths
+        ),
+        points=0 if points is None else len(points.xyz_mm),
         camera=phase.camera,
         projector=phase.projector,
+        **({} if free is five else {"unobserved": _unobserved(pair, corrected, options)}),
     )
 
 
-def corrected_pair(pair: Pair, motion: RigMotion) -> Pair:
-    """Give camera and projector with the projector where a capture found it, and the covariance that follows.
-
-    What the residuals show of the orientation is known anew; it hangs together with the errors of the interior
-    orientations that it was found with. What they do not show, the length of the base, stays as it was.
-    """
-    pose = pair.projector_from_camera
-    # from the motion in the camera's frame to left perturbations of projector_from_camera: R' = R exp(-w), so the
-    # rotation is -R w; t' = -R' (p + s) changes by R (w x p) - R s
-    R, K = pose.rotation, cross_matrix(pose.origin_mm)
-    J = np.block([[-R, np.zeros((3, 3))], [-R @ K, -R]])
-    whole = np.eye(len(pair.covariance))
-    whole[-6:] += J @ motion.by_calibration
-    covariance = whole @ pair.covariance @ whole.T
-    covariance[-6:, -6:] += J @ motion.noise @ J.T
-    return replace(pair, projector_from_camera=motion.projector_from_camera, covariance=covariance)
-
-
-def _sight(phase: PhaseMap, camera: AdjustedDevice, capture: str, most: int) -> Sight:
-    """Take the pixels that have both coordinates, thinned out evenly to `most` at the most."""
-    valid = np.isfinite(phase.u) & np.isfinite(phase.v) & np.isfinite(phase.sigma_u) & np.isfinite(phase.sigma_v)
-    count = int(np.count_nonzero(valid))
-    if count == 0:
-        seen = "no pixel has both projector coordinates"
-        raise InputError(capture, seen, "capture columns and rows: with one axis nothing tells whether the rig moved")
-    step = int(np.ceil(np.sqrt(count / most)))
-    rows, columns = np.nonzero(valid[::step, ::step])
-    rows, columns = rows * step, columns * step
-    size = max(np.sqrt(count / TILES), 1.0)
-    at = (rows / size).astype(np.int64) * valid.shape[1] + (columns / size).astype(np.int64)
-    pixels = np.stack([columns, rows], axis=1).astype(np.float64)
-    uv = np.stack([phase.u[rows, columns], phase.v[rows, columns]], axis=1).astype(np.float64)
-    sigma = np.stack([phase.sigma_u[rows, columns], phase.sigma_v[rows, columns]], axis=1).astype(np.float64)
-    return Sight(
-        at, pixels, ray_directions(camera.spec, camera.interior, pixels), uv, sigma, _pull(phase, rows, columns)
-    )
-
-
-def _pull(phase: PhaseMap, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
-    """How a change of reflectance draws the coordinates, (n, 2) lines a px²: ``grad(u) . grad(image) / image``."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        brightness = [g / phase.image for g in np.gradient(phase.image)]
-        pull = [sum(g * b for g, b in zip(np.gradient(place), brightness, strict=True)) for place in (phase.u, phase.v)]
-    return np.nan_to_num(np.stack([p[rows, columns] for p in pull], axis=1).astype(np.float64), posinf=0, neginf=0)
-
-
-def _checked(sight: Sight, found: Residuals, capture: str) -> tuple[Sight, Residuals]:
+def _checked(sight: Sight, found: Residuals, side: int, phase: PhaseMap, capture: str) -> tuple[Sight, Residuals]:
     """Leave out what is no measurement, and see that enough is left."""
-    with np.errstate(invalid="ignore"):
-        kept = np.abs(found.e - np.nanmedian(found.e)) < GROSS * max(float(np.nanstd(found.e)) / 5, 1.0)
-        kept &= found.q > 0
-    if kept.sum() < FEWEST_PIXELS or len(np.unique(sight.at[kept])) < FEWEST_TILES:
+    if len(sight.tile):
+        with np.errstate(invalid="ignore"):
+            kept = np.abs(found.e - np.nanmedian(found.e)) < GROSS * max(float(np.nanstd(found.e)) / 5, 1.0)
+            kept &= found.xyz_mm[:, 2] < 0
+        sight, found = sight.only(kept), found.only(kept)
+    if len(sight.tile) * side**2 < FEWEST_PIXELS or len(np.unique(sight.tile, axis=0)) < FEWEST_TILES:
+        both = int(np.count_nonzero(np.isfinite(phase.u) & np.isfinite(phase.v)))
         raise InputError(
             capture,
-            f"{int(kept.sum())} pixels have both projector coordinates",
-            "capture an object that fills more of the field, with columns and rows",
+            f"{both or 'no'} pixels have both projector coordinates",
+            "capture columns and rows of an object that fills more of the field: else nothing tells of a movement",
         )
-    return sight.only(kept), Residuals(*(getattr(found, f.name)[kept] for f in fields(Residuals)))
+    return sight, found
 
 
-def _basis(pose: Pose) -> Array:
-    """What is observed of rotation and shift, shape (6, 5): all rotations, and shifts across the base."""
-    base = pose.origin_mm / np.linalg.norm(pose.origin_mm)
-    across = np.linalg.svd(base[None])[2][1:].T
-    basis = np.zeros((6, 5))
-    basis[:3, :3], basis[3:, 3:] = np.eye(3), across
-    return basis
+def _refuse_contradictions(known: Sequence[Observed], pair: Pair, free: Freedom, capture: str) -> None:
+    """See that what is known of a scene is within what calibration and drifts leave open."""
+    drifted = pair.covariance + free.directions @ np.diag(free.drift**2) @ free.directions.T
+    for each in known:
+        expected = np.sqrt(1 + np.einsum("nk,kl,nl->n", each.A, drifted, each.A))
+        off = float(np.max(np.abs(each.rest) / expected))
+        if off > CONTRADICTION:
+            raise InputError(
+                capture,
+                f"{each.name} is {off:.0f} standard deviations from what the calibration and likely drifts allow",
+                "check the places, that only the feature lies within their radius, and the length; or calibrate again",
+            )
 
 
-def _depth_sigma(sight: Sight, projector: AdjustedDevice, pose: Pose, covariance: Array) -> float:
-    """Standard deviation of the median depth that the uncertain movement leaves, in mm."""
-    few = sight.only(slice(None, None, max(1, len(sight.at) // SOME)))
-    ends = []
-    for k in range(6):
-        step = np.zeros(6)
-        step[k] = 1e-5 if k < 3 else 1e-2
-        q = [epipolar_residuals(few, projector, _moved(pose, sign * step)).q for sign in (1, -1)]
-        ends.append(float(np.median(1 / q[0] - 1 / q[1])) / (2 * step[k]))
-    return float(np.sqrt(np.array(ends) @ covariance @ np.array(ends)))
+def _motion_of(pair: Pair) -> Array:
+    """From changes of the pair's parameters to rotation and shift of the projector in the camera's frame, (6, k)."""
+    # R' = R exp(-w) = exp(-R w) R, and t' = -R' (p + s)
+    pose = pair.projector_from_camera
+    R, t = pose.rotation, pose.translation_mm
+    J = np.zeros((6, len(pair.covariance)))
+    J[:3, -6:-3] = -R.T
+    J[3:, -3:] = -R.T
+    J[3:, -6:-3] = -R.T @ cross_matrix(t)
+    return J
 
 
-def _columns(now: Residuals, basis: Array) -> Array:
-    """What the residuals change with: the five elements, and the footprint of the pixels."""
-    return np.column_stack([now.A @ basis, now.pulled])
+def orientation_freedom(pair: Pair, options: OrientOptions) -> Freedom:
+    """What the residuals alone show: all rotations, and two shifts across the base."""
+    base = pair.projector_from_camera.origin_mm
+    across = np.linalg.svd(base[None])[2][1:]
+    moves = np.zeros((6, 5))
+    moves[:3, :3], moves[3:, 3:] = np.eye(3), across.T
+    drift = np.repeat([options.rotation_prior_rad, options.shift_prior_mm], [3, 2])
+    return Freedom(_moves(pair) @ moves, moves, drift)
 
 
-def _moved(pose: Pose, motion: Array) -> Pose:
-    """Turn and shift the projector, in the camera's frame."""
-    R = pose.rotation @ matrix_from_rotation_vector(motion[:3]).T
-    return Pose(R, -R @ (pose.origin_mm + motion[3:]))
+def _everything(pair: Pair, options: OrientOptions) -> Freedom:
+    """What something known shows as well: the whole orientation, and c, x0, y0 of both devices."""
+    i, k = len(pair.camera.interior.vector), len(pair.covariance)
+    inner = np.zeros((k, 6))
+    inner[[0, 1, 2, i, i + 1, i + 2], range(6)] = 1.0
+    c = np.repeat([pair.camera.interior.c_mm, pair.projector.interior.c_mm], 3)
+    drift = np.repeat([options.rotation_prior_rad, options.shift_prior_mm], 3)
+    directions = np.column_stack([_moves(pair), inner])
+    return Freedom(directions, np.eye(6, 12), np.concatenate([drift, options.interior_prior * c]))
+
+
+def _moves(pair: Pair) -> Array:
+    """From rotation and shift of the projector in the camera's frame to the pair's parameters, (k, 6)."""
+    moves = np.zeros((len(pair.covariance), 6))
+    moves[-6:] = np.linalg.inv(_motion_of(pair)[:, -6:])
+    return moves
+
+
+def _equations(
+    now: Residuals,
+    pair: Pair,
+    change: Array,
+    phase: PhaseMap,
+    lengths: Sequence[KnownLength],
+    points: KnownPoints | None,
+    tiles: _Tiles,
+) -> _Equations:
+    """Refer residuals after a change of the parameters to the calibration."""
+    there = perturbed(pair, change)
+    known = [observed_length(length, phase, there) for length in lengths]
+    known += [] if points is None else [observed_points(points, there)]
+    referred = [replace(each, rest=each.rest + each.A @ change) for each in known]
+    return _Equations(now.e + now.A @ change, now.A, now.pulled, tiles, referred)
+
+
+def _robust(equations: _Equations, free: Freedom, prior: Array) -> tuple[_Estimate, Array]:
+    """Estimate by Huber's weights, iterated to rest; give the weights, too."""
+    weight, last = np.ones(len(equations.e)), np.full(free.directions.shape[1], np.inf)
+    for _ in range(8):
+        estimate = equations.solved(free, prior, weight, np.zeros(len(weight)))
+        if np.abs(estimate.x - last).max() < 1e-9:
+            break
+        weight, last = _weights(estimate.rest), estimate.x
+    return estimate, weight
 
 
 def _weights(e: Array) -> Array:
     return np.minimum(1.0, HUBER * max(sigma_by_median(e), 1.0) / np.maximum(np.abs(e), 1e-12))
 
 
-def _step(e: Array, A: Array, prior: Array, x: Array) -> Array:
-    """One linear estimate by Huber's weights, iterated to rest."""
-    step: Array = np.zeros(A.shape[1])
-    for _ in range(8):
-        weighted = A * _weights(e - A @ step)[:, None]
-        new = np.asarray(np.linalg.solve(weighted.T @ A + prior, weighted.T @ e - prior @ x), np.float64)
-        done = np.abs(new - step).max() < 1e-9
-        step = new
-        if done:
-            break
-    return step
+def _of_pixels(e: Array, side: int) -> float:
+    """The spread of residuals of blocks as that of single pixels, whose own noise is what it is said to be."""
+    return float(np.sqrt(max(1 + (sigma_by_median(e) ** 2 - 1) / side**2, 0.0)))
 
 
-def _scatter(scores: Array, tiles: NDArray[np.int64]) -> Array:
-    """Covariance of the sum of scores (n, 5), from the sums of the tiles."""
-    sums = np.stack([np.bincount(tiles, column) for column in scores.T], axis=1)
-    count = len(sums)
-    return np.asarray(sums.T @ sums * count / max(count - scores.shape[1], 1))
+def _unobserved(pair: Pair, corrected: Pair, options: OrientOptions) -> tuple[str, ...]:
+    """Name what is known hardly better than how rigs drift."""
+    i = len(pair.camera.interior.vector)
+    base = pair.projector_from_camera.origin_mm
+    along = np.concatenate([np.zeros(3), base / np.linalg.norm(base)]) @ _motion_of(pair)
+    sigma = np.sqrt(np.diagonal(corrected.covariance))
+    named = (
+        ("base length", float(np.sqrt(along @ corrected.covariance @ along)), options.shift_prior_mm),
+        ("c of the camera", sigma[0], options.interior_prior * pair.camera.interior.c_mm),
+        ("c of the projector", sigma[i], options.interior_prior * pair.projector.interior.c_mm),
+    )
+    return tuple(name for name, left, drift in named if left > SHRUNK * drift)
 
 
-def _carried(sight: Sight, pair: Pair, A: Array, weight: Array, lax: Array) -> Array:
-    """What errors of the calibration's parameters are taken for, shape (6, k): the movement that explains them best."""
-    sigma = np.sqrt(np.diagonal(pair.covariance))
-    every = slice(None, None, max(1, len(sight.at) // SOME))
-    few, by_parameters = sight.only(every), np.zeros((len(A[every]), len(sigma)))
-    for k in np.flatnonzero(sigma > 0):
-        ends, change = [], np.zeros(len(sigma))
-        change[k] = sigma[k]
-        for moved in (perturbed(pair, change), perturbed(pair, -change)):
-            rays = ray_directions(moved.camera.spec, moved.camera.interior, few.pixels)
-            seen = replace(few, rays=rays)
-            ends.append(epipolar_residuals(seen, moved.projector, moved.projector_from_camera).e)
-        by_parameters[:, k] = (ends[0] - ends[1]) / (2 * sigma[k])
-    weighted = A[every] * weight[every, None]
-    part = len(A[every]) / len(A)
-    return np.asarray(np.linalg.solve(weighted.T @ A[every] + part * lax, weighted.T @ by_parameters))
-
-
-def _significance(x: Array, covariance: Array, tiles: int) -> float:
+def significance_of(x: Array, covariance: Array, tiles: int) -> float:
     """Probability of an estimate this far from zero by chance: Hotelling's test, with the scatter of so many tiles."""
-    from scipy.special import fdtrc
-
     t2 = float(x @ np.linalg.solve(covariance, x))
     rank, freedom = len(x), tiles - len(x)
-    return float(fdtrc(rank, freedom - rank + 1, t2 * (freedom - rank + 1) / (freedom * rank)))
+    return fisher_above(rank, freedom - rank + 1, t2 * (freedom - rank + 1) / (freedom * rank))

@@ -1,37 +1,45 @@
-"""The epipolar residual of every pixel, and how it changes with the relative orientation.
+"""What places of a camera's image show: their points, the epipolar residual, and how both change with the calibration.
 
-A pixel's ray d and inverse depth q put the point ``X = d / q`` into the camera's frame; with the projector's centre p
-and the rotation R, the projector sees it in the direction ``R (d - q p)``. Of the two residuals of u and v, weighted by
-their sigmas, the part along the change with q is taken up by the depth. What remains, across it, is the epipolar
-residual, in units of its standard deviation.
+A place's ray d and inverse depth q put the point ``X = d / q`` into the camera's frame, which the projector sees at
+``f(X)``. Of the two residuals of u and v, weighted by their sigmas, the part along the change with q is taken up by the
+depth. What remains, across it, is the epipolar residual, in units of its standard deviation.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.geometry import Pose, project, ray_directions
-from core.model import AdjustedDevice, Array
+from core.geometry import project_with_derivatives, ray_directions
+from core.model import Array, Floats, Pair, PhaseMap
+from core.numerics import inverse_2x2
 
 LEAST_SIGMA = 1e-3  # lines; what a sigma is at least
-SLIGHT = 1e-6  # relative change of a direction for its derivative
+LEAST_BLOCK = 2  # pixels a side: the changes within a block tell where its reflectance changes
+CREASED, STEPPED = 5.0, 0.15  # sigmas and lines: what a block of one smooth surface may leave of a plane, r.m.s.
+
+
+class _Columns:
+    """Arrays with one entry a place."""
+
+    def only(self, chosen: NDArray[np.bool_]) -> Self:
+        """Give some of the places."""
+        return type(self)(*(getattr(self, f.name)[chosen] for f in fields(self)))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
-class Sight:
-    """The pixels of a capture that saw column and row, thinned out to a grid.
+class Sight(_Columns):
+    """Places of an image that saw column and row: single pixels, or means over square blocks of them.
 
     Attributes
     ----------
-    at : array of int, shape (n,)
-        Number of the tile of the image that a pixel lies in.
+    tile : array of int, shape (n, 2)
+        Row and column of the tile of the image that a place lies in.
     pixels : array, shape (n, 2)
         Where they are in the camera's image, px.
-    rays : array, shape (n, 3)
-        Directions in the camera's frame, Z = -1.
     uv, sigma : array, shape (n, 2)
         Projector coordinates in lines.
     pull : array, shape (n, 2)
@@ -39,88 +47,137 @@ class Sight:
         lines, for a footprint of 1 px² (variance).
     """
 
-    at: NDArray[np.int64]
+    tile: NDArray[np.int64]
     pixels: Array
-    rays: Array
     uv: Array
     sigma: Array
     pull: Array
 
-    def only(self, chosen: NDArray[np.bool_] | slice) -> Sight:
-        """Give some of the pixels."""
-        return Sight(*(getattr(self, f.name)[chosen] for f in fields(Sight)))
-
 
 @dataclass(frozen=True)
-class Residuals:
-    """Epipolar residuals and what they depend on.
+class Residuals(_Columns):
+    """Epipolar residuals and points of places, and what they depend on.
 
     Attributes
     ----------
     e : array, shape (n,)
         Observed less computed, in standard deviations.
-    A : array, shape (n, 6)
-        Change of the computed value with the projector's rotation vector (rad) and centre (mm) in the camera's frame.
+    A : array, shape (n, k)
+        Change of the computed value with the parameters of the pair, in the order of its covariance.
     pulled : array, shape (n,)
         Change of the observed value with the footprint, by px².
-    q : array, shape (n,)
-        Inverse depths, 1/mm.
+    xyz_mm, by_xyz : arrays, shape (n, 3) and (n, 3, k)
+        The points in the camera's frame, and how they change with the parameters.
+    sigma_log : array, shape (n,)
+        Relative standard deviation of their distances by noise.
     """
 
     e: Array
     A: Array
     pulled: Array
-    q: Array
+    xyz_mm: Array
+    by_xyz: Array
+    sigma_log: Array
 
 
-def epipolar_residuals(sight: Sight, projector: AdjustedDevice, projector_from_camera: Pose) -> Residuals:
-    """Compute the residuals of all pixels.
+def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int]:
+    """Average pixels with both coordinates over square blocks, about `most` of them, and give the blocks' side in px.
 
-    Parameters
-    ----------
-    sight : Sight
-    projector : AdjustedDevice
-    projector_from_camera : Pose
+    The epipolar condition is linear over a block, so that means keep it, with less noise. Blocks that lack a pixel or
+    hold more than one smooth surface are left out: an edge, a wrong word.
+    """
+    whole = np.isfinite(phase.u) & np.isfinite(phase.v) & np.isfinite(phase.sigma_u) & np.isfinite(phase.sigma_v)
+    count = int(np.count_nonzero(whole))
+    side = max(LEAST_BLOCK, int(np.sqrt(count / most) + 0.5))
+    h, w = (n // side for n in whole.shape)
+
+    def cut(image: NDArray) -> NDArray:
+        return image[: h * side, : w * side].reshape(h, side, w, side).swapaxes(1, 2).reshape(h, w, side * side)
+
+    rows, columns = np.nonzero(cut(whole).all(axis=2))
+    y, x = (np.mgrid[:side, :side] - (side - 1) / 2).reshape(2, -1).astype(np.float32)
+    square = max(float(x @ x), 1e-9)
+    planes = np.stack([np.full_like(x, side**-2.0), x / square, y / square], axis=1)  # mean and slopes of a block
+    shape = np.stack([np.ones_like(x), x, y])
+
+    def means(image: Floats) -> tuple[Array, Array]:
+        values = cut(image)[rows, columns]
+        found = (values @ planes).astype(np.float64)
+        rest = values - values[:, :1] - ((values - values[:, :1]) @ planes) @ shape
+        return found, np.einsum("nk,nk->n", rest, rest).astype(np.float64) / side**2
+
+    (u, off_u), (v, off_v), (grey, _) = means(phase.u), means(phase.v), means(phase.image)
+    variance = np.stack([means(s**2)[0][:, 0] for s in (phase.sigma_u, phase.sigma_v)], axis=1)
+    smooth = (np.stack([off_u, off_v], axis=1) < np.maximum(CREASED**2 * variance, STEPPED**2)).all(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        brighter = grey[:, 1:] / grey[:, :1]
+        pull = np.stack([np.sum(slopes[:, 1:] * brighter, axis=1) for slopes in (u, v)], axis=1)
+    size = max(np.sqrt(count / tiles), 1.0)
+    pixels = np.stack([columns, rows], axis=1).astype(np.float64) * side + (side - 1) / 2
+    tile = (pixels[:, ::-1] // size).astype(np.int64)
+    uv = np.stack([u[:, 0], v[:, 0]], axis=1)
+    sight = Sight(tile, pixels, uv, np.sqrt(variance) / side, np.nan_to_num(pull, posinf=0, neginf=0))
+    return sight.only(np.asarray(smooth)), side
+
+
+def pixels_within(phase: PhaseMap, u: float, v: float, radius_px: float) -> Sight:
+    """Give the single pixels with both coordinates within a radius of a place of the image."""
+    rows, columns = np.mgrid[
+        max(0, int(v - radius_px)) : int(v + radius_px) + 2, max(0, int(u - radius_px)) : int(u + radius_px) + 2
+    ].reshape(2, -1)
+    near = (np.hypot(columns - u, rows - v) <= radius_px) & (rows < phase.u.shape[0]) & (columns < phase.u.shape[1])
+    rows, columns = rows[near], columns[near]
+    uv, sigma = (
+        np.stack([a[rows, columns], b[rows, columns]], axis=1).astype(np.float64)
+        for a, b in ((phase.u, phase.v), (phase.sigma_u, phase.sigma_v))
+    )
+    pixels = np.stack([columns, rows], axis=1).astype(np.float64)
+    found = Sight(np.zeros((len(rows), 2), np.int64), pixels, uv, sigma, np.zeros_like(uv))
+    return found.only(np.asarray(np.isfinite(uv + sigma).all(axis=1)))
+
+
+def epipolar_residuals(sight: Sight, pair: Pair) -> Residuals:
+    """Compute the residuals and the points of all places.
 
     Notes
     -----
-    The residual is stationary in q, so that q may come from a plain intersection of both rays.
+    The epipolar residual is stationary in q, so that q may come from the place where both rays come closest; the points
+    are one step of least squares from there.
     """
-    R, centre = projector_from_camera.rotation, projector_from_camera.origin_mm
-    towards = sight.rays @ R.T
-    base = R @ centre
-    weight = 1 / np.maximum(sight.sigma, LEAST_SIGMA)
-    q = _depths(sight, projector, towards, base)
-    computed, image = _sensitivity(projector, towards - q[:, None] * base)
-    rest = weight * (sight.uv - computed)
-    along = -weight * np.einsum("nij,j->ni", image, base)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
-    normal = np.einsum("ni,nij->nj", weight * across, image) @ R  # by the direction, in the camera's frame
-    seen = sight.rays - q[:, None] * centre
-    # the projector turned by a small vector w looks along R (1 - [w]x): R (d - q p) changes by -R (w x (d - q p))
-    A = np.concatenate([-np.cross(seen, normal), -q[:, None] * normal], axis=1)
-    return Residuals(np.sum(across * rest, axis=1), A, np.sum(across * weight * sight.pull, axis=1), q)
+    camera, projector, pose = pair.camera, pair.projector, pair.projector_from_camera
+    rays = ray_directions(camera.spec, camera.interior, sight.pixels)
+    own = project_with_derivatives(camera.spec, camera.interior, rays)
+    by_ray = np.zeros((len(rays), 3, own.by_interior.shape[2]))
+    by_ray[:, :2] = -inverse_2x2(own.by_point[:, :, :2]) @ own.by_interior
+    q = _closest(sight, rays, pair)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        seen = project_with_derivatives(projector.spec, projector.interior, rays / q[:, None], pose)
+        weight = 1 / np.maximum(sight.sigma, LEAST_SIGMA)
+        rest = weight * (sight.uv - seen.uv)
+        along = -weight * (seen.by_point @ rays[..., None])[..., 0] / q[:, None] ** 2
+        by_camera = seen.by_point @ by_ray / q[:, None, None]
+        by = weight[..., None] * np.concatenate([by_camera, seen.by_interior, seen.by_pose], axis=2)
+        information = np.einsum("ni,ni->n", along, along)
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.sqrt(information)[:, None]
+        q = q + np.einsum("ni,ni->n", along, rest) / information
+        by_q = -np.einsum("ni,nik->nk", along, by) / information[:, None]
+        by_xyz = -(rays / q[:, None] ** 2)[..., None] * by_q[:, None, :]
+        by_xyz[..., : by_ray.shape[2]] += by_ray / q[:, None, None]
+    return Residuals(
+        np.einsum("ni,ni->n", across, rest),
+        np.einsum("ni,nik->nk", across, by),
+        np.einsum("ni,ni->n", across, weight * sight.pull),
+        rays / q[:, None],
+        by_xyz,
+        1 / np.sqrt(information) / np.abs(q),
+    )
 
 
-def _depths(sight: Sight, projector: AdjustedDevice, towards: Array, base: Array) -> Array:
+def _closest(sight: Sight, rays: Array, pair: Pair) -> Array:
     """Inverse depths at which the rays come closest, as seen from the projector."""
-    back = ray_directions(projector.spec, projector.interior, sight.uv)
-    # towards - q base is parallel to back: its cross product with back vanishes
-    left, right = np.cross(back, np.broadcast_to(base, back.shape)), np.cross(back, towards)
-    return np.asarray(np.sum(left * right, axis=1) / np.sum(left**2, axis=1))
-
-
-def _sensitivity(projector: AdjustedDevice, directions: Array) -> tuple[Array, Array]:
-    """Projector coordinates (n, 2) of directions (n, 3), and their derivatives by them (n, 2, 3), by differences."""
-    spec, interior = projector.spec, projector.interior
-    depth = -directions[:, 2:]
-    plane = np.concatenate([directions[:, :2] / depth, -np.ones_like(depth)], axis=1)
-    computed = project(spec, interior, plane)
-    columns = []
-    for axis in range(2):
-        step = np.zeros(3)
-        step[axis] = SLIGHT
-        columns.append((project(spec, interior, plane + step) - computed) / SLIGHT)
-    inner = np.stack(columns, axis=-1) / depth[:, :, None]  # by the direction's X and Y
-    by_depth = np.einsum("nij,nj->ni", inner, plane[:, :2])
-    return computed, np.concatenate([inner, by_depth[:, :, None]], axis=-1)
+    pose = pair.projector_from_camera
+    towards = rays @ pose.rotation.T
+    back = ray_directions(pair.projector.spec, pair.projector.interior, sight.uv)
+    # towards + q t is parallel to back: its cross product with back vanishes
+    left, right = np.cross(back, pose.translation_mm), np.cross(back, towards)
+    return np.asarray(-np.sum(left * right, axis=1) / np.sum(left**2, axis=1))

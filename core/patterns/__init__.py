@@ -10,7 +10,7 @@ lcd.py        what a line-addressed glass plate can show (one axis, or columns X
 """
 
 from core.patterns.kinds import KINDS, Axis, Black, Code, Kind, Level, Line, Lines, Pattern, Phase, White
-from core.patterns.lcd import CrossPatternLcd, PlainLcd
+from core.patterns.lcd import CrossPatternLcd
 from core.patterns.pattern import (
     axis_of,
     brightness,
@@ -48,7 +48,6 @@ __all__ = [
     "Lines",
     "Pattern",
     "Phase",
-    "PlainLcd",
     "SequenceSpec",
     "White",
     "axis_of",

@@ -27,7 +27,6 @@ def dense_words(lines: int, frames: int, blur_lines: float = 0.55, seed: int = 0
 
     Parameters
     ----------
-    lines, frames : int
     blur_lines : float
         Gaussian sigma of the expected blur: two words are compared as they will be seen.
     seed : int

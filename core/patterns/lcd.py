@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import PatternRefusedError
-from core.patterns.kinds import Axis, Pattern
+from core.patterns.kinds import Pattern
 from core.patterns.pattern import axis_of, brightness, describe, grey_reason
 
 Lines = NDArray[np.bool_]
@@ -44,7 +44,8 @@ class CrossPatternLcd:
         PatternRefusedError
             For grey values between black and white.
         """
-        _refuse_grey(pattern)
+        if reason := grey_reason(pattern):
+            raise PatternRefusedError("projector", describe(pattern), f"this LCD is black or white, and {reason}")
         columns, rows = np.zeros(self.width, bool), np.zeros(self.height, bool)
         if axis_of(pattern) == "y":
             rows = brightness(pattern, np.arange(self.height)) > 0.5
@@ -55,32 +56,3 @@ class CrossPatternLcd:
     def image(self, columns: Lines, rows: Lines) -> Lines:
         """What is seen, shape (height, width), when these lines are switched."""
         return rows[:, None] ^ columns[None, :]
-
-
-@dataclass(frozen=True)
-class PlainLcd:
-    """One plate: lines along a single axis, in black and white."""
-
-    axis: Axis = "x"
-    lines: int = 640
-
-    def switch(self, pattern: Pattern) -> Lines:
-        """Give the lines, shape (lines,), that show a pattern.
-
-        Raises
-        ------
-        PatternRefusedError
-            For a pattern of the other axis, or grey values between black and white.
-        """
-        _refuse_grey(pattern)
-        axis = axis_of(pattern) or self.axis
-        if axis != self.axis:
-            raise PatternRefusedError(
-                "projector", f"pattern of axis {axis!r}", f"this LCD has lines of axis {self.axis!r} only"
-            )
-        return brightness(pattern, np.arange(self.lines)) > 0.5
-
-
-def _refuse_grey(pattern: Pattern) -> None:
-    if reason := grey_reason(pattern):
-        raise PatternRefusedError("projector", describe(pattern), f"this LCD is black or white, and {reason}")

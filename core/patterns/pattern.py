@@ -19,7 +19,6 @@ def brightness(pattern: Pattern, lines: ArrayLike) -> Array:
 
     Parameters
     ----------
-    pattern : Pattern
     lines : array-like of int
         Line numbers i along the pattern's axis (u for axis "x", v for axis "y").
 
@@ -105,11 +104,6 @@ def pattern_from_dict(data: object, where: str) -> Pattern:
         The value of the key "pattern".
     where : str
         The file and field, for the message.
-
-    Raises
-    ------
-    InputError
-        Naming the field, the value and what is allowed.
 
     Examples
     --------

@@ -164,14 +164,6 @@ def _phases(size: Size, options: Mapping[str, Any], chosen: Callable[[int], list
     return _for_axes(size, options, make)
 
 
-def _multi(size: Size, options: Mapping[str, Any]) -> list[Pattern]:
-    return _phases(size, options, lambda lines: ladder(options["period"], lines))
-
-
-def _two(size: Size, options: Mapping[str, Any]) -> list[Pattern]:
-    return _phases(size, options, neighbours)
-
-
 def _dense(size: Size, options: Mapping[str, Any]) -> list[Pattern]:
     each = max(3, (options["frames"] - 2 * options["plain"]) // len(options["axes"]))
 
@@ -202,9 +194,13 @@ PRESETS: dict[str, Preset] = {
     "multi-frequency": Preset(
         "sine steps of ever longer periods, without code",
         {"period": number(PERIOD, 2.0), "steps": steps(4), **_PHASES},
-        _multi,
+        lambda size, options: _phases(size, options, lambda lines: ladder(options["period"], lines)),
     ),
-    "two-period": Preset("sine steps of two neighbouring periods, without code", {"steps": steps(8), **_PHASES}, _two),
+    "two-period": Preset(
+        "sine steps of two neighbouring periods, without code",
+        {"steps": steps(8), **_PHASES},
+        lambda size, options: _phases(size, options, neighbours),
+    ),
     "dense": Preset(
         "words in which half the frames switch at every line",
         {

@@ -94,11 +94,6 @@ def _made(preset: str, options: str, lines: Size) -> tuple[Pattern, ...]:
 def read_sequence(data: object, where: str) -> SequenceSpec:
     """Read what project.json holds under "sequence".
 
-    Raises
-    ------
-    InputError
-        For an unknown preset or option, naming those there are, and for values that are not allowed.
-
     Examples
     --------
     >>> read_sequence({"preset": "gray-sine", "steps": 8}, "project.json: sequence").words
@@ -131,10 +126,6 @@ def parse_sequence(text: str) -> SequenceSpec:
         A preset's name, with options as in ``gray-sine:period=24,steps=8``; what project.json may hold, as JSON; or a
         file of that, a capture.json or a project.json.
 
-    Raises
-    ------
-    InputError
-
     Examples
     --------
     >>> parse_sequence("gray-sine:period=24,axes=x").patterns((64, 48))[-3]
@@ -161,12 +152,7 @@ def parse_sequence(text: str) -> SequenceSpec:
 
 
 def read_sequence_file(path: Path) -> SequenceSpec:
-    """Read a sequence from a JSON file: a list or preset, a capture.json with the frames' names, or a project.json.
-
-    Raises
-    ------
-    InputError
-    """
+    """Read a sequence from a JSON file: a list or preset, a capture.json with the frames' names, or a project.json."""
     if path.is_dir():
         path = path / "capture.json"
     try:

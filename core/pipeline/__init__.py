@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from core.pipeline.decode import write_phase as write_phase
     from core.pipeline.evaluate import evaluate_project as evaluate_project
     from core.pipeline.evaluate import load_evaluation as load_evaluation
+    from core.pipeline.features import feature_figures as feature_figures
+    from core.pipeline.features import feature_words as feature_words
+    from core.pipeline.features import measure_features as measure_features
     from core.pipeline.folders import captures_of as captures_of
     from core.pipeline.folders import find_capture as find_capture
     from core.pipeline.folders import result_path as result_path
@@ -45,11 +48,16 @@ if TYPE_CHECKING:
     from core.pipeline.methods import Judgement as Judgement
     from core.pipeline.methods import calibration_figures as calibration_figures
     from core.pipeline.options import CalibrateOptions as CalibrateOptions
-    from core.pipeline.orient import motion_figures as motion_figures
-    from core.pipeline.orient import motion_words as motion_words
-    from core.pipeline.orient import motions_figures as motions_figures
+    from core.pipeline.orient import drift_of as drift_of
+    from core.pipeline.orient import kept_motion as kept_motion
     from core.pipeline.orient import orient_capture as orient_capture
     from core.pipeline.orient import orient_pairs as orient_pairs
+    from core.pipeline.orient import parse_length as parse_length
+    from core.pipeline.orient_words import drift_figures as drift_figures
+    from core.pipeline.orient_words import drift_words as drift_words
+    from core.pipeline.orient_words import motion_figures as motion_figures
+    from core.pipeline.orient_words import motion_words as motion_words
+    from core.pipeline.orient_words import motions_figures as motions_figures
     from core.pipeline.preflight import preflight_rig as preflight_rig
     from core.pipeline.reconstruct import check_cloud as check_cloud
     from core.pipeline.reconstruct import reconstruct_capture as reconstruct_capture
@@ -94,6 +102,7 @@ _HOMES = {
     "core.pipeline.compare": "Difference compare_runs",
     "core.pipeline.decode": "decode_capture phase_maps read_phase write_phase",
     "core.pipeline.evaluate": "evaluate_project load_evaluation",
+    "core.pipeline.features": "feature_figures feature_words measure_features",
     "core.pipeline.folders": "captures_of find_capture result_path",
     "core.pipeline.graph": "project_states",
     "core.pipeline.guessing": "accept_guesses guess_picks",
@@ -101,7 +110,8 @@ _HOMES = {
     "core.pipeline.measure": "measure_project",
     "core.pipeline.methods": "METHODS Calibrated CalibrationMethod Judgement calibration_figures",
     "core.pipeline.options": "CalibrateOptions",
-    "core.pipeline.orient": "motion_figures motion_words motions_figures orient_capture orient_pairs",
+    "core.pipeline.orient": "drift_of kept_motion orient_capture orient_pairs parse_length",
+    "core.pipeline.orient_words": "drift_figures drift_words motion_figures motion_words motions_figures",
     "core.pipeline.preflight": "preflight_rig",
     "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",
     "core.pipeline.report": "failed_verdicts load_sign_off report_data report_project result_tables save_sign_off"

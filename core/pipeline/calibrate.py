@@ -174,13 +174,7 @@ def load_calibrations(project: Project) -> dict[Method, Calibration]:
 
 
 def chosen_calibration(project: Project, method: Method | None = None) -> tuple[Method, Any]:
-    """Read the calibration in use of one method, by default of the first that there is; give the method's name too.
-
-    Raises
-    ------
-    InputError
-        If there is none, or the method is unknown.
-    """
+    """Read the calibration in use of one method, by default of the first that there is; give the method's name too."""
     if method is not None:
         method_of(method)
     calibrations = load_calibrations(project)
@@ -192,13 +186,7 @@ def chosen_calibration(project: Project, method: Method | None = None) -> tuple[
 
 
 def photogrammetric_calibration(project: Project) -> PhotogrammetricCalibration:
-    """Read the calibration in use that is of the devices themselves.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Read the calibration in use that is of the devices themselves."""
     for calibration in load_calibrations(project).values():
         if isinstance(calibration, PhotogrammetricCalibration):
             return calibration

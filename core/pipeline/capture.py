@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from core.errors import InputError
-from core.model import Project, Role
+from core.model import DeviceSpec, Project, Role
 from core.progress import SILENT, Progress
 from core.project import read_project, refuse_used_folder, write_json
 from core.project.made import FILE as MADE
 from core.project.made import note_made, read_made, remove_made
 
 if TYPE_CHECKING:
-    from core.bench import Rig
     from core.capture import CaptureReport
     from core.capture.store import Listen
     from core.patterns import SequenceSpec
@@ -75,12 +74,7 @@ def _begun(out: Path, captures: Sequence[str]) -> set[str]:
 
 
 def check_scenario(scenario: str, seed: int) -> None:
-    """See that the virtual bench knows a scenario and can begin with a seed.
-
-    Raises
-    ------
-    InputError
-    """
+    """See that the virtual bench knows a scenario and can begin with a seed."""
     from core.bench import experiment
 
     experiment(scenario, seed)
@@ -92,7 +86,7 @@ def capture_into(
     role: Role,
     *,
     projector: str | None = None,
-    camera: str | None = None,
+    camera: str | Mapping[str, str] | None = None,
     testfield: str | None = None,
     z_mm: float | None = None,
     angle_deg: float | None = None,
@@ -103,38 +97,35 @@ def capture_into(
 ) -> CaptureReport:
     """Record one capture with a projector and a camera and add it to a project.
 
-    Without a URL of either, the virtual bench's rig of the project's sizes is taken; without a `sequence` the
-    project's, the projector's own, or the one that suits what it can show. `listen` receives every entry of the
-    transcript from the thread that writes it. Frames are stored as plain TIFF, or as `png`.
+    Without a URL of either, the virtual bench's rig of the project's sizes is taken. Several cameras, by their names in
+    the rig, take every pattern together; without any URL all of the project's. Without a `sequence` the project's, the
+    projector's own, or the one that suits what it can show. `listen` receives every entry of the transcript from the
+    thread that writes it. Frames are stored as plain TIFF, or as `png`.
     """
-    from core.capture import run_capture
+    from core.capture import capture_together, run_capture
     from core.capture.store import PNG, TIFF, no_listener
 
     project = read_project(folder)
     lines = project.projector.width, project.projector.height
-    return run_capture(
-        project,
-        name,
-        role,
-        *devices_of(project, projector, camera),
-        patterns=None if sequence is None else sequence.patterns(lines),
-        testfield=testfield,
-        z_mm=z_mm,
-        angle_deg=angle_deg,
-        progress=progress,
-        listen=listen or no_listener,
-        ending=PNG if png else TIFF,
-    )
+    if camera is None and not project.rig.is_pair:
+        virtual = virtual_rig(project)
+        camera = {name: f"{virtual}?camera={name}" for name in project.rig.cameras}
+    how: dict[str, Any] = {
+        "patterns": None if sequence is None else sequence.patterns(lines),
+        "testfield": testfield,
+        "z_mm": z_mm,
+        "angle_deg": angle_deg,
+        "progress": progress,
+        "listen": listen or no_listener,
+        "ending": PNG if png else TIFF,
+    }
+    if camera is None or isinstance(camera, str):
+        return run_capture(project, name, role, *devices_of(project, projector, camera), **how)
+    return capture_together(project, name, role, projector or virtual_rig(project), camera, **how)
 
 
 def devices_of(project: Project, projector: str | None, camera: str | None) -> tuple[str, str]:
-    """Give the URLs of projector and camera; for one that is not named, of the virtual bench's rig.
-
-    Raises
-    ------
-    InputError
-        If one is not named and no virtual rig has the project's sizes.
-    """
+    """Give the URLs of projector and camera; for one that is not named, of the virtual bench's rig."""
     if projector is not None and camera is not None:
         return projector, camera
     virtual = virtual_rig(project)
@@ -142,20 +133,16 @@ def devices_of(project: Project, projector: str | None, camera: str | None) -> t
 
 
 def virtual_rig(project: Project) -> str:
-    """Give the URL of the virtual bench's rig that has the project's sizes.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Give the URL of the virtual bench's rig that has the project's sizes."""
     from core.bench import experiment, scenarios
 
-    def sizes(owner: Project | Rig) -> tuple[int, int, int, int]:
-        return owner.camera.width, owner.camera.height, owner.projector.width, owner.projector.height
+    def sizes(*devices: DeviceSpec) -> list[tuple[int, int]]:
+        return [(device.width, device.height) for device in devices]
 
+    wanted = sizes(*project.rig.cameras.values(), project.projector)
     for name in scenarios():
-        if sizes(experiment(name).rig) == sizes(project):
+        made = experiment(name)
+        if sizes(*(view.rig.camera for view in made.views.values()), made.rig.projector) == wanted:
             return f"virtual:{name}"
     raise InputError(
         project.path,

@@ -18,12 +18,13 @@ from typing import Any
 
 from core.atomic import is_leftover, sweep
 from core.errors import StripeError
+from core.fields import read_document
 from core.model import Method, PlaneEvaluation, Project, TargetSet
 from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.runs import DELETED, SIGN_OFF, list_runs, read_run, run_folder
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_capture, read_project, write_json
-from core.project.captures import PATIENCE_S, read_document
+from core.project.captures import PATIENCE_S
 from core.project.contents import FILE as CONTENTS
 from core.project.contents import hash_file
 from core.project.images import check_frame
@@ -47,7 +48,7 @@ class Inconsistency:
         return f"{self.where}: {self.seen}; {'mended: ' if self.mended else ''}{self.remedy}"
 
 
-Finding = tuple[Path, str, str, Callable[[], None] | None]  # where, seen, remedy, and how it is mended
+Finding = tuple[Path, str, str, Callable[[], object] | None]  # where, seen, remedy, and how it is mended
 
 
 def check_project(folder: Path, repair: bool = False, progress: Progress = SILENT) -> tuple[Inconsistency, ...]:
@@ -55,10 +56,8 @@ def check_project(folder: Path, repair: bool = False, progress: Progress = SILEN
 
     Parameters
     ----------
-    folder : Path
     repair : bool
         Mend what can be mended without loss.
-    progress : Progress
 
     Raises
     ------
@@ -104,11 +103,7 @@ def _leftovers(folder: Path, progress: Progress) -> Iterator[Finding]:
             path = Path(root, name)
             if is_leftover(path):
                 seen = "left by a program that was stopped while it wrote"
-                yield path, seen, "removed: the whole file was never there", partial(_swept, path.parent)
-
-
-def _swept(folder: Path) -> None:
-    sweep(folder)
+                yield path, seen, "removed: the whole file was never there", partial(sweep, path.parent)
 
 
 def _listed(folder: Path, progress: Progress) -> Iterator[Finding]:
@@ -208,12 +203,8 @@ def _pointer(folder: Path, progress: Progress) -> Iterator[Finding]:
         stored = json.loads(path.read_text(encoding="utf-8"))
         numbers = {m: int(stored[m]) for m in METHODS if m in stored}
     except (OSError, ValueError, TypeError):
-        yield (
-            path,
-            "the pointer to the runs in use cannot be read",
-            "points to the newest runs",
-            partial(_point, folder),
-        )
+        seen = "the pointer to the runs in use cannot be read"
+        yield path, seen, "points to the newest runs", partial(_point, folder)
         return
     try:
         project = read_project(folder)

@@ -23,8 +23,6 @@ def decode_capture(
 
     Parameters
     ----------
-    folder : Path
-    progress : Progress
     camera, projector : str
         Whose frames, where the capture holds those of several.
     estimate : bool
@@ -43,13 +41,7 @@ def decode_capture(
 
 
 def one_series(capture: Capture, camera: str = "", projector: str = "") -> Capture:
-    """Choose the frames of one camera and one projector of a capture.
-
-    Raises
-    ------
-    InputError
-        If there are several and none is named, or none of that name.
-    """
+    """Choose the frames of one camera and one projector of a capture."""
     named = (("camera", camera), ("projector", projector))
     found = [s for s in capture.series if all(not name or getattr(s, kind) == name for kind, name in named)]
     if len(found) == 1:

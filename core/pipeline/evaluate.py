@@ -14,6 +14,7 @@ from core.model import (
     PhaseMap,
     PhotogrammetricCalibration,
     PlaneEvaluation,
+    PointCloud,
     Project,
 )
 from core.pipeline.calibrate import load_calibrations
@@ -24,12 +25,13 @@ from core.pipeline.inputs import evaluated_from
 from core.pipeline.judge import calibration_rms, judge_planes
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import calibration_hashes
+from core.pipeline.views import joint_clouds
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
 from core.project.contents import contents_of
 from core.project.lock import writing_results
 
-MOST_PIXELS = 20_000  # whose epipolar residuals are looked at
+TOGETHER = "all devices"  # in place of the projector, where all that saw a point made it
 OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to a plane
 
 
@@ -41,6 +43,9 @@ def evaluate_project(
     methods: Collection[Method] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Judge plane captures by calibrations, all of either unless some are named; keep the deviations in the project.
+
+    A plane that several cameras or projectors saw is judged by each pair, and by the points of all together in every
+    camera's raster.
 
     Raises
     ------
@@ -79,33 +84,51 @@ def _evaluate(
 def _judge(
     project: Project, planes: Sequence[Capture], calibrations: Mapping[Method, Calibration], progress: Progress
 ) -> tuple[PlaneEvaluation, ...]:
+    from core.checks import end_notes, light_end
     from core.evaluate import evaluate_plane
 
     evaluations = []
+    ends = {}
     calibrated: dict[tuple[str, Method, str, str], float] = {}
     notes: dict[str, tuple[str, ...]] = {}
+    seen: dict[str, list[PhaseMap]] = {}
+
+    def judge(capture: Capture, phase: PhaseMap, name: Method, cloud: PointCloud, said: Sequence[str], by: str) -> None:
+        calibrated[capture.name, name, phase.camera, by] = calibration_rms(cloud)
+        method, notes[capture.name] = METHODS[name], tuple(dict.fromkeys((*notes.get(capture.name, ()), *said)))
+        with because_of({capture.name: said}):
+            row = evaluate_plane(
+                phase,
+                cloud,
+                capture=capture.name,
+                angle_deg=capture.angle_deg,
+                method=name,
+                camera=method.camera(phase, calibrations[name]),
+                outside=method.outside,
+            )
+        evaluations.append(replace(row, devices=(phase.camera, by)))
+
+    of_whole = {capture.name: capture for capture in planes}
     for capture, phase in phase_maps(project, planes, progress):
+        seen.setdefault(capture.name, []).append(phase)
+        if (phase.camera, phase.projector) == (project.rig.camera_name, project.rig.projector_name):
+            ends[capture.name] = light_end(phase.u), light_end(phase.v)
         for name, calibration in calibrations.items():
             progress.check()
-            method = METHODS[name]
-            if method.one_pair and phase.camera != project.rig.camera_name:
-                continue
-            cloud = method.reconstruct(phase, calibration, False, progress.quiet())
-            calibrated[capture.name, name, phase.camera, phase.projector] = calibration_rms(cloud)
-            said = (*phase.notes, *_moved(phase, calibration, capture.name))
-            notes[capture.name] = tuple(dict.fromkeys((*notes.get(capture.name, ()), *said)))
-            with because_of({capture.name: said}):
-                row = evaluate_plane(
-                    phase,
-                    cloud,
-                    capture=capture.name,
-                    angle_deg=capture.angle_deg,
-                    method=name,
-                    camera=method.camera(phase, calibration),
-                    outside=method.outside,
-                )
-            evaluations.append(replace(row, devices=(phase.camera, phase.projector)))
+            if not METHODS[name].one_pair or phase.camera == project.rig.camera_name:
+                cloud = METHODS[name].reconstruct(phase, calibration, False, progress.quiet())
+                said = (*phase.notes, *_moved(phase, calibration, capture.name))
+                judge(capture, phase, name, cloud, said, phase.projector)
+        if 1 < len(of_whole[capture.name].pairs) == len(seen[capture.name]):
+            together = seen.pop(capture.name)
+            for name, calibration in calibrations.items():
+                if isinstance(calibration, PhotogrammetricCalibration):
+                    clouds = joint_clouds(together, calibration, progress=progress.quiet())
+                    for one in {p.camera: p for p in together if p.camera in clouds}.values():
+                        judge(capture, one, name, clouds[one.camera], (), TOGETHER)
     progress.check()
+    for name, text in end_notes(ends, project.projector).items():
+        notes[name] = (text, *notes.get(name, ()))
     order = list(METHODS)
     verdicts = {m: c.verdict for m, c in calibrations.items() if c.verdict is not None}
     return judge_planes(sorted(evaluations, key=lambda e: order.index(e.method)), calibrated, notes, verdicts)
@@ -113,12 +136,12 @@ def _judge(
 
 def _moved(phase: PhaseMap, calibration: Calibration, capture: str) -> tuple[str, ...]:
     """Say whether camera and projector see a plane off each other's epipolar lines."""
-    from core.orient import OrientOptions, find_motion
+    from core.orient import find_motion
 
     if not isinstance(calibration, PhotogrammetricCalibration):
         return ()
     try:
-        motion = find_motion(phase, calibration, capture=capture, options=OrientOptions(most_pixels=MOST_PIXELS))
+        motion = find_motion(phase, calibration, capture=capture)
     except InputError:  # one axis, or too few pixels
         return ()
     if not motion.moved or motion.residual_rms < OFF_EPIPOLAR * motion.corrected_rms:

@@ -17,6 +17,8 @@ from core.model import (
     Calibration,
     Capture,
     DepthCalibration,
+    DeviceSpec,
+    Interior,
     LeftOut,
     Method,
     PhotogrammetricCalibration,
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
     from core.checks import Concern, Plates
 
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
-SHARP = re.compile("they fit|claims|mirrored|beyond the projector's lines")  # notes that name a cause
+SHARP = re.compile("they fit|claims|mirrored|scale bar|beyond the projector's lines")  # notes that name a cause
 DOUBTS = ("not rigid", "look like gross errors", "left out, fewer than")  # of the adjustment's own warnings
 
 
@@ -83,15 +85,7 @@ class Evidence:
 
     def lengths_of_plates(self, depth: DepthCalibration) -> list[Concern]:
         """What the plates' own targets say of their positions, where no projector is calibrated."""
-        from core.checks import length_concerns, pose_plates
-
-        boards = [c for c in self.captures if c.role == "depth" and c.testfield is not None and c.name in self.kept]
-        if not boards or boards[0].testfield is None:
-            return []
-        z_mm = {c.name: c.z_mm for c in boards if c.z_mm is not None}
-        targets = [self.kept[name] for name in z_mm]
-        plates = pose_plates(depth.camera_spec, depth.camera, targets, z_mm, boards[0].testfield)
-        return length_concerns(None, None, None, plates, False)
+        return lengths_of(depth.camera_spec, depth.camera, [c for c in self.captures if c.role == "depth"], self.kept)
 
     def of_plate(self, concern: Concern) -> bool:
         """Whether a concern is about the plates alone, which the photogrammetric calibration does not use."""
@@ -124,6 +118,20 @@ class Evidence:
         idle = [c.name for c in self.captures if c.role in METHODS[method].roles and c.name not in names]
         why = [(n, "left out by choice" if n in self.options.without else "names no testfield") for n in idle]
         return left_out_of(self.targets(method), rejected, why)
+
+
+def lengths_of(
+    spec: DeviceSpec, interior: Interior, plates: Sequence[Capture], targets: Mapping[str, TargetSet]
+) -> list[Concern]:
+    """What the targets of plates, by capture, say of their positions and their board, seen by the camera alone."""
+    from core.checks import length_concerns, pose_plates
+
+    boards = [c for c in plates if c.testfield is not None and c.name in targets]
+    if not boards or boards[0].testfield is None:
+        return []
+    z_mm = {c.name: c.z_mm for c in boards if c.z_mm is not None}
+    seen = pose_plates(spec, interior, [targets[name] for name in z_mm], z_mm, boards[0].testfield)
+    return length_concerns(None, None, None, seen, False)
 
 
 def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -109,8 +109,3 @@ def _no_adjustment(calibration: PhotogrammetricCalibration) -> Adjustment:
         parameter_cov=np.zeros((0, 0)),
         verdict=calibration.verdict,
     )
-
-
-def exchange_figures(files: list[Path], residuals: dict[str, float]) -> dict[str, Any]:
-    """What `export --json` writes."""
-    return {"files": [str(f) for f in files], "residual_rms_px": residuals}

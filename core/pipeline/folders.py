@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from core.errors import InputError
+from core.fields import read_document
 from core.model import Capture, Project, Role
 from core.project import read_capture
-from core.project.captures import read_document
 
 
 def result_path(project: Project, name: str) -> Path:

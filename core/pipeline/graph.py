@@ -51,7 +51,6 @@ def project_states(project: Project, captures: Mapping[Path, Capture | StripeErr
 
     Parameters
     ----------
-    project : Project
     captures : mapping, optional
         Captures by their folders, read a moment ago, or why they could not be read.
     """

@@ -33,7 +33,6 @@ def look_for_picks(
     image : array, shape (H, W)
     capture : Capture
         It must name its testfield.
-    camera : DeviceSpec
     known : tuple of Seed
         Picks of a neighbouring image.
     side : {"front", "back"}
@@ -58,11 +57,6 @@ def guess_picks(
 
     A regular board looks the same after half a turn: the first guess is the one nearest to the picks of the images
     before, which an operator should look at all the same.
-
-    Raises
-    ------
-    InputError
-        If there is no such capture of a board.
     """
     boards = [c for role in BOARDS for c in captures_of(project, role) if c.testfield is not None]
     wanted = [c for c in boards if (not c.seeds if names is None else c.name in names)]

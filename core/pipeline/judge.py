@@ -63,9 +63,12 @@ def judge_planes(
     deviations; `notes` is by capture what it says of itself; `verdicts` are those of the calibrations, which no plane's
     is better than.
     """
-    from core.checks import DOUBTFUL_RATIO, Concern, form_of, plane_concerns
+    from core.checks import DOUBTFUL_RATIO, Concern, form_of, pair_concerns, plane_concerns
 
-    common = [c for pair in dict.fromkeys(e.devices for e in evaluations) for c in _common(evaluations, pair)]
+    common: list[Concern] = []
+    for devices in dict.fromkeys(e.devices for e in evaluations):
+        common += pair_concerns([e for e in evaluations if e.devices == devices])
+    starts = tuple(f"{e.capture}:" for e in evaluations)
     judged = []
     for e in evaluations:
         form_pv_um, form_rms_mm = form_of(e.deviation_mm)
@@ -77,19 +80,13 @@ def judge_planes(
             source = "noise dominates" if ratio < DOUBTFUL_RATIO else "within three sigmas of the calibration"
             sound.append(f"{source}: {ratio:.2f} times what the noise predicts")
         of_capture = noted({e.capture: (notes or {}).get(e.capture, ())})
-        named = [c for c in common if c.text.startswith(f"{e.capture}:") or not _names_one(c.text, evaluations)]
+        named = [c for c in common if c.text.startswith(f"{e.capture}:") or not c.text.startswith(starts)]
         basis = (verdicts or {}).get(e.method)
         if basis is not None and basis.state != "passed" and basis.because:
             state: Literal["failed", "doubtful"] = "failed" if basis.state == "failed" else "doubtful"
             named.append(Concern(state, f"its {e.method} calibration is {basis.state}: {basis.because[0]}"))
         judged.append(replace(e, verdict=_verdict(of_capture, [*concerns, *named], sound)))
     return tuple(judged)
-
-
-def _common(evaluations: Sequence[PlaneEvaluation], devices: tuple[str, str]) -> list[Concern]:
-    from core.checks import pair_concerns
-
-    return pair_concerns([e for e in evaluations if e.devices == devices])
 
 
 def calibration_rms(cloud: PointCloud) -> float:
@@ -99,7 +96,3 @@ def calibration_rms(cloud: PointCloud) -> float:
     squares = cloud.sigma_mm[..., 2] ** 2 - cloud.sigma_depth_mm**2
     squares = squares[np.isfinite(squares)]
     return float(np.sqrt(max(float(squares.mean()), 0.0))) if squares.size else 0.0
-
-
-def _names_one(text: str, evaluations: Sequence[PlaneEvaluation]) -> bool:
-    return any(text.startswith(f"{e.capture}:") for e in evaluations)

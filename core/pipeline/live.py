@@ -15,7 +15,7 @@ import numpy as np
 
 from core.errors import InputError
 from core.geometry import pair_of
-from core.model import Method, PhaseMap, PhotogrammetricCalibration, Project
+from core.model import DriftPoint, Method, PhaseMap, PhotogrammetricCalibration, Project
 from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.capture import devices_of
 from core.pipeline.methods import METHODS, CalibrationMethod
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from core.capture.live import Taken
     from core.patterns import SequenceSpec
     from core.pipeline.methods.method import CalibrationMethod
-
-_WATCHED = 20_000  # pixels by which the rig is watched: 50 ms
 
 
 @dataclass(frozen=True)
@@ -42,8 +40,9 @@ class Cycle:
     sigma_depth_mm : float or None
         Median standard deviation of the depths, from the phase's noise.
     p : float or None
-        Of the test whether projector and camera still stand as they were calibrated; None where it cannot be told:
-        without both axes, with a calibration by depths, or with too few pixels.
+        Of the test whether projector and camera still stand as in the cycles before, in the first as they were
+        calibrated; None where it cannot be told: without both axes, with a calibration by depths, or with too few
+        pixels.
     capture_s, latency_s : float
         From the first pattern to the last verified frame, and to the points. The next sequence is taken meanwhile.
     """
@@ -84,7 +83,6 @@ def live_cycles(
     count: int = 0,
     out: Path | None = None,
     ending: str = "ply",
-    significance: float = 1e-3,
     progress: Progress = SILENT,
 ) -> Generator[Cycle, None, None]:
     """Capture, decode and intersect again and again; give every cycle's figures when its points are there.
@@ -97,16 +95,12 @@ def live_cycles(
         A calibrated project; nothing in it is changed.
     projector, camera : str, optional
         URLs; without them the virtual bench's rig of the project's sizes.
-    method : str, optional
-    sequence : SequenceSpec, optional
     count : int
         Cycles; 0: until it is ended.
     out : Path, optional
         A folder for the points, a file for each cycle.
     ending : str
         Of these files, as `stripe-core reconstruct` takes it.
-    significance : float
-        Share of cycles of an unmoved rig that may be called moved.
 
     Raises
     ------
@@ -127,6 +121,7 @@ def live_cycles(
     patterns = None if sequence is None else sequence.patterns(lines)
     ended = threading.Event()
     watching = Progress(cancelled=lambda: ended.is_set() or progress.cancelled())
+    watch = _Watch(calibration)
     urls = devices_of(project, projector, camera)
     with continuous(project, *urls, patterns, watching) as rig, ThreadPoolExecutor(1, "sequences") as pool:
         try:
@@ -136,7 +131,7 @@ def live_cycles(
                 if number != count:
                     ahead = pool.submit(rig.take, watching)
                 file = None if out is None else out / f"{number:04d}.{ending}"
-                yield _cycle(project, METHODS[chosen], calibration, number, taken, file, significance)
+                yield _cycle(project, METHODS[chosen], calibration, number, taken, file, watch)
                 if number == count:
                     return
         finally:
@@ -160,7 +155,7 @@ def _cycle(
     number: int,
     taken: Taken,
     file: Path | None,
-    significance: float,
+    watch: _Watch,
 ) -> Cycle:
     from core.decode import decode
 
@@ -172,15 +167,15 @@ def _cycle(
         write_cloud(file, phase.image, cloud)
     valid = np.isfinite(cloud.xyz_mm[..., 2])
     depths = None if cloud.sigma_depth_mm is None else cloud.sigma_depth_mm[valid]
-    p, moved = _watched(phase, calibration, number, significance)
+    seen = watch.look(phase, number)
     told = [finding.text for finding in taken.findings if finding.level != "good"]
     return Cycle(
         number,
         int(np.count_nonzero(valid)),
         float(valid.mean()),
         None if depths is None or not len(depths) else float(np.nanmedian(depths)),
-        p,
-        moved,
+        None if seen is None else seen.p,
+        seen is not None and seen.state == "action",
         taken.retakes,
         taken.seconds,
         time.monotonic() - taken.begun_s,
@@ -189,15 +184,24 @@ def _cycle(
     )
 
 
-def _watched(phase: PhaseMap, calibration: Any, number: int, significance: float) -> tuple[float | None, bool]:
-    """Test whether the rig stands as it was calibrated."""
-    from core.orient import OrientOptions, find_motion
+class _Watch:
+    """Holds the rig of every cycle against those before it, the first against its calibration."""
 
-    if not isinstance(calibration, PhotogrammetricCalibration):
-        return None, False
-    options = OrientOptions(significance=significance, most_pixels=_WATCHED)
-    try:
-        motion = find_motion(phase, pair_of(calibration), capture=f"cycle {number}", options=options)
-    except InputError:  # too few pixels, or one axis alone: the points are there all the same
-        return None, False
-    return motion.p, motion.moved
+    def __init__(self, calibration: Any) -> None:
+        from core.orient import expectation_of
+
+        self._pair = pair_of(calibration) if isinstance(calibration, PhotogrammetricCalibration) else None
+        self._expected = None if self._pair is None else expectation_of(self._pair)
+
+    def look(self, phase: PhaseMap, number: int) -> DriftPoint | None:
+        """Test whether the rig stands as it did; None where that cannot be told."""
+        from core.orient import find_motion, judged
+
+        if self._pair is None or self._expected is None:
+            return None
+        try:
+            motion = find_motion(phase, self._pair, capture=f"cycle {number}")
+        except InputError:  # too few pixels, or one axis alone: the points are there all the same
+            return None
+        point, self._expected = judged(motion, self._expected)
+        return point

@@ -40,12 +40,7 @@ class CalibrateOptions:
 
 
 def check_options(project: Project, options: CalibrateOptions) -> None:
-    """See that the names chosen are names of something.
-
-    Raises
-    ------
-    InputError
-    """
+    """See that the names chosen are names of something."""
     names = [folder.name for folder in project.captures]
     for name in options.without:
         if name not in names:

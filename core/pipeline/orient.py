@@ -1,18 +1,43 @@
-"""Beside the road: has the rig moved since its calibration? From any one capture with columns and rows."""
+"""Beside the road: has the rig moved since its calibration? From any one capture with columns and rows, or from all."""
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
 
 from core.errors import InputError
+from core.fields import read_table
 from core.geometry import pair_for
-from core.model import Capture, Figures, Pair, PhotogrammetricCalibration, Project, RigMotion
+from core.model import (
+    Adjustment,
+    Capture,
+    DriftPoint,
+    KnownLength,
+    KnownPoints,
+    Pair,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    Project,
+    RigMotion,
+    TargetSet,
+)
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import decode_images, one_series
-from core.pipeline.folders import find_capture, result_path
+from core.pipeline.folders import all_captures, find_capture, result_path
+from core.pipeline.inputs import decoded_from
+from core.pipeline.measure import measured_targets
+from core.pipeline.runs import calibration_file
 from core.progress import SILENT, Progress
 from core.project import iterate_images, load_archive, save_archive
+from core.project.archive import read_head
+
+TARGETS = "targets"  # ends of a length that are targets: (row, col, 0)
+CLICKED_PX = 0.1  # sigma of a place in an image that a file gives without one
 
 
 def orient_capture(
@@ -23,13 +48,14 @@ def orient_capture(
     projector: str = "",
     correct: bool = False,
     significance: float = 1e-3,
+    lengths: Sequence[KnownLength] = (),
+    points: Path | Literal["testfield"] | None = None,
     progress: Progress = SILENT,
 ) -> RigMotion:
     """Say whether the projector still stands where the calibration put it, by one capture.
 
     Parameters
     ----------
-    project : Project
     name : str
         The capture: its name, or its folder.
     camera, projector : str
@@ -38,7 +64,11 @@ def orient_capture(
         Keep the corrected orientation, for `reconstruct_capture(..., orient=True)`. The calibration stays as it is.
     significance : float
         Share of captures of an unmoved rig that may be called moved.
-    progress : Progress
+    lengths : sequence of KnownLength
+        In the scene; kind "targets" is between targets (row, col) of the testfield. With one, the base's length and c,
+        x0, y0 of both devices are estimated, too.
+    points : Path or "testfield", optional
+        Points measured before, as a table or as the calibration found those of the testfield: for all of that again.
 
     Raises
     ------
@@ -53,10 +83,19 @@ def orient_capture(
     capture = one_series(find_capture(project, name), camera, projector)
     images = list(iterate_images(capture, project.rig.cameras[capture.camera]))
     phase = decode_images(capture, images, project, progress.part(0.0, 0.3))
-    options = OrientOptions(significance=significance)
-    motion = find_motion(phase, calibration, capture=capture.name, options=options, progress=progress.part(0.3, 1.0))
+    motion = find_motion(
+        phase,
+        calibration,
+        lengths=[_between_targets(project, capture, length) for length in lengths],
+        points=None if points is None else _known_points(project, capture, phase, points),
+        capture=capture.name,
+        options=OrientOptions(significance=significance),
+        progress=progress.part(0.3, 1.0),
+    )
+    pair = pair_for(capture, calibration)
+    _keep(project, capture, pair, motion)
     if correct:
-        save_archive(_kept(project, capture), (motion, _signature(pair_for(capture, calibration))))
+        save_archive(_corrected(project, capture), (motion, _signature(pair)))
     return motion
 
 
@@ -66,27 +105,62 @@ def orient_pairs(
     *,
     camera: str = "",
     projector: str = "",
-    correct: bool = False,
     significance: float = 1e-3,
     progress: Progress = SILENT,
+    **known: Any,
 ) -> list[RigMotion]:
     """Say it of every camera and projector of a capture, or of those named; for the rest see `orient_capture`."""
     capture = find_capture(project, name)
     pairs = [pair for pair in capture.pairs if camera in ("", pair[0]) and projector in ("", pair[1])]
-    if not pairs:
-        one_series(capture, camera, projector)
-    return [
-        orient_capture(
-            project,
-            name,
-            camera=pair[0],
-            projector=pair[1],
-            correct=correct,
-            significance=significance / len(pairs),
-            progress=progress.part(i / len(pairs), (i + 1) / len(pairs)),
+    if not pairs or (known.get("lengths") and len({pair[0] for pair in pairs}) > 1):
+        one_series(capture, camera, projector)  # places are in one camera's image
+    found = []
+    for i, (one, other) in enumerate(pairs):
+        part = progress.part(i / len(pairs), (i + 1) / len(pairs))
+        share = significance / len(pairs)
+        found.append(
+            orient_capture(project, name, camera=one, projector=other, significance=share, progress=part, **known)
         )
-        for i, pair in enumerate(pairs)
-    ]
+    return found
+
+
+def drift_of(
+    project: Project, *, significance: float = 1e-3, kept: bool = False, progress: Progress = SILENT
+) -> dict[tuple[str, str], tuple[DriftPoint, ...]]:
+    """Make the control chart of every camera and projector, from all captures of the project in their order.
+
+    What a capture shows is kept, and found again only where its frames or the calibration have changed; `kept` looks at
+    nothing else. Captures with one axis, or of too little, are left out.
+    """
+    from core.orient import OrientOptions, drift_chart
+
+    calibration = photogrammetric_calibration(project)
+    motions: dict[tuple[str, str], list[RigMotion]] = {}
+    captures = all_captures(project)
+    for i, capture in enumerate(captures):
+        progress(i / len(captures), f"looking at {capture.name}")
+        for series in capture.series:
+            if {series.camera, series.projector} <= set(calibration.devices):
+                motion = kept_motion(project, series, calibration)
+                motion = motion or (None if kept else _motion_if_seen(project, series))
+                motions.setdefault((series.camera, series.projector), []).extend([motion] if motion else [])
+    options = OrientOptions(significance=significance)
+    return {
+        pair: drift_chart(found, pair_for(_of_pair(captures, pair), calibration), options)
+        for pair, found in motions.items()
+        if found
+    }
+
+
+def kept_motion(project: Project, capture: Capture, calibration: PhotogrammetricCalibration) -> RigMotion | None:
+    """Give what one pair's frames of a capture showed, if neither they nor the calibration have changed since."""
+    path = _drift(project, capture)
+    try:
+        if read_head(path).get("made_from") == _made_from(project, capture, pair_for(capture, calibration)):
+            return load_archive(path, RigMotion)
+    except InputError:
+        pass
+    return None
 
 
 def oriented(project: Project, capture: Capture, calibration: PhotogrammetricCalibration) -> Pair:
@@ -97,77 +171,113 @@ def oriented(project: Project, capture: Capture, calibration: PhotogrammetricCal
     InputError
         If no corrected orientation is kept for the capture, or it belongs to another calibration.
     """
-    from core.orient import corrected_pair
-
-    path, pair = _kept(project, capture), pair_for(capture, calibration)
+    path, pair = _corrected(project, capture), pair_for(capture, calibration)
     again = f"run `stripe-core orient {project.path} {capture.name} --correct` first"
     if not path.exists():
         raise InputError(path, "no corrected orientation is kept for this capture", again)
     motion, signature = load_archive(path, tuple)
     if signature != _signature(pair):
         raise InputError(path, "was found with another calibration", again)
-    return corrected_pair(pair, motion)
+    corrected: Pair = motion.pair
+    return corrected
 
 
-def motions_figures(motions: list[RigMotion]) -> Figures:
-    """What `orient --json` writes: of one pair its figures, of several those of each under "pairs".
+def parse_length(words: Sequence[str]) -> KnownLength:
+    """Read a known length as a command takes it: KIND FROM TO MM SIGMA."""
+    from core.orient import LENGTHS
 
-    The p of all together is the least of them times their number (Bonferroni).
-    """
-    if len(motions) == 1:
-        return motion_figures(motions[0])
-    return {
-        "capture": motions[0].capture,
-        "moved": any(motion.moved for motion in motions),
-        "p": min(1.0, len(motions) * min(motion.p for motion in motions)),
-        "pairs": {f"{motion.camera}-{motion.projector}": motion_figures(motion) for motion in motions},
-    }
-
-
-def motion_figures(motion: RigMotion) -> Figures:
-    """Give the figures of one pair."""
-    sigma = motion.covariance.diagonal() ** 0.5
-    return {
-        "capture": motion.capture,
-        "camera": motion.camera,
-        "projector": motion.projector,
-        "moved": motion.moved,
-        "p": motion.p,
-        "rotation_urad": [float(x) for x in 1e6 * motion.rotation_rad],
-        "sigma_urad": [float(x) for x in 1e6 * sigma[:3]],
-        "shift_mm": [float(x) for x in motion.shift_mm],
-        "sigma_mm": [float(x) for x in sigma[3:]],
-        "unobserved": list(motion.unobserved),
-        "depth_change_mm": motion.depth_change_mm,
-        "depth_sigma_mm": motion.depth_sigma_mm,
-        "pixels": motion.pixels,
-        "residual_rms": motion.residual_rms,
-        "corrected_rms": motion.corrected_rms,
-    }
+    kind, *ends, length, sigma = words
+    kinds = (TARGETS, *LENGTHS)
+    if kind not in kinds:
+        raise InputError("--length", f"kind {kind!r}", f"choose among {', '.join(kinds)}")
+    form, count = ("ROW,COL", 2) if kind == TARGETS else ("U,V,RADIUS", 3)
+    try:
+        places = [tuple(float(x) for x in end.split(",")) for end in ends]
+        known = float(length), float(sigma)
+    except ValueError as error:
+        raise InputError("--length", str(error), f"give KIND {form} {form} MM SIGMA") from None
+    if any(len(place) != count for place in places) or not np.isfinite([*places[0], *places[1], *known]).all():
+        raise InputError("--length", " ".join(words), f"give {kind} {form} {form} MM SIGMA, all finite")
+    if min(known) <= 0:
+        raise InputError("--length", f"{known[0]:g} ± {known[1]:g} mm", "give a length and a sigma above 0")
+    one, other = ((place[0], place[1], place[2] if count == 3 else 0.0) for place in places)
+    return KnownLength(kind, (one, other), *known)
 
 
-def motion_words(motion: RigMotion) -> list[str]:
-    """The same in sentences for people."""
-    figures = motion_figures(motion)
+def _targets(project: Project, capture: Capture) -> TargetSet:
+    found = measured_targets(project, [find_capture(project, str(capture.path))])
+    return next(t for t in found if (t.camera, t.projector) == (capture.camera, capture.projector))
 
-    def three(key: str, sigma: str, scale: float = 1.0) -> str:
-        return ", ".join(
-            f"{axis} {scale * value:+.1f} ± {scale * s:.1f}"
-            for axis, value, s in zip("XYZ", figures[key], figures[sigma], strict=True)
+
+def _between_targets(project: Project, capture: Capture, length: KnownLength) -> KnownLength:
+    """Say where in the image a length's targets are."""
+    if length.kind != TARGETS:
+        return length
+    seen = _targets(project, capture)
+    names = [(int(r), int(c)) for r, c in zip(seen.row, seen.col, strict=True)]
+    ends = []
+    for row, col, _ in length.ends:
+        if (int(row), int(col)) not in names:
+            raise InputError(capture.name, f"target {row:g},{col:g} was not measured", "choose two that were")
+        k = names.index((int(row), int(col)))
+        ends.append((float(seen.camera_uv[k, 0]), float(seen.camera_uv[k, 1]), max(2.0, seen.diameter_px[k] / 2)))
+    return replace(length, kind="points", ends=(ends[0], ends[1]))
+
+
+def _known_points(
+    project: Project, capture: Capture, phase: PhaseMap, points: Path | Literal["testfield"]
+) -> KnownPoints:
+    """Set points measured before beside where camera and projector see them."""
+    from core.orient import lines_at
+
+    names: list[str]
+    if isinstance(points, Path):
+        optional = ("sigma_x_mm", "sigma_y_mm", "sigma_z_mm", "u", "v", "sigma_px")
+        rows = read_table(points, ("point", "x_mm", "y_mm", "z_mm"), texts=("point",), optional=optional)
+        names = [row.text("point") for row in rows]
+        xyz = np.array([[row.real(f"{axis}_mm") for axis in "xyz"] for row in rows])
+        sigmas = np.array([[row.real(f"sigma_{axis}_mm", least=0.0, default=0.0) for axis in "xyz"] for row in rows])
+        cov = sigmas[:, :, None] ** 2 * np.eye(3)
+        places = np.array([[row.real(key, default=np.nan) for key in ("u", "v")] for row in rows])
+        clicked = np.array([row.real("sigma_px", above=0.0, default=CLICKED_PX) for row in rows])
+    else:
+        adjustment = load_archive(
+            calibration_file(project, "adjustment.npz") or result_path(project, "adjustment.npz"), Adjustment
         )
+        names, xyz, cov = list(adjustment.network.point_names), adjustment.points_mm, adjustment.point_cov_mm2
+        places = np.full((len(names), 2), np.nan)
+    seen, seen_cov = np.full((len(names), 4), np.nan), np.zeros((len(names), 4, 4))
+    for k in np.flatnonzero(np.isfinite(places).all(axis=1)):
+        lines, sigma = lines_at(phase, *places[k])
+        seen[k], seen_cov[k] = [*places[k], *lines], np.diag([clicked[k], clicked[k], *sigma]) ** 2
+    if not np.isfinite(places).all():
+        targets = _targets(project, capture)
+        index = {f"{r}/{c}": i for i, (r, c) in enumerate(zip(targets.row, targets.col, strict=True))}
+        for k in np.flatnonzero(~np.isfinite(places).all(axis=1)):
+            if names[k] in index:
+                i = index[names[k]]
+                seen[k], seen_cov[k] = [*targets.camera_uv[i], *targets.projector_uv[i]], targets.cov[i]
+    use = np.isfinite(seen).all(axis=1) & np.isfinite(xyz).all(axis=1)
+    return KnownPoints(xyz[use], cov[use], seen[use], seen_cov[use])
 
-    sure = f"p = {motion.p:.2g}, {motion.pixels} pixels"
-    projector = "the projector" if motion.projector == "projector" else motion.projector
-    camera = "the camera" if motion.camera == "camera" else motion.camera
-    if not motion.moved:
-        return [f"{motion.capture}: no sign that {projector} has moved against {camera} ({sure})"]
-    return [
-        f"{motion.capture}: {projector} has moved against {camera} ({sure})",
-        f"turned, µrad: {three('rotation_urad', 'sigma_urad')}",
-        f"shifted across the base, µm: {three('shift_mm', 'sigma_mm', 1e3)}",
-        f"depth changes by {motion.depth_change_mm:+.3f} ± {motion.depth_sigma_mm:.3f} mm (median over the pixels)",
-        f"shape is corrected; not seen: {', '.join(motion.unobserved)}, so scale and distance are not",
-    ]
+
+def _motion_if_seen(project: Project, capture: Capture) -> RigMotion | None:
+    try:
+        return orient_capture(project, str(capture.path), camera=capture.camera, projector=capture.projector)
+    except InputError:  # one axis, too few pixels, or frames that do not decode
+        return None
+
+
+def _of_pair(captures: Sequence[Capture], pair: tuple[str, str]) -> Capture:
+    return next(s for c in captures for s in c.series if (s.camera, s.projector) == pair)
+
+
+def _keep(project: Project, capture: Capture, pair: Pair, motion: RigMotion) -> None:
+    save_archive(_drift(project, capture), motion, _made_from(project, capture, pair))
+
+
+def _made_from(project: Project, capture: Capture, pair: Pair) -> dict[str, Any]:
+    return {**decoded_from(project, capture), "calibration": _signature(pair)}
 
 
 def _signature(pair: Pair) -> str:
@@ -176,6 +286,14 @@ def _signature(pair: Pair) -> str:
     return hashlib.sha256(b"".join(a.tobytes() for a in (pose.rotation, pose.translation_mm, *interiors))).hexdigest()
 
 
-def _kept(project: Project, capture: Capture) -> Path:
+def _corrected(project: Project, capture: Capture) -> Path:
+    return result_path(project, "orientations") / _file_name(project, capture)
+
+
+def _drift(project: Project, capture: Capture) -> Path:
+    return result_path(project, "drift") / _file_name(project, capture)
+
+
+def _file_name(project: Project, capture: Capture) -> str:
     of = "" if project.rig.is_pair else f".{capture.camera}-{capture.projector}"
-    return result_path(project, "orientations") / f"{capture.name}{of}.npz"
+    return f"{capture.name}{of}.npz"

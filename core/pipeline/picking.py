@@ -24,12 +24,10 @@ def measure_one(
 
     Parameters
     ----------
-    project : Project
     name : str
         The capture, which must have picks.
     phase : PhaseMap, optional
         The capture decoded already.
-    progress : Progress
     camera, projector : str
         Whose frames, where the capture holds those of several; without them all of those that have picks.
 

@@ -89,10 +89,6 @@ def plan_sequence(
         The standard deviation wanted: the fewest frames that reach it.
     preflight : Path, optional
         What ``stripe-core preflight --json`` wrote.
-
-    Raises
-    ------
-    InputError
     """
     if frames is not None and not FEWEST <= frames <= MOST:
         raise InputError("--frames", f"is {frames}", f"give {FEWEST} to {MOST} frames")

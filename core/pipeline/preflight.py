@@ -60,10 +60,6 @@ def preflight_rig(
         Is asked to put the plate at a position, and returns when it is there. The virtual bench puts its own plate.
     out : Path, optional
         Folder for ``preflight.html``.
-
-    Raises
-    ------
-    InputError, DeviceError
     """
     from core.capture.rigcheck import check_rig, stay
 

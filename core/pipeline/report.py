@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import asdict, replace
 from datetime import date
@@ -14,14 +15,24 @@ from core.atomic import check_place
 from core.errors import InputError
 from core.fields import Fields, regular
 from core.figures import evaluation_figures
-from core.model import Adjustment, DepthCalibration, PhotogrammetricCalibration, PlaneEvaluation, Project
+from core.model import (
+    Adjustment,
+    DepthCalibration,
+    DriftPoint,
+    Method,
+    PhotogrammetricCalibration,
+    PlaneEvaluation,
+    Project,
+)
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, known_truth, result_path
 from core.pipeline.graph import project_states
 from core.pipeline.holdings import reported_now
 from core.pipeline.methods import METHODS
+from core.pipeline.orient import drift_of
 from core.pipeline.runs import SIGN_OFF, calibration_file, current_runs, run_folder
+from core.pipeline.volumes import volume_figures
 from core.progress import SILENT, Progress
 from core.project import load_archive, write_json
 from core.project.archive import read_head
@@ -36,7 +47,7 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
     """Gather what a report tells of, from the project's results."""
     from core.report import ReportData
 
-    calibrations = _calibrations(project)
+    calibrations = parts_of_report(load_calibrations(project))
     adjustment = None
     if calibrations["photogrammetric"] is not None:
         path = calibration_file(project, "adjustment.npz") or result_path(project, "adjustment.npz")
@@ -52,12 +63,26 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
         made_on=f"{date.today():%Y-%m-%d}",
         made_by=f"stripe-core {version('stripe-workbench')}",
         sign_off=load_sign_off(project, evaluations),
+        volume=_volume(project, calibrations["photogrammetric"]),
+        drift=_drift(project, calibrations["photogrammetric"]),
     )
 
 
-def _calibrations(project: Project) -> dict[str, Any]:
-    """Give the calibrations in use under the names that a report has for them."""
-    found = load_calibrations(project)
+def _drift(project: Project, calibration: PhotogrammetricCalibration | None) -> tuple[tuple[DriftPoint, ...], ...]:
+    """Give the control charts of what `orient` has kept."""
+    charts = {} if calibration is None else drift_of(project, kept=True)
+    return tuple(chart for chart in charts.values() if len(chart) > 1)
+
+
+def _volume(project: Project, calibration: PhotogrammetricCalibration | None) -> tuple[Any, Any] | None:
+    """Give the uncertainty over the working volume of a calibration that has sigmas."""
+    if calibration is None or not calibration.covariance.any():
+        return None
+    return volume_figures(project)
+
+
+def parts_of_report(found: Mapping[Method, Any]) -> dict[str, Any]:
+    """Give calibrations under the names that `ReportData` has for them."""
     kinds = {"photogrammetric": PhotogrammetricCalibration, "depth": DepthCalibration}
     named: dict[str, Any] = {
         field: next((c for c in found.values() if isinstance(c, kind)), None) for field, kind in kinds.items()
@@ -146,7 +171,7 @@ def failed_verdicts(project: Project, evaluations: tuple[PlaneEvaluation, ...]) 
     """Say what failed among these evaluations and the calibrations in use; a sign-off then needs a reason."""
     from core.report import ReportData, verdicts_of
 
-    data = ReportData(project=project, **_calibrations(project), evaluations=evaluations)
+    data = ReportData(project=project, **parts_of_report(load_calibrations(project)), evaluations=evaluations)
     return [f"{name}: {verdict.because[0]}" for name, verdict in verdicts_of(data) if verdict.state == "failed"]
 
 
@@ -164,30 +189,16 @@ def _sign_offs(project: Project) -> list[Path]:
 
 
 def load_sign_off(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> SignOff | None:
-    """Give the sign-off of exactly these figures; None where nobody signed, or for others.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged.
-    """
+    """Give the sign-off of exactly these figures; None where nobody signed, or for others."""
     from core.report import SignOff, Tolerance
 
     fields = _signed(project, evaluation_figures(evaluations)["planes"])
     if fields is None:
         return None
-    tolerance = None
-    if fields.data.get("tolerance") is not None:
-        entry = fields.nested("tolerance")
-        tolerance = Tolerance(entry.real("limit_mm", above=0), entry.text("of", among=("rms", "max")))
-    return SignOff(
-        operator=fields.text("operator"),
-        instrument=fields.text("instrument", default=""),
-        remark=fields.text("remark", default=""),
-        date=fields.text("date", default=""),
-        tolerance=tolerance,
-        despite=fields.text("despite", default=""),
-    )
+    entry = fields.optional("tolerance")
+    tolerance = Tolerance(entry.real("limit_mm", above=0), entry.text("of", among=("rms", "max"))) if entry else None
+    texts = {name: fields.text(name, default="") for name in ("instrument", "remark", "date", "despite")}
+    return SignOff(fields.text("operator"), tolerance=tolerance, **texts)
 
 
 def signed_state(project: Project) -> str | None:

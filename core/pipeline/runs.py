@@ -45,10 +45,8 @@ class Run:
 
     Attributes
     ----------
-    number : int
     made_at : str
         When it ended, ISO 8601 with the offset of the zone.
-    options : CalibrateOptions
     captures : mapping
         Names of the captures used by each method.
     excluded : mapping
@@ -98,7 +96,6 @@ def keep_run(project: Project, run: Run, archives: Mapping[str, object]) -> Run:
 
     Parameters
     ----------
-    project : Project
     run : Run
         Its number is given here.
     archives : mapping
@@ -122,7 +119,8 @@ def keep_run(project: Project, run: Run, archives: Mapping[str, object]) -> Run:
                 save_archive(part / name, value)
             hashes = {name: hash_file(part / name) or "" for name in archives}
             run = replace(run, number=number, archives=hashes)
-            write_json(part / "run.json", _to_dict(run))
+            values = {f.name: getattr(run, f.name) for f in fields(run) if f.name != "name"}
+            write_json(part / "run.json", {**_FORMAT, **values, "options": asdict(run.options)})
             if run.name:
                 write_json(part / NAME, {"name": run.name})
             part.rename(run_folder(project, number))
@@ -169,7 +167,7 @@ def read_run(folder: Path) -> Run | None:
 def current_runs(project: Project) -> dict[Method, int]:
     """Give the number of the run that each calibration in use came from, where that is known."""
     pointer = _pointer(project)
-    return {m: number for m, number in pointer.items() if _file(project, m, f"{m}.npz", number) is not None}
+    return {m: number for m, number in pointer.items() if archive_of(project, m, f"{m}.npz", number) is not None}
 
 
 def current_run(project: Project, method: Method) -> Run | None:
@@ -185,7 +183,7 @@ def calibration_file(project: Project, name: str) -> Path | None:
     """
     method = next((m for m in METHODS if name in archives_of(m)), None)
     if method is not None and (number := _pointer(project).get(method)) is not None:
-        path = _file(project, method, name, number)
+        path = archive_of(project, method, name, number)
         if path is not None:
             return path
     path = result_path(project, name)
@@ -207,7 +205,7 @@ def _pointer(project: Project) -> dict[Method, int]:
         return {}
 
 
-def _file(project: Project, method: Method, name: str, number: int) -> Path | None:
+def archive_of(project: Project, method: Method, name: str, number: int) -> Path | None:
     """Give an archive of a run, wherever it lies."""
     folder = run_folder(project, number)
     if not (path := folder / name).is_file():
@@ -279,11 +277,6 @@ def _remove(project: Project, run: Run) -> None:
 def run_folder(project: Project, number: int) -> Path:
     """Where a kept run lies."""
     return result_path(project, "runs") / f"{number:04d}"
-
-
-def _to_dict(run: Run) -> dict[str, Any]:
-    values = {f.name: getattr(run, f.name) for f in fields(run) if f.name != "name"}
-    return {**_FORMAT, **values, "options": asdict(run.options)}
 
 
 def _from_dict(data: dict[str, Any]) -> Run:

@@ -19,7 +19,7 @@ from core.progress import SILENT, Progress
 from core.project import read_project, write_image
 from core.project.captures import write_capture_json
 from core.project.images import Image
-from core.project.made import FILE as MADE
+from core.project.made import foreign
 
 if TYPE_CHECKING:
     from core.capture.importing import ImportReport
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 # of orders found by content, measured on shuffled captures of five sequences on five scenes: right ones have no jumps
 # but at steps of depth, wrong ones 0.1 % and more, or an axis that loses a tenth of its pixels
 JUMPING, EVEN = 8e-4, 0.95
+IMAGES = re.compile(r"\d{3,}\.png|capture\.json")
 
 
 @dataclass(frozen=True)
@@ -120,11 +121,11 @@ def _stale(out: Path) -> Sequence[Path]:
         return []
     if not out.is_dir():
         raise InputError(out, "is a file", "choose a new or empty folder")
-    held = sorted(out.iterdir())
-    other = [p for p in held if p.name != MADE and not re.fullmatch(r"\d{3,}\.png|capture\.json", p.name)]
-    if other or (held and not (out / "capture.json").is_file()):
-        raise InputError(out, f"holds {(other or held)[0].name}", "choose a new or empty folder")
-    return [p for p in held if p.name != MADE]
+    others = foreign(out)
+    unlike = [name for name in others if not IMAGES.fullmatch(name)]
+    if unlike or (others and not (out / "capture.json").is_file()):
+        raise InputError(out, f"holds {(unlike or others)[0]}", "choose a new or empty folder")
+    return [p for p in out.iterdir() if IMAGES.fullmatch(p.name)]
 
 
 def import_into(

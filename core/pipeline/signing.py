@@ -44,8 +44,6 @@ def sign_evaluation(
 
     Parameters
     ----------
-    project : Project
-    operator : str
     tolerance_mm : float, optional
         Judge every plane against it.
     of : {"rms", "max"}

@@ -31,13 +31,7 @@ def kept_evaluation(project: Project) -> tuple[PlaneEvaluation, ...]:
 def export_tables(
     project: Project, out: Path, evaluations: tuple[PlaneEvaluation, ...] | None = None, progress: Progress = SILENT
 ) -> list[Path]:
-    """Write every table that the report would hold as CSV into a folder, and the targets measured; give the files.
-
-    Raises
-    ------
-    InputError
-        If there are no results yet, or the folder cannot be written to.
-    """
+    """Write every table that the report would hold as CSV into a folder, and the targets measured; give the files."""
     from core.report import table_file, tables, write_table_csv
 
     found = tables(report_data(project, kept_evaluation(project) if evaluations is None else evaluations))
@@ -55,13 +49,7 @@ def export_tables(
 
 
 def export_report(project: Project, out: Path, progress: Progress = SILENT) -> list[Path]:
-    """Copy the report the project has into a folder, with its tables as CSV; give the files.
-
-    Raises
-    ------
-    InputError
-        If the report is not written yet, or the folder cannot be written to.
-    """
+    """Copy the report the project has into a folder, with its tables as CSV; give the files."""
     written = [result_path(project, f"report/report.{kind}") for kind in ("html", "pdf")]
     if not all(file.is_file() for file in written):
         raise InputError(project.path, "the report is not written yet", "write it first (`stripe-core report`)")
@@ -83,17 +71,11 @@ def read_profiles(
 
     Parameters
     ----------
-    project : Project
     evaluations : sequence of PlaneEvaluation
     capture : str
         The plane.
     line : pair of (u, v), optional
         Ends in the camera's image, px; by default across the middle of what has deviations.
-
-    Raises
-    ------
-    InputError
-        If the plane was not evaluated or the line is shorter than a pixel.
     """
     from core.evaluate import line_across, read_profile
 

@@ -14,6 +14,16 @@ if TYPE_CHECKING:
     from core.report.board import Sheet
 
 
+def sheet_of(testfield: Testfield, name: str = "") -> Sheet:
+    """Lay out a testfield for printing as its kind of target is drawn."""
+    from core.measure import kind_of
+    from core.report.board import board_sheet
+
+    kind = kind_of(testfield)
+    patches = [] if kind.drawn is None else [(patch.outline_mm, patch.ink) for patch in kind.drawn(testfield)]
+    return board_sheet(testfield, name, patches, dots=kind.round)
+
+
 def print_testfield(source: Path | Testfield, out: Path, progress: Progress = SILENT, *, name: str = "") -> Sheet:
     """Write a testfield as a sheet to print at true size.
 
@@ -31,7 +41,7 @@ def print_testfield(source: Path | Testfield, out: Path, progress: Progress = SI
     InputError
         If the testfield cannot be read or printed, or `out` not be written; nothing is written then.
     """
-    from core.report.board import board_sheet, sheet_pdf, sheet_svg
+    from core.report.board import sheet_pdf, sheet_svg
 
     out = Path(out)
     if out.suffix.lower() not in (".pdf", ".svg"):
@@ -46,7 +56,7 @@ def print_testfield(source: Path | Testfield, out: Path, progress: Progress = SI
             path = path / "testfield.csv"
         testfield, where = read_testfield(path), str(path)
     try:
-        sheet = board_sheet(testfield, name)
+        sheet = sheet_of(testfield, name)
     except InputError as error:
         raise InputError(where, error.seen, error.remedy) from error
     content = sheet_pdf(sheet) if out.suffix.lower() == ".pdf" else sheet_svg(sheet).encode()

@@ -49,8 +49,6 @@ def update_project(project: Project, progress: Progress = SILENT, listen: Listen
 
     Parameters
     ----------
-    project : Project
-    progress : Progress
     listen : callable
         Hears what has been done, as soon as it is.
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
-from core.model import Floats, PointCloud, Project
+from core.model import Floats, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import find_capture
@@ -31,14 +32,12 @@ def reconstruct_views(
 
     Parameters
     ----------
-    project : Project
     name : str
         The capture: its name, or its folder.
     camera : str
         Give this camera's points in its raster and frame; unsaid, those of all cameras, each once, in the frame of the
         first one.
     rays : {"all", "cameras"}
-    progress : Progress
 
     Returns
     -------
@@ -46,25 +45,36 @@ def reconstruct_views(
         Grey values of the points.
     cloud : PointCloud
         With `sight`.
-
-    Raises
-    ------
-    InputError
-        If there is no photogrammetric calibration, or the capture holds no frames of that camera.
     """
-    from core.reconstruct import intersect_all, merged
+    from core.reconstruct import merged
 
     calibration = photogrammetric_calibration(project)
     capture = find_capture(project, name)
-    decoded = (phase for _, phase in phase_maps(project, [capture], progress.part(0.0, 0.5)))
-    phases = [phase for phase in decoded if {phase.camera, phase.projector} <= set(calibration.devices)]
+    phases = [phase for _, phase in phase_maps(project, [capture], progress.part(0.0, 0.5))]
+    clouds = joint_clouds(phases, calibration, camera=camera, rays=rays, progress=progress.part(0.5, 1.0))
     images = {phase.camera: phase.image for phase in phases}
-    wanted = [camera] if camera else list(images)
-    clouds = {}
-    for i, each in enumerate(wanted):
-        part = progress.part(0.5 + 0.5 * i / len(wanted), 0.5 + 0.5 * (i + 1) / len(wanted))
-        clouds[each] = intersect_all(phases, calibration, each, rays=rays, progress=part)
     if camera:
         return images[camera], clouds[camera]
     cloud, image = merged(clouds, images, calibration)
     return image, cloud
+
+
+def joint_clouds(
+    phases: Sequence[PhaseMap],
+    calibration: PhotogrammetricCalibration,
+    *,
+    camera: str = "",
+    rays: Literal["all", "cameras"] = "all",
+    progress: Progress = SILENT,
+) -> dict[str, PointCloud]:
+    """Points of one capture from all that saw them, by camera, in the raster of each or of the one named."""
+    from core.reconstruct import intersect_all
+
+    known = [phase for phase in phases if {phase.camera, phase.projector} <= set(calibration.devices)]
+    wanted = [camera] if camera else list(dict.fromkeys(phase.camera for phase in known))
+    return {
+        each: intersect_all(
+            known, calibration, each, rays=rays, progress=progress.part(i / len(wanted), (i + 1) / len(wanted))
+        )
+        for i, each in enumerate(wanted)
+    }

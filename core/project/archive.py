@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -28,7 +29,7 @@ VERSION = 1
 # what numpy, zipfile and json say of files that are cut off, changed or foreign; unknown compression is a RuntimeError
 DAMAGE = (
     *(OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, RuntimeError, MemoryError),
-    *(zipfile.BadZipFile, zlib.error),
+    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError, SyntaxError),
 )
 _CLASSES: dict[str, type] = {
     "Pose": Pose,
@@ -76,13 +77,7 @@ def load_archive(path: Path, kind: type[T], of: type | None = None) -> T:
 
 
 def read_head(path: Path) -> dict[str, Any]:
-    """Read all of an archive but its arrays: "value" as a tree, and "made_from" if it is known.
-
-    Raises
-    ------
-    InputError
-        If the file is not there or is damaged.
-    """
+    """Read all of an archive but its arrays: "value" as a tree, and "made_from" if it is known."""
     try:
         with regular(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             head = json.loads(str(stored["tree"]))

@@ -37,13 +37,7 @@ def nominal_testfield(
 
 
 def refuse_used_folder(folder: Path) -> None:
-    """See that a folder is new or empty.
-
-    Raises
-    ------
-    InputError
-        If something is there, or it cannot be looked into.
-    """
+    """See that a folder is new or empty."""
     try:
         if folder.exists() and not folder.is_dir():
             raise InputError(folder, "is a file", "choose a new or empty folder")

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import marshal
-import math
 import os
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -16,7 +13,7 @@ import numpy as np
 
 from core.atomic import atomic_write, write_json
 from core.errors import InputError
-from core.fields import Fields, regular
+from core.fields import VERSIONS, Fields, read_document, read_table
 from core.model import Capture, DeviceSpec, Frame, Project, Rig, ScaleBar, Seed, Testfield
 from core.patterns import (
     Pattern,
@@ -32,7 +29,6 @@ from core.project.rigs import bar_to_dict, read_bar, read_rig, rig_to_dict, rig_
 from core.project.unfinished import unfinished_status
 
 VERSION = 1  # written wherever nothing of a later one is used
-VERSIONS = (1, 2)
 PATIENCE_S = 30.0  # for another program that is writing project.json
 ROLES = ("testfield", "depth", "plane", "object")
 _UNKNOWN: tuple[tuple[str, Mapping[str, DeviceSpec]], ...] = (("camera", {}), ("projector", {}))  # no project: any name
@@ -44,48 +40,13 @@ _COLUMNS = ("row", "col", "x_mm", "y_mm", "z_mm", "diameter_mm")
 # ------------------------------------------------------------------------------------------------------------- reading
 
 
-def read_document(path: Path, kind: str) -> Fields:
-    """Read a JSON file and check its format name and version.
-
-    Raises
-    ------
-    InputError
-        If it is missing, not JSON, or of another format or version.
-    """
-    try:
-        data = json.loads(regular(path).read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})", f"give a folder that holds {path.name}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(path, f"byte {error.start} is not UTF-8 text", "store the file as UTF-8") from error
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a ValueError too
-        raise InputError(path, f"not JSON ({error})", "mend or restore the file") from error
-    fields = Fields.of(data, str(path))
-    fields.text("format", among=(kind,))
-    version = fields.integer("version")
-    if version not in VERSIONS:
-        known = " and ".join(map(str, VERSIONS))
-        raise fields.refuse(
-            "version", version, f"this program reads versions {known}: convert the file or update the program"
-        )
-    return fields
-
-
 def read_project(folder: Path) -> Project:
-    """Read project.json and see that every capture it lists is there.
-
-    Raises
-    ------
-    InputError
-    """
+    """Read project.json and see that every capture it lists is there."""
     folder = Path(folder)
     fields = read_document(folder / "project.json", "stripe-project")
-    scale = read_bar(fields.nested("scale")) if fields.data.get("scale") is not None else None
-    lengths = fields.items("lengths") if fields.data.get("lengths") is not None else []
-    names = fields.items("captures") if "captures" in fields.data else []
     captures: dict[Path, None] = {}  # as a set that keeps its order
     place = str(folder)
-    for name in names:
+    for name in fields.items("captures", []):
         if not isinstance(name, str) or not name:
             raise fields.refuse("captures", name, "list the folders of captures as texts")
         if not os.path.isdir(os.path.join(place, name)):  # false for any text that cannot be a path, too
@@ -98,16 +59,17 @@ def read_project(folder: Path) -> Project:
             raise fields.refuse("captures", name, "list every capture once")
         captures[folder / name] = None
     reference = fields.data.get("reference")  # other programs may mean something else by it
+    scale, decode, shown = fields.optional("scale"), fields.optional("decode"), fields.data.get("sequence")
     return Project(
         folder,
         fields.text("name", default=folder.resolve().name),
         read_rig(fields),
-        scale,
+        read_bar(scale) if scale else None,
         tuple(captures),
         reference if isinstance(reference, str) else None,
-        tuple(read_bar(Fields.of(item, f"{fields.where}: lengths, entry {i}")) for i, item in enumerate(lengths)),
-        None if (shown := fields.data.get("sequence")) is None else read_sequence(shown, f"{fields.where}: sequence"),
-        fields.nested("decode").flag("estimate") if fields.data.get("decode") is not None else False,
+        tuple(map(read_bar, fields.objects("lengths", "lengths, entry", []))),
+        None if shown is None else read_sequence(shown, f"{fields.where}: sequence"),
+        decode.flag("estimate") if decode else False,
     )
 
 
@@ -124,14 +86,8 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
 
     Parameters
     ----------
-    folder : Path
     project : Project, optional
         Where the testfield's path starts; without it the project above the folder, or the folder itself.
-
-    Raises
-    ------
-    InputError
-        Naming the file, the field and the value.
     """
     folder = Path(folder)
     path = folder / "capture.json"
@@ -142,7 +98,7 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
         raise InputError(path, str(status), "start the same capture again: it goes on where it stopped")
     frames, here = [], str(folder)
     with os.scandir(folder) as entries:  # one look at the folder is quicker than one at each frame
-        there = {entry.name for entry in entries if entry.is_file()}
+        there = {entry.name for entry in entries if not entry.is_symlink() and entry.is_file()}
     for frame in _frames(fields, project):
         place = f"{here}{os.sep}{frame.place}"
         if frame.place not in there and not os.path.isfile(place := os.path.join(here, frame.place)):
@@ -178,13 +134,11 @@ def _frames(fields: Fields, project: Project | None) -> tuple[Frame, ...]:
     if key in _KNOWN_FRAMES:
         return _KNOWN_FRAMES[key]
     frames = []
-    for i, item in enumerate(items):
-        entry = Fields.of(item, f"{fields.where}: frame {i}")
+    for entry in fields.objects("frames", "frame"):
         name = str(Path(entry.text("file")))
-        pattern = pattern_from_dict(entry.data.get("pattern"), f"{fields.where}: frame {i} ({name})")
+        pattern = pattern_from_dict(entry.nested("pattern").data, f"{entry.where} ({name})")
         camera, projector = (_device_of(entry, kind, known) for kind, known in devices)
-        exposure = entry.real("exposure_ms", above=0.0, default=None) if "exposure_ms" in entry.data else None
-        frames.append(Frame(name, pattern, camera, projector, exposure))
+        frames.append(Frame(name, pattern, camera, projector, entry.real("exposure_ms", above=0.0, default=None)))
     if len(_KNOWN_FRAMES) >= _MOST_KNOWN:
         _KNOWN_FRAMES.clear()
     return _KNOWN_FRAMES.setdefault(key, tuple(frames)) if key else tuple(frames)
@@ -203,20 +157,14 @@ def _device_of(entry: Fields, kind: str, known: Mapping[str, DeviceSpec]) -> str
 
 
 def read_picks(path: Path) -> tuple[tuple[Seed, ...], tuple[tuple[int, int], ...]]:
-    """Read the targets an operator picked, and those (row, col) that he excluded.
-
-    Raises
-    ------
-    InputError
-    """
+    """Read the targets an operator picked, and those (row, col) that he excluded."""
     fields = read_document(path, "stripe-picks")
     seeds = []
-    for i, item in enumerate(fields.items("seeds")):
-        seed = Fields.of(item, f"{path}: seed {i}")
+    for seed in fields.objects("seeds", "seed"):
         camera = seed.text("camera", default="")
         seeds.append(Seed(seed.integer("row"), seed.integer("col"), seed.real("u"), seed.real("v"), camera))
     excluded: dict[tuple[int, int], None] = {}
-    for i, item in enumerate(fields.items("excluded") if fields.data.get("excluded") is not None else ()):
+    for i, item in enumerate(fields.items("excluded", [])):
         if not isinstance(item, list) or len(item) != 2:
             raise fields.refuse(f"excluded, entry {i},", item, "give [row, col]")
         target = Fields({"row": item[0], "col": item[1]}, f"{path}: excluded, entry {i}")
@@ -272,72 +220,6 @@ def _read_testfield(path: Path) -> Testfield:
         told.get("kind", Testfield.kind),
         told.get("estimator", Testfield.estimator),
     )
-
-
-def read_table(
-    path: Path, columns: Sequence[str], texts: Sequence[str] = (), optional: Sequence[str] = ()
-) -> list[Fields]:
-    """Read a CSV file with a header; `#` starts a comment; all columns are numbers but those named in `texts`.
-
-    Those named in `optional` may be missing, or empty in a row.
-
-    Raises
-    ------
-    InputError
-        If a column is missing, a row is too short, or the table is empty.
-    """
-    try:
-        lines = regular(path).read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, ValueError) as error:
-        undecoded = isinstance(error, UnicodeDecodeError)
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text" if undecoded else "no file name"
-        raise InputError(
-            path, f"cannot be read ({reason})", "restore the file, or correct the name that points to it"
-        ) from error
-    numbered = [(i, line.partition("#")[0]) for i, line in enumerate(lines, 1)]
-    numbered = [(i, line) for i, line in numbered if line.strip()]
-    if not numbered:
-        raise InputError(path, "the table is empty", f"give a header {','.join(columns)} and a line for each")
-    header = _cells(path, *numbered[0])
-    if missing := [c for c in columns if c not in header]:
-        raise InputError(
-            path, f"the header is {','.join(header)!r}, without {missing[0]!r}", f"start with {','.join(columns)}"
-        )
-    if twice := [c for c in columns if header.count(c) > 1]:
-        raise InputError(
-            path, f"the header has {twice[0]!r} {header.count(twice[0])} times", "keep one of these columns"
-        )
-    if len(numbered) == 1:
-        raise InputError(path, "the table has a header and no rows", "add the rows")
-    table = []
-    for i, line in numbered[1:]:
-        record = dict(zip(header, _cells(path, i, line), strict=False))
-        where = f"{path}: line {i}"
-        values: dict[str, Any] = {}
-        for name in columns:
-            cell = record.get(name, "")
-            values[name] = cell or None if name in texts else _number(cell, name, where)
-        for name in optional:
-            values[name] = _number(record[name], name, where) if record.get(name) else None
-        table.append(Fields(values, where))
-    return table
-
-
-def _cells(path: Path, number: int, line: str) -> list[str]:
-    try:
-        return [cell.strip() for cell in next(csv.reader([line]))]
-    except csv.Error as error:
-        raise InputError(f"{path}: line {number}", f"{len(line)} characters ({error})", "mend that line") from error
-
-
-def _number(cell: str, name: str, where: str) -> float:
-    try:
-        value = math.nan if "_" in cell else float(cell)  # Python's 1_000 is no number anywhere else
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(where, f"{name} is {cell!r}", "give a finite number")
-    return value
 
 
 # ------------------------------------------------------------------------------------------------------------- writing
@@ -462,7 +344,7 @@ def add_capture(folder: Path, name: str) -> None:
     path = Path(folder) / "project.json"
     with lock(Path(folder) / DOCUMENT_LOCK, "adding a capture", wait_s=PATIENCE_S):
         fields = read_document(path, "stripe-project")
-        names = list(fields.items("captures")) if "captures" in fields.data else []
+        names = fields.items("captures", [])
         if name not in names:
             write_json(path, {**fields.data, "captures": [*names, name]})
 

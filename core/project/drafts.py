@@ -20,11 +20,6 @@ def keep_picks(folder: Path, seeds: Sequence[Seed], excluded: Sequence[tuple[int
     """Keep the picks of a capture, finished or not; the file that no longer holds goes after the other is there.
 
     They are finished when every camera that has any has enough.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written.
     """
     fewest = min(Counter(seed.camera for seed in seeds).values(), default=0)
     kept, gone = (PICKS, DRAFT) if fewest >= ENOUGH else (DRAFT, PICKS)
@@ -36,12 +31,6 @@ def keep_picks(folder: Path, seeds: Sequence[Seed], excluded: Sequence[tuple[int
 
 
 def kept_picks(folder: Path) -> tuple[tuple[Seed, ...], tuple[tuple[int, int], ...]]:
-    """Give the picks of a capture and the targets it excludes, as they were kept last.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be used.
-    """
+    """Give the picks of a capture and the targets it excludes, as they were kept last."""
     there = [path for path in (Path(folder) / PICKS, Path(folder) / DRAFT) if path.exists()]
     return read_picks(max(there, key=lambda path: path.stat().st_mtime_ns)) if there else ((), ())

@@ -176,12 +176,7 @@ def write_image(path: Path, image: Image, durable: bool = True) -> None:
 
 
 def check_frame(path: Path, shape: tuple[int, int] | None = None) -> None:
-    """See that a frame is whole and, by its header, of a shape (H, W), without decoding a PNG's pixels.
-
-    Raises
-    ------
-    InputError
-    """
+    """See that a frame is whole and, by its header, of a shape (H, W), without decoding a PNG's pixels."""
     try:
         with regular(path).open("rb") as file:
             png = file.read(len(_PNG)) == _PNG

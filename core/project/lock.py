@@ -69,12 +69,7 @@ def writing_results(folder: Path, work: str) -> Iterator[None]:
 
 @contextmanager
 def lock(path: Path, work: str, wait_s: float = 0.0) -> Iterator[None]:
-    """Hold a lock file, waiting for it if need be; it is gone afterwards.
-
-    Raises
-    ------
-    BusyError, InputError
-    """
+    """Hold a lock file, waiting for it if need be; it is gone afterwards."""
     key, me, until = os.path.realpath(path), threading.get_ident(), time.monotonic() + wait_s
     while True:
         with _guard:
@@ -177,14 +172,9 @@ def _locked(handle: int, path: Path) -> bool:
         except OSError:
             return False
     holder = _read(path) or {}
-    return holder.get("host") != socket.gethostname() or not is_alive(holder.get("pid"))
-
-
-def is_alive(pid: Any) -> bool:
-    """Whether a process of this machine runs."""
-    if not isinstance(pid, int) or pid <= 0:
-        return False
-    return is_running(pid)
+    pid = holder.get("pid")
+    alive = isinstance(pid, int) and pid > 0 and is_running(pid)
+    return holder.get("host") != socket.gethostname() or not alive
 
 
 def _release(path: Path, handle: int) -> None:

@@ -21,7 +21,7 @@ from core.project.contents import contents_of, hash_file
 from core.project.lock import DOCUMENT_LOCK, RESULTS_LOCK, lock
 
 FILE = ".stripe-made.json"
-_SCRATCH = {FILE, CONTENTS, DOCUMENT_LOCK, RESULTS_LOCK}  # the program's own memory: nobody misses it
+_SCRATCH = {FILE, f"{FILE}.lock", CONTENTS, DOCUMENT_LOCK, RESULTS_LOCK}  # the program's own memory: nobody misses it
 _MOST_NAMED = 3
 
 
@@ -81,12 +81,7 @@ def remove_made(folder: Path, own: Collection[str] = ()) -> None:
 
 
 def claim(path: Path) -> None:
-    """See that a file may be written: that nothing is there, or what this program wrote and nobody changed.
-
-    Raises
-    ------
-    InputError
-    """
+    """See that a file may be written: that nothing is there, or what this program wrote and nobody changed."""
     try:
         if not os.path.isfile(path) or not os.path.getsize(path):
             return

@@ -8,10 +8,10 @@ import numpy as np
 
 from core.atomic import atomic_write, write_json
 from core.errors import InputError
-from core.fields import Fields
+from core.fields import Fields, read_document, read_table
 from core.geometry import lens_of
 from core.model import Network, NetworkDevice, NetworkScale
-from core.project.captures import VERSION, read_document, read_table
+from core.project.captures import VERSION
 from core.project.rigs import device_to_dict, read_device
 
 
@@ -31,49 +31,42 @@ def read_network(folder: Path) -> Network:
         stations[name] = fields.nested("stations").nested(name).text("device", among=list(devices))
     if not devices or not stations:
         raise InputError(folder / "network.json", "no devices or no stations", "list at least one of each")
-    names: dict[str, int] = {}
-    xyz, known = [], []
+    points: dict[str, list[float]] = {}
     sigmas = tuple(f"sigma_{axis}_mm" for axis in "xyz")
     columns: tuple[str, ...] = ("point", "x_mm", "y_mm", "z_mm")
     for row in read_table(folder / "points.csv", columns, texts=("point",), optional=sigmas):
         name = row.text("point")
-        if name in names:
+        if name in points:
             raise InputError(row.where, f"point {name!r} is there already", "remove one of the two")
-        names[name] = len(names)
-        xyz.append([row.real(f"{axis}_mm") for axis in "xyz"])
-        known.append([row.real(column, least=0.0, default=np.inf) for column in sigmas])
-    index = {name: i for i, name in enumerate(stations)}
-    station, point, uv, sigma = [], [], [], []
-    seen: set[tuple[int, int]] = set()
+        known = [row.real(column, least=0.0, default=np.inf) for column in sigmas]
+        points[name] = [row.real(f"{axis}_mm") for axis in "xyz"] + known
+    names, index = [{name: i for i, name in enumerate(of)} for of in (points, stations)]
+    seen: dict[tuple[int, int], tuple[float, float, float]] = {}
     columns = ("station", "point", "u", "v", "sigma_px")
     for row in read_table(folder / "observations.csv", columns, texts=("station", "point")):
         pair = _known(row, "station", index, "network.json"), _known(row, "point", names, "points.csv")
         if pair in seen:
             seen_in = f"point {row.text('point')!r} is there already in station {row.text('station')!r}"
             raise InputError(row.where, seen_in, "remove one of the two")
-        seen.add(pair)
-        station.append(pair[0])
-        point.append(pair[1])
-        uv.append([row.real("u"), row.real("v")])
-        sigma.append([row.real("sigma_px", above=0.0)] * 2)
-    scale = _distance(fields.nested("scale"), names) if fields.data.get("scale") is not None else None
-    lengths = fields.items("lengths") if fields.data.get("lengths") is not None else []
+        seen[pair] = row.real("u"), row.real("v"), row.real("sigma_px", above=0.0)
+    xyz, point_sigma = np.hsplit(np.array(list(points.values())).reshape(-1, 6), [3])
+    station, point = np.array(list(seen), np.int64).reshape(-1, 2).T
+    u, v, sigma = np.array(list(seen.values())).reshape(-1, 3).T
+    scale = fields.optional("scale")
     return Network(
         devices,
         tuple(stations),
         tuple(stations.values()),
         _rigid_groups(fields, stations),
         tuple(names),
-        np.array(xyz),
-        np.array(station, np.int64),
-        np.array(point, np.int64),
-        np.array(uv),
-        np.array(sigma),
-        scale,
-        tuple(
-            _distance(Fields.of(item, f"{fields.where}: lengths, entry {i}"), names) for i, item in enumerate(lengths)
-        ),
-        point_sigma_mm=np.array(known) if np.isfinite(known).any() else None,
+        np.ascontiguousarray(xyz),
+        np.ascontiguousarray(station),
+        np.ascontiguousarray(point),
+        np.column_stack([u, v]),
+        np.column_stack([sigma, sigma]),
+        _distance(scale, names) if scale else None,
+        tuple(_distance(bar, names) for bar in fields.objects("lengths", "lengths, entry", [])),
+        point_sigma_mm=np.ascontiguousarray(point_sigma) if np.isfinite(point_sigma).any() else None,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from core.errors import InputError
@@ -33,18 +34,16 @@ def read_device(fields: Fields) -> DeviceSpec:
             f"is {list(spec.pitch_mm)}: with nominal_c_mm {spec.nominal_c_mm:g} the field of view would be {wide:.1f}°"
         )
         raise InputError(fields.where, f"pitch_mm {seen}", "give both in mm, not µm")
-    if fields.data.get("interior") is None:
+    if (known := fields.optional("interior")) is None:
         return spec
-    interior, sigma = _interior(fields.nested("interior"), spec)
-    return DeviceSpec(
-        spec.width, spec.height, spec.pitch_mm, spec.nominal_c_mm, spec.r0_mm, interior, sigma, spec.response
-    )
+    interior, sigma = _interior(known, spec)
+    return replace(spec, interior=interior, interior_sigma=sigma)
 
 
 def _interior(fields: Fields, spec: DeviceSpec) -> tuple[Interior, tuple[float, ...]]:
     """Interior orientation known before: values plain or as results have them, with their sigmas, or held."""
     lens = LENSES[fields.text("model", default="A1..A6", among=tuple(LENSES))]
-    given = fields.nested("sigma") if fields.data.get("sigma") is not None else Fields({}, fields.where)
+    given = fields.optional("sigma") or Fields({}, fields.where)
     hold = fields.flag("hold")
     usual = lens.interior(spec.nominal_c_mm).vector
     values, sigmas = [], []
@@ -70,10 +69,8 @@ def _interior(fields: Fields, spec: DeviceSpec) -> tuple[Interior, tuple[float, 
 
 
 def _response(fields: Fields) -> tuple[tuple[float, float], ...]:
-    if fields.data.get("response") is None:
-        return ()
     pairs: list[tuple[float, float]] = []
-    for i, item in enumerate(fields.items("response")):
+    for i, item in enumerate(fields.items("response", [])):
         pair = Fields({"pair": item}, f"{fields.where}: response, entry {i}").pair("pair")
         if pairs and pair[0] <= pairs[-1][0]:
             raise fields.refuse(f"response, entry {i},", item, "give [level, light] with rising levels")
@@ -82,18 +79,11 @@ def _response(fields: Fields) -> tuple[tuple[float, float], ...]:
 
 
 def read_rig(fields: Fields) -> Rig:
-    """Read the cameras and projectors of project.json; `camera` and `projector` are one device of that name.
-
-    Raises
-    ------
-    InputError
-        If there is no camera or no projector, or two devices have one name.
-    """
+    """Read the cameras and projectors of project.json; `camera` and `projector` are one device of that name."""
     found: dict[str, dict[str, DeviceSpec]] = {}
     for kind in KINDS:
         many, own = f"{kind}s", found.setdefault(kind, {})
-        if fields.data.get(many) is not None:
-            devices = fields.nested(many)
+        if devices := fields.optional(many):
             for name in devices.data:
                 if not name or any(c in name for c in "/.:\\") or name.strip() != name:
                     raise InputError(devices.where, f"a device is named {name!r}", "use letters, digits, - and _")

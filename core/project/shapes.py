@@ -26,6 +26,7 @@ SHAPES: dict[str, dict[str, str]] = {
         "projector_sigma": "n 2",
         "eccentricity_px": "n 2",
         "diameter_px": "n",
+        "height_px": "n",
     },
     "Network": {
         "station_names": "s",

@@ -56,7 +56,9 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -
     pair = pair_for(phase, calibration)
     system = prepare(pair)
     lead, other = _axes(phase, system)
-    coordinates = {"u": (phase.u, phase.sigma_u, system.line_u), "v": (phase.v, phase.sigma_v, system.line_v)}
+    # as they lie in memory: views would have the kernel compiled anew
+    u, sigma_u, v, sigma_v = map(np.ascontiguousarray, (phase.u, phase.sigma_u, phase.v, phase.sigma_v))
+    coordinates = {"u": (u, sigma_u, system.line_u), "v": (v, sigma_v, system.line_v)}
     first, first_sigma, first_line = coordinates[lead]
     second, second_sigma, second_line = coordinates[other or lead]
     height, width = first.shape
@@ -189,25 +191,25 @@ def _step_two(u, sigma_u, line_u, v, sigma_v, line_v, device, X, Y, W, q, sigma_
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")
-def _five(values, start):  # type: ignore[no-untyped-def]
-    return values[start], values[start + 1], values[start + 2], values[start + 3], values[start + 4]
+def _seven(values, k):  # type: ignore[no-untyped-def]
+    return values[k], values[k + 1], values[k + 2], values[k + 3], values[k + 4], values[k + 5], values[k + 6]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")
 def _polynomial(x, t, first, last):  # type: ignore[no-untyped-def]
-    """A variance: a polynomial whose coefficients change from `first` to `last` with t from 0 to 1."""
+    """A variance: the square of a polynomial whose coefficients change from `first` to `last` with t from 0 to 1."""
     value = first[0] + t * (last[0] - first[0])
-    for k in range(1, 5):
+    for k in range(1, 7):
         value = value * x + (first[k] + t * (last[k] - first[k]))
-    return max(value, 0.0)
+    return value * value
 
 
 @inner(error_model="numpy", fastmath={"contract", "reassoc"})
 def _end(rays, q, sigma_q, last, mw, W, left, right, per_column, per_q, xyz, sigma, sigma_depth):  # type: ignore[no-untyped-def]
     """Points and sigmas between two columns of nodes, from the inverse depths."""
-    x0, y0, z0 = _five(left, 0), _five(left, 5), _five(left, 10)
-    x1, y1, z1 = _five(right, 0), _five(right, 5), _five(right, 10)
-    low, high, lower, higher = left[15], left[16], right[15] - left[15], right[16] - left[16]
+    x0, y0, z0 = _seven(left, 0), _seven(left, 7), _seven(left, 14)
+    x1, y1, z1 = _seven(right, 0), _seven(right, 7), _seven(right, 14)
+    low, high, lower, higher = left[21], left[22], right[21] - left[21], right[22] - left[22]
     for c in range(q.shape[0]):
         good = (last[c] <= SETTLED_LINES) & (q[c] > 0) & (W[c] + mw * q[c] > 0)
         s = 1.0 / q[c] if good else np.nan

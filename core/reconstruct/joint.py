@@ -234,8 +234,8 @@ def merged(
     Returns
     -------
     cloud : PointCloud
-        Shape (1, n, 3). A joint point is taken from the first camera; sigmas stay along the axes of the camera whose
-        point it is.
+        Shape (1, n, 3), with `source`. A joint point is taken from the first camera; sigmas stay along the axes of
+        the camera whose point it is.
     image : array, shape (1, n)
     """
     devices, parts = placed(calibration), []
@@ -245,10 +245,11 @@ def merged(
         assert cloud.sigma_depth_mm is not None
         keep = np.isfinite(cloud.xyz_mm[..., 2]) & ((cloud.sight != Sight.JOINT) | (i == 0))
         xyz = devices[name].from_base.inverse().apply(cloud.xyz_mm[keep]).astype(np.float32)
-        own = (cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight, images[name])
+        source = np.full(keep.shape, i, np.uint8)
+        own = (cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight, source, images[name])
         parts.append((xyz, *(values[keep] for values in own)))
-    xyz, sigma, depth, sight, image = (np.concatenate(column)[None] for column in zip(*parts, strict=True))
-    return PointCloud(xyz, sigma, depth, sight), image
+    xyz, sigma, depth, sight, source, image = (np.concatenate(column)[None] for column in zip(*parts, strict=True))
+    return PointCloud(xyz, sigma, depth, sight, source), image
 
 
 def _tell_disagreeing(sight: NDArray, rss: Array, count: NDArray) -> None:

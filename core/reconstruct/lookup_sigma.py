@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from core.geometry import matrix_from_rotation_vector, ray_directions, rotation_vector_from_matrix
-from core.model import Array, DepthCalibration, Floats, Interior
+from core.model import Array, DepthCalibration, Floats
 
 NODES = 24  # along the longer side: between them the variances are even to 1 %
 STEP = 0.02  # sigmas, of the numerical derivatives
@@ -65,7 +65,7 @@ def _coefficients(calibration: DepthCalibration, height: int, width: int) -> Flo
 def _points(calibration: DepthCalibration, uv: Array, z: float, change: Array) -> Array:
     """Where the rays of pixels meet the plate at z, with the parameters changed."""
     start, pose, axis = calibration.camera, calibration.camera_from_plate, calibration.axis_direction
-    interior = Interior.from_vector(start.vector + change[:-8], start.r0_mm, start.model)
+    interior = start.changed(change[:-8])
     R = matrix_from_rotation_vector(rotation_vector_from_matrix(pose.rotation) + change[-8:-5])
     slopes = axis[:2] / axis[2] + change[-2:]
     direction = np.sign(axis[2]) * np.array([*slopes, 1.0]) / np.sqrt(1 + slopes @ slopes)

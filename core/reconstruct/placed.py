@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from core.errors import InputError
-from core.geometry import Pose, matrix_from_rotation_vector
+from core.geometry import Pose
 from core.geometry.pairs import names_of, orientation_names
 from core.model import Array, DeviceSpec, Interior, PhotogrammetricCalibration
 
@@ -46,13 +46,9 @@ def moved(devices: Mapping[str, Device], calibration: PhotogrammetricCalibration
     change = dict(zip(calibration.parameter_names, step, strict=True))
     found = {}
     for name, device in devices.items():
-        interior, pose = device.interior, device.from_base
-        own = np.array([change[n] for n in names_of(name, calibration.devices[name])])
-        if own.any():
-            interior = Interior.from_vector(interior.vector + own, interior.r0_mm, interior.model)
+        own, pose = np.array([change[n] for n in names_of(name, calibration.devices[name])]), device.from_base
         if name in calibration.orientations:
-            turn, shift = np.split(np.array([change[n] for n in orientation_names(name)]), 2)
-            if turn.any() or shift.any():
-                pose = Pose(matrix_from_rotation_vector(turn) @ pose.rotation, pose.translation_mm + shift)
+            pose = pose.changed(np.array([change[n] for n in orientation_names(name)]))
+        interior = device.interior.changed(own) if own.any() else device.interior  # the same one keeps its rays
         found[name] = replace(device, interior=interior, from_base=pose)
     return found

@@ -1,8 +1,9 @@
 """What the calibration's covariance does to a point, as polynomials on a coarse grid over the camera's image.
 
-With q the inverse depth (see `system`), the variance of ``X q²`` at a pixel is a polynomial of the fourth degree in q:
-dX/dp is quadratic in q for central projections, and distortion changes little of that. Its coefficients vary slowly
-over the image, so that interpolating them costs nothing in accuracy and saves a factor of a hundred in time.
+With q the inverse depth (see `system`), the sigma of ``X q²`` at a pixel is smooth in q, but may grow a thousandfold
+towards the raster's edge, where distortion is poorly known: a polynomial is fitted to it, not to its square, with equal
+relative weights. Its coefficients vary slowly over the image, so that interpolating them costs nothing in accuracy and
+saves a factor of a hundred in time.
 """
 
 from __future__ import annotations
@@ -12,14 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.geometry import Pose, lens_of, matrix_from_rotation_vector, project, ray_directions
+from core.geometry import Pose, lens_of, project, ray_directions
 from core.model import Array, DeviceSpec, Interior
 from core.numerics import nearest
 
 NODES = 25  # rows, and about as many columns
 LANES = 4  # columns between nodes are a multiple: what a processor works on at once
-DEGREE = 4
-SAMPLES = 9  # inverse depths at which a polynomial is fitted
+DEGREE = 6
+SAMPLES = 11  # inverse depths at which a polynomial is fitted
 DEPTH_LIMITS = (0.05, 100.0)  # depths tried, in units of the base
 MARGIN = 0.15  # points this far outside the raster still count: more than the distance of two nodes
 
@@ -39,8 +40,8 @@ class SigmaTable:
 
     Attributes
     ----------
-    nodes : array, shape (rows, columns, 17)
-        Of the polynomials for the variances of X q², Y q² and Z q² five coefficients each, highest power first, and
+    nodes : array, shape (rows, columns, 23)
+        Of the polynomials for the sigmas of X q², Y q² and Z q² seven coefficients each, highest power first, and
         the least and the greatest x at which they hold. The variable is x = q `per_q` - 1.
     step : int
         Image columns from node to node, from column 0 on; the rows of nodes are spread evenly over the image.
@@ -130,11 +131,13 @@ def _lit(spec: DeviceSpec, uv: Array, margin: float) -> NDArray[np.bool_]:
 
 
 def _fitted(x: Array, variance: Array) -> Array:
-    """Polynomials (rows, columns, 3, 5) through variances (rows, columns, k, 3) at x (rows, columns, k)."""
+    """Polynomials (rows, columns, 3, 7) through the roots of variances (rows, columns, k, 3) at x (rows, cols, k)."""
     known = np.isfinite(variance).all(axis=(-1, -2))
     coefficients = np.full((*known.shape, 3, DEGREE + 1), np.nan)
     powers = x[known][..., None] ** np.arange(DEGREE, -1, -1)
-    coefficients[known] = np.swapaxes(np.linalg.pinv(powers) @ variance[known], -1, -2)
+    sigma = np.sqrt(np.swapaxes(variance[known], -1, -2))[..., None]
+    relative = powers[:, None] / np.maximum(sigma, 1e-6 * sigma.max(axis=-2, keepdims=True) + 1e-30)
+    coefficients[known] = np.linalg.pinv(relative).sum(axis=-1)
     return coefficients
 
 
@@ -170,12 +173,8 @@ def _moved(devices: Devices, parameter: int, step: float) -> Devices:
     k, m = len(inner.vector), len(outer.vector)
     change = np.zeros(k + m + 6)
     change[parameter] = step
-    of_camera, of_projector, turn, shift = np.split(change, [k, k + m, k + m + 3])
-    return Devices(
-        (camera, Interior.from_vector(inner.vector + of_camera, inner.r0_mm, inner.model)),
-        (projector, Interior.from_vector(outer.vector + of_projector, outer.r0_mm, outer.model)),
-        Pose(matrix_from_rotation_vector(turn) @ pose.rotation, pose.translation_mm + shift),
-    )
+    of_camera, of_projector, of_pose = np.split(change, [k, k + m])
+    return Devices((camera, inner.changed(of_camera)), (projector, outer.changed(of_projector)), pose.changed(of_pose))
 
 
 def _filled(nodes: Array) -> Array:

@@ -7,7 +7,6 @@ published.py   the printed results of an experiment that the rig repeats
 table.py       a table of plain numbers, and its form in a terminal
 numbers.py     Tables 1 to 3: interior orientation, adjustment, plane-table; and the depth calibration
 adjusted.py    coverage of the images, correlations and point sigmas of an adjustment
-interior.py    true parameters referred to another radius r0
 sign_off.py    who answers for the figures, and whether the planes stay within a tolerance
 chapters.py    what stands in the report, in order: a registry
 csv_files.py   tables and measured values as CSV

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +20,6 @@ class Coverage:
 
     Attributes
     ----------
-    name : str
     size : (width, height), px
     uv : array, shape (n, 2)
         Image points of all stations, px.
@@ -70,38 +70,9 @@ def covered(name: str, size: tuple[int, int], uv: Array) -> Coverage:
     shape = max(1, round(height / cell)), max(1, round(width / cell))
     edges = [np.linspace(-0.5, side - 0.5, n + 1) for side, n in zip((height, width), shape, strict=True)]
     counts = np.histogram2d(uv[:, 1], uv[:, 0], edges)[0].astype(np.int64)
-    hull = convex_hull(uv)
-    x, y = hull.T
-    area = abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))) / 2  # the shoelace formula
-    return Coverage(name, size, uv, counts, hull, area / (width * height))
-
-
-def convex_hull(points: Array) -> Array:
-    """Give the convex hull of points, shape (n, 2), as a closed line; points on one line have no area.
-
-    Andrew, *Another efficient algorithm for convex hulls in two dimensions*, Inf. Proc. Letters 9, 1979.
-
-    Examples
-    --------
-    >>> convex_hull(np.array([[0, 0], [2, 0], [1, 1], [2, 2], [0, 2]])).tolist()
-    [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 0.0]]
-    """
-    ordered = [(float(x), float(y)) for x, y in np.unique(points, axis=0)]
-    if len(ordered) < 3:
-        return np.array([*ordered, *ordered[:1]]).reshape(-1, 2)
-    half: list[list[tuple[float, float]]] = []
-    for run in (ordered, ordered[::-1]):
-        line: list[tuple[float, float]] = []
-        for p in run:
-            while len(line) > 1 and _turn(line[-2], line[-1], p) <= 0:
-                line.pop()
-            line.append(p)
-        half.append(line[:-1])
-    return np.array([*half[0], *half[1], half[0][0]])
-
-
-def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    hull = cv2.convexHull(uv.astype(np.float32))[:, 0].astype(np.float64) if len(uv) else np.zeros((0, 2))
+    area = cv2.contourArea(hull.astype(np.float32)) if len(hull) else 0.0
+    return Coverage(name, size, uv, counts, np.concatenate([hull, hull[:1]]), area / (width * height))
 
 
 @dataclass(frozen=True)
@@ -128,7 +99,7 @@ def correlations(adjustment: Adjustment) -> Correlations:
     """Correlate the parameters; those that were held have no sigma and are left out."""
     covariance = np.asarray(adjustment.parameter_cov, dtype=np.float64)
     variance = np.diagonal(covariance)
-    free = np.flatnonzero(variance > 0)
+    free = np.flatnonzero(np.isfinite(variance) & (variance > 0))
     sigma = np.sqrt(variance[free])
     values = covariance[np.ix_(free, free)] / np.outer(sigma, sigma)
     return Correlations(tuple(adjustment.parameter_names[i] for i in free), values)
@@ -140,7 +111,6 @@ class PointSigmas:
 
     Attributes
     ----------
-    names : tuple of str
     xyz_mm : array, shape (n, 3)
     sigma_um : array, shape (n, 3)
         Along X, Y and Z of the testfield.

@@ -1,12 +1,13 @@
 """A testfield to be printed: one sheet at true size, as PDF and as SVG.
 
-The sheet holds the targets on their ground, and outside of it what nobody can mistake for a target: small grey labels
-of rows and columns on all four sides, two bars to measure, and how to print.
+The sheet holds the targets on their ground, dots or what else their kind draws, and outside of it what nobody can
+mistake for a target: small grey labels of rows and columns on all four sides, two bars to measure, and how to print.
 """
 
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from html import escape
@@ -15,7 +16,6 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from core.errors import InputError
 from core.model import Testfield
@@ -71,7 +71,6 @@ class Sheet:
 
     Attributes
     ----------
-    title : str
     width_mm, height_mm : float
         Of the page.
     ground_mm : tuple of float
@@ -80,6 +79,10 @@ class Sheet:
         White targets on a black ground.
     targets_mm : (n, 3) array
         Centre x, y and diameter of every target, in the testfield's order.
+    dots : bool
+        The targets are dots, and printed.
+    patches : tuple
+        Outlines (k, 2) of further areas, each over those before; whether they have the targets' tone, or the ground's.
     bars_mm : tuple of float
         Length of the bar across and of the one down: what a ruler must show between the end ticks.
     """
@@ -90,19 +93,26 @@ class Sheet:
     ground_mm: tuple[float, float, float, float]
     inverse: bool
     targets_mm: Array
+    dots: bool
+    patches: tuple[tuple[Array, bool], ...]
     bars_mm: tuple[float, float]
     lines: tuple[Line, ...]
     texts: tuple[Text, ...]
 
 
-def board_sheet(testfield: Testfield, name: str = "") -> Sheet:
+def board_sheet(
+    testfield: Testfield, name: str = "", patches: Sequence[tuple[Array, bool]] = (), *, dots: bool = True
+) -> Sheet:
     """Lay out a testfield for printing, its X to the right and its Y upwards.
 
     Parameters
     ----------
-    testfield : Testfield
     name : str
         Of the project; printed beside the title.
+    patches : sequence of ((k, 2) array, bool)
+        What the kind of target draws: outlines on the board, mm, and whether they have the targets' tone.
+    dots : bool
+        The targets themselves are dots, and printed.
 
     Raises
     ------
@@ -120,26 +130,36 @@ def board_sheet(testfield: Testfield, name: str = "") -> Sheet:
     40.0
     """
     spacing = _checked(testfield)
-    x, y, diameter = testfield.xyz_mm[:, 0], testfield.xyz_mm[:, 1], testfield.diameter_mm
+    xy, diameter = testfield.xyz_mm[:, :2], testfield.diameter_mm
     label = float(np.clip(np.median(diameter) / 2, 1.2, 6.0))
     quiet = max(spacing, 0.75 * float(diameter.max()))  # from the outermost centres to the ground's edge
+    lower, upper = xy.min(axis=0) - quiet, xy.max(axis=0) + quiet
+    for outline, _ in patches:
+        lower = np.minimum(lower, outline.min(axis=0) - quiet / 2)
+        upper = np.maximum(upper, outline.max(axis=0) + quiet / 2)
     left, top = MARGIN_MM + 3.5 * label, MARGIN_MM + 2.5 * label
-    wide, high = float(np.ptp(x)) + 2 * quiet, float(np.ptp(y)) + 2 * quiet
+    wide, high = (upper - lower).tolist()
     right, foot = left + wide + 3.5 * label, top + high + 2.5 * label
-    targets = np.column_stack([x - x.min() + left + quiet, y.max() - y + top + quiet, diameter])
+
+    def on_sheet(places: Array) -> Array:
+        return np.column_stack([places[:, 0] - lower[0] + left, upper[1] - places[:, 1] + top])
+
+    targets = np.column_stack([on_sheet(xy), diameter])
     bars = _bar_length(wide), _bar_length(high)
     lines, texts = _bars(left, top, right, foot, bars)
     width = max(right + BAR_SPACE_MM + MARGIN_MM, LEAST_WIDTH_MM)
-    title = _title(testfield)
-    words = _words(title, _facts(testfield, spacing, name), (width, foot + BAR_SPACE_MM), bars)
+    title = f"Testfield {len(np.unique(testfield.row))} rows × {len(np.unique(testfield.col))} columns"
+    words = _words(title, _facts(testfield, spacing, name, dots), (width, foot + BAR_SPACE_MM), bars)
     height = words[-1].y_mm + MARGIN_MM
     if max(width, height) > LARGEST_MM:
         seen = f"the board needs a page of {width:.0f} x {height:.0f} mm"
         raise InputError("testfield", seen, f"a page can have {LARGEST_MM:.0f} mm at most: print it in parts")
     ground = (left, top, wide, high)
     labels = _labels(testfield, targets, ground, label)
-    inverse = testfield.polarity == "white-on-black"
-    return Sheet(title, width, height, ground, inverse, targets, bars, tuple(lines), (*texts, *labels, *words))
+    inverse = dots and testfield.polarity == "white-on-black"
+    drawn = tuple((on_sheet(outline), ink) for outline, ink in patches)
+    texts = [*texts, *labels, *words]
+    return Sheet(title, width, height, ground, inverse, targets, dots, drawn, bars, tuple(lines), tuple(texts))
 
 
 def _checked(testfield: Testfield) -> float:
@@ -150,24 +170,25 @@ def _checked(testfield: Testfield) -> float:
         raise InputError("testfield", f"{len(name)} target", "a testfield needs at least 4")
     if (height := float(np.ptp(xyz[:, 2]))) > FLAT_MM:
         raise InputError("testfield", f"z_mm spreads over {height:.4g} mm", "only a flat board can be printed")
-    tree = cKDTree(xyz[:, :2])
-    for i, j in sorted(tree.query_pairs(float(diameter.max()))):
-        apart = float(np.hypot(*(xyz[i, :2] - xyz[j, :2])))
-        if apart < (diameter[i] + diameter[j]) / 2:
-            seen = f"targets {name[i]} and {name[j]} are {apart:.4g} mm apart and overlap"
+    spacing = []
+    for i, target in enumerate(name):
+        apart = np.hypot(*(xyz - xyz[i])[:, :2].T)
+        apart[i] = np.inf
+        reach = (diameter + diameter[i]) / 2 * (1 - 1e-9)  # corners of squares touch
+        if apart[j := int(np.argmin(apart - reach))] < reach[j]:
+            seen = f"targets {target} and {name[j]} are {apart[j]:.4g} mm apart and overlap"
             raise InputError("testfield", seen, "correct their places or diameters")
-    return float(np.median(tree.query(xyz[:, :2], k=2)[0][:, 1]))
+        spacing.append(apart.min())
+    return float(np.median(spacing))
 
 
-def _title(testfield: Testfield) -> str:
-    return f"Testfield {len(np.unique(testfield.row))} rows × {len(np.unique(testfield.col))} columns"
-
-
-def _facts(testfield: Testfield, spacing: float, name: str) -> str:
+def _facts(testfield: Testfield, spacing: float, name: str, dots: bool) -> str:
     least, most = float(testfield.diameter_mm.min()), float(testfield.diameter_mm.max())
     diameter = f"{least:.6g} mm" if least == most else f"{least:.6g} to {most:.6g} mm"
-    facts = [f"spacing {spacing:.6g} mm", f"target diameter {diameter}", testfield.polarity.replace("-", " ")]
-    return " · ".join([*facts, f"{len(testfield.row)} targets", *([name] if name else [])])
+    facts = [f"spacing {spacing:.6g} mm"]
+    facts += [f"target diameter {diameter}", testfield.polarity.replace("-", " ")] if dots else []
+    facts += [f"{len(testfield.row)} targets", *([] if testfield.kind == "dots" else [f"kind: {testfield.kind}"])]
+    return " · ".join([*facts, *([name] if name else [])])
 
 
 def _bar_length(space_mm: float) -> float:
@@ -256,7 +277,8 @@ def sheet_svg(sheet: Sheet) -> str:
         f'<rect width="{w}" height="{h}" fill="#ffffff"/>',
         f'<rect id="ground" x="{left:.4f}" y="{top:.4f}" width="{wide:.4f}" height="{high:.4f}" fill="{paper}"/>',
         f'<g id="targets" fill="{ink}">',
-        *(f'<circle cx="{x:.4f}" cy="{y:.4f}" r="{d / 2:.4f}"/>' for x, y, d in sheet.targets_mm),
+        *(f'<circle cx="{x:.4f}" cy="{y:.4f}" r="{d / 2:.4f}"/>' for x, y, d in sheet.targets_mm if sheet.dots),
+        *(_svg_patch(outline, "" if is_ink else f' fill="{paper}"') for outline, is_ink in sheet.patches),
         "</g>",
         '<g id="bars" stroke="#000000" stroke-width="0.2">',
         *(f'<line x1="{a.x1_mm:.4f}" y1="{a.y1_mm:.4f}" x2="{a.x2_mm:.4f}" y2="{a.y2_mm:.4f}"/>' for a in sheet.lines),
@@ -267,6 +289,10 @@ def sheet_svg(sheet: Sheet) -> str:
         "</svg>",
     ]
     return "\n".join(parts) + "\n"
+
+
+def _svg_patch(outline: Array, fill: str) -> str:
+    return f'<path d="M{" ".join(f"{x:.4f},{y:.4f}" for x, y in outline)}z"{fill}/>'
 
 
 def _svg_text(text: Text) -> str:
@@ -298,8 +324,16 @@ def sheet_pdf(sheet: Sheet) -> bytes:
     canvas.setFillGray(paper)
     canvas.rect(left, -top - high, wide, high, stroke=0, fill=1)
     canvas.setFillGray(ink)
-    for x, y, diameter in sheet.targets_mm.tolist():
+    for x, y, diameter in sheet.targets_mm.tolist() if sheet.dots else ():
         canvas.circle(x, -y, diameter / 2, stroke=0, fill=1)
+    for outline, is_ink in sheet.patches:
+        path = canvas.beginPath()
+        path.moveTo(*(outline[0] * (1, -1)).tolist())
+        for x, y in outline[1:].tolist():
+            path.lineTo(x, -y)
+        path.close()
+        canvas.setFillGray(ink if is_ink else paper)
+        canvas.drawPath(path, stroke=0, fill=1)
     canvas.setLineWidth(0.2)
     for line in sheet.lines:
         canvas.line(line.x1_mm, -line.y1_mm, line.x2_mm, -line.y2_mm)

@@ -15,21 +15,25 @@ A chapter that lists the captures; it comes last, and is left out of reports tha
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from core.progress import SILENT, Progress
 from core.report.data import ReportData
-from core.report.numbers import adjustment_table, depth_table, interior_tables, plane_table, published_of
+from core.report.numbers import (
+    adjustment_table,
+    depth_table,
+    drift_table,
+    interior_tables,
+    plane_table,
+    published_of,
+    volume_table,
+)
 from core.report.sign_off import sign_off_table
-from core.report.table import Table
+from core.report.table import Number, Table
 
 if TYPE_CHECKING:
     from core.report.figures import Drawing
-
-
-def _no_drawings(data: ReportData) -> Sequence[Drawing]:
-    return ()
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,7 @@ class Chapter:
 
     title: str
     tables: Callable[[ReportData], Sequence[Table]]
-    drawings: Callable[[ReportData], Sequence[Drawing]] = _no_drawings
+    drawings: Callable[[ReportData], Sequence[Drawing]] = lambda _data: ()
 
 
 def _adjustment_tables(data: ReportData) -> list[Table]:
@@ -49,6 +53,8 @@ def _adjustment_tables(data: ReportData) -> list[Table]:
     found = [*interior_tables(data, published)]
     if data.adjustment is not None or data.photogrammetric is not None:
         found.append(adjustment_table(data, published))
+    if data.volume is not None:
+        found.append(volume_table(data.volume[0]))
     return found
 
 
@@ -56,11 +62,13 @@ def _adjustment_drawings(data: ReportData) -> list[Drawing]:
     from core.report.figures.images import image_drawings  # drawing takes a second to import
     from core.report.figures.network import network_drawings
 
-    return [] if data.adjustment is None else [*image_drawings(data.adjustment), *network_drawings(data.adjustment)]
+    found = [] if data.adjustment is None else [*image_drawings(data.adjustment), *network_drawings(data.adjustment)]
+    if data.volume is not None:
+        from core.report.figures.volume import volume_drawing
 
-
-def _plane_tables(data: ReportData) -> list[Table]:
-    return [plane_table(data.evaluations, published_of(data))] if data.evaluations else []
+        figures, maps = data.volume
+        found.append(volume_drawing(figures["depths"], maps["form_sigma_mm"]))
+    return found
 
 
 def _plane_drawings(data: ReportData) -> Sequence[Drawing]:
@@ -69,30 +77,40 @@ def _plane_drawings(data: ReportData) -> Sequence[Drawing]:
     return plane_drawings(data) if data.evaluations else ()
 
 
-def _depth_tables(data: ReportData) -> list[Table]:
-    return [depth_table(data.depth)] if data.depth is not None else []
+def _drift_drawings(data: ReportData) -> Sequence[Drawing]:
+    from core.report.figures.drift import drift_drawing
+
+    return [drift_drawing(chart) for chart in data.drift]
 
 
-def _signed(data: ReportData) -> list[Table]:
-    return [sign_off_table(data.sign_off, data.evaluations)] if data.sign_off is not None else []
+def _other_tables(data: ReportData) -> list[Table]:
+    """What further methods tell in single numbers."""
+    told = {
+        title: [(f.name, getattr(made, f.name)) for f in fields(made)]  # type: ignore[arg-type]
+        for title, made in data.others.items()
+    }
+    numbers = {title: [(k, Number(v, "g")) for k, v in of if isinstance(v, int | float)] for title, of in told.items()}
+    return [Table(title.capitalize(), ("quantity", "value"), tuple(rows)) for title, rows in numbers.items() if rows]
 
 
 CHAPTERS: dict[str, Chapter] = {
     "adjustment": Chapter("Photogrammetric calibration", _adjustment_tables, _adjustment_drawings),
-    "depth": Chapter("Depth calibration", _depth_tables),
-    "planes": Chapter("Plane-table", _plane_tables, _plane_drawings),
-    "sign-off": Chapter("Sign-off", _signed),
+    "depth": Chapter("Depth calibration", lambda data: [depth_table(data.depth)] if data.depth is not None else []),
+    "others": Chapter("Further calibrations", _other_tables),
+    "planes": Chapter(
+        "Plane-table",
+        lambda data: [plane_table(data.evaluations, published_of(data))] if data.evaluations else [],
+        _plane_drawings,
+    ),
+    "drift": Chapter("Drift of the rig", lambda data: [drift_table(chart) for chart in data.drift], _drift_drawings),
+    "sign-off": Chapter(
+        "Sign-off", lambda data: [sign_off_table(data.sign_off, data.evaluations)] if data.sign_off is not None else []
+    ),
 }
 
 
 def tables(data: ReportData) -> list[Table]:
-    """Give the tables of all chapters: Tables 1 (one per device) to 3, the depth calibration, those of added chapters.
-
-    Raises
-    ------
-    InputError
-        If the project names published results that are not known.
-    """
+    """Give the tables of all chapters: Tables 1 (one per device) to 3, depth calibration, those of added chapters."""
     return [table for key, chapter in CHAPTERS.items() if key != "sign-off" for table in chapter.tables(data)]
 
 

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from core.atomic import atomic_write
-from core.progress import SILENT, Progress
 from core.report.figures import Drawing
 from core.report.figures.canvas import CAMERA, colour_bar, drawing_style, new_figure, plain_axes
 from core.report.html import set_page
@@ -26,7 +25,6 @@ class Check:
 
     Attributes
     ----------
-    title : str
     level : {"good", "warning", "bad"}
     text : str
         The sentence.
@@ -45,16 +43,10 @@ class Check:
     axes: tuple[str, str] = ("", "")
 
 
-def write_checks(checks: Sequence[Check], title: str, out: Path, progress: Progress = SILENT) -> Path:
-    """Write ``preflight.html`` into a folder, whole or not at all; give its path.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to.
-    """
+def write_checks(checks: Sequence[Check], title: str, out: Path) -> Path:
+    """Write ``preflight.html`` into a folder, whole or not at all; give its path."""
     drawings = [drawing for i, check in enumerate(checks) if (drawing := _drawing(f"check-{i}", check)) is not None]
-    text = set_page("checks.html.j2", drawings, progress, title=title, checks=list(enumerate(checks)), words=_WORDS)
+    text = set_page("checks.html.j2", drawings, title=title, checks=list(enumerate(checks)), words=_WORDS)
     path = Path(out) / "preflight.html"
     with atomic_write(path) as file:
         file.write(text.encode())

@@ -42,11 +42,6 @@ def write_table_csv(path: Path, table: Table) -> None:
     """Write a table: header, rows, and the notes as comment lines.
 
     Numbers have the table's digits, without the marks that refer to notes; what is not known is empty.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written; what was there before stays.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\r\n")

@@ -12,8 +12,10 @@ import numpy as np
 from core.model import (
     AdjustedDevice,
     Adjustment,
+    Array,
     Calibration,
     DepthCalibration,
+    DriftPoint,
     Method,
     PhotogrammetricCalibration,
     PlaneEvaluation,
@@ -67,6 +69,10 @@ class ReportData:
         Which of these results do not follow from the project as it is, and because of what.
     others : mapping
         Calibrations by further methods, by their titles.
+    volume : tuple, optional
+        Figures and maps of the photogrammetric calibration's uncertainty over the working volume.
+    drift : tuple
+        The control charts of the pairs of devices whose captures `orient` has looked at.
     """
 
     project: Project
@@ -81,6 +87,8 @@ class ReportData:
     sign_off: SignOff | None = None
     outdated: tuple[str, ...] = ()
     others: Mapping[str, Calibration] = field(default_factory=dict)
+    volume: tuple[Mapping[str, Any], Mapping[str, Array]] | None = None
+    drift: tuple[tuple[DriftPoint, ...], ...] = ()
 
     @property
     def name(self) -> str:

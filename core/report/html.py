@@ -12,7 +12,7 @@ from markupsafe import Markup
 from core.progress import SILENT, Progress
 from core.report.document import Document
 from core.report.figures import Drawing, svg_text
-from core.report.table import Table, cell_text, numeric_columns
+from core.report.table import cell_text, numeric_columns
 from core.resources import resource
 
 
@@ -31,7 +31,12 @@ def set_page(template: str, drawings: Sequence[Drawing], progress: Progress = SI
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(cell=cell_text, numeric=numeric_columns, heading=_heading, slug=_slug)
+    environment.filters.update(
+        cell=cell_text,
+        numeric=numeric_columns,
+        heading=_heading,
+        slug=lambda table: re.sub(r"[^a-z0-9]+", "-", table.title.split(".")[0].lower()),
+    )
     svg = {drawing.key: _inline(drawing) for drawing in progress.over(drawings, "setting figures")}
     alternatives = {drawing.key: drawing.alternative for drawing in drawings}
     page = environment.get_template(template)
@@ -50,10 +55,6 @@ def _inline(drawing: Drawing) -> Markup:
 def _heading(column: str) -> tuple[str, str]:
     name, _, unit = column.partition(" [")
     return name, unit.rstrip("]")
-
-
-def _slug(table: Table) -> str:
-    return re.sub(r"[^a-z0-9]+", "-", table.title.split(".")[0].lower())
 
 
 def _template(name: str) -> str:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from core.geometry import at_radius, lens_of, pair_of
-from core.model import AdjustedDevice, DepthCalibration, PlaneEvaluation
+from core.geometry import LENSES, at_radius, lens_of, pair_of
+from core.model import AdjustedDevice, DepthCalibration, DriftPoint, Interior, PlaneEvaluation
 from core.report.data import CalibratedDevice, ReportData, calibrated_devices, side_by_side
-from core.report.interior import interior_from_mapping
 from core.report.published import Published, published_names, read_published
 from core.report.table import Cell, Number, Table
+
+# of the control chart: name, unit, and the unit's factor
+DRIFT_ELEMENTS = (
+    *((f"turn {axis}", "µrad", 1e6) for axis in "XYZ"),
+    *((f"shift {k}", "µm", 1e3) for k in (1, 2)),
+)
 
 
 def published_of(data: ReportData) -> Published | None:
@@ -36,12 +41,24 @@ def true_parameters(truth: Mapping[str, Any] | None, device: CalibratedDevice) -
     entry = (truth or {}).get(device.kind or "") or (truth or {}).get(device.name)
     if not isinstance(entry, Mapping):
         return None
-    interior = interior_from_mapping(entry)
+    interior = _interior_of(entry)
     if interior.model != device.device.interior.model:
         return None
     if np.isfinite(interior.r0_mm) and np.all(np.isfinite(interior.vector)):
         interior = at_radius(interior, device.device.interior.r0_mm)
     return interior.vector
+
+
+def _interior_of(entry: Mapping[str, Any]) -> Interior:
+    """Read an interior orientation as result files have it; what is absent is NaN."""
+
+    def number(key: str) -> float:
+        value = entry.get(key)
+        value = value.get("value") if isinstance(value, Mapping) else value
+        return float("nan") if value is None else float(value)
+
+    lens = LENSES[entry.get("model", "A1..A6")]
+    return Interior.from_vector(np.array([number(key) for key in lens.keys]), number("r0_mm"), lens.name)
 
 
 def normalised_errors(device: AdjustedDevice, truth: np.ndarray) -> np.ndarray:
@@ -116,6 +133,21 @@ def adjustment_table(data: ReportData, published: Published | None) -> Table:
     return Table("Table 2. The bundle adjustment", columns, tuple(rows), notes)
 
 
+def volume_table(figures: Mapping[str, Any]) -> Table:
+    """How sure a calibration is, over the working volume."""
+    names = {"sigma_mm": ".3f", "form_sigma_mm": ".4f", "camera_px": ".4f", "projector_lines": ".4f"}
+    rows: list[tuple[Cell, ...]] = [
+        (f"{row['depth_mm']:.0f} mm away", *(Number(row[name], digits) for name, digits in names.items()))
+        for row in figures["depths"]
+    ]
+    columns = ("depth", "σ of a point [mm]", "of form [mm]", "of the camera's image [px]", "of the projector's [lines]")
+    notes = (
+        "r.m.s. over the image, by the calibration alone; form: after the best movement of all points as one, images: "
+        "after the best place of the device.",
+    )
+    return Table("Uncertainty over the working volume", columns, tuple(rows), notes)
+
+
 def network_counts(data: ReportData) -> dict[str, Any]:
     """Stations, image points, object points, redundancy and sigma0, from whichever result is there."""
     keys = ("stations", "image_points", "object_points", "redundancy", "sigma0")
@@ -161,6 +193,22 @@ def _relative_orientation(data: ReportData) -> Iterable[tuple[str, str, Number]]
             cosine = min(max(float(pair.projector_from_camera.rotation[2, 2]), -1.0), 1.0)
             name = f"angle of the viewing axes{of}" if several else "angle between the viewing axes"
             yield name, "°", Number(float(np.degrees(np.arccos(cosine))), ".3f")
+
+
+def drift_table(chart: Sequence[DriftPoint]) -> Table:
+    """What every capture shows of the rig, less what those before it led to expect."""
+    rows: list[tuple[Cell, ...]] = []
+    for point in chart:
+        scaled = zip(DRIFT_ELEMENTS, point.value - point.expected, strict=True)
+        numbers = [Number(scale * float(off), ".1f") for (_, _, scale), off in scaled]
+        rows.append((point.capture, *numbers, Number(point.p, ".2g"), point.state))
+    names = [f"{name} [{unit}]" for name, unit, _ in DRIFT_ELEMENTS]
+    title = f"Control chart: {chart[0].projector} against {chart[0].camera}"
+    notes = (
+        "What a capture shows less what those before it led to expect; the shifts are across the base. "
+        "warning: p below 0.05; action: below 0.001, the share of false alarms of a rig at rest.",
+    )
+    return Table(title, ("capture", *names, "p", "state"), tuple(rows), notes)
 
 
 def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published | None) -> Table:

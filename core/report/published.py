@@ -57,22 +57,16 @@ class Published:
 
 def published_names() -> list[str]:
     """Names under which published results are known: the files of `resources/reference`."""
-    return sorted(f.name.removesuffix(".json") for f in _folder().iterdir() if f.name.endswith(".json"))
+    return sorted(f.name.removesuffix(".json") for f in resource("reference").iterdir() if f.name.endswith(".json"))
 
 
 def read_published(name: str) -> Published:
-    """Read published results by name.
-
-    Raises
-    ------
-    InputError
-        For a name that is not among `published_names`.
-    """
+    """Read published results by name."""
     if name not in published_names():
         raise InputError(
             "project.json", f"reference is {name!r}", f"leave it out or use one of: {', '.join(published_names())}"
         )
-    data = json.loads((_folder() / f"{name}.json").read_text(encoding="utf-8"))
+    data = json.loads(resource("reference", f"{name}.json").read_text(encoding="utf-8"))
     table = data.get("plane_table", {})
     angles = table.get("angle_deg", [])
     rms = {
@@ -91,7 +85,3 @@ def read_published(name: str) -> Published:
         rms_mm=rms,
         max_mm=None if most is None else (float(most[0]), float(most[1])),
     )
-
-
-def _folder() -> Any:
-    return resource("reference")

@@ -20,10 +20,6 @@ def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) ->
     out : Path
         The folder; made if it does not exist. Reports that are there are replaced.
 
-    Returns
-    -------
-    paths : ReportPaths
-
     Raises
     ------
     InputError

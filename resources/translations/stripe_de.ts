@@ -128,6 +128,10 @@
         <translation>Startseite</translation>
     </message>
     <message>
+        <source>The ri&amp;g</source>
+        <translation>Der Auf&amp;bau</translation>
+    </message>
+    <message>
         <source>Open this page.</source>
         <translation>Diese Seite öffnen.</translation>
     </message>
@@ -297,8 +301,8 @@
         <translation>Platte bei {z:g} mm</translation>
     </message>
     <message>
-        <source>no targets picked yet</source>
-        <translation>noch keine Marken angewählt</translation>
+        <source>nothing picked: its targets are told by themselves, if the board allows</source>
+        <translation>nichts angewählt: die Marken werden von selbst erkannt, wenn die Tafel es zulässt</translation>
     </message>
     <message>
         <source>the picks do not fit the testfield</source>
@@ -348,16 +352,8 @@
         <translation>Polynom der Tiefe</translation>
     </message>
     <message>
-        <source>both, as far as captures allow</source>
-        <translation>beide, soweit möglich</translation>
-    </message>
-    <message>
-        <source>photogrammetric</source>
-        <translation>photogrammetrisch</translation>
-    </message>
-    <message>
-        <source>polynomial depth</source>
-        <translation>Polynom der Tiefe</translation>
+        <source>all, as far as captures allow</source>
+        <translation>alle, soweit die Aufnahmen es zulassen</translation>
     </message>
     <message>
         <source>Camera and projector rigidly joined</source>
@@ -400,16 +396,8 @@
         <translation>Zu schätzende Parameter</translation>
     </message>
     <message>
-        <source>Both can be compared at every plane. Takes as long as the two together.</source>
-        <translation>Beide lassen sich an jeder Ebene vergleichen. Dauert so lange wie die zwei zusammen.</translation>
-    </message>
-    <message>
-        <source>From the moved testfield alone. Measures anywhere, with the sigma of every point.</source>
-        <translation>Allein aus dem bewegten Testfeld. Misst überall, mit dem σ jedes Punktes.</translation>
-    </message>
-    <message>
-        <source>From the plate at known depths alone. Measures between the plate positions only.</source>
-        <translation>Allein aus der Platte in bekannten Tiefen. Misst nur zwischen den Plattenstellungen.</translation>
+        <source>They can be compared at every plane. Takes as long as all of them together.</source>
+        <translation>Sie lassen sich an jeder Ebene vergleichen. Dauert so lange wie alle zusammen.</translation>
     </message>
     <message>
         <source>One relative orientation for all poses: more redundancy. The program tests whether the rig was rigid.</source>
@@ -495,12 +483,8 @@
         <translation>Noch einmal rechnen</translation>
     </message>
     <message>
-        <source>{n} testfields</source>
-        <translation>{n} Testfelder</translation>
-    </message>
-    <message>
-        <source>{n} plates</source>
-        <translation>{n} Platten</translation>
+        <source>{method} ({n} captures)</source>
+        <translation>{method} ({n} Aufnahmen)</translation>
     </message>
     <message>
         <source>{what}; {options}. Unchanged captures are not measured again.</source>
@@ -708,16 +692,8 @@
         <translation>Keine Aufnahme ist beteiligt.</translation>
     </message>
     <message>
-        <source>Take at least two captures of each role, or none.</source>
-        <translation>Mindestens zwei Aufnahmen jeder Rolle nehmen, oder keine.</translation>
-    </message>
-    <message>
-        <source>Take at least two testfields with picks.</source>
-        <translation>Mindestens zwei Testfelder mit angewählten Marken nehmen.</translation>
-    </message>
-    <message>
-        <source>Take at least two plates.</source>
-        <translation>Mindestens zwei Platten nehmen.</translation>
+        <source>Take at least {n} captures of the role {role}, or none.</source>
+        <translation>Mindestens {n} Aufnahmen der Rolle {role} nehmen, oder keine.</translation>
     </message>
     <message>
         <source>{n} testfields, {r} of them turned by a quarter, and {m} plates take part.</source>
@@ -1117,25 +1093,6 @@
     <message>
         <source>Stopped.</source>
         <translation>Angehalten.</translation>
-    </message>
-</context>
-<context>
-    <name>CloudView</name>
-    <message>
-        <source>The arrow keys turn the points, page up and down come closer.</source>
-        <translation>Die Pfeiltasten drehen die Punkte, Bild auf und ab holen sie näher.</translation>
-    </message>
-    <message>
-        <source>Drag to turn, wheel to come closer, Ctrl and drag to move.</source>
-        <translation>Ziehen dreht, das Rad holt näher, Strg und Ziehen verschiebt.</translation>
-    </message>
-    <message>
-        <source>From the camera</source>
-        <translation>Von der Kamera</translation>
-    </message>
-    <message>
-        <source>From beside</source>
-        <translation>Von der Seite</translation>
     </message>
 </context>
 <context>
@@ -1665,6 +1622,17 @@
     <message>
         <source>Choose the folder that holds the images</source>
         <translation>Den Ordner mit den Bildern wählen</translation>
+    </message>
+</context>
+<context>
+    <name>HealthStrip</name>
+    <message>
+        <source>Drift chart</source>
+        <translation>Driftkarte</translation>
+    </message>
+    <message>
+        <source>Looking whether the rig has moved …</source>
+        <translation>Ob sich der Aufbau bewegt hat, wird angesehen …</translation>
     </message>
 </context>
 <context>
@@ -2727,6 +2695,42 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <source>Points in space</source>
         <translation>Punkte im Raum</translation>
     </message>
+    <message>
+        <source>All cameras: depth Z</source>
+        <translation>Alle Kameras: Tiefe Z</translation>
+    </message>
+    <message>
+        <source>All cameras: by camera</source>
+        <translation>Alle Kameras: nach Kamera</translation>
+    </message>
+    <message>
+        <source>All cameras: by how they are seen</source>
+        <translation>Alle Kameras: wie sie gesehen werden</translation>
+    </message>
+    <message>
+        <source>All cameras: σ of Z</source>
+        <translation>Alle Kameras: σ von Z</translation>
+    </message>
+    <message>
+        <source>dark {low:g} to bright {high:g} mm, median {median:.4g} mm</source>
+        <translation>dunkel {low:g} bis hell {high:g} mm, Median {median:.4g} mm</translation>
+    </message>
+    <message>
+        <source>by one camera</source>
+        <translation>von einer Kamera</translation>
+    </message>
+    <message>
+        <source>by several</source>
+        <translation>von mehreren</translation>
+    </message>
+    <message>
+        <source>hidden from others</source>
+        <translation>vor anderen verdeckt</translation>
+    </message>
+    <message>
+        <source>rays disagree</source>
+        <translation>Strahlen widersprechen sich</translation>
+    </message>
 </context>
 <context>
     <name>ReconstructPage</name>
@@ -2775,8 +2779,12 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Zuerst kalibrieren.</translation>
     </message>
     <message>
-        <source>Try again</source>
-        <translation>Noch einmal versuchen</translation>
+        <source>intersecting the rays of all cameras …</source>
+        <translation>die Strahlen aller Kameras werden geschnitten …</translation>
+    </message>
+    <message>
+        <source>{n} points.</source>
+        <translation>{n} Punkte.</translation>
     </message>
     <message>
         <source>{name} is not reconstructed yet.</source>
@@ -2785,10 +2793,6 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>   Out of date: reconstruct it again.</source>
         <translation>   Veraltet: neu rekonstruieren.</translation>
-    </message>
-    <message>
-        <source>No view in space: {problem}. The shaded height shows the surface instead.</source>
-        <translation>Keine Ansicht im Raum: {problem}. Die schattierte Höhe zeigt die Fläche stattdessen.</translation>
     </message>
     <message>
         <source>Reconstructed: {name}.</source>
@@ -2945,11 +2949,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
-    <name>RigSketch</name>
-    <message>
-        <source>Sketch of the rig</source>
-        <translation>Skizze des Aufbaus</translation>
-    </message>
+    <name>Rig</name>
     <message>
         <source>camera</source>
         <translation>Kamera</translation>
@@ -2959,24 +2959,155 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Projektor</translation>
     </message>
     <message>
-        <source>{common:.0f} mm in common</source>
-        <translation>{common:.0f} mm gemeinsam</translation>
+        <source>{mm:.1f} mm</source>
+        <translation>{mm:.1f} mm</translation>
     </message>
     <message>
-        <source>base {base:.0f} mm</source>
-        <translation>Basis {base:.0f} mm</translation>
+        <source>device</source>
+        <translation>Gerät</translation>
     </message>
     <message>
-        <source>{angle:.0f}°</source>
-        <translation>{angle:.0f}°</translation>
+        <source>axis turned by [°]</source>
+        <translation>Achse gedreht um [°]</translation>
     </message>
     <message>
-        <source>{distance:.0f} mm</source>
-        <translation>{distance:.0f} mm</translation>
+        <source>sees across [mm]</source>
+        <translation>sieht in der Breite [mm]</translation>
     </message>
     <message>
-        <source>{w:.0f} × {h:.0f} mm</source>
-        <translation>{w:.0f} × {h:.0f} mm</translation>
+        <source>and down [mm]</source>
+        <translation>in der Höhe [mm]</translation>
+    </message>
+    <message>
+        <source>one pixel or line [mm]</source>
+        <translation>ein Pixel oder eine Linie [mm]</translation>
+    </message>
+    <message>
+        <source>At {mid:.0f} mm, the middle of the calibrated distances from {near:.0f} to {far:.0f} mm.</source>
+        <translation>Bei {mid:.0f} mm, der Mitte der kalibrierten Entfernungen von {near:.0f} bis {far:.0f} mm.</translation>
+    </message>
+    <message>
+        <source>turned about X [µrad]</source>
+        <translation>gedreht um X [µrad]</translation>
+    </message>
+    <message>
+        <source>about Y [µrad]</source>
+        <translation>um Y [µrad]</translation>
+    </message>
+    <message>
+        <source>about Z [µrad]</source>
+        <translation>um Z [µrad]</translation>
+    </message>
+    <message>
+        <source>shifted across the base [µm]</source>
+        <translation>quer zur Basis verschoben [µm]</translation>
+    </message>
+    <message>
+        <source>and square to both [µm]</source>
+        <translation>und senkrecht zu beiden [µm]</translation>
+    </message>
+    <message>
+        <source>±{s:g} σ: out of control beyond</source>
+        <translation>±{s:g} σ: darüber außer Kontrolle</translation>
+    </message>
+    <message>
+        <source>±{s:g} σ: warning beyond</source>
+        <translation>±{s:g} σ: darüber Warnung</translation>
+    </message>
+    <message>
+        <source>in control</source>
+        <translation>in Ordnung</translation>
+    </message>
+    <message>
+        <source>warning</source>
+        <translation>Warnung</translation>
+    </message>
+    <message>
+        <source>OUT OF CONTROL</source>
+        <translation>AUSSER KONTROLLE</translation>
+    </message>
+    <message>
+        <source>capture</source>
+        <translation>Aufnahme</translation>
+    </message>
+    <message>
+        <source>rig</source>
+        <translation>Aufbau</translation>
+    </message>
+</context>
+<context>
+    <name>RigPage</name>
+    <message>
+        <source>Rig</source>
+        <translation>Aufbau</translation>
+    </message>
+    <message>
+        <source>Where the devices stand, and whether they have stayed there.</source>
+        <translation>Wo die Geräte stehen, und ob sie dort geblieben sind.</translation>
+    </message>
+    <message>
+        <source>The rig in space</source>
+        <translation>Der Aufbau im Raum</translation>
+    </message>
+    <message>
+        <source>Devices of the rig</source>
+        <translation>Geräte des Aufbaus</translation>
+    </message>
+    <message>
+        <source>Each device looks out of its tinted image; green: what all of them see; grey: the targets of all poses.</source>
+        <translation>Jedes Gerät blickt durch sein getöntes Bild; grün: was alle sehen; grau: die Marken aller Lagen.</translation>
+    </message>
+    <message>
+        <source>In space</source>
+        <translation>Im Raum</translation>
+    </message>
+    <message>
+        <source>Drift chart</source>
+        <translation>Driftkarte</translation>
+    </message>
+    <message>
+        <source>capture</source>
+        <translation>Aufnahme</translation>
+    </message>
+    <message>
+        <source>off what was expected [σ]</source>
+        <translation>neben dem Erwarteten [σ]</translation>
+    </message>
+    <message>
+        <source>Captures of the drift chart</source>
+        <translation>Aufnahmen der Driftkarte</translation>
+    </message>
+    <message>
+        <source>Camera and projector</source>
+        <translation>Kamera und Projektor</translation>
+    </message>
+    <message>
+        <source>Look at all captures</source>
+        <translation>Alle Aufnahmen ansehen</translation>
+    </message>
+    <message>
+        <source>Drift</source>
+        <translation>Drift</translation>
+    </message>
+    <message>
+        <source>Calibrate by the photogrammetric method first.</source>
+        <translation>Zuerst photogrammetrisch kalibrieren.</translation>
+    </message>
+    <message>
+        <source>No capture shows both projector coordinates of enough pixels.</source>
+        <translation>Keine Aufnahme zeigt beide Projektorkoordinaten von genügend Pixeln.</translation>
+    </message>
+    <message>
+        <source>Every capture tells whether the projector has moved against the camera.</source>
+        <translation>Jede Aufnahme sagt, ob sich der Projektor gegen die Kamera bewegt hat.</translation>
+    </message>
+    <message>
+        <source>Out of control: {names}.</source>
+        <translation>Außer Kontrolle: {names}.</translation>
+    </message>
+    <message>
+        <source>In control: {n} captures, none off what was expected.</source>
+        <translation>In Ordnung: {n} Aufnahmen, keine neben dem Erwarteten.</translation>
     </message>
 </context>
 <context>
@@ -3036,6 +3167,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>For the sketch and the advice only; calibration finds the true orientation.</source>
         <translation>Nur für Skizze und Ratschläge; die wahre Orientierung findet die Kalibrierung.</translation>
+    </message>
+    <message>
+        <source>Sketch of the rig</source>
+        <translation>Skizze des Aufbaus</translation>
     </message>
     <message>
         <source>(sketch only)</source>
@@ -3172,8 +3307,8 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>entstanden</translation>
     </message>
     <message>
-        <source>both</source>
-        <translation>beide</translation>
+        <source>all of it</source>
+        <translation>ganz</translation>
     </message>
     <message>
         <source>parameter</source>
@@ -3574,30 +3709,18 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
-    <name>Space</name>
+    <name>SpaceView</name>
     <message>
-        <source>the program runs without a screen</source>
-        <translation>das Programm läuft ohne Bildschirm</translation>
+        <source>Drag to turn, wheel to come closer, Ctrl and drag to move.</source>
+        <translation>Ziehen dreht, das Rad holt näher, Strg und Ziehen verschiebt.</translation>
     </message>
     <message>
-        <source>a package is missing: pip install &apos;stripe-workbench[gl]&apos;</source>
-        <translation>ein Paket fehlt: pip install &apos;stripe-workbench[gl]&apos;</translation>
+        <source>From the camera</source>
+        <translation>Von der Kamera</translation>
     </message>
     <message>
-        <source>the graphics driver ended the program when it was tried last</source>
-        <translation>der Grafiktreiber hat das Programm beim letzten Versuch beendet</translation>
-    </message>
-    <message>
-        <source>this display has no OpenGL</source>
-        <translation>dieser Bildschirm hat kein OpenGL</translation>
-    </message>
-    <message>
-        <source>OpenGL does not start on this display</source>
-        <translation>OpenGL startet auf diesem Bildschirm nicht</translation>
-    </message>
-    <message>
-        <source>OpenGL {have[0]}.{have[1]} is too old, {least[0]}.{least[1]} is needed</source>
-        <translation>OpenGL {have[0]}.{have[1]} ist zu alt, {least[0]}.{least[1]} ist nötig</translation>
+        <source>From beside</source>
+        <translation>Von der Seite</translation>
     </message>
 </context>
 <context>
@@ -3678,24 +3801,12 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Marken von {n} Aufnahmen</translation>
     </message>
     <message>
-        <source>both methods</source>
-        <translation>beide Verfahren</translation>
-    </message>
-    <message>
         <source>{n} planes</source>
         <translation>{n} Ebenen</translation>
     </message>
     <message>
         <source>HTML and PDF</source>
         <translation>HTML und PDF</translation>
-    </message>
-    <message>
-        <source>photogrammetric</source>
-        <translation>photogrammetrisch</translation>
-    </message>
-    <message>
-        <source>polynomial</source>
-        <translation>Polynom</translation>
     </message>
     <message>
         <source>Camera</source>
@@ -3987,6 +4098,17 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>wait until it is done, or cancel it</source>
         <translation>warten, bis sie fertig ist, oder sie abbrechen</translation>
+    </message>
+    <message>
+        <source>Looking at the captures</source>
+        <translation>Die Aufnahmen werden angesehen</translation>
+    </message>
+</context>
+<context>
+    <name>_Space</name>
+    <message>
+        <source>The arrow keys turn the view, plus and minus zoom, 0 shows all.</source>
+        <translation>Die Pfeiltasten drehen die Ansicht, Plus und Minus vergrößern und verkleinern, 0 zeigt alles.</translation>
     </message>
 </context>
 </TS>

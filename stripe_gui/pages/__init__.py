@@ -22,6 +22,7 @@ PAGES = {
     "reconstruct": ("pages.reconstruct_page", "ReconstructPage"),
     "evaluate": ("pages.evaluate.page", "EvaluatePage"),
     "report": ("pages.report_page", "ReportPage"),
+    "rig": ("pages.rig_page", "RigPage"),
     "import-wizard": ("wizards.import_frames.wizard", "ImportWizard"),
     "capture-wizard": ("wizards.capture.wizard", "CaptureWizard"),
 }  # id of the page -> module below stripe_gui, class

@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QCheckBox, QListWidget, QListWidgetItem, QSplitter
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.capture import FrameView, load_frame, pattern_text, rig_lines
 from stripe_gui.widgets.capture_list import CaptureList
+from stripe_gui.widgets.health_strip import HealthStrip
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, button, column, label, row
 from stripe_gui.workbench import Workbench
@@ -55,15 +56,17 @@ class CapturePage(Page):
         split.setStretchFactor(1, 1)
         split.setChildrenCollapsible(False)
         split.setHandleWidth(14)
+        self.health = HealthStrip(bench)
+        self.body.addWidget(self.health)
         self.body.addWidget(self.empty)
         self.body.addWidget(split, 1)
         bench.session.capture_changed.connect(self._capture_changed)
 
     def refresh(self) -> None:
-        """Show the captures as they are now."""
         self.captures.refresh()
         self.rig.setText("\n".join(rig_lines(self.session.opened.project.rig)) if self.session.is_open else "")
         self.empty.setVisible(self.captures.count() == 0)
+        self.health.refresh()
         self._list_frames()
 
     def _capture_changed(self) -> None:

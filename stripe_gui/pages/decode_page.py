@@ -6,10 +6,11 @@ from functools import partial
 from typing import Any
 
 from core.model import Capture, DeviceSpec, PhaseMap
+from core.pipeline import decode_project
 from stripe_gui.pages.map_page import MapPage
 from stripe_gui.presenters.decode import PhaseCache, figures_table, kind_name, kinds_of, map_view, pixel_text
 from stripe_gui.presenters.folder import frames_key
-from stripe_gui.presenters.work import decode_all, decode_one
+from stripe_gui.presenters.work import decode_one
 from stripe_gui.widgets.layout import boxed, column, label
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
 from stripe_gui.workbench import Workbench
@@ -46,15 +47,12 @@ class DecodePage(MapPage):
         self.look()
 
     def run(self) -> None:
-        """Decode all captures."""
-        self.bench.run_stage("decode", decode_all, on_done=self._told)
+        self.bench.run_stage("decode", decode_project, on_done=self._told)
 
     def can_run(self) -> bool:
-        """Say whether there is anything to decode."""
         return self.session.is_open and bool(self.session.opened.project.captures)
 
     def look(self) -> None:
-        """Show the session's capture, decoded now if it was not before."""
         self.bench.views.cancel_all()  # another capture may be on its way
         entry = self.session.capture
         if entry is None:
@@ -79,7 +77,6 @@ class DecodePage(MapPage):
         )
 
     def choose(self) -> None:
-        """Show the chosen map."""
         if self._phase is not None:
             view = map_view(self._phase, self.kind.currentData(), self._projector(self._phase))
             self.show_map(view, partial(pixel_text, self._phase))

@@ -63,7 +63,6 @@ class MapPage(Page):
         self.kind.blockSignals(False)
 
     def show_map(self, view: MapView | None, extra: Callable[[int, int], str] | None = None) -> None:
-        """Show a map, or none."""
         if view is None:
             self.view.set_image(None)
             return
@@ -86,7 +85,6 @@ class MapPage(Page):
         self.kind.setCurrentIndex(0)
 
     def fit(self) -> None:
-        """Show the whole image."""
         self.view.fit()
 
     def say(self, text: str) -> None:

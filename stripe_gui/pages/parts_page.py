@@ -69,7 +69,6 @@ class PartsPage(Page):
         enter: Callable[[], None] = _nothing,
         missing: Callable[[], str] = _nothing_missing,
     ) -> None:
-        """Add a part at the end."""
         self.steps.append(Part(name, title, body, enter, missing))
         made = QToolButton()
         made.setObjectName(f"step.{name}")
@@ -83,11 +82,9 @@ class PartsPage(Page):
 
     @property
     def step(self) -> Part:
-        """The part in front."""
         return self.steps[self._stack.currentIndex()]
 
     def start(self) -> None:
-        """Begin at the first part."""
         self._show(0)
 
     def go_to(self, name: str) -> bool:
@@ -98,7 +95,6 @@ class PartsPage(Page):
         return reached == wanted
 
     def update_steps(self) -> None:
-        """Enable what the answers allow."""
         at, reach = self._stack.currentIndex(), self._reach()
         for i, made in enumerate(self._trail):
             made.setChecked(i == at)
@@ -117,7 +113,6 @@ class PartsPage(Page):
         yield ""
 
     def _reach(self) -> int:
-        """The last part that can be opened."""
         return len(self.steps) - 1
 
     def _show(self, index: int) -> None:

@@ -4,39 +4,37 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QComboBox, QStackedWidget
 
-from core.pipeline import keep_points
-from stripe_gui.gl import TRYING, gl_problem
+from core.model import Floats, PointCloud
+from core.pipeline import keep_points, reconstruct_views, seen_by_several
 from stripe_gui.pages.map_page import MapPage
 from stripe_gui.presenters.maps import MapView
 from stripe_gui.presenters.reconstruct import (
+    JOINT_KINDS,
     KINDS,
-    Cloud,
     Points,
-    cloud_of,
     devices_of,
+    joint_kind_name,
+    joint_scene,
     kind_name,
     load_points,
     map_view,
-    methods_of,
     points_of,
+    space_of,
 )
-from stripe_gui.presenters.status import method_name
+from stripe_gui.presenters.space import Scene
+from stripe_gui.presenters.status import method_name, methods_of
 from stripe_gui.presenters.work import export_points
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.health_strip import HealthStrip
+from stripe_gui.widgets.layout import boxed, column
+from stripe_gui.widgets.space_view import SpaceView
 from stripe_gui.workbench import Workbench
-
-if TYPE_CHECKING:
-    from stripe_gui.widgets.cloud_view import CloudView
-
-SPACE = "space"
 
 
 class ReconstructPage(MapPage):
-    """A viewer of points: as maps over the camera's image, and in space where OpenGL is there."""
+    """A viewer of points: as maps over the camera's image, and in space; those of all cameras in space only."""
 
     id = stage = "reconstruct"
     by_pair = True
@@ -54,23 +52,25 @@ class ReconstructPage(MapPage):
         self.method.setAccessibleName(self.tr("Calibration"))
         self.method.setToolTip(self.tr("Calibration"))
         self.method.setMinimumWidth(170)
+        self.method.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.method.currentIndexChanged.connect(self.look)
         self.export_button = self.add_button(self.tr("Export points…"), self.export, "export")
         self.export_button.setToolTip(self.tr("Write the points as PLY, XYZ or NPZ."))
         self.run_button = self.add_button(self.tr("Reconstruct"), self.run, "run", primary=True)
         self.run_button.setToolTip(self.tr("Reconstruct the chosen capture (F5)."))
-        self.why_flat = label("", "muted", wrap=True)
-        self.try_button = button(self.tr("Try again"), self._try_again, "refresh", flat=True)
+        self._joint: tuple[str, PointCloud] | None = None  # of which capture
         self.stack = QStackedWidget()
         self.stack.addWidget(self.view)
-        self.cloud: CloudView | None = None  # made when it is first wanted: its packages are heavy
-        middle = boxed(column(self.state, self.stack, row(self.why_flat, self.try_button), spacing=8))
-        self.lay_out(middle, before=(self.method,))
-        self._offer_kinds()
+        self.space = SpaceView(self.tr("Points in space"))
+        self.stack.addWidget(self.space)
+        self.health = HealthStrip(bench)
+        self.body.addWidget(self.health)
+        self.lay_out(boxed(column(self.state, self.stack, spacing=8)), before=(self.method,))
+        self.offer(KINDS, kind_name)
 
     def refresh(self) -> None:
-        """Show the captures, the calibrations there are, and the chosen capture's points."""
         self.captures.refresh()
+        self.health.refresh()
         before = self.method.currentData()
         methods = methods_of(self.session.opened) if self.session.is_open else []
         self.method.blockSignals(True)
@@ -82,13 +82,15 @@ class ReconstructPage(MapPage):
         self.look()
 
     def run(self) -> None:
-        """Reconstruct the chosen capture."""
+        if self._of_all:
+            self._joint = None
+            self.choose()
+            return
         name, method = self.session.capture_name, self.method.currentData()
         told = partial(self._told, name)
         self.bench.run_stage("reconstruct", keep_points, name, method, on_done=told, **self._devices())
 
     def can_run(self) -> bool:
-        """Say whether there are a capture and a calibration."""
         entry = self.session.capture
         return entry is not None and entry.capture is not None and self.method.currentData() is not None
 
@@ -110,12 +112,18 @@ class ReconstructPage(MapPage):
                 on_done=lambda count: self.bench.notify("success", done.format(n=count, path=out)),
             )
 
+    @property
+    def _of_all(self) -> bool:
+        """Whether the points of all cameras are looked at."""
+        return self.kind.currentData() in JOINT_KINDS
+
     def _devices(self) -> dict[str, str]:
+        if self._of_all:
+            return {}
         entry = self.session.capture
         return devices_of(entry.capture if entry else None)
 
     def look(self) -> None:
-        """Read the points of the session's capture, if there are any."""
         able = self.can_run()
         self.run_button.setEnabled(able)
         self.export_button.setEnabled(able)
@@ -123,6 +131,11 @@ class ReconstructPage(MapPage):
             self._clear(self.tr("Calibrate first.") if self.method.currentData() is None else "")
             return
         folder, name, method = self.session.opened, self.session.capture_name, self.method.currentData()
+        several = self.bench.guarded(seen_by_several, folder.project, name)
+        self.offer((*KINDS, *JOINT_KINDS) if several else KINDS, _kind_name)
+        if self._of_all:
+            self.choose()
+            return
         state, path = points_of(folder, name, method, self.session.pair)
         if state == "none":
             self._clear(self.tr("{name} is not reconstructed yet.").format(name=name))
@@ -138,11 +151,14 @@ class ReconstructPage(MapPage):
         )
 
     def choose(self) -> None:
-        """Work the chosen map out, or the cloud, and show it."""
-        kind = self.kind.currentData()
-        if self._points is None:
+        kind, name = self.kind.currentData(), self.session.capture_name
+        if kind in JOINT_KINDS:
+            self._choose_joint(name)
             return
-        work = (cloud_of, self._points) if kind == SPACE else (map_view, self._points, kind)
+        if self._points is None:
+            self.look()
+            return
+        work = (space_of, self._points) if kind == "space" else (map_view, self._points, kind)
         self.bench.views.run(
             kind,
             *work,
@@ -150,25 +166,36 @@ class ReconstructPage(MapPage):
             on_failed=lambda failure: self._clear(str(failure.error)),
         )
 
+    def _choose_joint(self, name: str) -> None:
+        """Show the points of all cameras, intersected now if they were not."""
+        if self._joint is not None and self._joint[0] == name:
+            self._show_joint(name, (None, self._joint[1]))
+            return
+        self._clear(self.tr("intersecting the rays of all cameras …"))
+        self.bench.views.run(
+            name,
+            reconstruct_views,
+            self.session.opened.project,
+            name,
+            on_done=partial(self._show_joint, name),
+            on_failed=lambda failure: self._clear(str(failure.error)),
+        )
+
+    def _show_joint(self, name: str, made: tuple[Floats | None, PointCloud]) -> None:
+        if name != self.session.capture_name or not self._of_all:
+            return
+        entry = self.session.opened.entry(name)
+        if entry is None or entry.capture is None:
+            return
+        cameras = dict.fromkeys(camera for camera, _ in entry.capture.pairs)
+        self._joint = name, made[1]
+        scene, words = joint_scene(made[1], self.kind.currentData(), list(cameras))
+        self.say(self.tr("{n} points.").format(n=made[1].xyz_mm.shape[1]) + "   " + words)
+        self.space.show_scene(scene)
+        self.stack.setCurrentWidget(self.space)
+
     def fit(self) -> None:
-        """Show the whole image, or the cloud from the camera."""
-        if self.cloud is not None and self.stack.currentWidget() is self.cloud:
-            self.cloud.look(-90, 0)
-        else:
-            self.view.fit()
-
-    def _offer_kinds(self) -> None:
-        problem = gl_problem(self.bench.settings)
-        self.offer(KINDS if problem else (*KINDS, SPACE), kind_name)
-        text = self.tr("No view in space: {problem}. The shaded height shows the surface instead.")
-        self.why_flat.setText(text.format(problem=problem) if problem else "")
-        self.why_flat.setHidden(not problem)
-        self.try_button.setHidden(not (problem and self.bench.settings.flag(TRYING)))
-
-    def _try_again(self) -> None:
-        """Forget that the driver failed."""
-        self.bench.settings.set(TRYING, False)
-        self._offer_kinds()
+        (self.space if self.stack.currentWidget() is self.space else self.view).fit()
 
     def _told(self, name: str, _path: Path) -> None:
         self.bench.notify("success", self.tr("Reconstructed: {name}.").format(name=name))
@@ -181,31 +208,15 @@ class ReconstructPage(MapPage):
         self.say(self.tr("{n} points, {p:.1%} of the image.").format(n=points.count, p=share) + stale)
         self.choose()
 
-    def _shown(self, points: Points, made: MapView | Cloud | None) -> None:
+    def _shown(self, points: Points, made: MapView | Scene | None) -> None:
         if points is not self._points:
             return
-        if isinstance(made, Cloud):
-            self._show_cloud(made)
+        if isinstance(made, Scene):
+            self.space.show_scene(made)
+            self.stack.setCurrentWidget(self.space)
         else:
             self.stack.setCurrentWidget(self.view)
             self.show_map(made, self._coordinates)
-
-    def _show_cloud(self, cloud: Cloud) -> None:
-        if self.cloud is None:
-            from stripe_gui.widgets.cloud_view import CloudView
-
-            self.bench.settings.set(TRYING, True)
-            self.cloud = CloudView(self.tr("Points in space"))
-            self.cloud.painted.connect(self._painted)
-            self.stack.addWidget(self.cloud)
-        self.cloud.show_cloud(cloud)
-        self.stack.setCurrentWidget(self.cloud)
-
-    def _painted(self) -> None:
-        """The driver is fit for it; nothing more needs to be watched."""
-        self.bench.settings.set(TRYING, False)
-        if self.cloud is not None:
-            self.cloud.painted.disconnect(self._painted)
 
     def _coordinates(self, u: int, v: int) -> str:
         if self._points is None:
@@ -218,3 +229,7 @@ class ReconstructPage(MapPage):
         self.stack.setCurrentWidget(self.view)
         self.show_map(None)
         self.say(text)
+
+
+def _kind_name(kind: str) -> str:
+    return joint_kind_name(kind) if kind in JOINT_KINDS else kind_name(kind)

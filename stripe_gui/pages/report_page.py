@@ -8,16 +8,17 @@ from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QCheckBox, QWidget
 
-from core.pipeline import METHODS
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.report import ReportView, Wishes, export_files, load_report, write_signed_report
-from stripe_gui.presenters.status import State
+from stripe_gui.presenters.stages import State
+from stripe_gui.presenters.status import methods_of
+from stripe_gui.presenters.told import told
 from stripe_gui.widgets.layout import card, column, emptied, label, row, scrolled
 from stripe_gui.widgets.sign_off import SignOffForm
 from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.workbench import Workbench
 
-WIDTH = 400  # px of what is typed and ticked
+WIDTH = 432  # px of what is typed and ticked
 
 
 class ReportPage(Page):
@@ -66,16 +67,11 @@ class ReportPage(Page):
         return frame
 
     def run(self) -> None:
-        """Sign and write the report in the background."""
         self._remember()
         self.bench.run_stage("report", write_signed_report, self.signing.sign_off(), on_done=self._told)
 
     def can_run(self) -> bool:
-        """Say whether there is anything to report."""
-        folder = self.session.folder
-        if folder is None:
-            return False
-        return any(folder.result_file(f"{m}.npz").exists() for m in METHODS)
+        return self.session.is_open and bool(methods_of(self.session.opened))
 
     def export(self) -> None:
         """Ask for a folder and write the chosen files there."""
@@ -96,7 +92,6 @@ class ReportPage(Page):
         )
 
     def refresh(self) -> None:
-        """Sum up the results there are."""
         self.run_button.setEnabled(self.can_run())
         self.export_button.setEnabled(self.can_run())
         if self.session.is_open:
@@ -131,9 +126,9 @@ class ReportPage(Page):
         found = view.summary
         self.verdicts.show_verdicts({name: v for name, v in found.verdicts if v.state != "passed"})
         sentences = [
-            *found.findings,
-            *(f"⚠ {text}" for text in found.warnings),
-            *(f"– {text}" for text in found.missing),
+            *map(told, found.findings),
+            *(f"⚠ {told(text)}" for text in found.warnings),
+            *(f"– {told(text)}" for text in found.missing),
         ]
         if sentences != self.sentences:
             self.sentences = sentences

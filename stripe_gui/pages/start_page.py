@@ -85,7 +85,6 @@ class StartPage(Page):
         return made
 
     def refresh(self) -> None:
-        """List the recent projects."""
         self.recent.clear()
         for project in recent_projects(self.session.settings.recent()):
             item = QListWidgetItem(project.name)
@@ -120,13 +119,11 @@ class _RecentDelegate(QStyledItemDelegate):
     """Draws a project: name and facts above, folder or problem below."""
 
     def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:  # noqa: N802
-        """Room for two lines."""
         return QSize(200, 2 * option.fontMetrics.lineSpacing() + 2 * PAD)
 
     def paint(
         self, painter: QPainter, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex
     ) -> None:
-        """Draw one entry."""
         project: RecentProject = index.data(PROJECT)
         colours, rect, high = theme.current(), option.rect, option.fontMetrics.lineSpacing()
         painter.save()

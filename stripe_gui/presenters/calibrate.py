@@ -11,8 +11,6 @@ from core.model import (
     Adjustment,
     Array,
     Capture,
-    DepthCalibration,
-    PhotogrammetricCalibration,
     PlaneEvaluation,
     StationId,
     TargetId,
@@ -20,10 +18,12 @@ from core.model import (
 )
 from core.pipeline import METHODS
 from core.pipeline.folders import known_truth
+from core.pipeline.report import parts_of_report
 from core.pipeline.runs import current_run
 from core.pipeline.update import chosen_options
 from core.project import keep_picks
 from core.report import ReportData, Table, tables
+from core.report.data import warnings_of
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.runs import made_at, options_words, run_title
 from stripe_gui.presenters.status import method_name
@@ -49,7 +49,6 @@ class DeviceResiduals:
     redundancy: Array  # (n, 2)
 
     def describe(self, index: int) -> str:
-        """Name an image point and its residual."""
         du, dv = self.residual[index]
         x, y = du * self.um_per_px[0], -dv * self.um_per_px[1]
         text = translate("Calibrate", "{station}, {point}: {x:+.2f} µm in x, {y:+.2f} µm in y")
@@ -79,49 +78,30 @@ class CalibrationView:
 
 
 def gather(folder: ProjectFolder, with_planes: bool = True) -> ReportData:
-    """Gather the project's results, each read once per version of its file.
-
-    Raises
-    ------
-    InputError
-        If a result is damaged.
-    """
+    """Gather the project's results, each read once per version of its file."""
+    calibrations = {m: folder.result(f"{m}.npz", method.result) for m, method in METHODS.items()}
     planes: tuple[PlaneEvaluation, ...] = (folder.result("evaluation.npz", tuple) or ()) if with_planes else ()
     return ReportData(
         project=folder.project,
         adjustment=folder.result("adjustment.npz", Adjustment),
-        photogrammetric=folder.result("photogrammetric.npz", PhotogrammetricCalibration),
-        depth=folder.result("polynomial.npz", DepthCalibration),
+        **parts_of_report({m: made for m, made in calibrations.items() if made is not None}),
         evaluations=planes,
         truth=known_truth(folder.project),
     )
 
 
 def calibration_view(folder: ProjectFolder) -> CalibrationView:
-    """Put the calibrations into tables, words and residuals.
-
-    Raises
-    ------
-    InputError
-    """
+    """Put the calibrations into tables, words and residuals."""
     data = gather(folder, with_planes=False)
-    sources = (data.adjustment, data.photogrammetric, data.depth)
-    warnings = dict.fromkeys(text for source in sources if source is not None for text in source.warnings)
     adjustment = data.adjustment
     return CalibrationView(
         tuple(tables(data)),
-        tuple(warnings),
+        tuple(text for _, text in warnings_of(data)),
         residual_sets(adjustment) if adjustment else (),
         adjustment,
         _made(folder),
-        verdicts_of(("photogrammetric", data.photogrammetric), ("polynomial", data.depth)),
+        {title: made.verdict for title, made in data.calibrations.items() if made.verdict is not None},
     )
-
-
-def verdicts_of(*results: tuple[str, object]) -> dict[str, Verdict]:
-    """Gather the verdicts of results by the names of their methods; a result made without one is left out."""
-    found = ((name, getattr(result, "verdict", None)) for name, result in results)
-    return {method_name(name): verdict for name, verdict in found if isinstance(verdict, Verdict)}
 
 
 def choice_of(folder: ProjectFolder) -> CalibrateChoice:
@@ -141,22 +121,12 @@ def _made(folder: ProjectFolder) -> str:
 
 
 def exclude_targets(capture: Capture, *targets: tuple[int, int]) -> None:
-    """Leave targets of a capture out of measuring; kept with its picks.
-
-    Raises
-    ------
-    InputError
-    """
+    """Leave targets of a capture out of measuring; kept with its picks."""
     keep_picks(capture.path, capture.seeds, tuple(dict.fromkeys((*capture.excluded, *targets))))
 
 
 def restore_targets(capture: Capture, *targets: tuple[int, int]) -> None:
-    """Use targets of a capture again.
-
-    Raises
-    ------
-    InputError
-    """
+    """Use targets of a capture again."""
     keep_picks(capture.path, capture.seeds, tuple(t for t in capture.excluded if t not in targets))
 
 

@@ -13,12 +13,12 @@ from PySide6.QtCore import QCoreApplication
 from core.capture import CaptureReport, Finding, capture_status, retake_frame, rigcheck
 from core.devices import Setting, parse_address, with_option
 from core.errors import InputError, StripeError
+from core.fields import read_document
 from core.model import Project, Role
 from core.patterns import Pattern
 from core.pipeline import capture_into, preflight_rig
 from core.progress import SILENT, Progress
 from core.project import read_project
-from core.project.captures import read_document
 from stripe_gui.presenters.looking import Rig
 from stripe_gui.presenters.sequences import Shown
 
@@ -76,7 +76,6 @@ class Connection:
 
     @property
     def lines(self) -> tuple[int, int]:
-        """The projector's columns and rows."""
         return self.shown.lines
 
 

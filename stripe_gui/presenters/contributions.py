@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from PySide6.QtCore import QCoreApplication
 
 from core.model import DeviceSpec, TargetSet
+from core.pipeline import METHODS
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
 
@@ -46,18 +47,13 @@ class Contribution:
 
 
 def contributions(folder: ProjectFolder, progress: Progress = SILENT) -> tuple[Contribution, ...]:
-    """Describe the captures of boards, testfields before plates.
-
-    Raises
-    ------
-    InputError
-        If the measured targets are damaged.
-    """
+    """Describe the captures that methods read, testfields before plates."""
     measured: dict[str, TargetSet] = {}
     for targets in folder.result("targets.npz", tuple) or ():
         measured.setdefault(targets.capture, targets)  # of several cameras the first
     cameras = folder.project.rig.cameras
-    entries = [*folder.of_role("testfield"), *folder.of_role("depth")]
+    roles = dict.fromkeys(role for method in METHODS.values() for role in method.roles)
+    entries = [entry for role in roles for entry in folder.of_role(role)]
     return tuple(_contribution(e, cameras, measured.get(e.name)) for e in progress.over(entries, "{0.name}"))
 
 
@@ -69,11 +65,14 @@ def _contribution(entry: CaptureEntry, cameras: Mapping[str, DeviceSpec], measur
     view = board_view(capture, cameras[capture.camera])
     roll, tilt = view or (None, None)
     if capture.role == "depth":
-        usable, remark = True, translate("Calibrate", "plate at {z:g} mm").format(z=capture.z_mm)
-    elif not capture.seeds and (measured is None or not len(measured.row)):
-        usable, remark = False, translate("Calibrate", "no targets picked yet")
+        remark = translate("Calibrate", "plate at {z:g} mm").format(z=capture.z_mm)
+    elif capture.role != "testfield":
+        remark = ""
+    elif not capture.seeds:
+        remark = translate("Calibrate", "nothing picked: its targets are told by themselves, if the board allows")
     else:
-        usable, remark = True, _adds(roll, tilt)
+        remark = _adds(roll, tilt)
+    usable = any(method.uses(capture) for method in METHODS.values())
     count = len(measured.row) if measured is not None else None
     return Contribution(entry.name, capture.role, usable, roll, tilt, count, len(capture.excluded), remark)
 

@@ -33,16 +33,13 @@ class EvaluationView:
 
     @property
     def methods(self) -> list[str]:
-        """Methods in their order."""
         return list(dict.fromkeys(e.method for e in self.evaluations))
 
     @property
     def captures(self) -> list[str]:
-        """Plane captures in their order."""
         return list(dict.fromkeys(e.capture for e in self.evaluations))
 
     def of(self, capture: str, method: str) -> PlaneEvaluation | None:
-        """Give one evaluation."""
         return next((e for e in self.evaluations if (e.capture, e.method) == (capture, method)), None)
 
     def by_method(self, capture: str) -> list[PlaneEvaluation]:
@@ -51,13 +48,7 @@ class EvaluationView:
 
 
 def load_evaluation(folder: ProjectFolder, pair: tuple[str, str], progress: Progress = SILENT) -> EvaluationView | None:
-    """Read the evaluation of what a camera and a projector saw; None where there is none.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged.
-    """
+    """Read the evaluation of what a camera and a projector saw; None where there is none."""
     from core.report.figures.planes import colour_limit_mm  # the very scale of the report
 
     evaluations = folder.result("evaluation.npz", tuple)

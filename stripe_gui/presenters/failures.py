@@ -12,6 +12,7 @@ from core.pipeline.failures import StageFailure, clear_failure, read_failures
 from core.pipeline.failures import keep_failure as keep
 from core.pipeline.graph import sign_of
 from core.project import read_project
+from stripe_gui.presenters.told import told
 
 __all__ = ["StageFailure", "clear_failure", "describe", "keep_failure", "read_failures"]
 translate = QCoreApplication.translate
@@ -20,7 +21,7 @@ translate = QCoreApplication.translate
 def describe(error: BaseException, trace: str = "") -> StageFailure:
     """Put an error into the operator's words; anything but our own errors is a fault of the program."""
     if isinstance(error, StripeError):
-        happened, remedy = f"{error.where}: {error.seen}", error.remedy
+        happened, remedy = f"{error.where}: {told(error.seen)}", told(error.remedy)
     elif isinstance(error, MemoryError):
         happened = translate("Failures", "out of memory")
         remedy = translate("Failures", "close other programs, or use fewer captures")

@@ -13,6 +13,7 @@ from core.pipeline.runs import calibration_file
 from core.project import load_archive, read_capture, read_project
 
 T = TypeVar("T")
+MANY = 300  # captures
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,6 @@ class CaptureEntry:
 
     @property
     def name(self) -> str:
-        """The folder's name."""
         return self.folder.name
 
     @property
@@ -70,28 +70,37 @@ class ProjectFolder:
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
         self._read: dict[Path, tuple[Any, Any]] = {}  # file -> (its version, what it held)
+        self._listed: list[CaptureEntry] | None = None
         self._project = read_project(self.path)
         self._project_version = version(self.path / "project.json")
 
     @property
     def project(self) -> Project:
-        """The rig and the list of captures."""
         now = version(self.path / "project.json")
         if now != self._project_version:
             self._project, self._project_version = read_project(self.path), now
         return self._project
 
+    @property
+    def large(self) -> bool:
+        """Whether looking at all captures takes so long that it is done in the background, once for all pages."""
+        return len(self.project.captures) > MANY
+
     def captures(self) -> list[CaptureEntry]:
-        """Give every listed capture, in the project's order."""
-        boards = self._boards()
-        return [self._entry(folder, boards) for folder in self.project.captures]
+        """Give every listed capture, in the project's order; of a large project as it was looked at last."""
+        if self._listed is None or not self.large:
+            boards = self._boards()
+            self._listed = [self._entry(folder, boards) for folder in self.project.captures]
+        return self._listed
+
+    def look_again(self) -> None:
+        """Take nothing as it was."""
+        self._listed = None
 
     def of_role(self, *roles: str) -> list[CaptureEntry]:
-        """Give the readable captures of some roles."""
         return [entry for entry in self.captures() if entry.role in roles]
 
     def entry(self, name: str) -> CaptureEntry | None:
-        """Give the capture of a name."""
         boards = self._boards()
         return next((self._entry(folder, boards) for folder in self.project.captures if folder.name == name), None)
 
@@ -100,13 +109,7 @@ class ProjectFolder:
         return calibration_file(self.project, name) or self.path / "results" / name
 
     def result(self, name: str, kind: type[T]) -> T | None:
-        """Give a result, None where it was not computed.
-
-        Raises
-        ------
-        InputError
-            If the file is damaged.
-        """
+        """Give a result, None where it was not computed."""
         path = self.result_file(name)
         now = version(path)
         if now is None:

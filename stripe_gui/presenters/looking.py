@@ -42,7 +42,6 @@ class Look:
 
     @property
     def clipped_percent(self) -> float:
-        """Share of the pixels that are over-exposed."""
         return 100.0 * float(self.clipped.mean())
 
 
@@ -57,12 +56,7 @@ class Rig:
         self._light = ""
 
     def open(self, urls: tuple[str, str], progress: Progress = SILENT) -> tuple[Projector, Camera]:
-        """Open both devices, or give those that are open already.
-
-        Raises
-        ------
-        StripeError
-        """
+        """Open both devices, or give those that are open already."""
         with self._lock:
             if self._urls != urls or self._projector is None or self._camera is None:
                 self.close()
@@ -119,7 +113,6 @@ class Rig:
             return Look(pixels, float(image.full), pixels >= image.full, bright, time.monotonic() - start)
 
     def close(self, progress: Progress = SILENT) -> None:
-        """Let both devices go."""
         with self._lock:
             for device in (self._projector, self._camera):
                 if device is not None:

@@ -109,7 +109,7 @@ def place_problem(name: str, folder: str) -> str:
 
 def look_at_board(plan: BoardPlan) -> BoardView:
     """Lay out or read a board, with every check that reading and printing make."""
-    from core.report.board import board_sheet
+    from core.pipeline.testfield import sheet_of
 
     if plan.from_file and not plan.file.strip():
         return BoardView(None, None, translate("NewProject", "Choose the CSV file with the targets."))
@@ -125,7 +125,7 @@ def look_at_board(plan: BoardPlan) -> BoardView:
         if targets < LEAST_TARGETS or min(len(np.unique(testfield.row)), len(np.unique(testfield.col))) < 2:
             text = translate("NewProject", "{n} targets: a testfield needs at least 4, not all in one row or column.")
             return BoardView(None, None, text.format(n=targets))
-        return BoardView(testfield, board_sheet(testfield))
+        return BoardView(testfield, sheet_of(testfield))
     except InputError as error:
         if plan.from_file:
             return BoardView(None, None, f"{error}.")

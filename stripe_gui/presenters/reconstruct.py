@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, sqrt
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication
+from PySide6.QtGui import QColor
 
 from core.evaluate import heights
-from core.model import Capture, Floats, Method
-from core.pipeline import METHODS, points_file
+from core.model import Capture, Floats, Method, PointCloud
+from core.pipeline import points_file
 from core.pipeline.differences import differences
 from core.pipeline.inputs import reconstructed_from
 from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.maps import MapView, hill_shade, lit_colours, percentile, round_up
+from stripe_gui.presenters.space import Scene, seen
 from stripe_gui.presenters.status import graph_of
 from stripe_gui.widgets.colours import lookup
 
 translate = QCoreApplication.translate
-KINDS = ("shaded", "height", "depth", "sigma")
+KINDS = ("shaded", "height", "depth", "sigma", "space")
+JOINT_KINDS = ("joint-depth", "joint-source", "joint-sight", "joint-sigma")
+PATCHES = ("#2f7fd0", "#e08a1e", "#3aa655", "#c94f8a", "#8a63d2", "#7a7a7a")  # told apart on light and dark
 MOST_DRAWN = 400_000  # points in space: more turn slowly where the processor draws them
 
 
@@ -37,7 +41,6 @@ class Points:
 
     @property
     def count(self) -> int:
-        """How many pixels have a point."""
         return int(np.count_nonzero(np.isfinite(self.xyz_mm[..., 2])))
 
 
@@ -50,11 +53,6 @@ def kind_name(kind: str) -> str:
         "sigma": translate("Reconstruct", "σ of Z"),
         "space": translate("Reconstruct", "Points in space"),
     }[kind]
-
-
-def methods_of(folder: ProjectFolder) -> list[Method]:
-    """Give the methods that the project has a calibration of."""
-    return [m for m in METHODS if folder.result_file(f"{m}.npz").exists()]
 
 
 def points_of(folder: ProjectFolder, capture: str, method: Method, pair: tuple[str, str]) -> tuple[str, Path]:
@@ -104,17 +102,7 @@ def map_view(points: Points, kind: str, progress: Progress = SILENT) -> MapView 
     return MapView(height, levels, "map", "mm", 3, colours)
 
 
-@dataclass(frozen=True)
-class Cloud:
-    """Points to be drawn in space: places, shape (n, 3), about their middle, right, away and up from the camera, mm."""
-
-    places_mm: NDArray[np.float32]
-    colours: NDArray[np.float32]  # (n, 4), 0 to 1
-    size_mm: float  # of the cloud, edge to edge
-    spacing_mm: float  # between neighbours
-
-
-def cloud_of(points: Points, progress: Progress = SILENT) -> Cloud:
+def space_of(points: Points, progress: Progress = SILENT) -> Scene:
     """Choose so many points that drawing stays fluent, coloured by height and lit."""
     view = map_view(points, "shaded", progress)
     step = max(1, ceil(sqrt(points.count / MOST_DRAWN)))
@@ -122,13 +110,56 @@ def cloud_of(points: Points, progress: Progress = SILENT) -> Cloud:
     assert view.colours is not None  # a shaded map has them
     xyz, colours = points.xyz_mm[::step, ::step], view.colours[::step, ::step]
     valid = np.isfinite(xyz).all(axis=-1)
-    places = np.asarray(xyz[valid] @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]), np.float32)  # X, -Z, Y
-    if not len(places):
-        return Cloud(places, np.zeros((0, 4), np.float32), 1.0, 1.0)
-    low, high = np.percentile(places, (1, 99), axis=0)
-    size = float(np.linalg.norm(high - low)) or 1.0
     apart = np.linalg.norm(np.diff(xyz, axis=1), axis=-1)
     apart = apart[np.isfinite(apart)]
-    spacing = float(np.median(apart)) if len(apart) else size / 100
-    middle = ((low + high) / 2).astype(np.float32)
-    return Cloud(places - middle, (colours[valid] / 255).astype(np.float32), size, spacing)
+    return Scene(seen(xyz[valid]), colours[valid, :3], spacing_mm=float(np.median(apart)) if len(apart) else 0.0)
+
+
+def joint_kind_name(kind: str) -> str:
+    """Give the name of a way to colour the points of all cameras."""
+    return {
+        "joint-depth": translate("Reconstruct", "All cameras: depth Z"),
+        "joint-source": translate("Reconstruct", "All cameras: by camera"),
+        "joint-sight": translate("Reconstruct", "All cameras: by how they are seen"),
+        "joint-sigma": translate("Reconstruct", "All cameras: σ of Z"),
+    }[kind]
+
+
+def joint_scene(cloud: PointCloud, kind: str, cameras: Sequence[str]) -> tuple[Scene, str]:
+    """Colour the points of all cameras, and say what the colours mean, as rich text."""
+    xyz, step = cloud.xyz_mm[0], max(1, ceil(cloud.xyz_mm.shape[1] / MOST_DRAWN))
+    assert cloud.sigma_mm is not None
+    assert cloud.sight is not None
+    assert cloud.source is not None
+    if kind in ("joint-source", "joint-sight"):
+        of = cloud.source[0] if kind == "joint-source" else cloud.sight[0]
+        table = np.array([(c.red(), c.green(), c.blue()) for c in map(QColor, PATCHES)], np.uint8)
+        colours = table[of % len(PATCHES)]
+        words = dict(enumerate(cameras)) if kind == "joint-source" else sight_words()
+        counts = np.bincount(of, minlength=max(words) + 1)
+        text = "   ".join(
+            f'<span style="color:{PATCHES[i % len(PATCHES)]}">■</span> {word} {counts[i]}'
+            for i, word in words.items()
+            if counts[i]
+        )
+    else:
+        z = cloud.sigma_mm[0, :, 2] if kind == "joint-sigma" else xyz[:, 2]
+        low, high = (0.0, round_up(percentile(z, 98))) if kind == "joint-sigma" else np.nanpercentile(z, (1, 99))
+        index = np.clip((z - low) / ((high - low) or 1.0) * 255, 0, 255).astype(np.uint8)
+        colours = lookup("map")[index]
+        text = translate("Reconstruct", "dark {low:g} to bright {high:g} mm, median {median:.4g} mm")
+        text = text.format(low=round(float(low), 3), high=round(float(high), 3), median=float(np.median(z)))
+    size = float(np.linalg.norm(np.ptp(np.percentile(xyz, (5, 95), axis=0), axis=0)))
+    return Scene(seen(xyz[::step]), colours[::step], spacing_mm=size / sqrt(len(xyz) / step)), text
+
+
+def sight_words() -> dict[int, str]:
+    """Say how points were seen, by `core.reconstruct.Sight`."""
+    from core.reconstruct import Sight  # only now: its room loads the kernels
+
+    return {
+        Sight.OWN: translate("Reconstruct", "by one camera"),
+        Sight.JOINT: translate("Reconstruct", "by several"),
+        Sight.HIDDEN: translate("Reconstruct", "hidden from others"),
+        Sight.DISAGREE: translate("Reconstruct", "rays disagree"),
+    }

@@ -15,7 +15,8 @@ from core.progress import SILENT, Progress
 from core.report import ReportPaths, SignOff, Summary, summary
 from stripe_gui.presenters.calibrate import gather
 from stripe_gui.presenters.folder import ProjectFolder, written_ns
-from stripe_gui.presenters.status import State, stage_statuses
+from stripe_gui.presenters.stages import State
+from stripe_gui.presenters.status import stage_statuses
 
 if TYPE_CHECKING:
     from core.evaluate import Line
@@ -44,13 +45,7 @@ class ReportView:
 
 
 def load_report(folder: ProjectFolder, progress: Progress = SILENT) -> ReportView:
-    """Sum the results up and look for the files.
-
-    Raises
-    ------
-    InputError
-        If a result is damaged.
-    """
+    """Sum the results up and look for the files."""
     data = gather(folder)
     data = replace(data, sign_off=load_sign_off(folder.project, data.evaluations))
     progress.check()

@@ -9,12 +9,13 @@ from typing import Any
 from PySide6.QtCore import QCoreApplication
 
 from core.model import Method
-from core.pipeline import CalibrateOptions, Difference, Run, compare_runs
+from core.pipeline import METHODS, CalibrateOptions, Difference, Run, compare_runs
 from core.report import Number, Table
 from core.report.table import Cell
 from stripe_gui.presenters.status import method_name
 
 translate = QCoreApplication.translate
+KNOWN = ("photogrammetric", "polynomial")  # have columns of their own
 NOTEWORTHY = 1.0  # a difference of so many sigmas is marked
 
 
@@ -35,7 +36,8 @@ def made_at(run: Run) -> str:
 def options_words(options: CalibrateOptions, methods: Sequence[Method]) -> str:
     """Say in a few words what was chosen; what is usual is left out."""
     usual, words = CalibrateOptions(), []
-    if "photogrammetric" in methods:
+    read = {name for method in methods for name in METHODS[method].options}
+    if "rigid" in read:
         words.append(translate("Runs", "rigid rig") if options.rigid else translate("Runs", "free stations"))
         if options.hold:
             words.append(translate("Runs", "held: {names}").format(names=", ".join(options.hold)))
@@ -43,7 +45,7 @@ def options_words(options: CalibrateOptions, methods: Sequence[Method]) -> str:
             words.append(translate("Runs", "gross errors kept"))
         elif options.reject_beyond != usual.reject_beyond:
             words.append(translate("Runs", "rejected beyond {s:g} σ").format(s=options.reject_beyond))
-    if "polynomial" in methods:
+    if "degree" in read:
         degree = translate("Runs", "degree {n}").format(n=options.degree)
         words.append(translate("Runs", "depth table") if options.degree is None else degree)
         if options.low_pass_px != usual.low_pass_px:
@@ -55,6 +57,7 @@ def options_words(options: CalibrateOptions, methods: Sequence[Method]) -> str:
 
 def runs_table(runs: Sequence[Run], current: Mapping[Method, int]) -> Table:
     """List runs, the newest first."""
+    others = [m for m in METHODS if m not in KNOWN and any(m in run.figures for run in runs)]
     columns = (
         translate("Runs", "run"),
         translate("Runs", "name"),
@@ -64,27 +67,29 @@ def runs_table(runs: Sequence[Run], current: Mapping[Method, int]) -> Table:
         translate("Runs", "projector [µm]"),
         translate("Runs", "points [µm]"),
         translate("Runs", "depth [mm]"),
+        *map(method_name, others),
         translate("Runs", "captures"),
         translate("Runs", "left out"),
         translate("Runs", "options"),
         translate("Runs", "made"),
     )
-    return Table("", columns, tuple(_row(run, current) for run in reversed(runs)))
+    return Table("", columns, tuple(_row(run, current, others) for run in reversed(runs)))
 
 
-def _row(run: Run, current: Mapping[Method, int]) -> tuple[Cell, ...]:
+def _row(run: Run, current: Mapping[Method, int], others: Sequence[Method]) -> tuple[Cell, ...]:
     network: dict[str, Any] = run.figures.get("photogrammetric", {})
     depth: dict[str, Any] = run.figures.get("polynomial", {})
     used = [m for m in run.methods if current.get(m) == run.number]
     return (
         Number(run.number, "d"),
         run.name,
-        _in_use(used),
+        translate("Runs", "all of it") if len(used) == len(run.methods) > 1 else ", ".join(map(method_name, used)),
         _number(network.get("sigma0"), ".3f"),
         _rms(network.get("camera", {}).get("residual_rms_um")),
         _rms(network.get("projector", {}).get("residual_rms_um")),
         _rms(network.get("object_sigma_rms_um")),
         _number(depth.get("residual_rms_mm"), ".4f"),
+        *(_figures(run.figures.get(method, {})) for method in others),
         Number(sum(len(names) for names in run.captures.values()), "d"),
         Number(_left_out(run), "d"),
         options_words(run.options, run.methods),
@@ -100,9 +105,10 @@ def _left_out(run: Run) -> int:
     return sum(len(targets) for targets in run.excluded.values())
 
 
-def _in_use(methods: Sequence[Method]) -> str:
-    """Say which of a run's calibrations are in use."""
-    return translate("Runs", "both") if len(methods) > 1 else "".join(map(method_name, methods))
+def _figures(figures: Mapping[str, Any]) -> str | None:
+    """Give the single numbers that a method tells."""
+    told = [f"{name} {value:.4g}" for name, value in figures.items() if isinstance(value, int | float)]
+    return ", ".join(told) or None
 
 
 def _number(value: float | None, spec: str) -> Number | None:

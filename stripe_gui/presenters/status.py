@@ -8,68 +8,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import Enum
 
 from PySide6.QtCore import QCoreApplication
 
+from core.model import Method
 from core.pipeline import METHODS, ProjectStates
 from core.pipeline.graph import Graph
+from core.progress import SILENT, Progress
 from stripe_gui.presenters.failures import StageFailure, read_failures
 from stripe_gui.presenters.folder import ProjectFolder
+from stripe_gui.presenters.stages import StageStatus, State
+from stripe_gui.presenters.told import told
 
 MOST_CAUSES = 2  # told of many
-STAGES = ("capture", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
 translate = QCoreApplication.translate
-
-
-class State(Enum):
-    """Where a stage stands."""
-
-    DONE = "done"
-    STALE = "stale"
-    TODO = "todo"
-    FAILED = "failed"
-
-
-@dataclass(frozen=True)
-class StageStatus:
-    """One stage: its state and why, in a sentence."""
-
-    stage: str
-    state: State
-    reason: str
-    failure: StageFailure | None = None
-
-
-def stage_name(stage: str) -> str:
-    """Give the stage's word in the operator's language."""
-    return {
-        "capture": translate("Stages", "Capture"),
-        "decode": translate("Stages", "Decode"),
-        "measure": translate("Stages", "Measure"),
-        "calibrate": translate("Stages", "Calibrate"),
-        "reconstruct": translate("Stages", "Reconstruct"),
-        "evaluate": translate("Stages", "Evaluate"),
-        "report": translate("Stages", "Report"),
-    }[stage]
-
-
-def state_word(state: State) -> str:
-    """Give the state's word in the operator's language."""
-    return {
-        State.DONE: translate("Stages", "done"),
-        State.STALE: translate("Stages", "out of date"),
-        State.TODO: translate("Stages", "to do"),
-        State.FAILED: translate("Stages", "failed"),
-    }[state]
-
-
 _STATES = {"current": State.DONE, "outdated": State.STALE, "absent": State.TODO, "failed": State.FAILED}
 
 
-def stage_statuses(folder: ProjectFolder) -> dict[str, StageStatus]:
+def stage_statuses(folder: ProjectFolder, progress: Progress = SILENT) -> dict[str, StageStatus]:
     """Give the state of every stage, from the core."""
+    folder.look_again()
+    progress(0.1, folder.path.name)
     return statuses_of(folder, states_of(folder))
 
 
@@ -111,7 +70,7 @@ def causes(because: Sequence[str]) -> str:
     each = [part for text in because for part in re.split(r"; |\b\w+ is outdated: ", text) if part]
     found = list(dict.fromkeys(each))
     more = translate("Stages", "and {n} more").format(n=len(found) - MOST_CAUSES)
-    return "; ".join([*found[:MOST_CAUSES], *([more] if len(found) > MOST_CAUSES else [])])
+    return "; ".join([*map(told, found[:MOST_CAUSES]), *([more] if len(found) > MOST_CAUSES else [])])
 
 
 def _done_words(stage: str, count: int) -> str:
@@ -125,8 +84,12 @@ def _done_words(stage: str, count: int) -> str:
 
 
 def _methods_words(folder: ProjectFolder) -> str:
-    done = [m for m in METHODS if folder.result_file(f"{m}.npz").exists()]
-    return translate("Stages", "both methods") if len(done) == 2 else "".join(map(method_name, done))
+    return ", ".join(map(method_name, methods_of(folder)))
+
+
+def methods_of(folder: ProjectFolder) -> list[Method]:
+    """Give the methods that the project has a calibration of."""
+    return [m for m in METHODS if folder.result_file(f"{m}.npz").exists()]
 
 
 def _capture(folder: ProjectFolder) -> StageStatus:
@@ -142,11 +105,7 @@ def _capture(folder: ProjectFolder) -> StageStatus:
 
 def method_name(method: str) -> str:
     """Give the calibration method's name in the operator's language."""
-    names = {
-        "photogrammetric": translate("Stages", "photogrammetric"),
-        "polynomial": translate("Stages", "polynomial"),
-    }
-    return names.get(method, method)
+    return told(method)
 
 
 def device_name(device: str) -> str:

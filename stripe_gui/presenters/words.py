@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from stripe_gui.presenters.told import told
+
 
 def sentence(text: str) -> str:
-    """Begin with a capital letter, unless the first word is no plain word: names of files, captures and symbols stay.
+    """Say it in the operator's language, with a capital letter first; names of files, captures and symbols stay.
 
     Examples
     --------
@@ -13,6 +15,7 @@ def sentence(text: str) -> str:
     >>> sentence("testfield-03: two picks on one target")
     'testfield-03: two picks on one target'
     """
+    text = told(text)
     first = text.split(" ", 1)[0].rstrip(",;")
     return f"{text[:1].upper()}{text[1:]}" if first.isalpha() else text
 

@@ -1,36 +1,27 @@
-"""What the stages' buttons run: functions of a project and a progress, over `core.pipeline`."""
+"""What some stages' buttons run, over `core.pipeline`; others run its functions as they are."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 from core import pipeline
-from core.model import Calibration, Capture, Method, PhaseMap, PlaneEvaluation, Project, TargetSet
-from core.pipeline import CalibrateOptions
+from core.model import Calibration, Capture, Method, PhaseMap, Project
+from core.pipeline import METHODS, CalibrateOptions
 from core.progress import SILENT, Progress
-
-
-def decode_all(project: Project, progress: Progress = SILENT) -> int:
-    """Decode every capture that was not decoded as it is now, and keep the figures; give the count.
-
-    A capture that cannot be decoded is noted there, and told once the others are done.
-    """
-    return pipeline.decode_project(project, progress)
-
-
-def measure(project: Project, progress: Progress = SILENT) -> tuple[TargetSet, ...]:
-    """Measure the targets of all captures that have picks."""
-    return pipeline.measure_project(project, progress)
 
 
 @dataclass(frozen=True)
 class CalibrateChoice:
     """What the operator chose for a calibration."""
 
-    method: str = "all"  # "all", "photogrammetric", "polynomial"
+    method: Method = "all"
     options: CalibrateOptions = CalibrateOptions()  # noqa: RUF009  frozen
+
+
+def chosen_methods(method: Method) -> list[Method]:
+    """Give the methods that a choice means."""
+    return list(METHODS) if method == "all" else [method]
 
 
 def calibrate(project: Project, choice: CalibrateChoice, progress: Progress = SILENT) -> dict[Method, Calibration]:
@@ -43,20 +34,13 @@ def export_points(
 ) -> int:
     """Write the points of a capture for another program, by the name's ending; give their number."""
     pipeline.check_cloud(out)
-    phase, cloud = pipeline.reconstruct_capture(project, capture, method, progress=progress, **devices)  # type: ignore[arg-type]
+    if not devices:  # of all cameras
+        image, cloud = pipeline.reconstruct_views(project, capture, progress=progress)
+    else:
+        phase, cloud = pipeline.reconstruct_capture(project, capture, method, progress=progress, **devices)  # type: ignore[arg-type]
+        image = phase.image
     progress.check()
-    return pipeline.write_cloud(out, phase.image, cloud)
-
-
-def evaluate(
-    project: Project,
-    progress: Progress = SILENT,
-    *,
-    captures: Collection[str] | None = None,
-    methods: Collection[Method] | None = None,
-) -> tuple[PlaneEvaluation, ...]:
-    """Judge plane captures by calibrations, all of either unless some are named."""
-    return pipeline.evaluate_project(project, progress, captures=captures, methods=methods)
+    return pipeline.write_cloud(out, image, cloud)
 
 
 def decode_one(capture: Capture, progress: Progress = SILENT) -> PhaseMap:

@@ -20,7 +20,7 @@ plot.py             curves over two axes
 histogram.py        histograms of deviations
 deviation_maps.py   maps of planes on one scale, with a cursor in all of them
 line_tool.py        a line drawn over images, by mouse or by keys
-cloud_view.py       points in space
+space_view.py       points and lines in space
 result_table.py     a table of results, sortable and copyable
 field_map.py        the testfield in small, to choose a target
 loupe.py            a part of an image, eight times as large

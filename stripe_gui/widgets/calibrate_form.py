@@ -17,9 +17,11 @@ from PySide6.QtWidgets import (
 )
 
 from core.geometry import LENSES
-from core.pipeline import CalibrateOptions
+from core.pipeline import METHODS, CalibrateOptions
 from core.pipeline.options import DEVICES
-from stripe_gui.presenters.work import CalibrateChoice
+from stripe_gui.presenters.status import method_name
+from stripe_gui.presenters.told import told
+from stripe_gui.presenters.work import CalibrateChoice, chosen_methods
 from stripe_gui.widgets.layout import boxed, column, label, row
 
 NAMES = LENSES["A1..A6"].names
@@ -62,9 +64,9 @@ class CalibrateForm(QWidget):
 
     def _make_fields(self) -> None:
         self.method = QComboBox()
-        self.method.addItem(self.tr("both, as far as captures allow"), "all")
-        self.method.addItem(self.tr("photogrammetric"), "photogrammetric")
-        self.method.addItem(self.tr("polynomial depth"), "polynomial")
+        self.method.addItem(self.tr("all, as far as captures allow"), "all")
+        for method in METHODS:
+            self.method.addItem(method_name(method), method)
         self.rigid = QCheckBox(self.tr("Camera and projector rigidly joined"))
         self.reject = QCheckBox(self.tr("Reject gross errors beyond"))
         self.limit = QDoubleSpinBox()
@@ -121,7 +123,6 @@ class CalibrateForm(QWidget):
     # ---------------------------------------------------------------------------------------------------------- choices
 
     def choice(self) -> CalibrateChoice:
-        """Give what is chosen."""
         degree, low_pass_px = self.degree.currentData(), self.low_pass.value()
         options = replace(
             self._base,
@@ -151,13 +152,16 @@ class CalibrateForm(QWidget):
         self._change()
 
     def _change(self) -> None:
-        method = self.method.currentData()
-        photogrammetric, polynomial = method != "polynomial", method != "photogrammetric"
-        for widget in (self.rigid, self.reject, *self.parameters.values()):
-            widget.setEnabled(photogrammetric)
-        self.limit.setEnabled(photogrammetric and self.reject.isChecked())
-        self.degree.setEnabled(polynomial)
-        self.low_pass.setEnabled(polynomial)
+        read = {name for method in chosen_methods(self.method.currentData()) for name in METHODS[method].options}
+        for option, widget in (
+            ("rigid", self.rigid),
+            ("reject_beyond", self.reject),
+            *(("hold", box) for box in self.parameters.values()),
+            ("degree", self.degree),
+            ("low_pass_px", self.low_pass),
+        ):
+            widget.setEnabled(option in read)
+        self.limit.setEnabled(self.reject.isEnabled() and self.reject.isChecked())
         for field, text in self._texts().items():
             if field in self._consequences:
                 self._consequences[field].setText(text)
@@ -167,18 +171,11 @@ class CalibrateForm(QWidget):
     # ------------------------------------------------------------------------------------------------------------ words
 
     def _texts(self) -> dict[QWidget, str]:
-        """Say what follows from each choice."""
-        degree = self.degree.currentData()
+        degree, method = self.degree.currentData(), self.method.currentData()
         return {
-            self.method: {
-                "all": self.tr("Both can be compared at every plane. Takes as long as the two together."),
-                "photogrammetric": self.tr(
-                    "From the moved testfield alone. Measures anywhere, with the sigma of every point."
-                ),
-                "polynomial": self.tr(
-                    "From the plate at known depths alone. Measures between the plate positions only."
-                ),
-            }[self.method.currentData()],
+            self.method: self.tr("They can be compared at every plane. Takes as long as all of them together.")
+            if method == "all"
+            else told(METHODS[method].about),
             self.rigid: self.tr(
                 "One relative orientation for all poses: more redundancy. The program tests whether the rig was rigid."
             )

@@ -80,7 +80,6 @@ class CalibrationResults(QWidget):
         self._fill()
 
     def parts(self) -> Iterator[str]:
-        """Bring each tab to the front, and name it."""
         for i in range(self.tabs.count()):
             if self.tabs.isTabEnabled(i):
                 self.tabs.setCurrentIndex(i)

@@ -20,15 +20,16 @@ class CaptureList(QListWidget):
         self._session, self._roles = session, roles
         self.setAccessibleName(self.tr("Captures"))
         self.setIconSize(QSize(20, 20))
+        self.setUniformItemSizes(True)  # or thousands are measured one by one
         self.setMinimumWidth(235)
         self.setMaximumWidth(320)
         self.setTextElideMode(Qt.TextElideMode.ElideRight)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.currentItemChanged.connect(self._chosen)
+        self.verticalScrollBar().rangeChanged.connect(lambda *_: self.scrollToItem(self.currentItem()))
         session.capture_changed.connect(self._mark)
 
     def refresh(self) -> None:
-        """List the captures as they are now."""
         self._list()
         self._mark(self._session.capture_name)
 
@@ -48,7 +49,6 @@ class CaptureList(QListWidget):
         self.blockSignals(False)
 
     def names(self) -> list[str]:
-        """Give the captures listed."""
         return [self.item(i).data(Qt.ItemDataRole.UserRole) for i in range(self.count())]
 
     def _mark(self, name: str) -> None:

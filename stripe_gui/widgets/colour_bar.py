@@ -22,7 +22,6 @@ class ColourBar(QWidget):
         self.setMinimumHeight(90)
 
     def sizeHint(self) -> QSize:  # noqa: N802
-        """Give room for the bar and the widest number."""
         metrics = self.fontMetrics()
         widest = max([metrics.horizontalAdvance(t) for t in (*self._labels().values(), self._unit)], default=0)
         return QSize(max(24 + widest + 8, 64), 200)
@@ -50,7 +49,6 @@ class ColourBar(QWidget):
         return dict(zip(ticks, texts, strict=True))
 
     def paintEvent(self, _event: object) -> None:  # noqa: N802
-        """Draw bar, ticks and mark."""
         colours = theme.current()
         painter = QPainter(self)
         metrics = self.fontMetrics()

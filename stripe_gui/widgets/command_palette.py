@@ -61,7 +61,6 @@ class CommandPalette(QDialog):
         return f"{name}   ({keys})" if keys else name
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
-        """Let the arrow keys move through the list while the search field has the focus."""
         keys = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_PageUp, Qt.Key.Key_PageDown)
         if isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress and event.key() in keys:
             self.found.keyPressEvent(event)

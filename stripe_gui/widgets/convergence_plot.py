@@ -30,12 +30,10 @@ class ConvergencePlot(QWidget):
         self.clear()
 
     def clear(self) -> None:
-        """Begin anew."""
         self._course = {name: [] for name in SERIES}
         self._draw()
 
     def tell(self, name: str, step: int, value: float) -> None:
-        """Take a figure of the running adjustment."""
         if name in self._course and np.isfinite(value):
             self._course[name].append((step, value))
             self._draw()
@@ -54,7 +52,6 @@ class ConvergencePlot(QWidget):
         self.state.setText(said)
 
     def said(self) -> str:
-        """Tell the last iteration in words."""
         if not self._course["sigma0"]:
             return self.tr("The iterations are drawn here while they run.")
         text = self.tr("After {n} iterations: σ0 {s:.4g}")

@@ -40,7 +40,6 @@ class CorrelationView(QWidget):
         self._say("")
 
     def show_correlations(self, shown: Correlations | None) -> None:
-        """Show the correlations of an adjustment."""
         self._shown = shown
         self.matrix.show_correlations(shown)
         if shown is None:
@@ -51,7 +50,6 @@ class CorrelationView(QWidget):
         self.table.show_table(Table(self.tr("Strongest pairs"), columns, tuple(pairs)))
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802
-        """Give the matrix all the room where there is little."""
         super().resizeEvent(event)
         self.table.setVisible(self.width() >= ROOM_FOR_TABLE)
 

@@ -37,7 +37,6 @@ class CoverageView(QWidget):
         layout.addWidget(self.note)
 
     def show_coverage(self, devices: tuple[Coverage, ...]) -> None:
-        """Show the coverage of all devices."""
         emptied(self._maps)
         self.maps = []
         for device in devices:

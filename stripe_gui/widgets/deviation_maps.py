@@ -52,6 +52,7 @@ class DeviationMaps(QWidget):
         self.limit.setRange(0.001, 100.0)
         self.limit.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
         self.limit.setPrefix("± ")
+        self.limit.lineEdit().setTextMargins(6, 0, 0, 0)
         self.limit.setSuffix(" mm")
         self.limit.valueChanged.connect(self._scale)
         self.automatic = button(self.tr("Automatic"), self._automatic, flat=True)
@@ -89,7 +90,6 @@ class DeviationMaps(QWidget):
         self._say(None)
 
     def fit(self) -> None:
-        """Show what has deviations in any of the maps."""
         if not self.maps:
             return
         known = np.any([np.isfinite(m.image) for m in self.maps if m.image is not None], axis=0)
@@ -165,7 +165,6 @@ class DeviationMaps(QWidget):
         self.bar.mark(self.maps[at[0]].value_at(at[1], at[2]))
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
-        """Move the cursor by keys."""
         if isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress and event.key() in ARROWS:
             held = event.modifiers()
             if held & Qt.KeyboardModifier.ShiftModifier:

@@ -47,7 +47,6 @@ class FieldMap(QWidget):
         self._state = MapState()
 
     def sizeHint(self) -> QSize:  # noqa: N802
-        """Ask for enough to tell the targets of a usual field apart."""
         return QSize(250, 170)
 
     def show_field(self, field: Testfield | None, state: MapState) -> None:
@@ -69,14 +68,12 @@ class FieldMap(QWidget):
         return (xy - low) * scale + MARGIN + (room - span * scale) / 2
 
     def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802
-        """Choose the nearest target."""
         at = self.positions()
         if self._field is not None and len(at):
             i = int(np.argmin(np.hypot(*(at - (event.position().x(), event.position().y())).T)))
             self.chosen.emit(int(self._field.row[i]), int(self._field.col[i]))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802
-        """Choose with the arrow keys."""
         steps = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
         if event.key() in steps and self._field is not None:
             self._step(np.array(steps[Qt.Key(event.key())]))
@@ -99,17 +96,14 @@ class FieldMap(QWidget):
             self.chosen.emit(int(self._field.row[best]), int(self._field.col[best]))
 
     def focusInEvent(self, event: QFocusEvent) -> None:  # noqa: N802
-        """Show that the keys work here."""
         super().focusInEvent(event)
         self.update()
 
     def focusOutEvent(self, event: QFocusEvent) -> None:  # noqa: N802
-        """Show that they work elsewhere."""
         super().focusOutEvent(event)
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
-        """Draw the field."""
         colours = theme.current()
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)

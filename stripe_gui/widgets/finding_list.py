@@ -32,7 +32,6 @@ class FindingList(QListWidget):
         self.currentRowChanged.connect(self._choose)
 
     def show_findings(self, findings: Iterable[Finding]) -> None:
-        """Show findings in place of those before."""
         self.findings = worst_first(findings)
         self.clear()
         policy = Qt.ScrollBarPolicy  # a bar that appears while texts are laid out would cut them

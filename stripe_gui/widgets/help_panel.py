@@ -28,7 +28,6 @@ class HelpText(QTextBrowser):
     """A chapter whose pictures are as wide as the panel."""
 
     def loadResource(self, kind: int, name: QUrl | str) -> Any:  # noqa: N802
-        """Load a picture at the panel's width, in the pixels of the screen."""
         if kind != QTextDocument.ResourceType.ImageResource.value:
             return super().loadResource(kind, name)
         place = QUrl(name).path()

@@ -38,7 +38,6 @@ class Canvas(pg.GraphicsView):
         self._pressed: QPointF | None = None
 
     def sizeHint(self) -> QSize:  # noqa: N802
-        """Ask for little: the picture takes what there is."""
         return QSize(260, 200)
 
     def position(self, event: QMouseEvent) -> tuple[float, float]:
@@ -47,29 +46,24 @@ class Canvas(pg.GraphicsView):
         return point.x(), point.y()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802
-        """Remember where a click may have begun."""
         self._pressed = event.position()
         super().mousePressEvent(event)
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:  # noqa: N802
-        """Tell a click, unless the mouse moved."""
         super().mouseReleaseEvent(event)
         if self._pressed is not None and (event.position() - self._pressed).manhattanLength() <= CLICK_PX:
             self.clicked.emit(*self.position(event), event.button(), event.modifiers())
         self._pressed = None
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802
-        """Tell where the cursor is."""
         super().mouseMoveEvent(event)
         self.hovered.emit(*self.position(event))
 
     def leaveEvent(self, event: QEvent) -> None:  # noqa: N802
-        """Tell that it left."""
         super().leaveEvent(event)
         self.left.emit()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802
-        """Zoom and move by keys."""
         steps = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
         if event.key() in (Qt.Key.Key_Plus, Qt.Key.Key_Equal, Qt.Key.Key_Minus):
             factor = 1.25 if event.key() == Qt.Key.Key_Minus else 0.8
@@ -183,7 +177,6 @@ class ImageView(QWidget):
             self.fit()
 
     def fit(self) -> None:
-        """Show the whole image."""
         if self._image is not None:
             height, width = self._image.shape
             self.canvas.box.setRange(QRectF(-0.5, -0.5, width, height), padding=0.01)
@@ -200,7 +193,6 @@ class ImageView(QWidget):
         self.canvas.box.setRange(QRectF(u - wide / 2, v - wide * ratio / 2, wide, wide * ratio), padding=0)
 
     def add_item(self, item: pg.GraphicsObject) -> None:
-        """Put an overlay over the image."""
         self.canvas.box.addItem(item, ignoreBounds=True)
 
     def value_at(self, u: float, v: float) -> float | None:
@@ -240,7 +232,6 @@ class ImageView(QWidget):
         self.outline.setPen(pg.mkPen(theme.current().faint, width=1))
 
     def changeEvent(self, event: QEvent) -> None:  # noqa: N802
-        """Follow the theme."""
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "canvas"):
             self._colour()
         super().changeEvent(event)

@@ -41,7 +41,6 @@ class JobBar(QWidget):
         self.show_queue()
 
     def show_queue(self) -> None:
-        """Show the running job, or nothing."""
         job = self._queue.running or next(iter(self._queue.waiting), None)
         self.setVisible(job is not None)
         if job is None:

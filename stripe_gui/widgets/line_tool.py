@@ -37,7 +37,6 @@ class LineTool(QObject):
         self._dragging = False
 
     def attach(self, views: Sequence[ImageView]) -> None:
-        """Draw over these images from now on."""
         self._views, self._items = list(views), []
         for view in views:
             line = pg.PlotCurveItem(pen=pg.mkPen(COLOUR, width=2))
@@ -54,25 +53,21 @@ class LineTool(QObject):
         self._draw()
 
     def set_line(self, start: Pair, stop: Pair) -> None:
-        """Put the line somewhere."""
         self.ends = [self._inside(start), self._inside(stop)]
         self._draw()
         self.changed.emit()
 
     def move(self, du: float, dv: float) -> None:
-        """Move the active end."""
         u, v = self.ends[self.active]
         ends = [*self.ends]
         ends[self.active] = (u + du, v + dv)
         self.set_line(*ends)
 
     def choose(self, end: int) -> None:
-        """Make an end, 0 or 1, the one that keys move."""
         self.active = end
         self._draw()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
-        """Take the mouse and the keys from the images."""
         kind = event.type()
         if kind == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):
             return self._key(event.key(), bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))

@@ -27,7 +27,6 @@ class Loupe(QWidget):
         self.at = (0.0, 0.0)
 
     def sizeHint(self) -> QSize:  # noqa: N802
-        """Ask for enough to see a dot and what is round it."""
         return QSize(250, 180)
 
     def show_at(
@@ -39,7 +38,6 @@ class Loupe(QWidget):
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
-        """Draw the pixels as squares."""
         painter = QPainter(self)
         painter.fillRect(self.rect(), QColor(theme.current().canvas))
         if self._image is not None:

@@ -29,11 +29,9 @@ class MatrixView(QWidget):
         self._at: tuple[int, int] | None = None
 
     def sizeHint(self) -> QSize:  # noqa: N802
-        """Ask for little: the matrix takes what there is."""
         return QSize(420, 400)
 
     def show_correlations(self, shown: Correlations | None) -> None:
-        """Show a matrix."""
         self._shown = shown if shown is not None and shown.names else None
         self.point_at(None)
         self.update()
@@ -47,7 +45,6 @@ class MatrixView(QWidget):
         self.update()
 
     def cell(self, row: int, column: int) -> QRectF:
-        """Where a cell is drawn."""
         left, top, side = self._layout()
         return QRectF(left + column * side, top + row * side, side, side)
 
@@ -60,7 +57,6 @@ class MatrixView(QWidget):
         return float(room), float(room), max(side, 1.0)
 
     def paintEvent(self, _event: QPaintEvent) -> None:  # noqa: N802
-        """Draw names, cells and the mark."""
         if self._shown is None:
             return
         painter = QPainter(self)
@@ -105,19 +101,16 @@ class MatrixView(QWidget):
             painter.restore()
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802
-        """Tell the cell under the cursor."""
         left, top, side = self._layout()
         column, row = int((event.position().x() - left) // side), int((event.position().y() - top) // side)
         n = len(self._shown.names) if self._shown else 0
         self.point_at((row, column) if 0 <= row < n and 0 <= column < n else None)
 
     def leaveEvent(self, event: QEvent) -> None:  # noqa: N802
-        """Tell nothing."""
         super().leaveEvent(event)
         self.point_at(None)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802
-        """Move the mark by the arrow keys."""
         steps = {Qt.Key.Key_Left: (0, -1), Qt.Key.Key_Right: (0, 1), Qt.Key.Key_Up: (-1, 0), Qt.Key.Key_Down: (1, 0)}
         if self._shown is None or event.key() not in steps:
             super().keyPressEvent(event)

@@ -28,12 +28,14 @@ class Sign(QWidget):
         self._name, self._colour, self._size = name, colour, size
         self.setFixedSize(size, size)
 
+    def take(self, name: str, colour: str) -> None:
+        self._name, self._colour = name, colour
+        self.update()
+
     def sizeHint(self) -> QSize:  # noqa: N802
-        """Give the size of the icon."""
         return QSize(self._size, self._size)
 
     def paintEvent(self, _event: object) -> None:  # noqa: N802
-        """Draw the icon."""
         painter = QPainter(self)
         draw_icon(painter, self._name, QRectF(self.rect()), getattr(theme.current(), self._colour))
         painter.end()
@@ -99,7 +101,6 @@ class NoticeBox(QFrame):
         QGuiApplication.clipboard().setText(f"{notice.happened}\n{notice.remedy}\n\n{notice.details}")
 
     def dismiss(self) -> None:
-        """Put it away."""
         self.hide()
         self.deleteLater()
 
@@ -127,13 +128,11 @@ class NoticeArea(QWidget):
         self.hide()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
-        """Follow the page's size."""
         if event.type() == QEvent.Type.Resize:
             self._place()
         return super().eventFilter(watched, event)
 
     def event(self, event: QEvent) -> bool:
-        """Grow and shrink with what is unfolded."""
         done = super().event(event)
         if event.type() == QEvent.Type.LayoutRequest:
             self._place()
@@ -150,7 +149,6 @@ class NoticeArea(QWidget):
         self.raise_()
 
     def boxes(self) -> list[NoticeBox]:
-        """Give the notices that are shown."""
         items = (self._layout.itemAt(i) for i in range(self._layout.count()))
         found = (item.widget() for item in items if item is not None)
         return [box for box in found if isinstance(box, NoticeBox) and not box.isHidden()]
@@ -172,7 +170,6 @@ class NoticeArea(QWidget):
         self._place()
 
     def clear(self) -> None:
-        """Put all away."""
         for box in self.boxes():
             box.dismiss()
         self._hide_if_empty()

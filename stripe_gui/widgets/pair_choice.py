@@ -25,7 +25,6 @@ class PairChoice(QComboBox):
         self.refresh()
 
     def refresh(self, _capture: str = "") -> None:
-        """Offer the devices of the open project."""
         rig = self._session.opened.project.rig if self._session.is_open else None
         pairs = rig.pairs if rig is not None and not rig.is_pair else ()
         with QSignalBlocker(self):

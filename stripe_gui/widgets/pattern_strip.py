@@ -81,18 +81,15 @@ class PatternStrip(QListWidget):
             self._draw(i)
 
     def set_state(self, index: int, state: str) -> None:
-        """Mark one pattern."""
         if 0 <= index < len(self._states) and self._states[index] != state:
             self._states[index] = state
             self._draw(index)
 
     def follow(self, index: int) -> None:
-        """Bring a pattern into view."""
         if 0 <= index < self.count():
             self.scrollToItem(self.item(index))
 
     def set_all(self, state: str) -> None:
-        """Mark every pattern."""
         for i in range(len(self._states)):
             self.set_state(i, state)
 
@@ -127,7 +124,6 @@ class PatternStrip(QListWidget):
         return pixmap
 
     def changeEvent(self, event: QEvent) -> None:  # noqa: N802
-        """Follow the theme."""
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_pictures"):
             for i in range(len(self._pictures)):

@@ -139,7 +139,6 @@ class Plot(QWidget):
         self.legend.setText(" &nbsp;&nbsp; ".join(entries))
 
     def changeEvent(self, event: QEvent) -> None:  # noqa: N802
-        """Follow the theme."""
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "legend"):
             self._colour()
         super().changeEvent(event)

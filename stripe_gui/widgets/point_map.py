@@ -69,7 +69,6 @@ class PointMap(QWidget):
         self._point(None)
 
     def show_points(self, shown: PointSigmas | None) -> None:
-        """Show the points of an adjustment."""
         self._shown = shown
         self.chosen.setData([], [])
         if shown is None:
@@ -126,12 +125,10 @@ class PointMap(QWidget):
         self.bar.mark(float(self._shown.of(self.axis.currentData())[index]))
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802
-        """Give the map all the room where there is little."""
         super().resizeEvent(event)
         self.table.setVisible(self.width() >= ROOM_FOR_TABLE)
 
     def changeEvent(self, event: QEvent) -> None:  # noqa: N802
-        """Follow the theme."""
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "summary"):
             self._colour()
         super().changeEvent(event)

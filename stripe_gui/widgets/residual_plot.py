@@ -80,7 +80,6 @@ class ResidualPlot(QWidget):
         self.canvas.setAccessibleDescription(self.legend.text())
 
     def choose(self, index: int | None) -> None:
-        """Mark one point."""
         if index is None or not np.isfinite(self._uv[index]).all():
             self.chosen.setData([], [])
         else:
@@ -106,7 +105,6 @@ class ResidualPlot(QWidget):
         self.chosen.setBrush(None)
 
     def changeEvent(self, event: QEvent) -> None:  # noqa: N802
-        """Follow the theme."""
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "legend"):
             self._colour()
         super().changeEvent(event)

@@ -50,7 +50,6 @@ class ResidualView(QWidget):
         layout.addWidget(self.picked)
 
     def show_residuals(self, sets: tuple[DeviceResiduals, ...]) -> None:
-        """Show the residuals of all devices."""
         self._sets = sets
         emptied(self._plots)
         self.plots = []

@@ -9,6 +9,7 @@ from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QVBoxLayout, QWidget
 
 from core.report import Number, Table, cell_text
+from stripe_gui.presenters.told import told
 from stripe_gui.widgets.layout import label
 
 VALUE = Qt.ItemDataRole.UserRole
@@ -25,18 +26,15 @@ class TableModel(QAbstractTableModel):
         self._numeric: list[bool] = []
 
     def show(self, table: Table) -> None:
-        """Take another table."""
         self.beginResetModel()
         self.table = table
         self._numeric = [any(isinstance(row[i], Number) for row in table.rows) for i in range(len(table.columns))]
         self.endResetModel()
 
     def rowCount(self, parent: Index | None = None) -> int:  # noqa: N802
-        """Count the rows."""
         return 0 if parent is not None and parent.isValid() else len(self.table.rows)
 
     def columnCount(self, parent: Index | None = None) -> int:  # noqa: N802
-        """Count the columns."""
         return 0 if parent is not None and parent.isValid() else len(self.table.columns)
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
@@ -45,7 +43,7 @@ class TableModel(QAbstractTableModel):
             return None
         cell = self.table.rows[index.row()][index.column()]
         if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.AccessibleTextRole):
-            return cell_text(cell)
+            return told(cell_text(cell)) if isinstance(cell, str) else cell_text(cell)
         if role == Qt.ItemDataRole.TextAlignmentRole:
             return self._side(index.column())
         if role == VALUE:
@@ -53,12 +51,11 @@ class TableModel(QAbstractTableModel):
         return None
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:  # noqa: N802
-        """Give a column's name."""
         if orientation != Qt.Orientation.Horizontal:
             return None
         if role == Qt.ItemDataRole.TextAlignmentRole:
             return self._side(section)
-        return self.table.columns[section] if role == Qt.ItemDataRole.DisplayRole else None
+        return told(self.table.columns[section]) if role == Qt.ItemDataRole.DisplayRole else None
 
     def _side(self, section: int) -> int:
         side = Qt.AlignmentFlag.AlignRight if self._numeric[section] else Qt.AlignmentFlag.AlignLeft
@@ -117,14 +114,13 @@ class ResultTable(QWidget):
         layout.addWidget(self.notes)
 
     def show_table(self, table: Table) -> None:
-        """Show a table in its own order."""
         self.view.horizontalHeader().setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
         self.model.show(table)
-        self.title.setText(table.title)
+        self.title.setText(told(table.title))
         self.title.setVisible(self._titled and bool(table.title))
-        self.notes.setText("\n".join(table.notes))
+        self.notes.setText("\n".join(map(told, table.notes)))
         self.notes.setVisible(bool(table.notes))
-        self.view.setAccessibleDescription(table.title)
+        self.view.setAccessibleDescription(told(table.title))
         header = self.view.horizontalHeader()
         header.setSortIndicatorShown(False)  # else every column keeps room for the arrow that one of them may show
         self.view.resizeColumnsToContents()
@@ -142,7 +138,6 @@ class ResultTable(QWidget):
         self.setFixedWidth(self.view.horizontalHeader().length() + room)
 
     def choose_row(self, row: int) -> None:
-        """Select a row of the table."""
         self.view.setCurrentIndex(self._sorted.mapFromSource(self.model.index(row, 0)))
 
     def chosen_row(self) -> int | None:
@@ -154,7 +149,7 @@ class ResultTable(QWidget):
         """Copy the selected rows, or all of them, with the columns' names."""
         chosen = sorted({index.row() for index in self.view.selectionModel().selectedRows()})
         rows = chosen or range(self._sorted.rowCount())
-        lines = ["\t".join(self.model.table.columns)]
+        lines = ["\t".join(map(told, self.model.table.columns))]
         for i in rows:
             cells = [self._sorted.index(i, j).data() for j in range(self._sorted.columnCount())]
             lines.append("\t".join(cells))

@@ -84,7 +84,6 @@ class SequenceForm(QWidget):
         self._kind_chosen()
 
     def show_spec(self, spec: SequenceSpec | None) -> None:
-        """Show a sequence."""
         kind = OWN if spec is None else spec.preset or LISTED
         with QSignalBlocker(self.kind):
             self.kind.setCurrentIndex(self.kind.findData(kind))
@@ -95,7 +94,6 @@ class SequenceForm(QWidget):
         self.look()
 
     def show_projector(self, shown: Shown) -> None:
-        """Hold the sequence against another projector."""
         if shown != self._shown:
             self._shown = shown
             self.look()
@@ -204,7 +202,6 @@ class SequenceForm(QWidget):
         return made
 
     def _options(self) -> dict[str, Any]:
-        """Give what differs from the usual."""
         found = {}
         for key, (option, field) in self._fields.items():
             if isinstance(field, QLineEdit):

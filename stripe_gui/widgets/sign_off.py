@@ -29,6 +29,7 @@ class SignOffForm(QWidget):
         self.limit.setValue(0.05)
         self.limit.setSuffix(" mm")
         self.limit.setAccessibleName(self.tr("Tolerance"))
+        self.limit.lineEdit().setTextMargins(6, 0, 0, 0)
         self.of = QComboBox()
         self.of.setAccessibleName(self.tr("Figure that the tolerance limits"))
         self.of.addItem(self.tr("r.m.s. deviation"), "rms")

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QAbstractButton, QHBoxLayout, QSizePolicy, QWidget
 
 from stripe_gui import theme
 from stripe_gui.assets import draw_icon
-from stripe_gui.presenters.status import STAGES, StageStatus, State, stage_name, state_word
+from stripe_gui.presenters.stages import STAGES, StageStatus, State, stage_name, state_word
 from stripe_gui.theme import Theme
 
 HEIGHT = 64
@@ -31,7 +31,6 @@ class StageButton(QAbstractButton):
         self.show_status(None, None)
 
     def sizeHint(self) -> QSize:  # noqa: N802
-        """Give room for the sign and the longer of the two lines."""
         metrics = QFontMetrics(self._bold())
         small = QFontMetrics(self.font())
         widest = max(small.horizontalAdvance(state_word(s)) for s in State)
@@ -52,7 +51,6 @@ class StageButton(QAbstractButton):
         self.update()
 
     def word(self) -> str:
-        """Give the state as a word."""
         if self.running is not None:
             return f"{self.running:.0%}"
         return state_word(self.status.state) if self.status else "–"
@@ -63,7 +61,6 @@ class StageButton(QAbstractButton):
         return font
 
     def paintEvent(self, _event: object) -> None:  # noqa: N802
-        """Draw sign, name and state."""
         colours = theme.current()
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -148,6 +145,5 @@ class StageStrip(QWidget):
             made.show_status(statuses.get(stage), running.get(stage))
 
     def show_page(self, page: str) -> None:
-        """Mark the stage whose page is open."""
         for stage, made in self.buttons.items():
             made.setChecked(stage == page)

@@ -6,6 +6,7 @@ from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QFrame, QWidget
 
 from core.model import Verdict
+from stripe_gui.presenters.told import told
 from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.layout import column, label, row
 from stripe_gui.widgets.notice import COLOURS, Sign
@@ -22,7 +23,7 @@ def verdict_words(verdict: Verdict, of: str = "") -> str:
         "doubtful": translate("Verdict", "Doubtful"),
         "failed": translate("Verdict", "Failed"),
     }[verdict.state]
-    head = f"{word}: {of}" if of else word
+    head = f"{word}: {told(of)}" if of else word
     return "\n".join((head, *(f"{sentence(text).rstrip('.')}." for text in verdict.because)))
 
 
@@ -61,7 +62,6 @@ class VerdictList(QWidget):
         self.hide()
 
     def show_verdicts(self, verdicts: dict[str, Verdict]) -> None:
-        """Show verdicts by what they are of."""
         for box in self.boxes:
             box.hide()
             box.deleteLater()

@@ -36,7 +36,6 @@ class Wizard(PartsPage):
         self.body.addWidget(boxed(foot))
 
     def back(self) -> None:
-        """Go one step back."""
         if self._stack.currentIndex() > 0:
             self._show(self._stack.currentIndex() - 1)
 
@@ -50,7 +49,6 @@ class Wizard(PartsPage):
             self.finish()
 
     def finish(self) -> None:
-        """Do what the last button promises."""
         self.leave()
 
     def leave(self) -> None:

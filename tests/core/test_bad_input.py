@@ -40,66 +40,69 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[...,
     return run
 
 
-def frames(capture: Path) -> list[dict[str, Any]]:
-    return json.loads((capture / "capture.json").read_text())["frames"]
+PLANE = "captures/plane+00"
+DECODE, CALIBRATE = f"decode {PLANE} --out f.npz", "calibrate ."
+BOMB = b"P5 100000 100000 255\n" + bytes(1000)
 
 
-def without(capture: Path, **pattern: Any) -> list[dict[str, Any]]:
-    """The frames of a capture but those whose pattern has all these values."""
-    kept = [f for f in frames(capture) if any(f["pattern"].get(k) != v for k, v in pattern.items())]
-    assert len(kept) < len(frames(capture))
-    return kept
+def frames_of(capture: Path, kept: Callable[[dict[str, Any]], bool]) -> None:
+    """Leave those frames of a capture whose patterns are to be kept."""
+    data = json.loads((capture / "capture.json").read_text())
+    left = [f for f in data["frames"] if kept(f["pattern"])]
+    assert len(left) < len(data["frames"])
+    (capture / "capture.json").write_text(json.dumps({**data, "frames": left}))
 
 
-def test_a_missing_frame(quick: Path, refused: Callable[..., str]) -> None:
-    (quick / "captures/plane+00/003.png").unlink()
-    assert "003.png" in refused("decode", quick / "captures/plane+00", "--out", quick / "f.npz")
+def steps_up_to(count: int) -> Callable[[dict[str, Any]], bool]:
+    return lambda pattern: pattern.get("axis") != "x" or pattern.get("step", 0) < count
 
 
-def test_frames_of_different_sizes(quick: Path, refused: Callable[..., str]) -> None:
-    path = quick / "captures/testfield-02/005.png"
-    cv2.imwrite(str(path), np.zeros((10, 12), np.uint8))
-    told = refused("calibrate", quick)
-    assert "005.png" in told
-    assert "12x10" in told
+@pytest.mark.parametrize(
+    ("command", "file", "spoil", "words"),
+    [
+        (DECODE, f"{PLANE}/003.png", Path.unlink, ["003.png"]),
+        (DECODE, f"{PLANE}/003.png", lambda path: path.write_bytes(BOMB), ["003.png: 1021 bytes"]),
+        (DECODE, PLANE, lambda path: frames_of(path, lambda p: p.get("bit") != 0 or p["axis"] != "x"), ["plane+00"]),
+        (DECODE, PLANE, lambda path: frames_of(path, steps_up_to(2)), ["plane+00"]),
+        (
+            CALIBRATE,
+            "captures/testfield-02/005.png",
+            lambda path: cv2.imwrite(str(path), np.zeros((10, 12), np.uint8)),
+            ["005.png", "12x10"],
+        ),
+        (CALIBRATE, "captures/testfield-07/011.png", lambda path: os.truncate(path, 2000), ["testfield-07/011.png"]),
+        (
+            CALIBRATE,
+            "testfield.csv",
+            lambda path: path.write_text(path.read_text() + path.read_text().splitlines()[-1] + "\n"),
+            ["testfield.csv: line"],
+        ),
+    ],
+    ids=["missing", "claims", "bits", "steps", "sizes", "truncated", "duplicate"],
+)
+def test_spoiled_files(
+    quick: Path,
+    refused: Callable[..., str],
+    monkeypatch: pytest.MonkeyPatch,
+    command: str,
+    file: str,
+    spoil: Callable[[Path], object],
+    words: list[str],
+) -> None:
+    monkeypatch.chdir(quick)
+    spoil(quick / file)
+    told = refused(*command.split())
+    assert all(word in told for word in words)
 
 
-def test_a_truncated_png(quick: Path, refused: Callable[..., str]) -> None:
-    path = quick / "captures/testfield-07/011.png"
-    path.write_bytes(path.read_bytes()[:2000])
-    assert "testfield-07/011.png" in refused("calibrate", quick)
-
-
-def test_a_header_that_claims_more_pixels_than_there_are(quick: Path, refused: Callable[..., str]) -> None:
-    path = quick / "captures/plane+00/003.png"
-    path.write_bytes(b"P5 100000 100000 255\n" + bytes(1000))
-    assert "003.png: 1021 bytes" in refused("decode", quick / "captures/plane+00", "--out", quick / "f.npz")
+def test_three_phase_steps_are_enough(quick: Path) -> None:
+    frames_of(quick / PLANE, steps_up_to(3))
+    assert main(["decode", str(quick / PLANE), "--out", str(quick / "f.npz")]) == 0
 
 
 def test_an_unknown_pattern_kind(quick: Path, refused: Callable[..., str], edit_json: Edit) -> None:
-    capture = quick / "captures/plane+00"
-    edit_json(capture / "capture.json", frames=[{"file": "000.png", "pattern": {"kind": "moire"}}])
-    assert "'moire'" in refused("decode", capture, "--out", quick / "f.npz")
-
-
-def test_a_code_with_too_few_bits(quick: Path, refused: Callable[..., str], edit_json: Edit) -> None:
-    capture = quick / "captures/plane+00"
-    edit_json(capture / "capture.json", frames=without(capture, kind="gray", axis="x", bit=0))
-    told = refused("decode", capture, "--out", quick / "f.npz")
-    assert "plane+00" in told
-
-
-@pytest.mark.parametrize("steps", [3, 2])
-def test_too_few_phase_steps(quick: Path, refused: Callable[..., str], edit_json: Edit, steps: int) -> None:
-    capture = quick / "captures/plane+00"
-    kept = frames(capture)
-    for step in range(steps, 4):
-        kept = [f for f in kept if (f["pattern"].get("axis"), f["pattern"].get("step")) != ("x", step)]
-    edit_json(capture / "capture.json", frames=kept)
-    if steps == 2:
-        assert "plane+00" in refused("decode", capture, "--out", quick / "f.npz")
-    else:  # three steps are enough
-        assert main(["decode", str(capture), "--out", str(quick / "f.npz")]) == 0
+    edit_json(quick / PLANE / "capture.json", frames=[{"file": "000.png", "pattern": {"kind": "moire"}}])
+    assert "'moire'" in refused("decode", quick / PLANE, "--out", quick / "f.npz")
 
 
 @pytest.mark.parametrize(
@@ -134,12 +137,6 @@ def test_nan_in_the_picks(quick: Path, refused: Callable[..., str]) -> None:
     data["seeds"][2]["u"] = float("nan")
     picks.write_text(json.dumps(data))
     assert "seed 2: u is nan" in refused("measure", quick)
-
-
-def test_duplicate_targets(quick: Path, refused: Callable[..., str]) -> None:
-    field = quick / "testfield.csv"
-    field.write_text(field.read_text() + field.read_text().splitlines()[-1] + "\n")
-    assert "testfield.csv: line" in refused("calibrate", quick)
 
 
 @pytest.mark.parametrize("command", ["measure", "calibrate", "evaluate", "report"])

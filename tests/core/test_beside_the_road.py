@@ -165,3 +165,27 @@ def test_runs_are_listed_named_and_compared(calibrated: Path, tmp_path: Path, ca
     assert [r["run"] for r in told["runs"]] == [1]
     assert main(["runs", str(calibrated), "--use", "9"]) == 2
     assert "no run 9" in capsys.readouterr().err
+
+
+def test_calibrations_over_the_working_volume(tmp_path, calibrated_original, capsys):
+    sure = figures(tmp_path, "uncertainty", calibrated_original, "--out", tmp_path / "maps.npz")
+    with np.load(tmp_path / "maps.npz") as maps:
+        layer = maps["form_sigma_mm"][sure["depths"][2]["layer"]]
+        assert np.sqrt(np.nanmean(layer**2)) == pytest.approx(sure["depths"][2]["form_sigma_mm"])
+        assert maps["xyz_mm"].shape == (*maps["uv"].shape[:3], 3)
+    # the quick rig's targets are 600 mm away; a point moves with the base's length, 0.1 % of it at the very most
+    assert all(
+        500 < row["depth_mm"] < 700 and 0 < row["form_sigma_mm"] < row["sigma_mm"] < 0.6 for row in sure["depths"]
+    )
+    same = figures(tmp_path, "compare", calibrated_original, "1")
+    assert same["significant"] is False
+    assert max(row["difference_mm_max"] for row in same["depths"]) < 1e-4
+    left_out = figures(tmp_path, "cross-validate", calibrated_original)["captures"]
+    assert len(left_out) == 8
+    assert not any(one["off"] for one in left_out)
+    assert all(one["foreseen_px"][name] > fitted for one in left_out for name, fitted in one["fitted_px"].items())
+    poses = figures(tmp_path, "next-pose", calibrated_original)["poses"]
+    assert [one["gain"] for one in poses] == sorted((one["gain"] for one in poses), reverse=True)
+    assert all(0 < one["gain"] < one["most"] < 0.6 for one in poses)  # one pose beside eight
+    assert main(["compare", str(calibrated_original), "7"]) == 2
+    assert "no photogrammetric calibration of run 7" in capsys.readouterr().err

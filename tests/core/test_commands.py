@@ -118,6 +118,7 @@ def test_report_writes_html_and_pdf(calibrated: Path, tmp_path: Path) -> None:
     assert Path(paths["pdf"]).read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.usefixtures("plain_reports")
 def test_the_demo_runs_from_an_empty_folder_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for _ in range(2):
         figures = run("demo", tmp_path / "demo", "--scenario", "quick", tmp_path=tmp_path)

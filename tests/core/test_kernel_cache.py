@@ -13,6 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.core import serialize
+from numba.core.compiler import CompileResult
+from numba.core.runtime import nrt
 
 from core import compiling
 
@@ -111,6 +114,21 @@ def test_a_broken_entry_is_compiled_anew(run: Callable[..., tuple[float, bool]],
         entry.write_bytes(broken)
         assert run() == (32, True)
         assert run() == (32, False)
+
+
+@pytest.mark.parametrize(
+    ("part", "name"),
+    [(CompileResult, "_rebuild"), (CompileResult, "_reduce"), (nrt, "_nrt"), (serialize, "dumps")],
+)
+def test_where_numba_has_other_private_parts_kernels_run_all_the_same(
+    run: Callable[..., tuple[float, bool]], monkeypatch: pytest.MonkeyPatch, part: Any, name: str
+) -> None:
+    compiling._offer_runtime.cache_clear()
+    with monkeypatch.context() as other:
+        other.delattr(part, name)
+        assert run()[0] == run()[0] == 32
+    assert run()[0] == 32
+    assert run() == (32, False)
 
 
 def test_what_nobody_used_for_long_goes_and_so_do_the_oldest_beyond_a_size(

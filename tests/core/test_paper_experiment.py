@@ -170,6 +170,11 @@ def test_targets_are_measured_to_a_fiftieth_of_a_pixel_and_never_mistaken(outcom
     assert 2 * found == pytest.approx(6656, rel=0.05)  # the published number of image points
 
 
+def test_a_sound_experiment_passes(outcome: Outcome) -> None:
+    assert outcome.calibration.verdict is not None
+    assert outcome.calibration.verdict.state == "passed", outcome.calibration.verdict
+
+
 def test_the_adjustment_finds_the_true_rig_within_its_sigmas(outcome: Outcome) -> None:
     found, rig = outcome.calibration, outcome.truth.rig
     deviations = np.concatenate(

@@ -69,7 +69,11 @@ def test_planes_are_judged_by_each_camera(project: Project) -> None:
     for row in rows:
         # flat to 7 um beside some 0.1 mm of noise: the prediction holds, alike from either side
         assert row["rms_mm"] == pytest.approx(row["predicted_rms_mm"], rel=0.1)
-        assert row["projector"] == "projector"
+    # by both cameras together, in either raster: sigma of Z at most 0.65 of a pair's; less of it across the plane
+    by = {(row["capture"], row["camera"], row["projector"]): row["rms_mm"] for row in rows}
+    for (capture, camera, projector), rms in by.items():
+        if projector == "all devices":
+            assert rms < 0.75 * by[capture, camera, "projector"]
 
 
 def test_points_of_both_cameras_lie_on_one_plane(project: Project) -> None:

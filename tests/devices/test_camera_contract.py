@@ -3,10 +3,8 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +15,7 @@ from core.devices.uvc import UvcCamera
 from core.errors import Cancelled, DeviceError
 from core.patterns import Black, White
 from core.project import write_image
+from tests.devices.producer import Node, Producer
 from tests.devices.video import Video
 
 
@@ -84,47 +83,13 @@ def uvc(tmp_path: Path) -> Iterator[Bed]:
     camera.close()
 
 
-class Producer:
-    """A Harvester with one camera that is triggered by software, 12 bit."""
-
-    def __init__(self) -> None:
-        self.level, self.run, self.buffers = 300, True, []
-        node = SimpleNamespace
-        self.device_info_list = [node(serial_number="A1")]
-        nodes = node(
-            Width=node(value=8),
-            Height=node(value=6),
-            PixelFormat=node(value="Mono12"),
-            ExposureTime=node(value=1000.0),
-            TriggerMode=node(value="Off"),
-            TriggerSoftware=node(execute=lambda: self.buffers.append(self.level)),
-        )
-        self.remote_device = node(node_map=nodes)
-
-    def create(self, key: object) -> "Producer":
-        return self
-
-    def update(self) -> None:
-        """Nothing to look for."""
-
-    start = stop = destroy = reset = update
-
-    @contextmanager
-    def fetch(self, timeout: float) -> Iterator[SimpleNamespace]:
-        if not self.run:
-            time.sleep(timeout)
-            raise TimeoutError("no event")
-        part = SimpleNamespace(data=np.full(48, self.buffers.pop(0), np.uint16), width=8, height=6)
-        yield SimpleNamespace(payload=SimpleNamespace(components=[part]))
-
-
 def genicam(tmp_path: Path) -> Iterator[Bed]:
-    producer = Producer()
+    producer = Producer(PixelFormat=Node(value="Mono12"))
     camera = GenicamCamera("A1", harvester=producer)
     yield Bed(
         camera,
-        lambda on: setattr(producer, "level", 3000 if on else 30),
-        lambda: setattr(producer, "run", False),
+        lambda on: setattr(producer, "light", 3000 if on else 30),
+        lambda: setattr(producer, "dead", True),
     )
     camera.close()
 

@@ -1,10 +1,9 @@
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from core.devices import CAMERA_KINDS, PROJECTOR_KINDS, DeviceKind, Image, no_check, open_camera, open_projector
+from core.devices import CAMERA_KINDS, PROJECTOR_KINDS, open_camera, open_projector
 from core.errors import InputError
 
 
@@ -59,29 +58,12 @@ def test_devices_of_the_same_scene_share_it_and_others_do_not() -> None:
     assert other.stage is not camera.stage
 
 
-def test_a_kind_of_camera_from_outside_opens_by_its_url(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kind_of_camera_from_outside_opens_by_its_url(extension) -> None:
     """What the developer's guide shows: one function, one line, and every command knows the kind."""
-
-    class GreyCamera:
-        bits, name = 8, "grey"
-
-        def __init__(self, level: int) -> None:
-            self.size, self.level = (6, 4), level
-
-        def grab(self, timeout_s: float = 5.0, check=no_check) -> Image:
-            return Image(np.full((4, 6), self.level, np.uint8), 8, time.monotonic())
-
-        def close(self) -> None:
-            pass
-
-    def open_grey(address, note, check) -> GreyCamera:
-        level = address.integer("level", 128, 0, 255)
-        address.finish()
-        return GreyCamera(level)
-
-    monkeypatch.setitem(CAMERA_KINDS, "grey", DeviceKind("grey:NAME, an evenly grey image", open_grey))
-    assert np.all(open_camera("grey:one?level=77").grab().pixels == 77)
-    with pytest.raises(InputError, match="lvel"):
-        open_camera("grey:one?lvel=77")
-    with pytest.raises(InputError, match="grey:NAME"):
+    extension("device", CAMERA_KINDS)
+    stripes = open_camera("striped:one?width=8").grab().pixels
+    assert np.flatnonzero(np.diff(stripes[0].astype(int))).tolist() == list(range(7, 95, 8))
+    with pytest.raises(InputError, match="wdth"):
+        open_camera("striped:one?wdth=8")
+    with pytest.raises(InputError, match="striped:NAME"):
         open_camera("pinhole:1")

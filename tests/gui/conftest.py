@@ -91,6 +91,8 @@ def bench(qapp, tmp_path: Path, answers: Answers) -> Iterator[Workbench]:
     yield made
     assert made.jobs.shut_down()
     assert made.views.shut_down()
+    assert made.watch.shut_down()
+    assert made.states.shut_down()
 
 
 @pytest.fixture
@@ -118,16 +120,15 @@ def window(program: Program, qtbot) -> MainWindow:
 
 
 @pytest.fixture(scope="session")
-def finished(recorded: Path, once) -> Path:
+def recorded(quick_original: Path) -> Path:
+    """A small project as the bench records it; read only."""
+    return quick_original
+
+
+@pytest.fixture(scope="session")
+def finished(whole_original: Path) -> Path:
     """A small project with every stage done; read only."""
-    from core.pipeline import update_project
-    from core.project import read_project
-
-    def finish(folder: Path) -> None:
-        shutil.copytree(recorded, folder)
-        update_project(read_project(folder))
-
-    return once("quick-0-finished", finish)
+    return whole_original
 
 
 @pytest.fixture

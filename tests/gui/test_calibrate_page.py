@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QToolButton
 from core.model import Adjustment
 from core.pipeline import calibrate_project, current_runs, list_runs, measure_project
 from core.project import load_archive, read_capture, read_project
-from stripe_gui.presenters.status import State
+from stripe_gui.presenters.stages import State
 from tests.gui.hands import click, idle
 
 
@@ -136,7 +136,7 @@ def test_too_few_captures_say_what_is_missing(open_page, window, finished_projec
     page = open_page(finished_project)
     page.go_to("captures")
     page.captures.set_without([f"testfield-0{i}" for i in range(2, 9)])
-    assert "at least two" in page.state.text()
+    assert "at least 2" in page.state.text()
     page.go_to("method")
     with qtbot.waitActive(window):
         qtbot.keyClick(window, Qt.Key.Key_F5)

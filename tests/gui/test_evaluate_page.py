@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QToolButton
 
 from core.pipeline import load_evaluation, load_sign_off
 from core.project import read_project
-from stripe_gui.presenters.status import State
+from stripe_gui.presenters.stages import State
 from tests.gui.hands import click, idle
 
 pytestmark = pytest.mark.usefixtures("plain_reports")

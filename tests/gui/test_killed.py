@@ -11,7 +11,7 @@ from pathlib import Path
 from core.pipeline import current_runs, project_states
 from core.project import read_project
 from core.project.lock import writing_results
-from stripe_gui.presenters.status import State
+from stripe_gui.presenters.stages import State
 from stripe_gui.session import Session
 from stripe_gui.settings import Settings
 

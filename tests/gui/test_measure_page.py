@@ -11,7 +11,8 @@ import pytest
 from core.pipeline.picking import measure_one
 from core.project import read_picks, read_project, write_picks
 from stripe_gui.presenters.folder import ProjectFolder
-from stripe_gui.presenters.status import State, stage_statuses
+from stripe_gui.presenters.stages import State
+from stripe_gui.presenters.status import stage_statuses
 from tests.gui.hands import idle, true_targets
 
 

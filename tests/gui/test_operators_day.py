@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -10,10 +12,14 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QLineEdit
 
+from core.bench import experiment
+from core.bench.simulate import truth_of
 from core.pipeline import load_evaluation
 from core.project import read_project
-from stripe_gui.presenters.status import State
+from stripe_gui.presenters.stages import State
 from tests.gui.hands import click, idle, rightly_named, true_targets
+
+pytestmark = pytest.mark.usefixtures("plain_reports")
 
 POSES = 8  # of the testfield, as many as the small virtual rig has
 ANGLES = (0, 15)  # of the plane-table
@@ -61,6 +67,14 @@ class Operator:
         self.steps += 1
         QTest.keyClick(self.page.view.canvas, key)
         self.wait()
+
+
+@pytest.fixture
+def simulated(quick_original: Path, tmp_path: Path) -> Path:
+    """What the bench knows of the virtual rig that the window connects to."""
+    folder = Path(shutil.copytree(quick_original, tmp_path / "simulated"))
+    (folder / "truth.json").write_text(json.dumps(truth_of(experiment("quick"))))
+    return folder
 
 
 @pytest.fixture
@@ -126,7 +140,7 @@ def pick(operator: Operator, simulated: Path) -> None:
 
 
 def test_from_the_empty_start_page_to_the_signed_report(
-    operator: Operator, window, answers, notices, recorded: Path, tmp_path: Path, capsys
+    operator: Operator, window, answers, notices, simulated: Path, tmp_path: Path, capsys
 ) -> None:
     session = window.bench.session
     make_project(operator, tmp_path / "rig")
@@ -151,7 +165,7 @@ def test_from_the_empty_start_page_to_the_signed_report(
     by_part["captures"] = operator.steps - sum(by_part.values())
 
     operator.click(window.strip.buttons["measure"])
-    pick(operator, recorded)
+    pick(operator, simulated)
     assert session.statuses["measure"].state is State.DONE
     by_part["picks"] = operator.steps - sum(by_part.values())
 

@@ -16,7 +16,7 @@ from core.model import Seed
 from core.pipeline import measure_project
 from core.pipeline.picking import current_targets
 from core.project import kept_picks, read_project
-from stripe_gui.presenters.status import State
+from stripe_gui.presenters.stages import State
 from tests.gui.hands import Targets, idle, rightly_named, true_targets
 
 Key, Modifier = Qt.Key, Qt.KeyboardModifier

@@ -17,6 +17,7 @@ from core.devices import offer_screens, open_projector
 from core.errors import DeviceError
 from core.patterns import Black, Code, Pattern, Phase, White, pattern_image
 from stripe_gui.screens import PatternWindow, Screens, screen_names
+from stripe_gui.wizards.capture.wizard import CaptureWizard
 
 PATTERNS: list[Pattern] = [
     White(),
@@ -107,7 +108,9 @@ def test_it_works_from_the_windows_own_thread_too(screens: Screens, qapp) -> Non
         surface.present(image)
 
 
-def test_the_program_offers_its_screens_from_the_start(program, qtbot) -> None:
+def test_the_capture_wizard_offers_the_screens(bench, qtbot) -> None:
+    wizard = CaptureWizard(bench)
+    qtbot.addWidget(wizard)
     projector = in_thread(lambda: open_projector("screen:0"), qtbot)
     assert projector.size == (800, 800)  # what the offscreen platform pretends
     in_thread(projector.close, qtbot)

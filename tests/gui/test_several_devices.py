@@ -73,10 +73,11 @@ def test_both_cameras_are_named_and_looked_at(window, pair_project: Path, notice
     idle(window, qtbot)
     right = window.page._phase.u
     choose(window, "left", qtbot)
-    left = window.page._phase.u
+    left, sigma = window.page._phase.u, window.page._phase.sigma_u
     both = np.isfinite(left) & np.isfinite(right[::-1, ::-1])
     assert both.sum() > 0.9 * np.isfinite(left).sum()
-    assert np.abs(left - right[::-1, ::-1])[both].max() < 0.01  # lines: the same frames, but turned
+    # the same frames, but turned: only the blur is told from a sample of other pixels
+    assert (np.abs(left - right[::-1, ::-1]) < sigma)[both].all()
     for name in ("calibrate", "reconstruct", "evaluate", "report"):
         window.show_page(name)
         idle(window, qtbot)

@@ -7,7 +7,7 @@ import pytest
 
 from core.evaluate import heights
 from stripe_gui.presenters.maps import LIGHT, hill_shade, lit_colours
-from stripe_gui.presenters.reconstruct import Points, cloud_of
+from stripe_gui.presenters.reconstruct import Points, space_of
 
 LIGHT_UNIT = np.array(LIGHT) / np.linalg.norm(LIGHT)
 
@@ -66,7 +66,7 @@ def test_heights_are_measured_from_the_mean_plane_towards_the_camera() -> None:
 
 def test_the_cloud_keeps_shape_and_is_seen_right_way_up() -> None:
     xyz = surface(lambda x, y: 0.1 * x * y)
-    cloud = cloud_of(Points(xyz, None))
+    cloud = space_of(Points(xyz, None))
     assert len(cloud.places_mm) == xyz.shape[0] * xyz.shape[1]
     away = cloud.places_mm.reshape(40, 60, 3)
     assert away[0, 1, 0] > away[0, 0, 0]  # right stays right
@@ -78,6 +78,6 @@ def test_the_cloud_keeps_shape_and_is_seen_right_way_up() -> None:
     assert cloud.spacing_mm == pytest.approx(0.5, rel=0.5)
 
 
-def test_a_cloud_of_nothing_is_empty() -> None:
-    cloud = cloud_of(Points(np.full((4, 5, 3), np.nan, np.float32), None))
+def test_a_space_of_nothing_is_empty() -> None:
+    cloud = space_of(Points(np.full((4, 5, 3), np.nan, np.float32), None))
     assert len(cloud.places_mm) == len(cloud.colours) == 0

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 from core.progress import Progress
 from stripe_gui import theme
 from stripe_gui.pages import PAGES
-from stripe_gui.presenters.status import STAGES, State
+from stripe_gui.presenters.stages import STAGES, State
 from stripe_gui.widgets.command_palette import CommandPalette
 from tests.gui.hands import idle
 

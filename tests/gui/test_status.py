@@ -14,7 +14,8 @@ from core.errors import InputError
 from core.project import read_image, write_image
 from stripe_gui.presenters.failures import clear_failure, describe, keep_failure, read_failures
 from stripe_gui.presenters.folder import ProjectFolder
-from stripe_gui.presenters.status import STAGES, State, stage_statuses
+from stripe_gui.presenters.stages import STAGES, State
+from stripe_gui.presenters.status import stage_statuses
 
 
 def states(folder: Path) -> dict[str, State]:

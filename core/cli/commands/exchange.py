@@ -23,7 +23,7 @@ def add(commands: Commands) -> None:
 
 
 def _export(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline.exchange import exchange_figures, export_calibration
+    from core.pipeline.exchange import export_calibration
     from core.project import read_project
 
     files, residuals = export_calibration(read_project(options.project), options.to, options.file)
@@ -31,7 +31,7 @@ def _export(options: Options, progress: Progress) -> dict[str, Any]:
         print(file)
     for name, rms in residuals.items():
         print(f"{name}: the fit leaves {rms:.4f} px r.m.s.")
-    return exchange_figures(files, residuals)
+    return {"files": [str(file) for file in files], "residual_rms_px": residuals}
 
 
 def _import(options: Options, progress: Progress) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from core.cli.arguments import Commands, Options, chosen_sequence, sequence_argument
+from core.errors import InputError
 from core.progress import Progress
 
 
@@ -16,7 +17,8 @@ def add(commands: Commands) -> None:
     sub.add_argument("name", metavar="NAME")
     sub.add_argument("--role", required=True, choices=("testfield", "depth", "plane", "object"))
     sub.add_argument("--projector", metavar="URL", help="virtual, serial, screen, ...")
-    sub.add_argument("--camera", metavar="URL", help="virtual, folder, replay, uvc, ...")
+    words = "virtual, folder, replay, uvc, ...; several take each pattern together: NAME=URL, given for each"
+    sub.add_argument("--camera", metavar="URL", action="append", default=[], help=words)
     sub.add_argument("--testfield", metavar="CSV", help="the board, for roles testfield and depth")
     sequence_argument(sub)
     sub.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
@@ -44,7 +46,7 @@ def _capture(options: Options, progress: Progress) -> dict[str, Any]:
         options.name,
         options.role,
         projector=options.projector,
-        camera=options.camera,
+        camera=_cameras(options.camera),
         testfield=options.testfield,
         z_mm=options.z_mm,
         angle_deg=options.angle_deg,
@@ -62,6 +64,16 @@ def _capture(options: Options, progress: Progress) -> dict[str, Any]:
         "repeats": report.repeats,
         "findings": report.words,
     }
+
+
+def _cameras(given: list[str]) -> str | dict[str, str] | None:
+    """One camera's URL, or those of several by their names in the rig."""
+    split = [url.partition("=") for url in given]
+    if all(sep and ":" not in name for name, sep, _ in split):
+        return {name: url for name, _, url in split} or None
+    if len(given) > 1:
+        raise InputError("--camera", " ".join(given), "name each of several in the rig: --camera NAME=URL")
+    return given[0]
 
 
 def _probe(options: Options, progress: Progress) -> dict[str, Any]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.cli.arguments import Commands, Options, check_out
-from core.errors import InputError
+from core.errors import InputError, StripeError
 from core.progress import Progress
 
 if TYPE_CHECKING:
@@ -24,6 +25,17 @@ def add(commands: Commands) -> None:
     sub.add_argument("--compare", type=int, nargs=2, metavar=("A", "B"), help="set two runs side by side")
     sub.add_argument("--name", nargs=2, metavar=("N", "TEXT"), help="name a run")
     sub.add_argument("--delete", type=int, metavar="N", help="delete a run that is not in use")
+
+    sub = commands.add_on_project("uncertainty", _uncertainty, "how sure a calibration is, over the working volume")
+    _add_volume(sub)
+    sub = commands.add_on_project("compare", _compare, "two calibrations of a rig, over the working volume")
+    sub.add_argument("other", metavar="OTHER", help="another project, or the number of a kept run")
+    _add_volume(sub)
+
+    sub = commands.add_on_project("cross-validate", _cross_validate, "each capture left out: do the others foresee it")
+    _add_run(sub)
+    sub = commands.add_on_project("next-pose", _next_pose, "what one more capture of the board would bring, and which")
+    _add_run(sub)
 
     sub = commands.add_on_project("profile", _profile, "deviations of a plane along a line, by every calibration")
     sub.add_argument("capture", metavar="CAPTURE")
@@ -45,6 +57,22 @@ def add(commands: Commands) -> None:
     sub.add_argument("--of", choices=("rms", "max"), default="rms", help="what the tolerance limits (default rms)")
     sub.add_argument("--despite", default="", metavar="TEXT", help="why it is signed where a verdict failed")
     sub.add_argument("--withdraw", action="store_true", help="take the sign-off back")
+
+    sub = commands.add("verify-report", _verify, "is the signed report as it was signed")
+    sub.add_argument("file", type=Path, metavar="FILE", help="report.html or report.pdf")
+
+
+def _add_run(parser: Any) -> None:
+    parser.add_argument(
+        "--run", type=int, metavar="N", dest="kept", help="a kept run in place of the calibration in use"
+    )
+
+
+def _add_volume(parser: Any) -> None:
+    _add_run(parser)
+    parser.add_argument("--camera", default="", metavar="NAME", help="where there are several")
+    parser.add_argument("--projector", default="", metavar="NAME")
+    parser.add_argument("--out", type=Path, metavar="F.npz", help="maps of every node")
 
 
 def _add_line(parser: Any) -> None:
@@ -84,6 +112,7 @@ def _guess(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _runs(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.figures import picked
     from core.pipeline import compare_runs, current_runs, delete_run, list_runs, make_current, rename_run
     from core.project import read_project
 
@@ -125,18 +154,84 @@ def _runs(options: Options, progress: Progress) -> dict[str, Any]:
         print(
             f"{d.name:22s} {d.first[0]: .7g} -> {d.second[0]: .7g} {d.unit:6s} {d.difference:+.3g}  {sigmas}".rstrip()
         )
-    compared = [
-        {
-            "parameter": d.name,
-            "unit": d.unit,
-            "first": list(d.first),
-            "second": list(d.second),
-            "difference": d.difference,
-            "in_sigmas": d.in_sigmas,
-        }
-        for d in differences
-    ]
+    compared = [{"parameter": d.name, **picked(d, "unit first second difference in_sigmas")} for d in differences]
     return {"runs": listed, "compared": compared}
+
+
+def _uncertainty(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline.volumes import volume_figures
+
+    return _volume(options, volume_figures)
+
+
+def _compare(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline.volumes import difference_figures
+
+    other = int(options.other) if options.other.isdigit() else Path(options.other)
+    figures = _volume(options, difference_figures, other)
+    if figures["significant"] is not None:
+        word = "differ by more than chance" if figures["significant"] else "agree within their sigmas"
+        test = f"chi-square {figures['statistic']:.3g} of {figures['dof']}, limit {figures['limit']:.3g}"
+        print(f"they {word}: {test}")
+    return figures
+
+
+def _volume(
+    options: Options, of: Callable[..., tuple[dict[str, Any], dict[str, Any]]], *other: object
+) -> dict[str, Any]:
+    """Print figures by depth, and write the maps."""
+    import numpy as np
+
+    from core.atomic import atomic_write
+    from core.project import read_project
+
+    if options.out is not None:
+        check_out(options.out, ".npz")
+    figures, maps = of(read_project(options.project), *other, options.kept, options.camera, options.projector)
+    names = [
+        name
+        for name in figures["depths"][0]
+        if name not in ("layer", "depth_mm", "nodes") and not name.endswith("_max")
+    ]
+    print("  ".join(["depth_mm", *names, "(r.m.s.)"]))
+    for row in figures["depths"]:
+        print("  ".join([f"{row['depth_mm']:8.1f}", *(f"{row[name]:{len(name)}.4f}" for name in names)]))
+    if options.out is not None:
+        with atomic_write(options.out) as file:
+            np.savez(file, **maps)
+        print(options.out)
+    return figures
+
+
+def _cross_validate(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline.volumes import left_out_figures
+    from core.project import read_project
+
+    found = left_out_figures(read_project(options.project), options.kept, progress)
+    for one in found:
+        rms = one["foreseen_px"].items()
+        foreseen = "  ".join(f"{name} {value:.4f} ({one['fitted_px'][name]:.4f})" for name, value in rms)
+        most = f"{one['parameter']} {one['change_sigmas']:+.1f} sigma"
+        word = "  does not fit the others" if one["off"] else ""
+        print(f"{one['capture']:20s} {foreseen}  F {one['statistic']:.2f}, limit {one['limit']:.2f}  {most}{word}")
+    print(
+        "r.m.s. residuals (px, lines) foreseen by the other captures (with the capture); what changes most without it"
+    )
+    return {"captures": found}
+
+
+def _next_pose(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline.volumes import next_pose_figures
+    from core.project import read_project
+
+    found = next_pose_figures(read_project(options.project), options.kept, progress)
+    for one in found:
+        tilt = (
+            f"tilted {one['tilt_deg']:.0f}° about {one['about_deg']:.0f}°" if one["tilt_deg"] else "facing the camera"
+        )
+        place = f"{tilt}, rolled {one['roll_deg']:.0f}°, {one['distance_mm']:.0f} mm away"
+        print(f"{place}: sigmas {one['gain']:.1%} smaller on average, {one['parameter']} {one['most']:.1%}")
+    return {"poses": found}
 
 
 def _profile(options: Options, progress: Progress) -> dict[str, Any]:
@@ -228,3 +323,14 @@ def _sign(options: Options, progress: Progress) -> dict[str, Any]:
         "passed": None if found is None else found.passed,
         "result": None if found is None else found.text,
     }
+
+
+def _verify(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.report.seal import verify
+
+    seal = verify(options.file)
+    print(f"{options.file}: {seal.words}")
+    print(f"sha256 {seal.digest}")
+    if not seal.intact:
+        raise StripeError(options.file, "is not as it was written", "take the report from where it was signed")
+    return {"intact": True, "signed": bool(seal.operator), "operator": seal.operator, "date": seal.date}

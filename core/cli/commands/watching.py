@@ -6,17 +6,32 @@ from pathlib import Path
 from typing import Any
 
 from core.cli.arguments import Commands, Options, add_devices, chosen_sequence, method_name, sequence_argument
+from core.errors import InputError
 from core.progress import Progress
 
 
 def add(commands: Commands) -> None:
     """Declare the commands of this group."""
     sub = commands.add_on_project("orient", _orient, "has the rig moved since its calibration, by any one capture")
-    sub.add_argument("capture", metavar="CAPTURE")
+    words = "without it all captures, each held against those before it"
+    sub.add_argument("capture", metavar="CAPTURE", nargs="?", help=words)
     sub.add_argument("--correct", action="store_true", help="keep the corrected orientation for `reconstruct --orient`")
     sub.add_argument(
         "--significance", type=float, default=1e-3, metavar="P", help="share of false alarms (default 0.001)"
     )
+    form = ("KIND", "FROM", "TO", "MM", "SIGMA")
+    words = "a known length in the scene: points, balls or planes U,V,RADIUS U,V,RADIUS, or targets ROW,COL ROW,COL"
+    sub.add_argument("--length", nargs=5, action="append", default=[], metavar=form, help=words)
+    words = "points measured before: a table, or without FILE the testfield as calibrated"
+    sub.add_argument("--points", nargs="?", const="testfield", metavar="FILE", help=words)
+    add_devices(sub)
+
+    sub = commands.add_on_project("features", _features, "holes, marks and edges of a capture, in space")
+    sub.add_argument("capture", metavar="CAPTURE")
+    for kind, place in (("circle", "U,V,RADIUS"), ("line", "U,V,U,V")):
+        words = f"a {kind} near here, px; may be given again"
+        sub.add_argument(f"--{kind}", action="append", default=[], metavar=place, help=words)
+    sub.add_argument("--orient", action="store_true", help="use the orientation that `orient --correct` has kept")
     add_devices(sub)
 
     sub = commands.add_on_project("live", _live, "continuous capture to points; Ctrl+C ends it")
@@ -32,10 +47,25 @@ def add(commands: Commands) -> None:
 
 
 def _orient(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import motion_words, motions_figures, orient_pairs
+    from core.pipeline import (
+        drift_figures,
+        drift_of,
+        drift_words,
+        motion_words,
+        motions_figures,
+        orient_pairs,
+        parse_length,
+    )
     from core.project import read_project
 
     project = read_project(options.project)
+    if options.capture is None:
+        if options.correct or options.length or options.points:
+            raise InputError("orient", "no CAPTURE with --correct, --length or --points", "name the capture")
+        charts = drift_of(project, significance=options.significance, progress=progress)
+        for line in drift_words(charts):
+            print(line)
+        return drift_figures(charts)
     motions = orient_pairs(
         project,
         options.capture,
@@ -43,6 +73,8 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
         projector=options.projector,
         correct=options.correct,
         significance=options.significance,
+        lengths=[parse_length(words) for words in options.length],
+        points=Path(options.points) if options.points not in (None, "testfield") else options.points,
         progress=progress,
     )
     for motion in motions:
@@ -51,6 +83,24 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
     if options.correct:
         print(f"kept: `stripe-core reconstruct {project.path} {motions[0].capture} --orient` uses it")
     return motions_figures(motions)
+
+
+def _features(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import feature_figures, feature_words, measure_features
+    from core.project import read_project
+
+    found = measure_features(
+        read_project(options.project),
+        options.capture,
+        [("circle", text) for text in options.circle] + [("line", text) for text in options.line],
+        camera=options.camera,
+        projector=options.projector,
+        orient=options.orient,
+        progress=progress,
+    )
+    for feature in found:
+        print(feature_words(feature))
+    return {"features": [feature_figures(feature) for feature in found]}
 
 
 def _live(options: Options, progress: Progress) -> dict[str, Any]:

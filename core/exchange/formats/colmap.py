@@ -9,10 +9,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from core.exchange.formats.format import Format, numbers, read_text, reading, write_text
 from core.exchange.pinhole import Pair, Pinhole
+from core.geometry import matrix_from_rotation_vector, rotation_vector_from_matrix
 
 HALF = 0.5
 _MODELS = {  # which of OpenCV's coefficients follow fx, fy, cx, cy
@@ -27,8 +27,10 @@ def _write(pair: Pair, path: Path) -> list[Path]:
     for number, p in ((1, pair.camera), (2, pair.projector)):
         values = [p.fx, p.fy, p.cx + HALF, p.cy + HALF, *p.distortion]
         cameras += f"{number} FULL_OPENCV {p.width} {p.height} {' '.join(repr(float(v)) for v in values)}\n"
-    x, y, z, w = Rotation.from_matrix(pair.rotation).as_quat()
-    pose = " ".join(repr(float(v)) for v in (w, x, y, z, *pair.translation_mm))
+    turn = rotation_vector_from_matrix(pair.rotation)
+    half = float(np.linalg.norm(turn)) / 2
+    quaternion = np.cos(half), *(np.sinc(half / np.pi) / 2 * turn)
+    pose = " ".join(repr(float(v)) for v in (*quaternion, *pair.translation_mm))
     images = (
         "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME, then a line of points; mm\n"
         f"1 1.0 0.0 0.0 0.0 0.0 0.0 0.0 1 camera.png\n\n2 {pose} 2 projector.png\n\n"
@@ -60,8 +62,11 @@ def _read(path: Path) -> Pair:
 
 
 def _pose(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    w, x, y, z = values[:4]
-    return Rotation.from_quat([x, y, z, w]).as_matrix(), values[4:]
+    w, turn = values[0], values[1:4]
+    if not values[:4].any():
+        raise ValueError("a quaternion of zeros")
+    sine = float(np.linalg.norm(turn))
+    return matrix_from_rotation_vector(2 * np.arctan2(sine, w) / (sine or 1.0) * turn), values[4:]
 
 
 def _lines(text: str) -> list[list[str]]:

@@ -28,7 +28,6 @@ class Format:
 
     Attributes
     ----------
-    name : str
     free : tuple of str
         The distortion parameters it has.
     write : callable
@@ -122,3 +121,11 @@ def coefficients(values: Any) -> tuple[float, ...]:
         raise ValueError("thin prisms or a tilted sensor, which this program does not have")
     found = np.concatenate([found[:8], np.zeros(max(0, 8 - len(found)))])
     return tuple(found.tolist())
+
+
+def covariance(values: Any) -> np.ndarray:
+    """Give the covariance of a `Pair`, which three formats carry as an entry of this program's own."""
+    found = numbers(values, (30, 30))
+    if np.abs(found - found.T).max() > 1e-6 * np.abs(found).max() or np.diagonal(found).min() < 0:
+        raise ValueError("parameter_covariance is none")
+    return found

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from core.exchange.formats.format import METRE_MM, Format, flow, numbers, reading, write_text, yaml_mapping
+from core.exchange.formats.format import METRE_MM, Format, covariance, flow, numbers, reading, write_text, yaml_mapping
 from core.exchange.pinhole import Pair, Pinhole
 
 
@@ -16,7 +16,10 @@ def _write(pair: Pair, path: Path) -> list[Path]:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = pair.rotation, np.asarray(pair.translation_mm) / METRE_MM
     rows = "".join(f"  - {flow(row)}\n" for row in pose)
-    return [write_text(path, _text("cam0", pair.camera) + _text("cam1", pair.projector) + f"  T_cn_cnm1:\n{rows}")]
+    known = "" if pair.covariance is None else f"  parameter_covariance: {flow(pair.covariance)}\n"
+    return [
+        write_text(path, _text("cam0", pair.camera) + _text("cam1", pair.projector) + f"  T_cn_cnm1:\n{rows}{known}")
+    ]
 
 
 def _text(key: str, p: Pinhole) -> str:
@@ -33,7 +36,9 @@ def _read(path: Path) -> Pair:
     with reading(path, "kalibr"):
         pose = numbers(data["cam1"]["T_cn_cnm1"], (4, 4))
         first, second = _device("camera", data["cam0"]), _device("projector", data["cam1"])
-        return Pair(first, second, pose[:3, :3], pose[:3, 3] * METRE_MM)
+        known = data["cam1"].get("parameter_covariance")
+        cov = None if known is None else covariance(known)
+        return Pair(first, second, pose[:3, :3], pose[:3, 3] * METRE_MM, cov)
 
 
 def _device(name: str, data: Mapping[str, Any]) -> Pinhole:

@@ -10,17 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from core.exchange.formats.format import METRE_MM, Format, numbers, read_text, reading, second_file, write_text
 from core.exchange.pinhole import Pair, Pinhole
+from core.geometry import matrix_from_rotation_vector, rotation_vector_from_matrix
 
 _LENSES = {"LENSMODEL_PINHOLE": 0, "LENSMODEL_OPENCV4": 4, "LENSMODEL_OPENCV5": 5, "LENSMODEL_OPENCV8": 8}
 
 
 def _write(pair: Pair, path: Path) -> list[Path]:
-    turn = Rotation.from_matrix(pair.rotation).as_rotvec()
-    pose = [*turn, *(np.asarray(pair.translation_mm) / METRE_MM)]
+    pose = [*rotation_vector_from_matrix(pair.rotation), *(np.asarray(pair.translation_mm) / METRE_MM)]
     return [
         write_text(path, _text(pair.camera, [0.0] * 6)),
         write_text(second_file(path), _text(pair.projector, pose)),
@@ -66,7 +65,7 @@ def _device(name: str, path: Path) -> tuple[Pinhole, np.ndarray, np.ndarray]:
         width, height = (int(n) for n in data["imagersize"])
         pose = numbers(data["extrinsics"], (6,))
         k = [*k, *[0.0] * (8 - len(k))]
-    return Pinhole(name, width, height, fx, fy, cx, cy, tuple(k)), Rotation.from_rotvec(pose[:3]).as_matrix(), pose[3:]
+    return Pinhole(name, width, height, fx, fy, cx, cy, tuple(k)), matrix_from_rotation_vector(pose[:3]), pose[3:]
 
 
 FORMAT = Format("mrcal", ("k1", "k2", "p1", "p2", "k3"), _write, _read, (".cameramodel",))

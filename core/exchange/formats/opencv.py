@@ -12,7 +12,7 @@ import numpy as np
 
 from core.atomic import atomic_write
 from core.errors import InputError
-from core.exchange.formats.format import Format, coefficients, numbers, read_text, reading
+from core.exchange.formats.format import Format, coefficients, covariance, numbers, read_text, reading
 from core.exchange.pinhole import Pair, Pinhole
 
 _MATRIX = ("camera_matrix", "M1", "K1", "cameraMatrix1", "K"), ("projector_matrix", "M2", "K2", "cameraMatrix2")
@@ -36,6 +36,8 @@ def _write(pair: Pair, path: Path) -> list[Path]:
         storage.write(distortion, np.array([k if any(k[5:]) else k[:5]]))
     storage.write("R", np.ascontiguousarray(pair.rotation))
     storage.write("T", np.asarray(pair.translation_mm, np.float64).reshape(3, 1))
+    if pair.covariance is not None:
+        storage.write("parameter_covariance", pair.covariance)
     storage.write("fit_rms_px", float(pair.camera.rms_px))
     storage.write("projector_fit_rms_px", float(pair.projector.rms_px))
     with atomic_write(path) as file:
@@ -61,11 +63,13 @@ def _read(path: Path) -> Pair:
                 width, height = (int(_first(storage, (f"{prefix}_{side}",))) for side in ("width", "height"))
                 devices.append(Pinhole(name, width, height, K[0, 0], K[1, 1], K[0, 2], K[1, 2], k))
             R, T = numbers(_first(storage, ("R",)), (3, 3)), numbers(_first(storage, ("T",)), (3,))
+            sigmas = storage.getNode("parameter_covariance")
+            cov = None if sigmas.empty() else covariance(sigmas.mat())
         except cv2.error as error:
             raise InputError(path, f"a matrix cannot be read ({error.err})", "export it as opencv again") from error
         finally:
             storage.release()
-    return Pair(devices[0], devices[1], R, T)
+    return Pair(devices[0], devices[1], R, T, cov)
 
 
 def _first(storage: cv2.FileStorage, names: tuple[str, ...]) -> np.ndarray | float:

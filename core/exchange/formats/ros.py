@@ -1,6 +1,7 @@
 """ROS: a `camera_info` YAML for each device (REP 104), plumb_bob; the projector's beside it, with its pose in metres.
 
-The projector's file has the further entry ``T_projector_camera``, four by four, which readers of `camera_info` ignore.
+The projector's file has the further entries ``T_projector_camera``, four by four, and ``parameter_covariance``, which
+readers of `camera_info` ignore.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from core.exchange.formats.format import (
     METRE_MM,
     Format,
     coefficients,
+    covariance,
     flow,
     numbers,
     reading,
@@ -28,9 +30,10 @@ from core.exchange.pinhole import Pair, Pinhole
 def _write(pair: Pair, path: Path) -> list[Path]:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = pair.rotation, np.asarray(pair.translation_mm) / METRE_MM
+    known = "" if pair.covariance is None else _matrix("parameter_covariance", pair.covariance)
     return [
         write_text(path, _text(pair.camera)),
-        write_text(second_file(path), _text(pair.projector) + _matrix("T_projector_camera", pose)),
+        write_text(second_file(path), _text(pair.projector) + _matrix("T_projector_camera", pose) + known),
     ]
 
 
@@ -59,7 +62,8 @@ def _read(path: Path) -> Pair:
     with reading(other, "ros"):
         second = _device("projector", projector)
         pose = numbers(projector["T_projector_camera"]["data"], (4, 4))
-    return Pair(first, second, pose[:3, :3], pose[:3, 3] * METRE_MM)
+        cov = covariance(projector["parameter_covariance"]["data"]) if "parameter_covariance" in projector else None
+    return Pair(first, second, pose[:3, :3], pose[:3, 3] * METRE_MM, cov)
 
 
 def _device(name: str, data: Mapping[str, Any]) -> Pinhole:

@@ -6,6 +6,7 @@ one record (`record.Lens`): names, units, derivatives. Sizes elsewhere follow fr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import import_module
 from pkgutil import iter_modules
 
@@ -76,7 +77,7 @@ def at_radius(interior: Interior, r0_mm: float) -> Interior:
     return interior if referred is None else referred(interior, r0_mm)
 
 
-def fitted(spec: DeviceSpec, interior: Interior, model: str) -> tuple[Interior, float]:
+def fitted(spec: DeviceSpec, interior: Interior, model: str, names: Sequence[str] = ()) -> tuple[Interior, float]:
     """Say the same by another lens model, as nearly as it can.
 
     Parameters
@@ -84,7 +85,9 @@ def fitted(spec: DeviceSpec, interior: Interior, model: str) -> tuple[Interior, 
     spec, interior
         A device.
     model : str
-        Name of the other model, of which the usual parameters are used.
+        Name of the other model.
+    names : sequence of str
+        Which of its parameters to use, the usual ones if none are named.
 
     Returns
     -------
@@ -97,7 +100,7 @@ def fitted(spec: DeviceSpec, interior: Interior, model: str) -> tuple[Interior, 
     rays = undistort(interior, measured) / interior.c_mm
     keep = np.isfinite(rays).all(axis=-1)
     measured, rays = measured[keep], rays[keep]
-    free = [lens.names.index(name) for name in lens.usual]
+    free = [lens.names.index(name) for name in names or lens.usual]
     p = lens.interior(interior.c_mm, spec.zero_radius_mm).vector
     p[1:3] = interior.x0_mm, interior.y0_mm
     off = measured
@@ -106,7 +109,8 @@ def fitted(spec: DeviceSpec, interior: Interior, model: str) -> tuple[Interior, 
         off = measured - lens.distort(there, rays * there.c_mm)
         J = lens.derivatives(there, rays * there.c_mm)[1][..., free].reshape(-1, len(free))
         scale = np.linalg.norm(J, axis=0)
-        p[free] += np.linalg.lstsq(J / scale, off.ravel(), rcond=None)[0] / scale
+        # of brown's k1 to k6 together some change nothing: steps along them would grow without end; usual ones are 0.01
+        p[free] += np.linalg.lstsq(J / scale, off.ravel(), rcond=1e-6)[0] / scale
     return there, float(np.sqrt(np.mean(np.sum((off / spec.pitch_mm) ** 2, axis=-1))))
 
 

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from core.errors import InputError
 from core.measure.estimators import ESTIMATORS
-from core.measure.kinds.chessboard import CHARUCO, CHESSBOARD
+from core.measure.kinds.chessboard import CHESSBOARD
 from core.measure.kinds.dots import DOTS
-from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
+from core.measure.kinds.kind import Guesses, Marks, Patch, Sight, TargetKind
+from core.measure.kinds.rings import RINGS
+from core.measure.kinds.tags import APRILGRID, CHARUCO, TAGS
 from core.model import Testfield
 
-TARGET_KINDS: dict[str, TargetKind] = {"dots": DOTS, "chessboard": CHESSBOARD, "charuco": CHARUCO}
+TARGET_KINDS: dict[str, TargetKind] = {
+    "dots": DOTS,
+    "rings": RINGS,
+    "chessboard": CHESSBOARD,
+    "charuco": CHARUCO,
+    "aprilgrid": APRILGRID,
+    "tags": TAGS,
+}
 
 
 def kind_of(testfield: Testfield, where: str = "testfield.csv") -> TargetKind:
@@ -27,4 +36,4 @@ def kind_of(testfield: Testfield, where: str = "testfield.csv") -> TargetKind:
     return TARGET_KINDS[testfield.kind]
 
 
-__all__ = ["TARGET_KINDS", "Guesses", "Marks", "Sight", "TargetKind", "kind_of"]
+__all__ = ["TARGET_KINDS", "Guesses", "Marks", "Patch", "Sight", "TargetKind", "kind_of"]

@@ -1,15 +1,14 @@
 """Chessboards: the targets are the corners where four squares meet, `diameter_mm` is the side of a square.
 
-A plain chessboard is recognised where all its corners are seen, and looks the same half a turn round. A ChArUco board
-has a coded tag in every white square: each tag tells where it is, so that any part of the board with four tags will do.
-Rows and columns count the corners as OpenCV does, from the corner of the board where the first tag is.
+A chessboard is recognised where all its corners are seen, and looks the same half a turn round. Rows and columns count
+the corners as OpenCV does. How corners are found outwards from picks and measured is the same for boards of tags.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cache
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -17,8 +16,8 @@ from numpy.typing import NDArray
 
 from core.errors import NotRecognisedError
 from core.measure.board import Board
-from core.measure.corners import fit_saddles
-from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
+from core.measure.corners import fit_corners
+from core.measure.kinds.kind import Guesses, Marks, Patch, Sight, TargetKind
 from core.measure.missing import EXCLUDED
 from core.measure.picks import check_picks, side_seen
 from core.measure.view import View, first_view, fit_both_tilts
@@ -26,19 +25,30 @@ from core.model import DeviceSpec, Seed, Testfield
 
 Array = NDArray[np.float64]
 
-FAMILIES = ("5X5_{}", "4X4_{}", "6X6_{}", "7X7_{}", "APRILTAG_36h11")
-SIZES = (50, 100, 250, 1000)  # of dictionaries: each begins with the smaller ones, and takes longer to look through
-LEAST_TAGS = 4
-ENOUGH_TAGS = 10  # that fit one board: no other family is looked for
-PLAIN, TAGGED = 0.35, 0.17  # radius that counts, in squares: beyond it are the next corners, or the tags
+PLAIN = 0.35  # radius that counts, in squares: beyond it are the next corners
 REACH = 2.3  # squares from measured corners at which the next ones are looked for
 OFF = 0.25  # squares that a corner may be off its prediction
+ASIDE = 0.5  # radii from a corner along both its edges, where the squares are looked at
 LEAST_CONTRAST = 5.0  # of the noise
-ROUGH = 0.25  # residuals over the contrast that a clean corner may show
+SMEARED = 1.5  # blur over the usual one from which something else lies across an edge
 LEAST_RADIUS_PX, MOST_RADIUS_PX = 2.6, 10.0
 
 
-def _eight_bits(image: NDArray) -> NDArray[np.uint8]:
+@dataclass(frozen=True)
+class CornerShape:
+    """Corners of a kind: the radius on the board that counts, mm, and whether one quadrant alone is dark.
+
+    That is the one towards the other corner of the same two rows and two columns. `rough` are residuals over the
+    contrast that a clean corner may show beyond the usual noise.
+    """
+
+    radius_mm: Callable[[Board], Array]
+    single: bool = False
+    rough: float = 0.025
+
+
+def eight_bits(image: NDArray) -> NDArray[np.uint8]:
+    """Stretch grey values to what OpenCV's functions take."""
     low, high = np.percentile(image[::3, ::3], [0.5, 99.5])
     return np.asarray(np.clip((image - low) * (255 / max(high - low, 1e-6)), 0, 255), np.uint8)
 
@@ -51,7 +61,7 @@ def _guess_plain(
 ) -> tuple[Array, Guesses]:
     """Look for the whole board; either way round, as the nominal side allows."""
     rows, cols = int(testfield.row.max()) + 1, int(testfield.col.max()) + 1
-    grey = _eight_bits(image)
+    grey = eight_bits(image)
     found, corners = cv2.findChessboardCornersSB(grey, (cols, rows), flags=cv2.CALIB_CB_EXHAUSTIVE)
     if not found or len(testfield.row) != rows * cols:
         return np.zeros((0, 2)), ()
@@ -77,118 +87,35 @@ def _first_dark(grey: NDArray[np.uint8], uv: Array, row: NDArray[np.int64], col:
     return bool(value[even].mean() < value[~even].mean())
 
 
-def _guess_tagged(
-    image: NDArray, testfield: Testfield, camera: DeviceSpec, known: Sequence[Seed], side: str
-) -> tuple[Array, Guesses]:
-    """Place the board by its tags."""
-    grey = _eight_bits(image)
-    best: tuple[int, Array, Array] | None = None
-    seen: Array = np.zeros((0, 2))
-    size = next((n for n in SIZES if n >= len(_tagged_squares(testfield, False))), SIZES[-1])
-    for family in FAMILIES:
-        if best is not None and best[0] >= ENOUGH_TAGS:
-            break
-        tags, ids, _ = _detector(family.format(size)).detectMarkers(grey)
-        if ids is None or len(ids) < max(LEAST_TAGS, 0 if best is None else best[0]):
-            continue
-        centres = np.array([_crossing(tag.reshape(4, 2)) for tag in tags])
-        for first_black in (True, False):
-            squares = _tagged_squares(testfield, first_black)
-            use = np.flatnonzero(ids.ravel() < len(squares))
-            if len(use) < LEAST_TAGS:
-                continue
-            places = squares[ids.ravel()[use]]
-            H, fits = cv2.findHomography(places, centres[use], cv2.RANSAC, _square_px(centres[use], places) * 0.3)
-            if H is None or fits.sum() < LEAST_TAGS:
-                continue
-            if best is None or fits.sum() > best[0]:
-                best, seen = (int(fits.sum()), np.asarray(H, np.float64), places[fits.ravel() > 0]), centres
-    if best is None:
-        return seen, ()
-    _, H, near = best
-    corner = np.column_stack([testfield.col, testfield.row]).astype(np.float64)
-    uv = _mapped(H, corner)
-    inside = np.all((uv > 4) & (uv < np.array([camera.width, camera.height]) - 5), axis=1)
-    beside = np.min(np.linalg.norm(corner[:, None] - near[None], axis=2), axis=1) < 0.8
-    usable = np.flatnonzero(inside & beside)
-    fine = _refined(grey, uv[usable], 3)
-    half = np.stack([_mapped(H, corner[usable] + step) - uv[usable] for step in ((0.5, 0.0), (0.0, 0.5))], axis=2)
-    near = np.linalg.norm(fine - uv[usable], axis=1) < 2 * OFF * np.linalg.svd(half, compute_uv=False)[:, 1]
-    clear = near & _alternates(grey, fine, half)  # not covered
-    usable, fine = usable[clear], fine[clear]
-    if len(usable) < 4:
-        return seen, ()
-    at = corner[usable]
-    chosen = list(dict.fromkeys(int(np.argmax(a * at[:, 0] + b * at[:, 1])) for a, b in _CORNERS))
-    seeds = tuple(
-        Seed(int(testfield.row[usable[k]]), int(testfield.col[usable[k]]), float(fine[k, 0]), float(fine[k, 1]))
-        for k in chosen
-    )
-    return seen, (seeds,) if len(seeds) == 4 else ()
-
-
-_CORNERS = ((-1.0, -1.01), (1.0, -1.01), (1.0, 1.01), (-1.0, 1.01))
-
-
-@cache
-def _detector(name: str) -> Any:
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
-    return cv2.aruco.ArucoDetector(dictionary)
-
-
-def _mapped(H: Array, at: Array) -> Array:
-    return np.asarray(cv2.perspectiveTransform(at.reshape(-1, 1, 2), H), np.float64).reshape(-1, 2)
-
-
-def _crossing(tag: Array) -> Array:
-    """Where the diagonals of a tag cross: the image of its centre."""
-    a, b, c, d = tag.astype(np.float64)
-    share = np.linalg.solve(np.column_stack([c - a, b - d]), b - a)[0]
-    return np.asarray(a + share * (c - a))
-
-
-def _tagged_squares(testfield: Testfield, first_black: bool) -> Array:
-    """Middles (k, 2) of the white squares by the tags' numbers, in columns and rows of corners."""
-    rows, cols = int(testfield.row.max()) + 2, int(testfield.col.max()) + 2
-    black = 0 if first_black else 1
-    return np.array([(x - 0.5, y - 0.5) for y in range(rows) for x in range(cols) if (x + y) % 2 != black])
-
-
-def _square_px(uv: Array, places: Array) -> float:
-    """Side of a square in px, about."""
-    linear = np.linalg.lstsq(np.column_stack([places, np.ones(len(places))]), uv, rcond=None)[0][:2]
-    return float(max(np.sqrt(abs(np.linalg.det(linear))), 4.0))
-
-
 # ------------------------------------------------------------------------------------------------------ measuring
 
 
-def _measure(radius: float, sight: Sight, seeds: Sequence[Seed]) -> Marks:
+def measure_corners(kind: CornerShape, sight: Sight, seeds: Sequence[Seed]) -> Marks:
     """Find all corners outwards from the picks, and fit them."""
     board, camera = sight.board, sight.camera
     picks = check_picks(board, seeds, (camera.width, camera.height), sight.where, sight.options.side)
     view = first_view(camera, board.xyz_mm[picks.target], picks.uv)
     if view is None:
         raise NotRecognisedError(sight.where, "no view of the board has the picks where they are", "correct them")
-    uv, view = _outwards(_eight_bits(sight.image), board, view, picks.target, picks.uv)
+    arms = kind.radius_mm(board)[:, None] * _inwards(board) if kind.single else np.tile(kind.radius_mm(board), (2, 1)).T
+    uv, view = _outwards(eight_bits(sight.image), board, view, picks.target, picks.uv, arms, kind.single)
     known = np.flatnonzero(np.isfinite(uv[:, 0]))
     if len(known) < 4:
         seen = f"{len(known)} corners where the picks predict them"
         raise NotRecognisedError(sight.where, seen, "pick corners where four squares meet")
-    side = 2 * board.radius_mm[known]
-    axes = view.jacobian(board.xyz_mm[known])
-    square_px = side * np.linalg.svd(axes, compute_uv=False)[:, 1]
-    radius_px = np.clip(radius * square_px, LEAST_RADIUS_PX, MOST_RADIUS_PX)
-    fit = fit_saddles(sight.image, uv[known], axes, radius_px)
+    area = view.jacobian(board.xyz_mm[known]) * arms[known, None, :]
+    U, radii_px, Vt = np.linalg.svd(area)
+    area = (U * np.clip(radii_px, LEAST_RADIUS_PX, MOST_RADIUS_PX)[:, None, :]) @ Vt
+    fit = fit_corners(sight.image, uv[known], area, kind.single)
     missing = _missing(sight, view, np.setdiff1d(np.arange(len(board.row)), known))
     with np.errstate(invalid="ignore"):
         noise = float(np.median(fit.rest))
         dim = ~(np.abs(fit.contrast) > LEAST_CONTRAST * noise)
-        rough = ~(fit.rest < ROUGH * np.abs(fit.contrast)) | ~np.isfinite(fit.uv[:, 0])
+        rough = ~(fit.rest < 1.6 * noise + kind.rough * np.abs(fit.contrast)) | ~np.isfinite(fit.uv[:, 0])
+        rough |= fit.blur > SMEARED * float(np.median(fit.blur[~rough & ~dim]))
     for bad, why in ((dim, "no contrast"), (rough, "it is not a corner of four even squares: covered or disturbed")):
         missing |= dict.fromkeys(known[bad].tolist(), why)
     good = ~(dim | rough) & ~np.isin(known, list(sight.unwanted))
-    area = axes * (radius_px / square_px * side)[:, None, None]
     one = np.ones(int(good.sum()))
     return Marks(
         known[good], fit.uv[good], fit.cov[good], area[good], one, fit.blur[good], 0 * fit.uv[good],
@@ -197,7 +124,13 @@ def _measure(radius: float, sight: Sight, seeds: Sequence[Seed]) -> Marks:
 
 
 def _outwards(
-    grey: NDArray[np.uint8], board: Board, view: View, start: NDArray[np.int64], start_uv: Array
+    grey: NDArray[np.uint8],
+    board: Board,
+    view: View,
+    start: NDArray[np.int64],
+    start_uv: Array,
+    arms: Array,
+    single: bool,
 ) -> tuple[Array, View]:
     """Corners (n, 2) to about a tenth of a pixel, NaN where there is none; the view that fits them.
 
@@ -208,7 +141,8 @@ def _outwards(
     reached = np.zeros(len(board.row), bool)
     reached[start] = True
     known, known_uv = start, start_uv
-    spacing = float(np.median(board.spacing_mm))
+    fourth = board.neighbours[:, min(3, board.neighbours.shape[1] - 1)]
+    spacing = float(np.median(np.linalg.norm(board.xyz_mm[fourth] - board.xyz_mm, axis=1)))
     before = -1
     while before < (before := int(np.isfinite(uv[:, 0]).sum())) or before == 0:
         expected, axes = view.project(board.xyz_mm), view.jacobian(board.xyz_mm)
@@ -222,11 +156,11 @@ def _outwards(
         if not len(tried):
             break
         half = int(np.clip(np.median(square[tried]) * 0.2, 2, 8))
-        at = _refined(grey, expected[tried], half)
+        at = refined(grey, expected[tried], half)
         near = np.linalg.norm(at - expected[tried], axis=1) < OFF * square[tried]
-        keep = near & _alternates(grey, at, axes[tried] * board.radius_mm[tried, None, None])
-        if known is start:  # four picks are few for the view that this looks by
-            keep = near
+        keep = near & is_corner(grey, at, axes[tried] * arms[tried, None, :], single)
+        if known is start and near.sum() >= 3:  # few for the view that this looks by, and one may be covered
+            keep, at = near | True, np.where(near[:, None], at, expected[tried])
         if keep.sum() < 4:
             break
         uv[tried[keep]] = at[keep]
@@ -239,7 +173,7 @@ def _outwards(
     return uv, view
 
 
-def _refined(grey: NDArray[np.uint8], uv: Array, half: int) -> Array:
+def refined(grey: NDArray[np.uint8], uv: Array, half: int) -> Array:
     """Move places (n, 2) onto the corners next to them."""
     if not len(uv):
         return uv
@@ -248,14 +182,23 @@ def _refined(grey: NDArray[np.uint8], uv: Array, half: int) -> Array:
     return np.asarray(moved, np.float64).reshape(-1, 2)
 
 
-def _alternates(grey: NDArray[np.uint8], uv: Array, half: Array) -> NDArray[np.bool_]:
-    """Whether the four squares around are dark and bright in turn, shape (n,)."""
+def is_corner(grey: NDArray[np.uint8], uv: Array, arms: Array, single: bool = False) -> NDArray[np.bool_]:
+    """Whether the four quadrants between arms (n, 2, 2) are dark and bright in turn, or the first alone is dark."""
     values = []
     for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
-        u, v = (uv + 0.25 * (half @ np.array([x, y], np.float64))).astype(np.float32).T
+        u, v = (uv + ASIDE * (arms @ np.array([x, y], np.float64))).astype(np.float32).T
         values.append(cv2.remap(grey, u[:, None].copy(), v[:, None].copy(), cv2.INTER_LINEAR).ravel().astype(float))
     a, b, c, d = values
+    if single:
+        return np.asarray(a < np.minimum(np.minimum(b, c), d))
     return np.asarray((np.minimum(a, c) > np.maximum(b, d)) | (np.minimum(b, d) > np.maximum(a, c)))
+
+
+def _inwards(board: Board) -> Array:
+    """Signs (n, 2) of board X and Y from each corner into its tag."""
+    own = zip(board.row.tolist(), board.col.tolist(), strict=True)
+    other = [board.index.get((r ^ 1, c ^ 1), i) for i, (r, c) in enumerate(own)]
+    return np.asarray(np.where(board.xyz_mm[other, :2] < board.xyz_mm[:, :2], -1.0, 1.0))
 
 
 def _missing(sight: Sight, view: View, rest: NDArray[np.int64]) -> dict[int, str]:
@@ -266,15 +209,27 @@ def _missing(sight: Sight, view: View, rest: NDArray[np.int64]) -> dict[int, str
     return {int(t): words[int(there)] for t, there in zip(rest, inside, strict=True)}
 
 
-def _nearest(
+def nearest_corner(
     image: NDArray, testfield: Testfield, uv: tuple[float, float], reach_px: float
 ) -> tuple[float, float] | None:
+    """Move a place that an operator points at onto the corner there."""
     window = int(np.clip(reach_px, 2, 8))
     if not (window < uv[0] < image.shape[1] - window - 1 and window < uv[1] < image.shape[0] - window - 1):
         return None
-    at = _refined(_eight_bits(image), np.array([uv], np.float64), window)[0]
+    at = refined(eight_bits(image), np.array([uv], np.float64), window)[0]
     return (float(at[0]), float(at[1])) if np.hypot(at[0] - uv[0], at[1] - uv[1]) <= reach_px else None
 
 
-CHESSBOARD = TargetKind("corners", _guess_plain, lambda sight, seeds: _measure(PLAIN, sight, seeds), _nearest)
-CHARUCO = TargetKind("tags", _guess_tagged, lambda sight, seeds: _measure(TAGGED, sight, seeds), _nearest, coded=True)
+def drawn_squares(testfield: Testfield) -> tuple[Patch, ...]:
+    """The dark squares round all corners, the first one dark."""
+    corner = np.column_stack([testfield.col, testfield.row, np.ones(len(testfield.row))])
+    to_mm = np.linalg.lstsq(corner, testfield.xyz_mm[:, :2], rcond=None)[0]
+    ends = [(-1, -1, 1), (0, -1, 1), (0, 0, 1), (-1, 0, 1)]
+    dark = [(x, y, 0) for y in range(int(corner[:, 1].max()) + 2) for x in range(int(corner[:, 0].max()) + 2)]
+    return tuple(Patch((np.array(ends) + place) @ to_mm, True) for place in dark if (place[0] + place[1]) % 2 == 0)
+
+
+PLAIN_SHAPE = CornerShape(lambda board: 2 * PLAIN * board.radius_mm)
+CHESSBOARD = TargetKind(
+    "corners", _guess_plain, partial(measure_corners, PLAIN_SHAPE), nearest_corner, drawn=drawn_squares, round=False
+)

@@ -22,6 +22,7 @@ from core.measure.picks import check_picks, snap
 from core.measure.profile import Profiles, profiles
 from core.measure.propose import find_dots, propose_picks
 from core.measure.rays import Rays
+from core.measure.rows import row_shift
 from core.measure.single import dot_at
 from core.measure.view import fit_both_tilts
 from core.model import DeviceSpec, Seed, Testfield
@@ -38,7 +39,7 @@ def _dark(testfield: Testfield) -> bool:
     return testfield.polarity == "black-on-white"
 
 
-def _measure(sight: Sight, seeds: Sequence[Seed]) -> Marks:
+def measure_dots(sight: Sight, seeds: Sequence[Seed], coded: bool = False) -> Marks:
     """Find, identify and measure all dots from at least 4 picks that do not lie on one line."""
     board, camera, options, progress = sight.board, sight.camera, sight.options, sight.progress
     image = -sight.image if _dark(sight.testfield) else sight.image
@@ -47,7 +48,7 @@ def _measure(sight: Sight, seeds: Sequence[Seed]) -> Marks:
     blobs = find_blobs(image, _diameters(board, picks.affine), picks.uv)
     spots, notes = snap(board, picks, blobs)
     progress(0.3, "identifying targets")
-    lattice = identify(board, camera, blobs, picks, spots)
+    lattice = identify(board, camera, blobs, picks, spots, coded)
     progress(0.6, "measuring centroids")
     dots, fault = _measure_dots(sight, image, lattice)
     fault = [EXCLUDED if t in sight.unwanted else f for t, f in zip(dots.target.tolist(), fault, strict=True)]
@@ -86,7 +87,9 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice) -> tuple[Marks,
     fault = shape_faults(image, modulation, Rays(uv, rays.ellipse), profile, size, noise, dark)
     scale = profile.contour[:, 0]
     ellipse = rays.ellipse * scale[:, None, None]
-    return Marks(target, uv, cov, ellipse, profile.window / scale, profile.blur, np.zeros_like(uv), {}), fault
+    window, level = profile.window / scale, threshold * profile.contrast
+    shift = row_shift(image, *(a[[not f for f in fault]] for a in (uv, ellipse, window, profile.plane, level)))
+    return Marks(target, uv, cov, ellipse, window, profile.blur, np.zeros_like(uv), {}, row_shift_px=shift), fault
 
 
 def _recentred(profile: Profiles, ellipse: Array, shift: Array) -> Profiles:
@@ -114,6 +117,7 @@ def _centred(sight: Sight, lattice: Lattice, dots: Marks, fault: list[str]) -> M
         dots.blur[good],
         shift,
         reasons(sight.phase, replace(lattice, view=view), faults),
+        row_shift_px=dots.row_shift_px,
     )
 
 
@@ -130,4 +134,4 @@ def _nearest(
     return dot_at(image, *uv, dark=_dark(testfield), reach_px=reach_px)
 
 
-DOTS = TargetKind("dots", _guess, _measure, _nearest, recentred=recentred)
+DOTS = TargetKind("dots", _guess, measure_dots, _nearest, recentred=recentred)

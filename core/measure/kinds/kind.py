@@ -61,6 +61,10 @@ class Marks:
         Why each of the other targets was not measured.
     notes : tuple of str
         What else an operator should know.
+    row_shift_px : float
+        Standard deviation of the shift that all of an image row has in common, which is not in `cov`.
+    code : float
+        Radius, in that unit disc, from which something else is printed round the targets.
     """
 
     target: NDArray[np.int64]
@@ -72,6 +76,16 @@ class Marks:
     shift: Array
     missing: dict[int, str]
     notes: tuple[str, ...] = ()
+    row_shift_px: float = 0.0
+    code: float = np.inf
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A printed area: its outline (k, 2) on the board, mm, in the targets' tone or in that of the ground."""
+
+    outline_mm: Array
+    ink: bool
 
 
 @dataclass(frozen=True)
@@ -96,6 +110,10 @@ class TargetKind:
     recentred : callable or None
         ``(targets, testfield, spec, interior, pose) -> targets``: the correction from an adjusted camera and its pose
         instead of the nominal one; None where nothing depends on it.
+    drawn : callable or None
+        ``testfield -> patches``: what is printed, each over those before, beside the dots of round targets.
+    round : bool
+        The targets are dots.
     """
 
     plural: str
@@ -104,3 +122,5 @@ class TargetKind:
     nearest: Callable[[NDArray, Testfield, tuple[float, float], float], tuple[float, float] | None]
     coded: bool = False
     recentred: Callable[[TargetSet, Testfield, DeviceSpec, Interior, Pose], TargetSet] | None = None
+    drawn: Callable[[Testfield], tuple[Patch, ...]] | None = None
+    round: bool = True

@@ -43,13 +43,9 @@ def _words(pattern: Code, along: str) -> str:
     return f"{'inverse ' * pattern.inverse}{pattern.kind} bit {pattern.bit} of {pattern.bits} across {along}"
 
 
-def _cycle(pattern: Code) -> float:
-    return 4.0 * pattern.cell
-
-
 def _write(pattern: Code) -> dict[str, Any]:
     return {key: value for key, value in asdict(pattern).items() if key != "kind"}
 
 
-GRAY = Kind("code", _reader("gray"), _light, _words, cycle=_cycle, write=_write)
-BINARY = Kind("code", _reader("binary"), _light, _words, cycle=_cycle, write=_write)
+GRAY = Kind("code", _reader("gray"), _light, _words, cycle=lambda p: 4.0 * p.cell, write=_write)
+BINARY = Kind("code", _reader("binary"), _light, _words, cycle=lambda p: 4.0 * p.cell, write=_write)

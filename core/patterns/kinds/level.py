@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from core.fields import Fields
-from core.patterns.kinds.kind import Array, Kind, Numbers
+from core.patterns.kinds.kind import Kind
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,10 @@ def _read(fields: Fields) -> Level:
     return Level(value)
 
 
-def _light(pattern: Level, i: Numbers) -> Array:
-    return np.full(i.shape, pattern.value)
-
-
-def _grey(pattern: Level) -> str | None:
-    return None if pattern.value in (0, 1) else f"the pattern is a level of {pattern.value:g}: use white and black"
-
-
-LEVEL = Kind("level", _read, _light, lambda pattern, along: f"a level of {pattern.value:g}", _grey)
+LEVEL = Kind(
+    "level",
+    _read,
+    lambda pattern, i: np.full(i.shape, pattern.value),
+    lambda p, _: f"a level of {p.value:g}",
+    lambda p: None if p.value in (0, 1) else f"the pattern is a level of {p.value:g}: use white and black",
+)

@@ -48,8 +48,4 @@ def _grey(pattern: Phase) -> str | None:
     return 'the pattern has profile "sine": use "square"' if pattern.profile == "sine" else None
 
 
-def _cycle(pattern: Phase) -> float:
-    return pattern.period
-
-
-PHASE = Kind("phase", _read, _light, _words, _grey, _cycle)
+PHASE = Kind("phase", _read, _light, _words, _grey, lambda pattern: pattern.period)

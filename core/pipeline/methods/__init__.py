@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 
 from core.errors import InputError
-from core.figures import left_out_figures, verdict_figures
+from core.figures import picked, verdict_figures
 from core.model import Calibration, Capture, Figures, Method
 from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement
 from core.pipeline.methods.photogrammetric import PHOTOGRAMMETRIC
@@ -18,13 +18,7 @@ METHODS: dict[Method, CalibrationMethod] = {"photogrammetric": PHOTOGRAMMETRIC, 
 
 
 def method_of(name: Method) -> CalibrationMethod:
-    """Look up a method by its name.
-
-    Raises
-    ------
-    InputError
-        If it is unknown.
-    """
+    """Look up a method by its name."""
     if name not in METHODS:
         raise InputError("method", f"is {name!r}", f"choose among {', '.join(METHODS)}")
     return METHODS[name]
@@ -49,7 +43,7 @@ def calibration_figures(calibrations: Mapping[Method, Calibration]) -> Figures:
         name: {
             **METHODS[name].figures(calibration),
             "verdict": verdict_figures(calibration.verdict),
-            "left_out": [left_out_figures(entry) for entry in calibration.left_out],
+            "left_out": [picked(entry, "capture points of because") for entry in calibration.left_out],
             "warnings": list(calibration.warnings),
         }
         for name, calibration in calibrations.items()

@@ -32,18 +32,6 @@ class Judgement:
     left_out: tuple[LeftOut, ...] = ()
 
 
-def _any(_capture: Capture) -> bool:
-    return True
-
-
-def _no_camera(_phase: PhaseMap, _calibration: Any) -> None:
-    return None
-
-
-def _only_listed(evidence: Evidence, name: str, _calibration: Any) -> Judgement:
-    return Judgement(left_out=evidence.left_out(name))
-
-
 def intersected(phase: PhaseMap, calibration: Any, extrapolate: bool, progress: Progress) -> PointCloud:
     """Give the points by `core.reconstruct`, for calibrations that it knows."""
     from core.reconstruct import reconstruct
@@ -80,6 +68,8 @@ class CalibrationMethod:
         ``(evidence, name, calibration) -> Judgement``; what is wrong with the captures themselves is added to it.
     usable : callable
         ``(capture) -> bool``: whether a capture of these roles can be used.
+    about : str
+        What it is made from and where it measures, for who has to choose.
     options : tuple of str
         Fields of `CalibrateOptions` that it reads.
     beside : mapping
@@ -108,9 +98,10 @@ class CalibrationMethod:
     reconstruct: Callable[[PhaseMap, Any, bool, Progress], PointCloud]
     figures: Callable[[Any], Figures]
     devices: Callable[[Project, Any], Sequence[tuple[str, DeviceSpec, DeviceSpec]]]
-    camera: Callable[[PhaseMap, Any], Interior | None] = _no_camera
-    judge: Callable[[Evidence, str, Any], Judgement] = _only_listed
-    usable: Callable[[Capture], bool] = _any
+    camera: Callable[[PhaseMap, Any], Interior | None] = lambda _phase, _calibration: None
+    judge: Callable[[Evidence, str, Any], Judgement] = lambda e, name, _: Judgement(left_out=e.left_out(name))
+    usable: Callable[[Capture], bool] = lambda _capture: True
+    about: str = ""
     options: tuple[str, ...] = ()
     beside: Mapping[str, type] = field(default_factory=dict)
     least: int = 1

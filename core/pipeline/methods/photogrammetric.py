@@ -15,8 +15,6 @@ from core.model import (
     Adjustment,
     Capture,
     DeviceSpec,
-    Interior,
-    PhaseMap,
     PhotogrammetricCalibration,
     Project,
     ScaleBar,
@@ -38,12 +36,13 @@ ADJUSTMENT = "adjustment.npz"
 
 def _calibrate(project: Project, captures: list[Capture], options: CalibrateOptions, progress: Progress) -> Calibrated:
     from core.calibrate import CALIBRATION_OPTIONS, calibrate_photogrammetric
+    from core.checks import bar_notes
 
     testfield = _common_testfield(captures)
     targets = measured_targets(project, captures, progress.part(0.0, 0.9))
     used: Sequence[TargetSet] = targets
     for start, end in ((0.9, 0.95), (0.95, 1.0)):  # the second time with the eccentricity of the adjusted camera
-        with because_of({t.capture: t.notes for t in targets}):
+        with because_of({"project.json": bar_notes(project.scale, testfield), **{t.capture: t.notes for t in targets}}):
             calibration, adjustment = calibrate_photogrammetric(
                 project.rig,
                 testfield,
@@ -171,10 +170,6 @@ def _devices(project: Project, calibration: PhotogrammetricCalibration) -> Seque
     return [(name, there[name], device.spec) for name, device in calibration.devices.items() if name in there]
 
 
-def _camera(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> Interior:
-    return pair_for(phase, calibration).camera.interior
-
-
 PHOTOGRAMMETRIC = CalibrationMethod(
     title="photogrammetric calibration",
     result=PhotogrammetricCalibration,
@@ -184,9 +179,10 @@ PHOTOGRAMMETRIC = CalibrationMethod(
     reconstruct=intersected,
     figures=photogrammetric_figures,
     devices=_devices,
-    camera=_camera,
+    camera=lambda phase, calibration: pair_for(phase, calibration).camera.interior,
     judge=_judge,
     usable=lambda capture: capture.testfield is not None or bool(capture.seeds),
+    about="From the moved testfield alone. Measures anywhere, with the sigma of every point.",
     options=("rigid", "hold", "reject_beyond"),
     beside={ADJUSTMENT: Adjustment},
     scaled=True,

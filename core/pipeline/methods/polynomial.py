@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from core.errors import AdjustmentError
 from core.figures import depth_figures
-from core.geometry import lens_of
+from core.geometry import lens_of, nominal
 from core.model import (
     Array,
     Capture,
     DepthCalibration,
-    DeviceSpec,
     Interior,
-    PhaseMap,
     PhotogrammetricCalibration,
     Project,
 )
 from core.pipeline.decode import phase_maps
-from core.pipeline.evidence import Evidence
+from core.pipeline.evidence import Evidence, lengths_of
 from core.pipeline.measure import measured_or_why, side_of, signs_of, turned_together
 from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
@@ -66,14 +65,22 @@ def _calibrate(
         planes.append(DepthPlane(capture.z_mm, phase, found if found is not None and len(found.row) else None))
     fields = [c.testfield for c in boards]
     degree, warnings = _degree_for(len(planes), options.degree)
-    calibration = calibrate_depth(
-        project.camera,
-        fields[0] if fields else None,
-        planes,
-        options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
-        interior=_interior(project, earlier.get("photogrammetric")),
-        progress=progress.part(0.7, 1.0),
-    )
+    interior = _interior(project, earlier.get("photogrammetric"))
+    try:
+        calibration = calibrate_depth(
+            project.camera,
+            fields[0] if fields else None,
+            planes,
+            options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
+            interior=interior,
+            progress=progress.part(0.7, 1.0),
+        )
+    except AdjustmentError as error:
+        known = interior[0] if interior else nominal(project.camera)
+        doubts = lengths_of(project.camera, known, boards, {t.capture: t for t in told.values() if len(t.row)})
+        if not doubts:
+            raise
+        raise AdjustmentError(error.where, error.seen, f"{error.remedy}. First see to this: {doubts[0].text}") from None
     return Calibrated(replace(calibration, warnings=(*notes, *warnings, *calibration.warnings)), list(told.values()))
 
 
@@ -115,14 +122,6 @@ def _of_residuals(depth: DepthCalibration) -> list[Concern]:
     return [Concern("failed" if ratio > 2 * RESIDUAL_RATIO else "doubtful", text)]
 
 
-def _devices(project: Project, calibration: DepthCalibration) -> Sequence[tuple[str, DeviceSpec, DeviceSpec]]:
-    return [("camera", project.camera, calibration.camera_spec)]
-
-
-def _camera(phase: PhaseMap, calibration: DepthCalibration) -> Interior:
-    return calibration.camera
-
-
 POLYNOMIAL = CalibrationMethod(
     title="depth calibration",
     result=DepthCalibration,
@@ -131,9 +130,10 @@ POLYNOMIAL = CalibrationMethod(
     calibrate=_calibrate,
     reconstruct=intersected,
     figures=depth_figures,
-    devices=_devices,
-    camera=_camera,
+    devices=lambda project, depth: [("camera", project.camera, depth.camera_spec)],
+    camera=lambda phase, depth: depth.camera,
     judge=_judge,
+    about="From the plate at known depths alone. Measures between the plate positions only.",
     options=("degree", "low_pass_px"),
     reads=("photogrammetric",),
     least=2,  # a single position tells no depth

@@ -24,6 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.ft2font import FT2Font
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+NO_DATA = "#9aa1a9"
 WIDTH_IN = 8.4
 INK, MUTED, GRID, SURFACE = "#1b1f24", "#57606b", "#d5dae0", "#fefeff"
 CAMERA, PROJECTOR, THIRD = "#0b6bb5", "#b8480b", "#2f7d4f"  # distinct in lightness and hue for every colour vision
@@ -105,9 +106,9 @@ def drawing_style() -> Iterator[None]:
         yield
 
 
-def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
+def new_figure(height_in: float) -> Figure:
     """Make an empty figure that lays its parts out by itself."""
-    return Figure(figsize=(width_in, height_in), layout="constrained")
+    return Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
 
 
 def _settle(figure: Figure) -> None:
@@ -169,11 +170,11 @@ def shortened(text: str, length: int = 24) -> str:
     return f"{text[: length // 2 - 1]}…{text[-(length - length // 2) :]}"
 
 
-def plain_axes(axes: Axes, grid: bool = True) -> None:
+def plain_axes(axes: Axes) -> None:
     """Take the upper and right frame away, and lay a light grid behind the data."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_axisbelow(True)
-    axes.grid(grid)
+    axes.grid(True)
 
 
 def colour_bar(figure: Figure, image: ScalarMappable, axes: Any, label: str, **options: Any) -> None:

@@ -11,6 +11,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from core.model import Adjustment, DeviceSpec
+from core.report.adjusted import Coverage, covered
 from core.report.data import kind_of_device
 from core.report.figures.canvas import (
     CAMERA,
@@ -27,7 +28,6 @@ from core.report.figures.canvas import (
 
 Array = NDArray[np.float64]
 VECTORS_AS_LINES = 8000  # more arrows than this are drawn as an image: lines would make the file heavy
-CELLS = 12  # of the coverage along the longer side
 
 
 def image_drawings(adjustment: Adjustment) -> list[Drawing]:
@@ -157,12 +157,11 @@ def _coverage(adjustment: Adjustment, names: list[str]) -> Drawing:
     told = []
     for axes, name in zip(panels, names, strict=True):
         spec = adjustment.devices[name].spec
-        counts, edges_u, edges_v = _counts(_observations(adjustment, name)[0], spec)
-        share = float(np.mean(counts > 0))
-        _cells(axes, counts, edges_u, edges_v)
+        found = covered(name, (spec.width, spec.height), _observations(adjustment, name)[0])
+        _cells(axes, found)
         _image_frame(axes, spec, name)
-        axes.set_title(f"{drawable(shortened(name))}: {share:.0%} of the cells covered", loc="left")
-        told.append(f"{name} {share:.0%}")
+        axes.set_title(f"{drawable(shortened(name))}: {found.filled:.0%} of the cells covered", loc="left")
+        told.append(f"{name} {found.filled:.0%}")
     caption = (
         "How many image points of all stations fall into each cell of the image; strong colour means many. The "
         "additional parameters are known only where there are points: over empty cells, above all along edges and in "
@@ -172,26 +171,17 @@ def _coverage(adjustment: Adjustment, names: list[str]) -> Drawing:
     return Drawing("coverage", "adjustment", "Coverage of the image", caption, alternative, figure)
 
 
-def _counts(uv: Array, spec: DeviceSpec) -> tuple[Array, Array, Array]:
-    cell = max(spec.width, spec.height) / CELLS
-    edges_u = np.linspace(-0.5, spec.width - 0.5, max(1, round(spec.width / cell)) + 1)
-    edges_v = np.linspace(-0.5, spec.height - 0.5, max(1, round(spec.height / cell)) + 1)
-    counts, _, _ = np.histogram2d(uv[:, 1], uv[:, 0], (edges_v, edges_u))
-    return counts, edges_u, edges_v
-
-
-def _cells(axes: Axes, counts: Array, edges_u: Array, edges_v: Array) -> None:
+def _cells(axes: Axes, found: Coverage) -> None:
     """Cells the more opaque the more points they hold, with the count written in.
 
     Opacity, unlike a scale of colours, means the same on a light and on a dark page.
     """
-    top = max(1.0, float(counts.max()))
-    width, height = edges_u[1] - edges_u[0], edges_v[1] - edges_v[0]
-    for i, v in enumerate(edges_v[:-1]):
-        for j, u in enumerate(edges_u[:-1]):
-            count = int(counts[i, j])
-            if count:
-                opacity = 0.08 + 0.5 * count / top
-                axes.add_patch(Rectangle((u, v), width, height, facecolor=CAMERA, alpha=opacity, linewidth=0))
-            colour = INK if count else MUTED
-            axes.text(u + width / 2, v + height / 2, f"{count}", ha="center", va="center", fontsize=6.5, color=colour)
+    top = max(1.0, float(found.counts.max()))
+    width, height = found.size[0] / found.counts.shape[1], found.size[1] / found.counts.shape[0]
+    for (i, j), count in np.ndenumerate(found.counts):
+        u, v = j * width - 0.5, i * height - 0.5
+        if count:
+            opacity = 0.08 + 0.5 * count / top
+            axes.add_patch(Rectangle((u, v), width, height, facecolor=CAMERA, alpha=opacity, linewidth=0))
+        colour = INK if count else MUTED
+        axes.text(u + width / 2, v + height / 2, f"{count}", ha="center", va="center", fontsize=6.5, color=colour)

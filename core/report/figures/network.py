@@ -9,6 +9,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from core.model import Adjustment
+from core.report.adjusted import Correlations, correlations
 from core.report.figures.canvas import (
     GRID,
     MUTED,
@@ -33,21 +34,10 @@ def network_drawings(adjustment: Adjustment) -> list[Drawing]:
         result.append(_network(adjustment))
     if np.isfinite(adjustment.convergence).any():
         result.append(_convergence(adjustment))
-    correlation, names = correlations(adjustment)
-    if len(names) > 1:
-        result.append(_correlations(correlation, names))
+    found = correlations(adjustment)
+    if len(found.names) > 1:
+        result.append(_correlations(found))
     return result
-
-
-def correlations(adjustment: Adjustment) -> tuple[Array, list[str]]:
-    """Correlation coefficients, shape (n, n), of the estimated parameters, and their names; held ones are left out."""
-    covariance = np.asarray(adjustment.parameter_cov, dtype=np.float64)
-    if covariance.ndim != 2 or covariance.shape[0] != len(adjustment.parameter_names):
-        return np.zeros((0, 0)), []
-    variances = np.diag(covariance)
-    free = np.flatnonzero(np.isfinite(variances) & (variances > 0))
-    sigma = np.sqrt(variances[free])
-    return covariance[np.ix_(free, free)] / np.outer(sigma, sigma), [adjustment.parameter_names[i] for i in free]
 
 
 def _network(adjustment: Adjustment) -> Drawing:
@@ -132,8 +122,8 @@ def _convergence(adjustment: Adjustment) -> Drawing:
     )
 
 
-def _correlations(correlation: Array, names: list[str]) -> Drawing:
-    n = len(names)
+def _correlations(found: Correlations) -> Drawing:
+    correlation, names, n = found.values, found.names, len(found.names)
     figure = new_figure(min(max(3.0, 0.27 * n + 1.0), 8.4))
     axes = figure.subplots()
     image = axes.imshow(correlation, cmap=colormaps["RdBu_r"], vmin=-1, vmax=1, interpolation="nearest")

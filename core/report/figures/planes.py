@@ -19,6 +19,7 @@ from core.report.figures.canvas import (
     GRID,
     INK,
     MUTED,
+    NO_DATA,
     PROJECTOR,
     WIDTH_IN,
     Drawing,
@@ -30,7 +31,6 @@ from core.report.figures.canvas import (
 )
 
 COLUMNS = 4  # planes side by side in one figure
-NO_DATA = "#9aa1a9"
 Captures = list[tuple[str, float | None]]
 
 
@@ -86,7 +86,8 @@ def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm
             if row == 0:
                 axes[row, column].set_title(f"{_heading(capture)}\n{axes[row, column].get_title()}")
         axes[row, 0].set_ylabel(method)
-    beyond = _share_beyond([e for e in evaluations if e.capture in dict(captures)], limit_mm)
+    shown = [finite_deviations(e) for e in evaluations if e.capture in dict(captures)]
+    beyond = float(np.mean(np.abs(np.concatenate(shown)) > limit_mm))
     extend = "both" if beyond else "neither"
     mappable = ScalarMappable(scale, colours)
     label = "deviation from the fitted plane in mm (+ towards the camera)"
@@ -181,8 +182,3 @@ def _find(evaluations: tuple[PlaneEvaluation, ...], capture: str, method: Method
 def _heading(capture: tuple[str, float | None]) -> str:
     name, angle = capture
     return drawable(shortened(name, 22)) + ("" if angle is None else f", {angle:g}°")
-
-
-def _share_beyond(evaluations: list[PlaneEvaluation], limit_mm: float) -> float:
-    values = np.concatenate([finite_deviations(e) for e in evaluations])
-    return float(np.mean(np.abs(values) > limit_mm))

@@ -40,6 +40,8 @@ def open_striped(address, note, check):
 
 CAMERA_KINDS["striped"] = DeviceKind("striped:NAME, stripes of a fixed width", open_striped)
 
+# %%
+# A URL opens one.
 camera = open_camera("striped:one?width=8")
 plt.imshow(camera.grab().pixels, cmap="gray")
 plt.title(f"what {camera.name} sees")

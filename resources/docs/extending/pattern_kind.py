@@ -32,6 +32,8 @@ KINDS["ramp"] = Kind(
     lambda pattern: "the pattern is a ramp: use a code",
 )
 
+# %%
+# As capture.json would give it.
 ramp = pattern_from_dict({"kind": "ramp", "axis": "x", "lines": 64}, "here")
 assert pattern_to_dict(ramp) == {"kind": "ramp", "axis": "x", "lines": 64}
 plt.figure(figsize=(4, 2))

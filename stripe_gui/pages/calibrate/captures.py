@@ -7,11 +7,13 @@ from collections.abc import Collection, Sequence
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
 
+from core.pipeline import METHODS
 from stripe_gui.presenters.capture import role_name
 from stripe_gui.presenters.contributions import Contribution
+from stripe_gui.presenters.work import chosen_methods
 from stripe_gui.widgets.layout import button, label, row
 
-LEAST_FIELDS, LEAST_PLATES = 2, 2
+LEAST = 2  # testfields: one alone leaves the interior orientation open
 NONE = "–"
 
 
@@ -75,7 +77,6 @@ class CaptureChoice(QWidget):
         self._fill()
 
     def set_without(self, names: Collection[str]) -> None:
-        """Leave out just these captures."""
         self._without = set(names)
         self._fill()
         self.changed.emit()
@@ -84,27 +85,23 @@ class CaptureChoice(QWidget):
         """Leave one capture out, or take it in again."""
         self.set_without(self._without | {name} if out else self._without - {name})
 
-    def used(self, role: str) -> list[Contribution]:
-        """Give the captures of a role that take part."""
-        return [c for c in self._shown if c.role == role and c.usable and c.name not in self._without]
+    def used(self, *roles: str) -> list[Contribution]:
+        """Give the captures of some roles that take part."""
+        return [c for c in self._shown if c.role in roles and c.usable and c.name not in self._without]
 
     def missing(self, method: str) -> str:
         """Say what a method still lacks; nothing before the captures are known."""
         if not self._shown:
             return ""
-        fields, plates = len(self.used("testfield")), len(self.used("depth"))
-        enough = {"photogrammetric": fields >= LEAST_FIELDS, "polynomial": plates >= LEAST_PLATES}
-        if method == "all":
-            if not (fields or plates):
-                return self.tr("No capture takes part.")
-            lacking = (fields and not enough["photogrammetric"]) or (plates and not enough["polynomial"])
-            return self.tr("Take at least two captures of each role, or none.") if lacking else ""
-        if enough[method]:
-            return ""
-        return {
-            "photogrammetric": self.tr("Take at least two testfields with picks."),
-            "polynomial": self.tr("Take at least two plates."),
-        }[method]
+        used = {m: len(self.used(*METHODS[m].roles)) for m in chosen_methods(method)}
+        if not any(used.values()):
+            return self.tr("No capture takes part.")
+        for m, count in used.items():
+            least = max(LEAST, METHODS[m].least) if "testfield" in METHODS[m].roles else METHODS[m].least
+            if 0 < count < least:
+                text = self.tr("Take at least {n} captures of the role {role}, or none.")
+                return text.format(n=least, role=", ".join(map(role_name, METHODS[m].roles)))
+        return ""
 
     def _fill(self) -> None:
         self.table.blockSignals(True)

@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from core.errors import StripeError
 from core.model import Method
+from core.pipeline import METHODS
 from stripe_gui.pages.calibrate.captures import CaptureChoice
 from stripe_gui.pages.calibrate.run import RunPart
 from stripe_gui.pages.calibrate.runs import RunsPart
@@ -19,19 +20,15 @@ from stripe_gui.pages.parts_page import Part, PartsPage
 from stripe_gui.presenters.calibrate import calibration_view, choice_of, exclude_targets, restore_targets
 from stripe_gui.presenters.contributions import Contribution, contributions
 from stripe_gui.presenters.runs import options_words
-from stripe_gui.presenters.status import State, method_name
-from stripe_gui.presenters.work import CalibrateChoice, calibrate
+from stripe_gui.presenters.stages import State
+from stripe_gui.presenters.status import method_name, methods_of
+from stripe_gui.presenters.work import CalibrateChoice, calibrate, chosen_methods
 from stripe_gui.widgets.calibrate_form import CalibrateForm
 from stripe_gui.widgets.calibration_results import CalibrationResults
 from stripe_gui.widgets.layout import button, card, label, row, scrolled
 from stripe_gui.workbench import Workbench
 
 ROOM_FOR_TWO = 1000  # the two halves of the first step stand side by side from this width on
-METHODS: dict[str, tuple[Method, ...]] = {
-    "all": ("photogrammetric", "polynomial"),
-    "photogrammetric": ("photogrammetric",),
-    "polynomial": ("polynomial",),
-}
 
 
 class CalibratePage(PartsPage):
@@ -92,7 +89,6 @@ class CalibratePage(PartsPage):
         return body
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802
-        """Fold the form where there is little room."""
         super().resizeEvent(event)
         self.form.set_narrow(self.width() < ROOM_FOR_TWO)
 
@@ -157,11 +153,10 @@ class CalibratePage(PartsPage):
     # ---------------------------------------------------------------------------------------------------------- running
 
     def can_run(self) -> bool:
-        """Say whether there are captures to calibrate from, and nothing runs."""
         folder = self.session.folder
         if folder is None or self.run_part.running:
             return False
-        return any(e.role == "depth" or e.seeds for e in folder.of_role("testfield", "depth"))
+        return any(method.uses(e.capture) for e in folder.captures() if e.capture for method in METHODS.values())
 
     def run(self) -> None:
         """Calibrate in the background, with the convergence in front; where too little is chosen, show that step."""
@@ -183,22 +178,17 @@ class CalibratePage(PartsPage):
             self.go_to("results")
 
     def _plan(self) -> None:
-        """Say what a run would do."""
         choice = self.choice()
-        used = {"photogrammetric": self.captures.used("testfield"), "polynomial": self.captures.used("depth")}
-        methods = [m for m in METHODS[choice.method] if used[m]]
-        counts = {
-            "photogrammetric": self.tr("{n} testfields"),
-            "polynomial": self.tr("{n} plates"),
-        }
-        parts = [f"{method_name(m)} ({counts[m].format(n=len(used[m]))})" for m in methods]
+        used = {m: len(self.captures.used(*METHODS[m].roles)) for m in chosen_methods(choice.method)}
+        methods = [m for m, count in used.items() if count]
+        count = self.tr("{method} ({n} captures)")
+        parts = [count.format(method=method_name(m), n=used[m]) for m in methods]
         text = self.tr("{what}; {options}. Unchanged captures are not measured again.")
         words = text.format(what=" + ".join(parts), options=options_words(choice.options, methods))
         self.run_part.show_plan(words[0].upper() + words[1:] if parts else "")
 
     def _calibrated(self) -> bool:
-        folder = self.session.folder
-        return folder is not None and any(folder.result_file(f"{m}.npz").exists() for m in METHODS["all"])
+        return self.session.is_open and bool(methods_of(self.session.opened))
 
     # ---------------------------------------------------------------------------------------------------------- results
 

@@ -41,11 +41,9 @@ class RunPart(QWidget):
 
     @property
     def running(self) -> bool:
-        """Whether the calibration is under way."""
         return self._job is not None and self._job.active
 
     def show_plan(self, words: str) -> None:
-        """Say what a start would do."""
         self.plan.setText(words)
 
     def follow(self, job: Job) -> None:

@@ -86,20 +86,16 @@ class RunsPart(QWidget):
 
     @property
     def chosen(self) -> Run | None:
-        """The run chosen in the table."""
         at = self.table.chosen_row()
         return self._runs[at] if at is not None and at < len(self._runs) else None
 
     def use(self) -> None:
-        """Put the chosen run in use."""
         self._change(make_current)
 
     def rename(self) -> None:
-        """Give the chosen run the name typed."""
         self._change(rename_run, self.name.text())
 
     def delete(self) -> None:
-        """Delete the chosen run, after asking."""
         run = self.chosen
         if run is None:
             return

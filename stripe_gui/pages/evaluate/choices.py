@@ -12,7 +12,8 @@ from core import pipeline
 from core.pipeline import METHODS
 from stripe_gui.presenters.evaluate import EvaluationView, angle_text
 from stripe_gui.presenters.folder import ProjectFolder, written_ns
-from stripe_gui.presenters.status import StageStatus, State, graph_of, method_name, states_of
+from stripe_gui.presenters.stages import StageStatus, State
+from stripe_gui.presenters.status import graph_of, method_name, states_of
 
 translate = QCoreApplication.translate
 

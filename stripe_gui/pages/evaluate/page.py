@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from core.pipeline import evaluate_project
 from stripe_gui.pages.evaluate.choices import calibration_choices, is_evaluated, plane_choices
 from stripe_gui.pages.evaluate.parts import CheckList, HistogramPart, ProfilePart, choose_body
 from stripe_gui.pages.parts_page import PartsPage
 from stripe_gui.presenters.evaluate import EvaluationView, load_evaluation
-from stripe_gui.presenters.status import State
-from stripe_gui.presenters.work import evaluate
+from stripe_gui.presenters.stages import State
 from stripe_gui.widgets.deviation_maps import DeviationMaps
 from stripe_gui.widgets.layout import boxed, column, label
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
@@ -57,7 +57,6 @@ class EvaluatePage(PartsPage):
         bench.session.project_changed.connect(self._forget)
 
     def refresh(self) -> None:
-        """List what there is, and show the evaluation the project has."""
         if not self.session.is_open:
             return
         planes = self.bench.guarded(plane_choices, self.session.folder)
@@ -74,18 +73,16 @@ class EvaluatePage(PartsPage):
         )
 
     def run(self) -> None:
-        """Evaluate what is ticked, in the background."""
         if self.can_run():
             self.bench.run_stage(
                 "evaluate",
-                evaluate,
+                evaluate_project,
                 captures=self.planes.chosen(),
                 methods=self.calibrations.chosen(),
                 on_done=self._told,
             )
 
     def can_run(self) -> bool:
-        """Say whether a plane and a calibration are ticked."""
         return self.session.is_open and bool(self.planes.chosen() and self.calibrations.chosen())
 
     def _told(self, evaluations: tuple) -> None:

@@ -64,7 +64,6 @@ class CheckList(QListWidget):
         self.blockSignals(False)
 
     def chosen(self) -> list[str]:
-        """Give the names of what is ticked."""
         items = (self.item(i) for i in range(self.count()))
         return [item.data(NAME) for item in items if item.checkState() == Qt.CheckState.Checked]
 
@@ -191,7 +190,6 @@ class HistogramPart(QWidget):
         self.setLayout(layout)
 
     def show_view(self, view: EvaluationView) -> None:
-        """Show an evaluation."""
         self._view = view
         self.plane.show_view(view, self.tr("all planes"))
         self._show_plane()

@@ -41,11 +41,9 @@ class Background(QObject):
 
     @property
     def preparing(self) -> bool:
-        """Whether anything is being made ready."""
         return self._ahead.busy
 
     def stop(self) -> None:
-        """Prepare nothing more."""
         self._stopped = True
         self._ahead.shut_down()
 
@@ -64,7 +62,6 @@ class Background(QObject):
     # ---------------------------------------------------------------------------------------------------- measuring
 
     def measure(self, image: int) -> None:
-        """Measure an image from its picks."""
         capture, picks = self._model.captures[image], self._model.picks_of(image)
         self.at_work.add(image)
         job = self._bench.jobs.run(

@@ -33,7 +33,6 @@ class ImageKeys(QObject):
         canvas.installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
-        """Look at key presses."""
         if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent) and self._take(event):
             return True
         return super().eventFilter(watched, event)

@@ -41,7 +41,6 @@ class MarksOverlay:
             view.add_item(item)
 
     def show(self, marks: Marks) -> None:
-        """Show the marks of an image."""
         inside = np.isfinite(marks.grid).all(axis=1)
         self.grid.setData(x=marks.grid[inside, 0], y=marks.grid[inside, 1], size=1.25 * marks.grid_px[inside])
         for item, points in (
@@ -58,11 +57,9 @@ class MarksOverlay:
         self._number(marks)
 
     def show_cursor(self, at: tuple[float, float] | None) -> None:
-        """Put the cross hairs to a position."""
         self.cursor.setData([at[0]] if at else [], [at[1]] if at else [])
 
     def show_chosen(self, at: tuple[float, float] | None) -> None:
-        """Put a ring round a target."""
         self.chosen.setData([at[0]] if at else [], [at[1]] if at else [])
 
     def _number(self, marks: Marks) -> None:

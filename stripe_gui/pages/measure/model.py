@@ -104,28 +104,23 @@ class Picking:
 
     @property
     def field(self) -> Testfield:
-        """Its testfield."""
         field = self.captures[self.image].testfield
         assert field is not None, "captures without a board have nothing to pick"
         return field
 
     @property
     def picks(self) -> Picks:
-        """What was decided about it."""
         return self._picks[self.image]
 
     @property
     def picked(self) -> Mapping[Target, Seed]:
-        """Its picks by target."""
         return {(s.row, s.col): s for s in self.picks.seeds}
 
     @property
     def complete(self) -> bool:
-        """Whether it has picks enough."""
         return len(self.picks.seeds) >= ENOUGH
 
     def picks_of(self, image: int) -> Picks:
-        """Give what was decided about any image."""
         return self._picks[image]
 
     def go_to(self, image: int) -> None:
@@ -203,11 +198,9 @@ class Picking:
 
     @property
     def guesses(self) -> int:
-        """How many there are."""
         return len(self._guesses.get(self.image, ()))
 
     def has_guesses(self, image: int) -> bool:
-        """Say whether guesses were looked for."""
         return image in self._guesses
 
     def find(self, image: int, dots: Array) -> None:
@@ -222,7 +215,6 @@ class Picking:
             self.target = self.wanted[0]
 
     def turn_guess(self) -> None:
-        """Bring the next guess to the front."""
         guesses = self._guesses.get(self.image, ())
         if len(guesses) > 1:
             self.suggest(self.image, (*guesses[1:], guesses[0]))
@@ -281,11 +273,9 @@ class Picking:
         self._change(replace(self.picks, excluded=kept if target in excluded else (*excluded, target)), target)
 
     def undo(self) -> bool:
-        """Take the last change back, in whichever image it was made."""
         return self._again(self._done, self._undone, "before")
 
     def redo(self) -> bool:
-        """Make the change again that was taken back last."""
         return self._again(self._undone, self._done, "after")
 
     @property

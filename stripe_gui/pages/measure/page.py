@@ -11,6 +11,7 @@ from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import QSplitter
 
 from core.model import Capture, DeviceSpec, TargetSet
+from core.pipeline import measure_project
 from stripe_gui.pages.measure.background import Background
 from stripe_gui.pages.measure.image import ImagePanel
 from stripe_gui.pages.measure.keys import ImageKeys
@@ -21,7 +22,6 @@ from stripe_gui.pages.measure.work import Kept, boards, snapped
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.capture import FrameView
 from stripe_gui.presenters.measure import lit_frame
-from stripe_gui.presenters.work import measure
 from stripe_gui.widgets.layout import tab_name
 from stripe_gui.workbench import Workbench
 
@@ -221,7 +221,6 @@ class MeasurePage(Page):
         return self.session.opened.project.rig.cameras[model.captures[model.image].camera]
 
     def _look_through(self, u: float, v: float) -> None:
-        """Look at a position through the loupe."""
         picks = self._shown.marks.picks if self._shown else np.zeros((0, 2))
         frame = self.image.frame
         image, bright = (frame.image, frame.bright) if frame is not None else (None, 1.0)
@@ -281,19 +280,16 @@ class MeasurePage(Page):
             self._change(self.model.exclude, self.model.target, move=False)
 
     def undo(self) -> None:
-        """Take the last change back."""
         if self.model is not None:
             self._change(self.model.undo)
 
     def redo(self) -> None:
-        """Make the last change again."""
         if self.model is not None:
             self._change(self.model.redo)
 
     # ----------------------------------------------------------------------------------------------- choosing targets
 
     def choose(self, target: Target) -> None:
-        """Ask for a target, or look at it."""
         if self.model is not None:
             self.model.choose(target)
             self._show_marks(move=True)
@@ -310,7 +306,6 @@ class MeasurePage(Page):
             self._show_target(move=True)
 
     def turn_guess(self) -> None:
-        """Show the next guess."""
         if self.model is not None and not self.model.picks.seeds:
             self.model.turn_guess()
             self._show_marks(move=True)
@@ -359,11 +354,9 @@ class MeasurePage(Page):
                 self._measure()
 
     def run(self) -> None:
-        """Measure all boards that have picks, where that is not done."""
-        self.bench.run_stage("measure", measure, on_done=self._told)
+        self.bench.run_stage("measure", measure_project, on_done=self._told)
 
     def can_run(self) -> bool:
-        """Say whether any board has picks."""
         folder = self.session.folder
         return folder is not None and any(e.capture.seeds for e in folder.of_role("testfield", "depth") if e.capture)
 

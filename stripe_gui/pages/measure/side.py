@@ -55,7 +55,6 @@ class SidePanel(QWidget):
         self.targets.view.installEventFilter(self)
 
     def clear(self) -> None:
-        """Show that there is nothing to pick."""
         self._shown = None
         self.map.show_field(None, MapState())
         self.loupe.show_at(None, 1.0, 0.0, 0.0)
@@ -63,7 +62,6 @@ class SidePanel(QWidget):
         self.targets.show_table(EMPTY)
 
     def show_image(self, model: Picking, view: PickingView, at_work: set[int]) -> None:
-        """Show the lists of targets and images."""
         if self._shown is None or view.table != self._shown.table:
             with QSignalBlocker(self.targets):
                 self.targets.show_table(view.table)
@@ -85,7 +83,6 @@ class SidePanel(QWidget):
         item.setToolTip(text)
 
     def show_target(self, model: Picking, view: PickingView) -> None:
-        """Show which target is at work."""
         measurement = model.measured(model.image)
         found = measurement.targets if measurement else None
         measured = set(zip(found.row.tolist(), found.col.tolist(), strict=True)) if found is not None else set()
@@ -107,7 +104,6 @@ class SidePanel(QWidget):
             self.target_chosen.emit(*self._shown.targets[index])
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
-        """Let the lists exclude targets and give the focus back."""
         if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):
             keys: dict[int, Callable[[], object]] = {
                 Qt.Key.Key_Return: self.left.emit,

@@ -16,6 +16,7 @@ from core.model import Array, DeviceSpec, TargetSet
 from core.report import Number, Table
 from core.report.table import Cell
 from stripe_gui.pages.measure.model import Measurement, Picking, Target
+from stripe_gui.presenters.told import told
 from stripe_gui.presenters.words import sentence
 
 translate = QCoreApplication.translate
@@ -93,7 +94,7 @@ def picking_view(model: Picking, camera: DeviceSpec) -> PickingView:
     if targets is not None and view is not None:
         marks, places = _measured_marks(marks, places, model, targets, view, camera)
     rows = _rows(model, targets, places)
-    return PickingView(marks, places, *rows, _legend(model, marks, measurement), problem)
+    return PickingView(marks, places, *rows, _legend(model, marks, measurement), told(problem))
 
 
 def next_step(model: Picking, view: PickingView, at_work: Collection[int]) -> NextStep:
@@ -162,17 +163,17 @@ def _rows(
         translate("Measure", "u projector [lines]"),
         translate("Measure", "v projector [lines]"),
     )
-    told: dict[Target, str] = {}
+    fates: dict[Target, str] = {}
     if targets is not None:
-        told |= {(m.row, m.col): m.reason for m in targets.missing}
-    told |= {t: translate("Picking", "excluded by the operator") for t in model.picks.excluded}
-    told = {t: told[t] for t in sorted(told, key=lambda t: (t not in model.picks.excluded, t))}
+        fates |= {(m.row, m.col): m.reason for m in targets.missing}
+    fates |= {t: translate("Picking", "excluded by the operator") for t in model.picks.excluded}
+    fates = {t: fates[t] for t in sorted(fates, key=lambda t: (t not in model.picks.excluded, t))}
     if targets is not None:
         measured = translate("Picking", "measured")
-        told |= {t: measured for t in zip(targets.row.tolist(), targets.col.tolist(), strict=True) if t not in told}
+        fates |= {t: measured for t in zip(targets.row.tolist(), targets.col.tolist(), strict=True) if t not in fates}
     values = _values(targets) if targets is not None else {}
-    rows = tuple((Number(t[0], "d"), Number(t[1], "d"), text, *values.get(t, NO_VALUES)) for t, text in told.items())
-    return tuple(told), Table("", columns, rows)
+    rows = tuple((Number(t[0], "d"), Number(t[1], "d"), text, *values.get(t, NO_VALUES)) for t, text in fates.items())
+    return tuple(fates), Table("", columns, rows)
 
 
 def _values(targets: TargetSet) -> dict[Target, tuple[Cell, ...]]:

@@ -75,7 +75,6 @@ class Kept:
         return self._frames.get(key)
 
     def keep_frame(self, capture: Capture, frame: FrameView) -> None:
-        """Keep an image."""
         self._frames[frames_key(capture)] = frame
         while len(self._frames) > FRAMES_KEPT:
             self._frames.popitem(last=False)

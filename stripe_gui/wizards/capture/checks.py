@@ -73,20 +73,16 @@ class ChecksStep(QWidget):
 
     @property
     def running(self) -> bool:
-        """Whether checks are under way."""
         return self._job is not None
 
     def run(self) -> None:
-        """Check the rig."""
         self._start(self.tr("Checks of the rig"), check_rig, self._checked)
 
     def add_depth(self) -> None:
-        """Take stripes where the plate stands."""
         z_mm = self.z.value()
         self._start(self.tr("Stripes"), stripes_at, lambda stripes: self._measured(z_mm, stripes), z_mm)
 
     def cancel(self) -> None:
-        """Stop the checks."""
         if self._job is not None:
             self._job.cancel()
 
@@ -151,7 +147,6 @@ class ChecksStep(QWidget):
         self._update()
 
     def _show(self, finding: Finding) -> None:
-        """Show a finding's picture or curve."""
         self.heading.setText(check_name(finding.check))
         if finding.curve:
             self.curve.set_curve(finding.curve, *check_axes(finding.check))

@@ -111,18 +111,15 @@ class DevicesStep(QWidget):
 
     @property
     def urls(self) -> tuple[str, str]:
-        """The URLs of projector and camera."""
         return self.projector.url.text().strip(), self.camera.url.text().strip()
 
     @property
     def missing(self) -> str:
-        """What is to be done before the next step."""
         if self._tested == self.urls and self.connection is not None:
             return ""
         return self.tr("Test the connection first.")
 
     def offer(self, project: Project, virtual: str, urls: tuple[str, str]) -> None:
-        """Offer what suits a project."""
         self.project, self.connection, self._tested = project, None, None
         self.projector.offer(projector_kinds(virtual, screen_names()), urls[0])
         self.camera.offer(camera_kinds(virtual), urls[1])
@@ -130,13 +127,11 @@ class DevicesStep(QWidget):
         self._list_scenes()
 
     def enter(self) -> None:
-        """Test what costs nothing to test."""
         self._list_scenes()
         if self.missing and scene_of(self.urls[0]) and scene_of(self.urls[1]):
             self.test()
 
     def choose_scene(self, scene: str) -> None:
-        """Put something else before the virtual rig."""
         kept = self.connection if not self.missing else None
         self.projector.url.setText(in_scene(self.projector.url.text(), scene))
         self.camera.url.setText(in_scene(self.camera.url.text(), scene))
@@ -152,7 +147,6 @@ class DevicesStep(QWidget):
         self.changed.emit()
 
     def test(self) -> None:
-        """Ask both devices, in the background."""
         if self.project is None:
             return
         urls = self.urls

@@ -95,7 +95,6 @@ class PictureStep(QWidget):
         self._look: Look | None = None
 
     def enter(self) -> None:
-        """Begin to look."""
         self._show_setting()
         self.live.setEnabled(True)
         self._again()

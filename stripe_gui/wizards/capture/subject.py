@@ -72,7 +72,6 @@ class SubjectForm(QWidget):
 
     @property
     def subject(self) -> Subject:
-        """What the answers say."""
         role = self.role.currentData()
         return Subject(
             role,
@@ -84,7 +83,6 @@ class SubjectForm(QWidget):
 
     @property
     def missing(self) -> str:
-        """What is wrong with the answers."""
         if self._project is None:
             return self.tr("Open a project.")
         if self.subject.name in self.taken:
@@ -127,7 +125,6 @@ class SubjectForm(QWidget):
             self._proposed = self.name.text()
 
     def show_subject(self, subject: Subject) -> None:
-        """Show the answers of another capture."""
         self.role.setCurrentIndex(self.role.findData(subject.role))
         self.z.setValue(subject.z_mm or 0.0)
         self.angle.setValue(subject.angle_deg or 0.0)
@@ -175,7 +172,6 @@ class SubjectStep(SubjectForm):
 
     @property
     def missing(self) -> str:
-        """What is wrong with the answers."""
         subject = self.subject
         if self._project is not None and subject == self._going_on():
             return self.wrong

@@ -71,12 +71,10 @@ class TakingStep(QWidget):
 
     @property
     def running(self) -> bool:
-        """Whether a capture is under way."""
         return self._job is not None
 
     @property
     def missing(self) -> str:
-        """What is to be done before the wizard is done."""
         if self.running:
             return self.tr("The sequence is being taken.")
         return "" if self.report is not None else self.tr("Take the sequence.")
@@ -108,13 +106,11 @@ class TakingStep(QWidget):
         self._update()
 
     def take(self) -> None:
-        """Run the sequence."""
         if not self.start_button.isEnabled():
             return
         self._run(self.subject.name, take, self.subject)
 
     def retake(self) -> None:
-        """Take the chosen frame again."""
         frame = self.strip.currentRow()
         if self.report is None or frame < 0 or self.running:
             return
@@ -214,7 +210,6 @@ class TakingStep(QWidget):
     # ---------------------------------------------------------------------------------------------------- what it shows
 
     def _show_frame(self, frame: int) -> None:
-        """Show the frame of the chosen pattern."""
         self._update()
         entry = self.bench.session.folder.entry(self.subject.name) if self.bench.session.folder else None
         if self.running or entry is None or entry.capture is None or not 0 <= frame < len(entry.capture.frames):
@@ -228,7 +223,6 @@ class TakingStep(QWidget):
         self.view.set_image(frame.image, (0.0, frame.white))
 
     def _update(self) -> None:
-        """Offer what can be done now."""
         done = self.report is not None
         self.start_button.setVisible(not done)
         self.start_button.setEnabled(not self.running)

@@ -7,12 +7,14 @@ from dataclasses import replace
 from PySide6.QtGui import QHideEvent
 
 from core.capture.plan import guards_for
+from core.devices import offer_screens
 from core.errors import StripeError
 from core.pipeline.capture import virtual_rig
 from core.project import choose_sequence
 from stripe_gui.jobs import JobQueue
 from stripe_gui.presenters.capturing import scene_for
 from stripe_gui.presenters.looking import Rig
+from stripe_gui.screens import Screens
 from stripe_gui.widgets.layout import boxed, column, label, scrolled
 from stripe_gui.widgets.sequence_form import SequenceForm
 from stripe_gui.wizards.capture.checks import ChecksStep
@@ -39,6 +41,7 @@ class CaptureWizard(Wizard):
             self.tr("Connect projector and camera, look, and record one sequence of an unmoving scene."),
             last=self.tr("Done"),
         )
+        offer_screens(Screens().open)  # any screen may serve as a projector
         self.rig = Rig()
         self._closing = JobQueue(self)  # of its own: what the next page looks at would take its place
         self._path = ""
@@ -87,7 +90,6 @@ class CaptureWizard(Wizard):
         self.taking.another_wanted.connect(self.another)
 
     def refresh(self) -> None:
-        """Begin anew for another project, or after the wizard was closed."""
         folder = self.session.folder
         if folder is None or str(folder.path) == self._path:
             return

@@ -48,7 +48,6 @@ class FramesStep(QWidget):
         self.setLayout(column(frame, None))
 
     def look(self) -> None:
-        """See what the folder holds."""
         if self._bench.session.is_open:
             session = self._bench.session
             self.found = look_in(self.folder.text(), session.opened.project, session.projector)
@@ -86,7 +85,6 @@ class ImportStep(QWidget):
         layout.setStretch(1, 3)
 
     def say(self, sign: str, lines: list[str]) -> None:
-        """Show sentences, each with a sign."""
         emptied(self.lines)
         colour = {"success": "ok", "error": "danger", "warning": "warning"}.get(sign, "muted")
         for i, text in enumerate(lines):
@@ -141,7 +139,6 @@ class ImportWizard(Wizard):
         self.importing.start_button.clicked.connect(self.run)
 
     def refresh(self) -> None:
-        """Begin anew for another project, or after the wizard was closed."""
         folder = self.session.folder
         if folder is None:
             return
@@ -163,7 +160,6 @@ class ImportWizard(Wizard):
         super().leave()
 
     def run(self) -> None:
-        """Import in the background."""
         folder, step = self.session.folder, self.importing
         if folder is None or step.job is not None or step.report is not None:
             return
@@ -185,7 +181,6 @@ class ImportWizard(Wizard):
         step.job.cancelled.connect(lambda: self._end("info", [self.tr("Stopped. Nothing was imported.")]))
 
     def can_run(self) -> bool:
-        """Say whether everything is known that an import needs."""
         return self.step.name == "import" and self.importing.start_button.isEnabled()
 
     def _done(self, report: ImportReport) -> None:
@@ -218,7 +213,6 @@ class ImportWizard(Wizard):
         return self.sequence.missing
 
     def _enter_import(self) -> None:
-        """Begin anew with other answers."""
         step = self.importing
         if step.job is not None:
             return

@@ -3,7 +3,7 @@
 wizard.py    the steps in their order; the last writes the project
 steps.py     name and rig
 boards.py    testfield, depth plate, scale, summary
-pictures.py  a plan of the rig, and a board as it will be printed
+pictures.py  a board as it will be printed
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import QCoreApplication
 
 from stripe_gui.actions import Action, project_open
-from stripe_gui.presenters.new_project import FIELD_FILE
 from stripe_gui.workbench import Workbench
 
 if TYPE_CHECKING:
@@ -50,6 +49,8 @@ def actions() -> list[Action]:
 
 def print_project_testfield(bench: Workbench) -> None:
     """Print the open project's testfield."""
+    from stripe_gui.presenters.new_project import FIELD_FILE
+
     folder = bench.session.opened
     print_board(bench, folder.path, folder.path / Path(FIELD_FILE).with_suffix(".pdf"))
 

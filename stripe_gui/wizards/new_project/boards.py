@@ -102,7 +102,6 @@ class BoardStep(QWidget):
         self.setLayout(outer)
 
     def show_plan(self, plan: BoardPlan, wanted: bool = True) -> None:
-        """Show a board."""
         fields = (self.wanted, self.by_file, self.by_numbers, self.rows, self.columns, self.spacing, self.diameter)
         blockers = [QSignalBlocker(field) for field in (*fields, self.file)]
         self.wanted.setChecked(wanted)
@@ -117,7 +116,6 @@ class BoardStep(QWidget):
         self._typed()
 
     def plan(self) -> BoardPlan:
-        """Give the board."""
         return BoardPlan(
             self.rows.value(),
             self.columns.value(),
@@ -236,7 +234,6 @@ class ScaleStep(QWidget):
         return [self.tr("From row"), self.tr("From column"), self.tr("To row"), self.tr("To column")]
 
     def show_scale(self, scale: ScaleBar, wanted: bool) -> None:
-        """Show a distance."""
         fields = (self.wanted, *self.ends, self.length, self.sigma)
         blockers = [QSignalBlocker(field) for field in fields]
         self.wanted.setChecked(wanted)
@@ -248,7 +245,6 @@ class ScaleStep(QWidget):
         self._typed()
 
     def scale(self) -> ScaleBar:
-        """Give the distance."""
         a, b, c, d = (field.value() for field in self.ends)
         return ScaleBar((a, b), (c, d), self.length.value(), self.sigma.value())
 
@@ -316,7 +312,6 @@ class SummaryStep(QWidget):
         self.setLayout(outer)
 
     def show_draft(self, draft: Draft, field: BoardView, plate: BoardView) -> None:
-        """Show the answers."""
         none = self.tr("none")
         bar = draft.scale
         text = self.tr("{length:.4f} mm ± {sigma:.4f} mm from row {a}, column {b} to row {c}, column {d}")

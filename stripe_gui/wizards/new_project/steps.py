@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QGridLayout, QLabel, QLineEdit, QSpinBox, QWidget
 
 from core.model import DeviceSpec
 from stripe_gui.presenters.new_project import place_problem, suggested_folder
+from stripe_gui.presenters.rig_space import planned, rig_scene
 from stripe_gui.presenters.rig_view import RigPlan, RigView, presets, rig_problem, rig_view, rig_words
+from stripe_gui.presenters.space import Scene
 from stripe_gui.widgets.layout import SPACE, boxed, button, card, column, label, row
-from stripe_gui.wizards.new_project.pictures import RigSketch
+from stripe_gui.widgets.space_view import SpaceView
 from stripe_gui.workbench import Workbench
 
 FORM_WIDTH = 350
@@ -106,7 +109,6 @@ class PlaceStep(QWidget):
         self.setLayout(outer)
 
     def show_place(self, name: str, folder: str) -> None:
-        """Show a name and a folder."""
         self._followed = folder
         self.name.setText(name)
         self.folder.setText(folder)
@@ -142,18 +144,15 @@ class DeviceFields:
         self.c = real(name("c"), 0.1, 10_000, 3, changed, " mm")
 
     def all(self) -> tuple[QSpinBox | QDoubleSpinBox, ...]:
-        """In the order of the form."""
         return self.width, self.height, self.pitch_x, self.pitch_y, self.c
 
     def show_spec(self, spec: DeviceSpec) -> None:
-        """Show a device."""
         values = (spec.width, spec.height, 1000 * spec.pitch_mm[0], 1000 * spec.pitch_mm[1], spec.nominal_c_mm)
         for field, value in zip(self.all(), values, strict=True):
             with QSignalBlocker(field):
                 field.setValue(value)  # type: ignore[arg-type]
 
     def spec(self) -> DeviceSpec:
-        """Give the device."""
         pitch = round(self.pitch_x.value() / 1000, 6), round(self.pitch_y.value() / 1000, 6)
         return DeviceSpec(self.width.value(), self.height.value(), pitch, self.c.value())
 
@@ -184,7 +183,7 @@ class RigStep(QWidget):
         self.base = real(self.tr("Base"), 1.0, 100_000.0, 1, self._typed, " mm")
         for field in (self.distance, self.base):
             field.setToolTip(self.tr("For the sketch and the advice only; calibration finds the true orientation."))
-        self.sketch = RigSketch()
+        self.sketch = SpaceView(self.tr("Sketch of the rig"))
         self.figures = label("", wrap=True)
         self.words = label("", "muted", wrap=True)
         self.view: RigView | None = None
@@ -222,7 +221,6 @@ class RigStep(QWidget):
         self.setLayout(outer)
 
     def show_rig(self, rig: RigPlan) -> None:
-        """Show a rig."""
         self.camera.show_spec(rig.camera)
         self.projector.show_spec(rig.projector)
         for field, value in ((self.distance, rig.distance_mm), (self.base, rig.base_mm)):
@@ -231,7 +229,6 @@ class RigStep(QWidget):
         self._typed()
 
     def rig(self) -> RigPlan:
-        """Give the rig."""
         return RigPlan(self.camera.spec(), self.projector.spec(), self.distance.value(), self.base.value())
 
     def problem(self) -> str:
@@ -243,16 +240,16 @@ class RigStep(QWidget):
             self.show_rig(self._presets[index][1])
 
     def _typed(self) -> None:
-        """Follow the numbers."""
         rig = self.rig()
         devices = [(plan.camera, plan.projector) for _, plan in self._presets]
         known = (rig.camera, rig.projector)
         self.preset.setCurrentIndex(devices.index(known) if known in devices else len(devices))
         self._problem = rig_problem(rig)
         self.view = None if self._problem else rig_view(rig)
-        self.sketch.show_view(self.view, rig.distance_mm, self._problem)
+        reach = 0.9 * rig.distance_mm, 1.1 * rig.distance_mm
+        self.sketch.show_scene(Scene() if self._problem else rig_scene(planned(rig), reach, np.zeros((0, 3))))
         self.figures.setText(self._figures(self.view) if self.view else "")
-        words = rig_words(self.view) if self.view else []
+        words = rig_words(self.view) if self.view else [self._problem]
         self.words.setText(" ".join(words))
         self.words.setVisible(bool(words) and self.words.parent() is not None)
         self.changed.emit()

@@ -65,7 +65,6 @@ class NewProjectWizard(Wizard):
     # ------------------------------------------------------------------------------------------------------ the answers
 
     def draft(self) -> Draft:
-        """Give the answers as they are now."""
         return Draft(
             self.place.name.text(),
             self.place.folder.text(),
@@ -79,7 +78,6 @@ class NewProjectWizard(Wizard):
         )
 
     def show_draft(self, draft: Draft) -> None:
-        """Show answers."""
         self._showing = True
         self.place.show_place(draft.name, draft.folder)
         self.rig.show_rig(draft.rig)
@@ -117,11 +115,9 @@ class NewProjectWizard(Wizard):
     # ----------------------------------------------------------------------------------------------------- page, wizard
 
     def refresh(self) -> None:
-        """Look again whether the folder is still free."""
         self.update_steps()
 
     def parts(self) -> Iterator[str]:
-        """Show every step with all that can be asked."""
         kept, stored = self.draft(), self.bench.settings.text(KEPT)
         self.plate.wanted.setChecked(True)
         self.scale.wanted.setChecked(True)
@@ -132,7 +128,6 @@ class NewProjectWizard(Wizard):
         self.start()
 
     def finish(self) -> None:
-        """Write the project and open it."""
         if self.bench.jobs.busy:
             text = self.tr("Work is running in the open project.")
             self.bench.notify("warning", text, self.tr("wait until it is done, or cancel it"))

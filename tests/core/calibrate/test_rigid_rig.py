@@ -4,11 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
-from core.calibrate import adjust, calibrate_photogrammetric, network_from_targets, rigidity_test
+from core.calibrate import (
+    AdjustOptions,
+    adjust,
+    calibrate_photogrammetric,
+    leave_captures_out,
+    network_from_targets,
+    next_poses,
+    rigidity_test,
+)
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, project, rotation_vector_from_matrix
-from core.model import Rig, ScaleBar, TargetSet, Testfield
+from core.model import Interior, Rig, ScaleBar, TargetSet, Testfield
 
 ROWS, COLS = 6, 8
 
@@ -223,3 +232,148 @@ def test_a_projector_that_codes_columns_only_is_calibrated_without_what_columns_
     np.testing.assert_allclose(found[[0, 2]], simulated.projector_from_camera.translation_mm[[0, 2]], atol=0.5)
     camera = adjustment.devices["camera"]
     assert np.abs((camera.interior.vector - simulated.interior["camera"].vector) / camera.sigma).max() < 4
+
+
+def numerical_design(adjustment, bar):
+    """Derivatives of all observations by interior and relative orientations, poses and points, from differences."""
+    network, poses = adjustment.network, sorted(set(adjustment.network.station_pose))
+    first = [network.station_pose.index(k) for k in poses]
+    start = [d.interior.vector for d in adjustment.devices.values()]
+    sizes = np.cumsum([0, 9, 9, 6, 6 * len(poses), adjustment.points_mm.size])
+
+    def moved(pose, change):
+        return Pose(matrix_from_rotation_vector(change[:3]) @ pose.rotation, pose.translation_mm + change[3:])
+
+    def predicted(change):
+        camera, projector, relative, places, xyz = np.split(change, sizes[1:-1])
+        points = adjustment.points_mm + xyz.reshape(-1, 3)
+        uv = np.zeros((len(network.observation_uv), 2))
+        for s, name in enumerate(network.station_device):
+            k = poses.index(network.station_pose[s])
+            stand = moved(adjustment.station_from_object[first[k]], places[6 * k : 6 * k + 6])
+            if name == "projector":
+                stand = moved(adjustment.relative["projector"], relative) @ stand
+            own = network.observation_station == s
+            device = adjustment.devices[name]
+            vector = start[name == "projector"] + (projector if name == "projector" else camera)
+            interior = Interior.from_vector(vector, device.interior.r0_mm)
+            uv[own] = project(device.spec, interior, points[network.observation_point[own]], stand)
+        length = np.linalg.norm(points[network.scale.start] - points[network.scale.stop])
+        return np.append(uv.ravel(), length)
+
+    steps = np.concatenate([[1e-4, 1e-4, 1e-4, 1e-7, 1e-9, 1e-7, 1e-7, 1e-7, 1e-7] * 2, np.full(sizes[-1] - 18, 1e-5)])
+    columns = [(predicted(h) - predicted(-h)) / (2 * h.sum()) for h in np.diag(steps)]
+    return np.array(columns).T / np.append(network.observation_sigma.ravel(), bar.sigma_mm)[:, None]
+
+
+def test_errors_that_targets_share_are_in_the_covariance(measured):
+    _, rig, field, sets, bar = measured
+    for k in (1, 4):
+        gradient = np.tile([[0.9, 0.1], [-0.1, 1.1]], (len(sets[k].row), 1, 1))
+        rows = replace(sets[k], gradient=gradient, row_shift_px=0.04, height_px=np.full(len(gradient), 30.0))
+        cov = rows.camera_cov + np.array([[0.0, 1e-4], [1e-4, 0.0]])
+        cov[:, 0, 0] += np.diagonal(rows.row_cov)
+        sigma = np.sqrt(0.02**2 + np.diagonal(gradient @ cov @ gradient.transpose(0, 2, 1), axis1=1, axis2=2))
+        sets[k] = replace(rows, camera_cov=cov, projector_sigma=sigma)
+    options = AdjustOptions(variance_components=False)
+    calibration, adjustment = calibrate_photogrammetric(rig, field, sets, scale=bar, options=options)
+    network, A = adjustment.network, numerical_design(adjustment, bar)
+    S = np.eye(len(A))
+    place = {
+        (network.station_names[s], network.point_names[p]): o
+        for o, (s, p) in enumerate(zip(network.observation_station, network.observation_point, strict=True))
+    }
+    for k in (1, 4):
+        t, rows = sets[k], sets[k].row_cov
+        key = [f"{r}/{c}" for r, c in zip(t.row, t.col, strict=True)]
+        at = [[place.get((f"{t.capture}/{name}", p)) for name in ("camera", "projector")] for p in key]
+        for i, one in enumerate(at):
+            for j, other in enumerate(at):
+                by_u, to_u = (np.append([1.0, 0.0], t.gradient[x][:, 0]) for x in (i, j))
+                block = t.cov[i] if i == j else rows[i, j] * np.outer(by_u, to_u)
+                for a, b in np.ndindex(2, 2):
+                    if one[a] is not None and other[b] is not None:
+                        part = block[2 * a : 2 * a + 2, 2 * b : 2 * b + 2]
+                        unit = np.outer(network.observation_sigma[one[a]], network.observation_sigma[other[b]])
+                        S[2 * one[a] : 2 * one[a] + 2, 2 * other[b] : 2 * other[b] + 2] = part / unit
+    back = np.linalg.pinv(A, rcond=1e-11)[:18]  # interior orientations do not depend on the datum
+    true, plain = back @ S @ back.T, back @ back.T
+    unit = np.sqrt(np.diagonal(true))
+    found = calibration.covariance[:18, :18] / adjustment.sigma0**2
+    assert np.abs((found - true) / np.outer(unit, unit)).max() < 1e-4
+    assert np.abs((plain - true) / np.outer(unit, unit)).max() > 0.05  # what is shared counts
+
+
+def residuals_of_a_placed_board(t, points, adjusted, start, sigma):
+    """Observed less predicted of a capture by devices and points as adjusted, its board where it fits best."""
+
+    def off(x):
+        stand = Pose(matrix_from_rotation_vector(x[:3]) @ start.rotation, start.translation_mm + x[3:])
+        views = ("camera", t.camera_uv, stand), ("projector", t.projector_uv, adjusted.relative["projector"] @ stand)
+        return {
+            name: uv - project(adjusted.devices[name].spec, adjusted.devices[name].interior, points, pose)
+            for name, uv, pose in views
+        }
+
+    def whitened(x):
+        every = np.concatenate([r.ravel() / sigma[n] for n, r in off(x).items()])
+        return every[np.isfinite(every)]
+
+    return off(least_squares(whitened, np.zeros(6), x_scale=1e-3).x)
+
+
+def test_what_the_other_captures_foresee_is_what_an_adjustment_without_one_foresees(measured):
+    """Once by the normal equations; once by adjusting without a capture, and placing its board by least squares."""
+    _, rig, field, sets, bar = measured
+    sets[3] = replace(sets[3], camera_uv=sets[3].camera_uv + [[0.3, -0.2]] * (np.arange(len(sets[3].row)) < 9)[:, None])
+    network, options = network_from_targets(rig, field, sets, scale=bar), AdjustOptions(variance_components=True)
+    found = {one.capture: one for one in leave_captures_out(network)}
+    assert [one.capture for one in found.values() if one.off] == ["testfield-04"]
+    with_all = adjust(network, options=options)
+    sigma = {n: with_all.variance_factors[n] ** 0.5 * s for n, s in (("camera", 0.02), ("projector", 0.03))}
+    for k in (0, 3):
+        one, t = found[sets[k].capture], sets[k]
+        rest = network_from_targets(rig, field, [s for s in sets if s is not t], scale=bar)
+        without = adjust(rest, options=options)
+        number = {(p.row, p.col): i for i, p in enumerate(rest.point_ids)}
+        points = without.points_mm[[number[key] for key in zip(t.row.tolist(), t.col.tolist(), strict=True)]]
+        start = with_all.station_from_object[with_all.network.station_names.index(f"{t.capture}/camera")]
+        for name, residual in residuals_of_a_placed_board(t, points, without, start, sigma).items():
+            # without the wrong capture the variance factors are others, which the normal equations do not know
+            assert one.foreseen_px[name] == pytest.approx(np.sqrt(np.nanmean(residual**2)), rel=0.05)
+            assert one.foreseen_px[name] > one.fitted_px[name]
+
+
+def test_what_one_more_pose_brings_is_what_an_adjustment_with_it_has(measured):
+    _, rig, field, sets, bar = measured
+    options = AdjustOptions(variance_components=True)
+    network = network_from_targets(rig, field, sets[:6], scale=bar)
+    best = next_poses(network)[0]
+    before = adjust(network, options=options)
+    across = [np.cos(np.radians(best.about_deg)), np.sin(np.radians(best.about_deg)), 0.0]
+    tilt = matrix_from_rotation_vector(np.radians(best.tilt_deg) * np.array(across))
+    turned = tilt @ matrix_from_rotation_vector(np.radians([0, 0, best.roll_deg]))
+    own = [p for n, p in zip(before.network.station_names, before.station_from_object, strict=True) if "camera" in n]
+    middle = np.mean([p.apply(before.points_mm.mean(axis=0)[None])[0] for p in own], axis=0)
+    stand = Pose(turned, middle * best.distance_mm / -middle[2] - turned @ before.points_mm.mean(axis=0))
+    rng, t = np.random.default_rng(0), sets[0]
+    views = {"camera": (stand, 0.02), "projector": (before.relative["projector"] @ stand, 0.03)}
+    uv = {}
+    for name, (pose, sigma) in views.items():
+        device = before.devices[name]
+        seen = project(device.spec, device.interior, before.points_mm, pose)
+        inside = np.all((seen > 0) & (seen < [device.spec.width - 1, device.spec.height - 1]), axis=1)
+        uv[name] = np.where(inside[:, None], seen + rng.normal(scale=sigma, size=seen.shape), np.nan)
+    at = np.isfinite(uv["camera"][:, 0])
+    ids = [(p.row, p.col) for p, use in zip(before.network.point_ids, at, strict=True) if use]
+    row, col = np.array(ids).T
+    like = {n: getattr(t, n)[:1].repeat(len(row), axis=0) for n in ("camera_cov", "projector_sigma", "eccentricity_px")}
+    more = TargetSet(
+        "next", row, col, uv["camera"][at], projector_uv=uv["projector"][at], diameter_px=np.full(len(row), 9.0), **like
+    )
+    after = adjust(network_from_targets(rig, field, [*sets[:6], more], scale=bar), options=options)
+    place = before.parameter_names.index(best.parameter)
+    sigmas = [np.sqrt(np.diagonal(a.parameter_cov) / a.sigma0**2) for a in (before, after)]
+    # with the variance factors as they are estimated with and without it
+    assert 1 - sigmas[1][place] / sigmas[0][place] == pytest.approx(best.most, abs=0.05)
+    assert 0.05 < best.gain < best.most

@@ -16,17 +16,17 @@ from core.pipeline import calibrate_project, measure_project
 from core.pipeline.methods.photogrammetric import placed_by_chance
 from core.project import read_project
 
-E = experiment("quick")
+E = experiment("quick", 3)
 
 
 @pytest.fixture
-def project(recorded):
-    return recorded
+def project(quick_original):
+    return quick_original
 
 
 @pytest.fixture
-def copied(recorded, tmp_path):
-    return shutil.copytree(recorded, tmp_path / "copy")
+def copied(quick_original, tmp_path):
+    return shutil.copytree(quick_original, tmp_path / "copy")
 
 
 def edit(project, capture, change):

@@ -91,10 +91,9 @@ def test_a_charuco_board_tells_which_corner_is_which_from_any_part_of_it(tilt_de
         squares.append(ratios(found, truth) ** 2)
         counts.append(len(found.row))
         assert len(found.row) + len(found.missing) == ROWS * COLS
-    assert min(counts[::2]) > 0.9 * ROWS * COLS
+    assert min(counts[::2]) > (0.85 if tilt_deg == 60 else 0.9) * ROWS * COLS  # squares of 11 px: tags touch some
     assert min(counts[1::2]) > (0.5 if tilt_deg == 60 else 0.6) * ROWS * COLS
-    # what the tags' corners add to the residuals counts as noise: too careful, never too bold
-    assert 0.4 < np.sqrt(np.mean(np.concatenate(squares))) < 1.2
+    assert 0.75 < np.sqrt(np.mean(np.concatenate(squares))) < 1.25
 
 
 @pytest.mark.parametrize("tilt_deg", [0, 45])
@@ -107,7 +106,7 @@ def test_a_chessboard_is_measured_without_picks(tilt_deg):
         assert len(ways) == 1  # 8 and 11 corners: half a turn would change dark and bright
         assert np.abs(found.camera_uv - truth[found.row, found.col]).max() < 0.5
         squares.append(ratios(found, truth) ** 2)
-    assert 0.5 < np.sqrt(np.mean(np.concatenate(squares))) < 1.2
+    assert 0.75 < np.sqrt(np.mean(np.concatenate(squares))) < 1.25
 
 
 def test_no_board_is_no_board():

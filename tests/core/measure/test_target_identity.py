@@ -1,5 +1,6 @@
 """No wrong identity, whatever the pose, the lens, the light and the dirt; and a good share of what is visible."""
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from core.errors import InputError
 from core.measure import measure_targets
 from core.model import DeviceSpec, Seed
 
+POSES = 250 * int(os.environ.get("STRIPE_MANY", "1"))  # none wrong among 250: with 95 % fewer than 1.2 %
 SMALL = DeviceSpec(300, 240, (0.02, 0.02), 12.0)
 
 
@@ -51,9 +53,9 @@ def pick(truth, rng):
     return None, good
 
 
-def test_a_thousand_random_poses_give_no_wrong_identity(bench):
+def test_random_poses_give_no_wrong_identity(bench):
     poses = found_in = visible_in = refused = 0
-    for k in range(1100):
+    for k in range(2 * POSES):
         truth, rng = random_scene(bench, k)
         truth = truth.but(field=replace(truth.field, estimator="centroid"))  # who is who, in a third of the time
         cells, good = pick(truth, rng)
@@ -72,10 +74,10 @@ def test_a_thousand_random_poses_give_no_wrong_identity(bench):
         assert all(m.reason for m in found.missing)
         found_in += len(np.intersect1d(which, good))
         visible_in += len(good)
-        if poses == 1000:
+        if poses == POSES:
             break
-    assert poses == 1000
-    assert refused < 10
+    assert poses == POSES
+    assert refused < POSES / 100
     assert found_in > 0.9 * visible_in
 
 

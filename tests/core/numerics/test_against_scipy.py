@@ -11,6 +11,7 @@ from core.numerics import (
     chi_square_limit,
     erf,
     factor_of,
+    fisher_above,
     fisher_limit,
     inverse_by,
     nearest,
@@ -30,7 +31,9 @@ def test_chi_square(redundancy, level):
 @pytest.mark.parametrize("first", [1, 6, 84, 600])
 @pytest.mark.parametrize("second", [1, 9, 300, 12000])
 def test_fisher(first, second, level):
-    assert fisher_limit(first, second, level) == pytest.approx(special.fdtri(first, second, 1 - level), rel=1e-7)
+    limit = special.fdtri(first, second, 1 - level)
+    assert fisher_limit(first, second, level) == pytest.approx(limit, rel=1e-7)
+    assert fisher_above(first, second, limit) == pytest.approx(special.fdtrc(first, second, limit), rel=1e-9)
 
 
 def test_normal_and_error_function():

@@ -12,7 +12,10 @@ import pytest
 from core.bench.experiment import Experiment
 from core.bench.scenarios import experiment
 from core.cli import main
-from core.project import write_capture
+from core.pipeline import drift_of
+from core.pipeline.report import report_data
+from core.project import read_project, write_capture
+from core.report.chapters import drawings, tables
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +65,22 @@ def test_a_knocked_projector_is_told_and_depth_is_corrected(
     assert errors[0] > 0.3  # 0.3 mrad about Y alone is 0.5 mm of depth at 600 mm and a base of 250 mm
     # a single plane and the small rig's calibration show the pan poorly, and the figures say so
     assert errors[1] < 3 * found["depth_sigma_mm"] < 3.0
+
+
+def test_what_captures_show_is_kept_for_the_chart_and_the_report(calibrated: Path, tmp_path: Path) -> None:
+    for name in ("plane+00", "plane+15"):
+        run("orient", calibrated, name, tmp_path=tmp_path)
+    project = read_project(calibrated)
+    (chart,) = drift_of(project, kept=True).values()
+    assert [point.capture for point in chart] == ["plane+00", "plane+15"]
+    assert "action" not in {point.state for point in chart}
+    # what the calibration leaves uncertain is the same in both: another plane of the same rig is foretold better
+    assert (chart[1].sigma < chart[0].sigma).all()
+    assert [table.title for table in tables(report_data(project, ()))][-1].startswith("Control chart")
+    data = report_data(project, ())
+    assert [drawing.key for drawing in drawings(data)["drift"]] == ["drift-camera-projector"]
+    assert main(["calibrate", str(calibrated), "--method", "photogrammetric", "--without", "testfield-08"]) == 0
+    assert not drift_of(project, kept=True)
 
 
 def test_a_correction_of_another_calibration_is_refused(

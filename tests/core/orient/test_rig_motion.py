@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
-from core.model import AdjustedDevice, DeviceSpec, Interior, Pair, PhaseMap
-from core.orient import OrientOptions, corrected_pair, find_motion
+from core.geometry import Pose, matrix_from_rotation_vector, perturbed, project, ray_directions
+from core.model import AdjustedDevice, DeviceSpec, Interior, KnownLength, KnownPoints, Pair, PhaseMap
+from core.orient import OrientOptions, drift_chart, expectation_of, find_motion, judged
 
 Array = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ def test_a_projector_that_moved_is_told_and_found(rotation: list[float], shift: 
 
 def test_an_unmoved_rig_is_called_moved_as_rarely_as_stated() -> None:
     rng = np.random.default_rng(2)
-    few = OrientOptions(most_pixels=2000, rounds=1)
+    few = OrientOptions(most_places=2000, rounds=1)
     p = np.array([find_motion(captured(TRUE, rng), mistaken(rng), options=few).p for _ in range(80)])
     # the p-values of a true hypothesis are uniform: binomial counts at three levels, four standard deviations wide
     for level in (0.05, 0.2, 0.5):
@@ -113,7 +113,7 @@ def test_an_unmoved_rig_is_called_moved_as_rarely_as_stated() -> None:
 def test_the_corrected_orientation_is_as_good_as_its_covariance_says() -> None:
     rng = np.random.default_rng(3)
     squared, depth = [], []
-    prior = OrientOptions(most_pixels=2000, rotation_prior_rad=1.0, shift_prior_mm=1e3)
+    prior = OrientOptions(most_places=2000, rotation_prior_rad=1.0, shift_prior_mm=1e3)
     pixel = np.array([[90.0, 70.0]])
     for _ in range(40):
         calibration = mistaken(rng)
@@ -123,7 +123,7 @@ def test_the_corrected_orientation_is_as_good_as_its_covariance_says() -> None:
         error = np.concatenate([motion.rotation_rad - rotation, (motion.shift_mm - shift)])[[0, 1, 2, 4, 5]]
         part = motion.covariance[np.ix_([0, 1, 2, 4, 5], [0, 1, 2, 4, 5])]
         squared.append(error @ np.linalg.solve(part, error))
-        corrected = corrected_pair(calibration, motion)
+        corrected = motion.pair
         assert np.linalg.eigvalsh(corrected.covariance / np.outer(SIGMAS, SIGMAS)).min() > -1e-6
         depth.append(_depth_error(corrected, now, pixel))
     # chi-squared of 5, mean of 40: standard deviation sqrt(10 / 40)
@@ -168,3 +168,85 @@ def test_one_axis_tells_nothing() -> None:
     phase = captured(TRUE, np.random.default_rng(6))
     with pytest.raises(InputError, match="both projector coordinates"):
         find_motion(replace(phase, v=np.full_like(phase.v, np.nan)), TRUE)
+
+
+def drifted(rng: np.random.Generator) -> Pair:
+    """The rig with orientation, base, and c and x0 of both devices drifted by what `OrientOptions` allows for."""
+    interior = np.zeros(24)
+    interior[[0, 1, 9, 10]] = rng.normal(0, 5e-4, 4) * [12, 12, 182, 182]
+    return perturbed(turned(TRUE, rng.normal(0, 3e-4, 3), rng.normal(0, 0.2, 3)), interior)
+
+
+def points_of(rig: Pair, pixels: Array) -> Array:
+    rays = ray_directions(CAMERA, rig.camera.interior, pixels)
+    return np.asarray(rays * surface(rays)[:, None])
+
+
+def test_a_known_length_corrects_scale_and_distance_as_surely_as_it_says() -> None:
+    rng = np.random.default_rng(7)
+    ends, check = np.array([[50.0, 35.0], [135.0, 110.0]]), np.array([[50.0, 110.0], [135.0, 35.0]])
+    off, depth = [], []
+    for _ in range(8):
+        now = drifted(rng)
+        (a, b), (c, d) = points_of(now, ends), points_of(now, check)
+        known = [
+            KnownLength("points", ((*p, 4.0), (*q, 4.0)), float(np.linalg.norm(y - x)), 0.002)
+            for (p, q), (x, y) in (((ends[0], ends[1]), (a, b)), ((check[0], check[1]), (c, d)))
+        ]
+        calibration, phase = mistaken(rng), captured(now, rng)
+        motion = find_motion(phase, calibration, lengths=known[:1])
+        off.append(find_motion(phase, motion.pair, lengths=known[1:]).lengths_mm[0][0] - known[1].length_mm)
+        depth.append(_depth_error(motion.pair, now, np.array([[90.0, 70.0]])))
+        assert abs(motion.lengths_mm[0][1] - known[0].length_mm) < 0.03  # as noise leaves it: 5 sigma of 49 pixels each
+    assert np.sqrt(np.mean(np.square(off))) < 0.03  # another length, across the first
+    wrong = replace(known[0], length_mm=known[0].length_mm + 8)
+    with pytest.raises(InputError, match="standard deviations from what the calibration"):
+        find_motion(phase, calibration, lengths=[wrong])
+    assert 0.3 < np.sqrt(np.mean(np.square(depth))) < 1.8  # errors over their sigmas, 8 normal deviates: 1 +- 0.25
+
+
+def test_points_known_before_show_all_of_the_orientation_and_c() -> None:
+    rng = np.random.default_rng(8)
+    pixels = np.stack(np.meshgrid(np.linspace(40, 140, 9), np.linspace(20, 120, 8)), axis=-1).reshape(-1, 2)
+    squared = []
+    for _ in range(10):
+        now = drifted(rng)
+        X = points_of(now, pixels)
+        uv = project(PROJECTOR, now.projector.interior, X, now.projector_from_camera)
+        seen = np.concatenate([pixels, uv], axis=1) + rng.normal(0, 0.02, (len(X), 4))
+        elsewhere = (X + rng.normal(0, 0.005, X.shape)) @ matrix_from_rotation_vector([0.3, -0.2, 0.4]).T + [9, -7, 600]
+        cov = np.broadcast_to(np.eye(3) * 0.005**2, (len(X), 3, 3))
+        known = KnownPoints(elsewhere, cov, seen, np.broadcast_to(np.eye(4) * 0.02**2, (len(X), 4, 4)))
+        motion = find_motion(captured(now, rng), mistaken(rng), points=known)
+        found, true = (
+            np.concatenate([p.camera.interior.vector[:3], p.projector.interior.vector[:3]]) for p in (motion.pair, now)
+        )
+        sigma = np.sqrt(np.diagonal(motion.pair.covariance))[[0, 1, 2, 9, 10, 11]]
+        squared.append(((found - true) / sigma) ** 2)
+    # of 60 normal deviates, which hang together in each capture
+    assert 0.5 < np.sqrt(np.mean(squared)) < 1.5
+
+
+def test_captures_at_rest_are_called_moved_as_rarely_as_stated_and_slight_movements_are_seen() -> None:
+    rng = np.random.default_rng(9)
+    calibration, options = mistaken(rng), OrientOptions(most_places=2000)
+
+    def seen(rig: Pair, count: int) -> list:
+        still = captured(rig, rng, 1e-9)
+        sigma = np.where(np.isfinite(still.u), np.float32(SIGMA), np.float32(np.nan))
+        noise = rng.normal(0, SIGMA, (count, 2, *still.u.shape)).astype(np.float32)
+        maps = [replace(still, u=still.u + n[0], v=still.v + n[1], sigma_u=sigma, sigma_v=sigma) for n in noise]
+        return [find_motion(phase, calibration, options=options) for phase in maps]
+
+    at_rest = seen(TRUE, 60)
+    p = np.array([point.p for point in drift_chart(at_rest, calibration, options)[1:]])
+    for level in (0.05, 0.2, 0.5):  # p-values of a true hypothesis are uniform: four standard deviations of counts
+        assert abs(np.mean(p < level) - level) < 4 * np.sqrt(level * (1 - level) / len(p))
+    # against the calibration they are all alike, whatever its errors happen to be
+    assert np.ptp([motion.p for motion in at_rest]) < 0.3
+    expectation = expectation_of(calibration, options)
+    for motion in at_rest:
+        expectation = judged(motion, expectation, options)[1]
+    for rotation in ([0, 0, 1e-5], [0, 1e-4, 0]):  # of a camera with a sixteenth of the reference camera's pixels
+        moved = seen(turned(TRUE, np.array(rotation), np.zeros(3)), 1)[0]
+        assert judged(moved, expectation, options)[0].state == "action"

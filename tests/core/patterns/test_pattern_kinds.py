@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 import pytest
 
@@ -16,7 +13,6 @@ from core.patterns import (
     KINDS,
     Black,
     CrossPatternLcd,
-    Kind,
     Level,
     Lines,
     White,
@@ -97,25 +93,9 @@ def test_decoding_passes_over_levels_it_cannot_use() -> None:
     assert np.array_equal(plain.u, more.u)
 
 
-@dataclass(frozen=True)
-class Ramp:
-    """A kind that the core does not know: brightness rises from line 0 to the last."""
-
-    axis: str
-    lines: int
-    kind: ClassVar[str] = "ramp"
-
-
-def test_a_kind_is_added_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kind_is_added_from_outside(extension) -> None:
     """One record makes it readable, shown, described, planned and refused; nothing in the core names it."""
-    kind = Kind(
-        "word",
-        lambda fields: Ramp(fields.text("axis", among=("x", "y")), fields.integer("lines", 2)),
-        lambda pattern, i: np.clip(i / (pattern.lines - 1), 0.0, 1.0),
-        lambda pattern, along: f"ramp over {pattern.lines} {along}",
-        lambda pattern: "the pattern is a ramp: use a code",
-    )
-    monkeypatch.setitem(KINDS, "ramp", kind)
+    extension("pattern_kind", KINDS)
     ramp = pattern_from_dict({"kind": "ramp", "axis": "x", "lines": 5}, "here")
     assert pattern_image(ramp, 5, 1).tolist() == [[0, 0.25, 0.5, 0.75, 1]]
     assert pattern_to_dict(ramp) == {"kind": "ramp", "axis": "x", "lines": 5}
@@ -127,10 +107,8 @@ def test_a_kind_is_added_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
 RIG = Rig({"camera": DeviceSpec(9, 9, (1, 1), 1)}, {"projector": DeviceSpec(5, 5, (1, 1), 1)})
 
 
-def test_a_kind_from_outside_is_planned(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
-    monkeypatch.setitem(
-        KINDS, "ramp", Kind("word", lambda fields: None, lambda pattern, i: i / 4, lambda pattern, along: "ramp")
-    )
+def test_a_kind_from_outside_is_planned(extension, tmp_path) -> None:
+    ramp = extension("pattern_kind", KINDS).Ramp("x", 5)
     project = Project(tmp_path, "p", RIG, None, ())
-    plan = make_plan(project, "a", "object", patterns=[Ramp("x", 5)])
-    assert plan.guards == (White(), Ramp("x", 5), Black())
+    plan = make_plan(project, "a", "object", patterns=[ramp])
+    assert plan.guards == (White(), ramp, Black())

@@ -190,9 +190,20 @@ def test_errors_of_the_calibration_scatter_the_points_as_their_sigma_says(make_r
 
 def test_the_sigma_table_repeats_the_covariance_propagated_at_every_pixel(make_rig, without) -> None:
     rng = np.random.default_rng(8)
-    covariance = _covariance(rng)
-    rig = make_rig(covariance=covariance)
-    for z, drop in ((-600.0, None), (-450.0, "v"), (-900.0, None)):
+    # as it is, and with distortion that no board ever reached: towards the edges sigmas grow a hundredfold
+    for far, cases in ((1.0, ((-600.0, None), (-450.0, "v"), (-900.0, None))), (30.0, ((-600.0, None),))):
+        covariance = _covariance(rng) * np.outer(grown := np.where(np.isin(np.arange(24), (12, 13)), far, 1.0), grown)
+        _sigmas_repeat(make_rig(covariance=covariance), covariance, cases, 0.005 if far == 1 else 0.1, without)
+
+
+def test_a_parameter_known_alone_leaves_what_it_does_not_move_certain(make_rig) -> None:
+    rig = make_rig(covariance=np.diag([0.05**2 if p == 9 else 0.0 for p in range(24)]))  # the projector's c
+    cloud = reconstruct(rig.phase(rig.plane(), sigma=1e-4), rig.calibration)
+    assert np.isfinite(cloud.sigma_mm[np.isfinite(cloud.xyz_mm)]).all()
+
+
+def _sigmas_repeat(rig, covariance, cases, off: float, without) -> None:
+    for z, drop in cases:
         phase = rig.phase(rig.plane(z=z), sigma=1e-4)
         observed = phase if drop is None else without(phase, drop)
         G = []
@@ -202,8 +213,8 @@ def test_the_sigma_table_repeats_the_covariance_propagated_at_every_pixel(make_r
         exact = np.sqrt(np.einsum("ihwk,ij,jhwk->hwk", np.array(G), covariance, np.array(G)))
         ratio = reconstruct(observed, rig.calibration).sigma_mm / exact
         # linear interpolation of the polynomials between 25 x 25 nodes
-        assert np.nanmin(ratio) > 0.99
-        assert np.nanmax(ratio) < 1.01
+        assert np.nanmin(ratio) > 1 - off
+        assert np.nanmax(ratio) < 1 + off
 
 
 def test_column_patterns_are_asked_for_where_rows_say_nothing_about_depth(make_rig, without) -> None:

@@ -9,11 +9,11 @@ import pytest
 from scipy.integrate import trapezoid
 
 from core.report import ReportData
+from core.report.adjusted import correlations
 from core.report.chapters import drawings as drawn
 from core.report.figures import png_bytes, svg_text
 from core.report.figures.canvas import CSS_VARIABLES
 from core.report.figures.images import magnification
-from core.report.figures.network import correlations
 from core.report.figures.planes import colour_limit_mm
 
 ALL = ["residuals", "coverage", "network", "convergence", "correlations", "deviations", "histograms"]
@@ -147,11 +147,11 @@ def test_viewing_axes_lead_towards_the_object(data, adjustment):
 
 
 def test_correlations_leave_out_what_was_held_fixed(adjustment):
-    matrix, names = correlations(adjustment)
-    assert "projector.A6" not in names
-    assert matrix.shape == (23, 23)
-    np.testing.assert_allclose(np.diag(matrix), 1.0)
-    assert matrix[names.index("camera.x0"), names.index("camera.A6")] == pytest.approx(-0.96)
+    found = correlations(adjustment)
+    assert "projector.A6" not in found.names
+    assert found.values.shape == (23, 23)
+    np.testing.assert_allclose(np.diag(found.values), 1.0)
+    assert found.strongest(1) == [("camera.x0", "camera.A6", pytest.approx(-0.96))]
 
 
 def test_strongest_correlation_is_written_into_its_cell(data):

@@ -10,7 +10,7 @@ from pypdf import PdfReader
 
 from core.errors import Cancelled, InputError
 from core.progress import Progress
-from core.report import CHAPTERS, Chapter, Number, ReportData, Table, cell_text, summary, tables, write_report
+from core.report import CHAPTERS, ReportData, cell_text, summary, tables, write_report
 
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 FIGURES = {"residuals", "coverage", "network", "convergence", "correlations", "deviations", "histograms"}
@@ -152,6 +152,7 @@ def test_equal_data_give_equal_files(data, paths, tmp_path):
     assert again.pdf.read_bytes() == paths[1].read_bytes()
 
 
+@pytest.mark.usefixtures("plain_reports")
 @pytest.mark.parametrize(
     ("kept", "sections"),
     [
@@ -224,11 +225,10 @@ def test_cancelled_report_writes_nothing(project, depth, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_progress_runs_from_start_to_end(project, adjustment, tmp_path):
+def test_progress_runs_from_start_to_end(project, evaluations, tmp_path):
     seen = []
-    write_report(
-        ReportData(project, adjustment), tmp_path, progress=Progress(lambda fraction, message: seen.append(fraction))
-    )
+    progress = Progress(lambda fraction, message: seen.append(fraction))
+    write_report(ReportData(project, evaluations=evaluations), tmp_path, progress=progress)
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
     assert [p.name for p in sorted(tmp_path.iterdir())] == ["report.html", "report.pdf"]
@@ -240,17 +240,15 @@ def test_a_file_in_place_of_the_folder_is_refused(project, tmp_path):
         write_report(ReportData(project), tmp_path / "out")
 
 
-def test_a_chapter_from_outside_stands_in_both_files(data, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("plain_reports")
+def test_a_chapter_from_outside_stands_in_both_files(data, tmp_path, extension):
     """What the developer's guide shows; where it has nothing to say it is left out."""
-
-    def weather(data):
-        return [Table("Weather", ("quantity", "value"), (("air [°C]", Number(20.5, ".1f")),))] if data.truth else []
-
-    monkeypatch.setitem(CHAPTERS, "weather", Chapter("Weather of the day", weather))
-    paths = write_report(dataclasses.replace(data, truth={"camera": {}}), tmp_path)
+    extension("report_section", CHAPTERS)
+    paths = write_report(data, tmp_path)
     assert "Weather of the day" in paths.html.read_text(encoding="utf-8")
     text = "".join(page.extract_text() for page in PdfReader(paths.pdf).pages)
     assert "Weather of the day" in text
     assert "20.5" in text
-    without = write_report(dataclasses.replace(data, truth=None), tmp_path)
+    CHAPTERS["weather"] = dataclasses.replace(CHAPTERS["weather"], tables=lambda data: [])
+    without = write_report(data, tmp_path)
     assert "Weather" not in without.html.read_text(encoding="utf-8")

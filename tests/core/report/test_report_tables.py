@@ -10,7 +10,6 @@ from core.geometry import LENSES, at_radius, distort
 from core.model import Interior
 from core.report import Number, ReportData, Table, cell_text, tables, text_table
 from core.report.document import compose
-from core.report.interior import interior_from_mapping
 from core.report.published import published_names, read_published
 from core.resources import resource
 
@@ -82,8 +81,8 @@ def test_another_radius_is_the_same_imaging(r0):
 
 
 def test_truth_given_at_another_radius_is_referred_to_the_own_one(data):
-    moved = at_radius(interior_from_mapping(data.truth["camera"]), 0.0)
-    keys = LENSES["A1..A6"].keys
+    keys, truth = LENSES["A1..A6"].keys, data.truth["camera"]
+    moved = at_radius(Interior.from_vector(np.array([truth[key] for key in keys]), truth["r0_mm"]), 0.0)
     entry = dict(zip(keys, moved.vector.tolist(), strict=True)) | {"r0_mm": 0.0}
     assert entry["c_mm"] > 12.13
     rows = by_row(tables(dataclasses.replace(data, truth={"camera": entry}))[0])
@@ -161,6 +160,7 @@ def test_angles_that_were_not_published_have_a_dash(data, evaluations):
     assert cell_text(table.rows[1][1]) == "–"
 
 
+@pytest.mark.usefixtures("plain_reports")
 def test_an_unknown_reference_leaves_the_own_results_alone(data):
     own = dataclasses.replace(data, project=dataclasses.replace(data.project, reference=None))
     for name in ("../brenner1999", "nobody1900", ""):

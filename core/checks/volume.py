@@ -1,0 +1,181 @@
+"""How well a calibration knows the working volume, and by how much two calibrations differ in it.
+
+The volume is a grid of camera pixels at some depths, where the projector lights it. Every parameter of a calibration
+that is off by one sigma, in the directions in which they are independent, moves all points at once: such fields add up
+to covariances. What is left of them after the best movement of all points as one is what bends shapes; where the rig
+stands is nobody's concern.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from core.checks.plates import intersect_targets
+from core.errors import InputError
+from core.geometry import perturbed, project, ray_directions
+from core.model import AdjustedDevice, Adjustment, Array, Interior, Pair
+from core.numerics import chi_square_limit
+
+GRID = 13  # nodes along the image's longer side
+DEPTHS = 5
+USUAL = (2.0, 98.0)  # percentiles of the targets' depths: the volume
+LEVEL = 0.001  # chance that equal calibrations are found to differ
+LEAST_MODE = 1e-3  # of the strongest: weaker directions are less sure than the linear model
+
+
+@dataclass(frozen=True)
+class Volume:
+    """Nodes (n): pixels, projector lines and points of a calibration; `place` (n, 3) counts depth, row and column."""
+
+    uv: Array
+    lines: Array
+    xyz_mm: Array
+    place: Array
+    shape: tuple[int, int, int]
+
+    def grid(self, values: Array) -> Array:
+        """Lay values of the nodes, shape (n, ...), into the grid; NaN where the projector lights nothing."""
+        out = np.full((*self.shape, *values.shape[1:]), np.nan)
+        out[tuple(self.place.T)] = values
+        return out
+
+
+def working_depths(pair: Pair, adjustment: Adjustment | None, camera: str) -> Array:
+    """Depths at which the targets of a calibration were seen; without them about where both devices' axes meet."""
+    if adjustment is not None and camera in adjustment.devices:
+        network = adjustment.network
+        own = [s for s, name in enumerate(network.station_device) if name == camera]
+        seen = [network.observation_point[network.observation_station == s] for s in own]
+        at = [adjustment.station_from_object[s].apply(adjustment.points_mm[p]) for s, p in zip(own, seen, strict=True)]
+        if at:
+            nearest, farthest = np.percentile(-np.concatenate(at)[:, 2], USUAL)
+            return np.linspace(nearest, farthest, DEPTHS)
+    pose = pair.projector_from_camera
+    ends = np.array([[0.0, 0.0, -1.0], -pose.rotation[2]]).T
+    along = np.linalg.lstsq(ends * [1.0, -1.0], pose.inverse().translation_mm, rcond=None)[0][0]
+    middle = along if along > 0 else 10 * float(np.linalg.norm(pose.translation_mm))
+    return np.asarray(middle * np.linspace(0.9, 1.1, DEPTHS))
+
+
+def volume_of(pair: Pair, depths_mm: Array) -> Volume:
+    """Make the nodes of a calibration's volume.
+
+    Raises
+    ------
+    InputError
+        If the projector lights nothing that the camera sees at these depths.
+    """
+    spec, lit = pair.camera.spec, pair.projector.spec
+    step = max(spec.width, spec.height) / GRID
+    rows, columns = (max(round(side / step), 2) for side in (spec.height, spec.width))
+    d, r, c = (a.ravel() for a in np.mgrid[: len(depths_mm), :rows, :columns])
+    uv = np.stack([(c + 0.5) * spec.width / columns - 0.5, (r + 0.5) * spec.height / rows - 0.5], axis=1)
+    xyz = ray_directions(spec, pair.camera.interior, uv) * depths_mm[d][:, None]
+    lines = project(lit, pair.projector.interior, xyz, pair.projector_from_camera)
+    use = np.all((lines > -0.5) & (lines < [lit.width - 0.5, lit.height - 0.5]), axis=1)
+    if np.count_nonzero(use) < 3:
+        seen = f"the projector lights nothing that the camera sees {depths_mm[0]:.0f} to {depths_mm[-1]:.0f} mm away"
+        raise InputError("the working volume", seen, "see that camera and projector are those of one rig")
+    place = np.stack([d, r, c], axis=1)[use]
+    return Volume(uv[use], lines[use], xyz[use], place, (len(depths_mm), rows, columns))
+
+
+def point_fields(pair: Pair, volume: Volume) -> Array:
+    """Move the points that a calibration gives by its independent errors of one sigma each, shape (k, n, 3), mm."""
+    sigma = np.ones(volume.lines.shape)
+    start = intersect_targets(pair, volume.uv, volume.lines, sigma)[0]
+    moved = [intersect_targets(perturbed(pair, e), volume.uv, volume.lines, sigma)[0] for e in _errors(pair.covariance)]
+    return np.reshape(moved, (-1, *start.shape)) - start
+
+
+def image_fields(device: AdjustedDevice, covariance: Array, xyz_mm: Array) -> Array:
+    """Move the image of points in the device's frame by the independent errors of its interior, shape (k, n, 2), px.
+
+    What another place of the device would do as well is taken off: no calibration tells them apart.
+    """
+    vector, r0, model = device.interior.vector, device.interior.r0_mm, device.interior.model
+    start = project(device.spec, device.interior, xyz_mm)
+    moved = [
+        project(device.spec, Interior.from_vector(vector + e, r0, model), xyz_mm) - start for e in _errors(covariance)
+    ]
+    size = 1e-4 * float(np.abs(xyz_mm[:, 2]).mean())
+    stepped = [project(device.spec, device.interior, xyz_mm + size * m) - start for m in _movements(xyz_mm)]
+    return _without(np.reshape(moved, (-1, *start.shape)), np.array(stepped))
+
+
+def form_of_fields(fields: Array, xyz_mm: Array) -> Array:
+    """Take the best movement of all points as one off each field, shape (k, n, 3)."""
+    return _without(fields, _movements(xyz_mm))
+
+
+def sigmas_of(fields: Array) -> Array:
+    """Add fields, shape (k, n, d), up to sigmas of whole displacements, shape (n,)."""
+    return np.asarray(np.sqrt(np.sum(fields**2, axis=(0, 2))))
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What a second calibration makes of a volume that a first one has, its sigmas of both as if independent.
+
+    `shift_mm` (n, 3) of every node, and `form_mm` (n, 3), what the best movement leaves of it; `sigma_mm` and
+    `form_sigma_mm` (n,) of their lengths. `statistic` is chi-square distributed with `dof` degrees of freedom where the
+    calibrations differ by chance, and above `limit` once in a thousand times; None where neither has sigmas.
+    """
+
+    volume: Volume
+    shift_mm: Array
+    form_mm: Array
+    sigma_mm: Array
+    form_sigma_mm: Array
+    statistic: float | None
+    dof: int
+    limit: float | None
+
+    @property
+    def significant(self) -> bool | None:
+        """Whether the calibrations differ by more than chance."""
+        return None if self.statistic is None or self.limit is None else self.statistic > self.limit
+
+
+def difference(first: Pair, second: Pair, depths_mm: Array) -> Difference:
+    """Intersect what the first calibration sees of a volume by the second one."""
+    volume = volume_of(first, depths_mm)
+    shift = intersect_targets(second, volume.uv, volume.lines, np.ones(volume.lines.shape))[0] - volume.xyz_mm
+    sound = np.isfinite(shift).all(axis=1)
+    volume = replace(volume, **{n: getattr(volume, n)[sound] for n in ("uv", "lines", "xyz_mm", "place")})
+    shift = shift[sound]
+    fields = np.concatenate([point_fields(pair, volume) for pair in (first, second)])
+    form = form_of_fields(np.concatenate([shift[None], fields]), volume.xyz_mm)
+    statistic, dof = None, 0
+    if len(fields):
+        _, strength, modes = np.linalg.svd(fields.reshape(len(fields), -1), full_matrices=False)
+        use = strength > LEAST_MODE * strength[0]
+        statistic, dof = float(np.sum((modes[use] @ shift.ravel() / strength[use]) ** 2)), int(use.sum())
+    limit = chi_square_limit(dof, LEVEL) if dof else None
+    return Difference(volume, shift, form[0], sigmas_of(fields), sigmas_of(form[1:]), statistic, dof, limit)
+
+
+def _errors(covariance: Array) -> Iterator[Array]:
+    """Give the independent errors of one sigma each, shape (k,), of a covariance."""
+    scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    unit = np.where(scale > 0, scale, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value > 1e-14 * max(float(values[-1]), 0.0):
+            yield np.sqrt(value) * vector * scale
+
+
+def _movements(xyz_mm: Array) -> Array:
+    """Three shifts and three turns, shape (6, n, 3), of about one unit each."""
+    local = (xyz_mm - xyz_mm.mean(axis=0)) / np.ptp(xyz_mm, axis=0).max()
+    shifts = np.broadcast_to(np.eye(3)[:, None], (3, *xyz_mm.shape))
+    return np.concatenate([shifts, np.cross(np.eye(3)[:, None], local[None])])
+
+
+def _without(fields: Array, basis: Array) -> Array:
+    """Project fields, shape (k, n, d), off what a basis, shape (j, n, d), spans."""
+    H, flat = basis.reshape(len(basis), -1).T, fields.reshape(len(fields), basis[0].size).T  # of none, too
+    return np.asarray((flat - H @ np.linalg.lstsq(H, flat, rcond=None)[0]).T.reshape(fields.shape))

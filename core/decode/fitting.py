@@ -1,0 +1,283 @@
+"""The search for the projector's response in the frames of a capture.
+
+Of every pixel of a sample the ambient light, the gain and the phases are unknown; of all of them together the curve's
+parameters, the blur of each axis and how the light of whole fields compares with that of fringes. Least squares over
+all frames: harmonics show in more than three steps, in the light of whole fields, bits and other periods against that
+of the steps, and in the gain that several periods share. What pixels of equal phase contradict alike does not average
+out, and counts once. What all that leaves open - four steps see no difference of the third and fifth harmonic - shows
+in the crowding of the phases over the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.decode.crowding import Crowd, crowded, explained
+from core.decode.curves import PARAMETERS, SPREAD, dimming, light_at, waves
+from core.decode.frames import Image
+from core.decode.response import HARMONICS, LARGEST, STEP, Array, Response, Terms, Wave
+from core.decode.tables import Singles
+from core.patterns import Pattern, level_of, use_of
+
+PIXELS = 900  # of the sample that tell the curve
+FIRST = 250  # that tell if it is worth looking for
+FEWEST = 100  # pixels, fewer tell nothing
+ROUNDS = 30
+DAMPED = 16.0  # times what is known beforehand, so much a round is held back
+CELLS = 24  # of a period, in which residuals are held against each other
+MISFIT = 0.005  # part of a pixel's light by which fringes may differ from the model without noise
+FIELD = 0.03  # the same for whole fields and bits, whose scattered light is another
+BLUR = -0.8, 0.7  # logarithm of the blur's variance (lines²): what is usual, and how much rigs differ
+OUTLIER = 9.0  # mean square of a pixel's residuals from which it counts less
+HALFWAY = 0.15  # part of a bit's light beyond which it is at an edge
+DIM = 0.1  # part of the brightest pixels' modulation that one must have
+LEAST = 1.0  # grey value, modulation
+SIGNIFICANT = 30.0  # twice the logarithm of the likelihood by which a curve must explain more than a straight line
+WORTH = 12.0  # the same at the first look; without a curve it is 5 in the mean
+SETTLED = 0.05  # standard deviations squared of the last change
+CROWD = 40000  # pixels whose phases' density is looked at
+
+
+class _Model:
+    """The sample's pixels with their unknowns, and what the frames would show."""
+
+    def __init__(
+        self, all_waves: tuple[Wave, ...], patterns: Sequence[Pattern], sample: Singles, top: float, pixels: int
+    ) -> None:
+        sample = sample[:, :: max(1, sample.shape[1] // (4 * pixels))]
+        self.waves = all_waves
+        fringes = [n for wave in all_waves for n in wave.frames.frames]
+        fields = [n for n, p in enumerate(patterns) if use_of(p) == "level"]
+        shown = sample[fringes].astype(float)
+        codes = [] if fields else [n for n, p in enumerate(patterns) if use_of(p) == "code"]
+        self.levels = np.array([level_of(patterns[n]) for n in fields], float)
+        if codes:
+            bits = np.sort(sample[codes].astype(float), axis=0)
+            off, on = bits[0], bits[-1]
+            part = (bits - off) / np.maximum(on - off, LEAST)
+            clear = np.all((part < HALFWAY) | (part > 1 - HALFWAY), axis=0)
+            lit = part > 0.5
+            on = (bits * lit).sum(axis=0) / np.maximum(lit.sum(axis=0), 1)
+            off = (bits * ~lit).sum(axis=0) / np.maximum((~lit).sum(axis=0), 1)
+            seen = np.vstack([shown, on, off])
+            self.levels = np.array([1.0, 0.0])
+        else:
+            seen = np.vstack([shown, sample[fields]])
+        group = [j for j, wave in enumerate(all_waves) for _ in wave.frames.frames]
+        self.member = np.zeros((len(seen), len(all_waves)))
+        self.member[np.arange(len(group)), group] = 1
+        self.fringes = len(group)
+        # start: as if the projector were linear
+        quadratures = np.array([wave.seen(sample) for wave in all_waves])
+        amplitude = np.abs(quadratures)
+        dimmest = amplitude.min(axis=0)
+        good = (seen.max(axis=0) < top) & (dimmest > DIM * np.percentile(dimmest, 90)) & (dimmest > LEAST)
+        if codes and (good & clear).sum() >= FEWEST:
+            good &= clear
+        where = np.flatnonzero(good)
+        where = where[:: max(1, len(where) // pixels)]
+        self.size = len(where)
+        self.seen = seen[:, where].T  # (n, F)
+        self.phase = np.angle(quadratures[:, where]).T  # (n, J)
+        self.gain, self.ground = np.ones(self.size), np.zeros(self.size)
+        self.solved = self.left = np.zeros(0)
+
+    def terms(self, r: Response) -> Terms:
+        """Terms of every frame over the phase, shape (F, HARMONICS + 1); of whole fields only the first."""
+        return _terms(self.waves, self.levels, r)
+
+    def slopes(self, r: Response) -> tuple[Terms, Terms]:
+        """The terms, and their changes by every value of the response, shape (values, F, HARMONICS + 1)."""
+        if r.values.tobytes() == _START:  # every look begins with the same
+            return _first_slopes(self.waves, tuple(self.levels))
+        return _slopes(self.waves, self.levels, r)
+
+
+_START = np.concatenate([np.zeros(PARAMETERS), [BLUR[0], BLUR[0], 0.0, 0.0]]).tobytes()
+
+
+def _terms(all_waves: tuple[Wave, ...], levels: Array, r: Response) -> Terms:
+    found = np.zeros((sum(len(w.frames.frames) for w in all_waves) + len(levels), HARMONICS + 1), complex)
+    at = 0
+    for wave in all_waves:
+        each = waves(wave.frames.patterns, wave.frames.period, r.table)
+        each = each * dimming(wave.frames.period, r.blur[wave.axis])
+        found[at : at + len(each)] = each[:, : HARMONICS + 1]
+        at += len(each)
+    light, (dark, more) = light_at(r.table, levels), r.values[-2:]
+    found[at:, 0] = dark * (1 - light) + (1 + more) * light
+    return found
+
+
+def _slopes(all_waves: tuple[Wave, ...], levels: Array, r: Response) -> tuple[Terms, Terms]:
+    terms = _terms(all_waves, levels, r)
+    moved = [_terms(all_waves, levels, r.moved(k)) for k in range(len(r.values))]
+    return terms, (np.array(moved) - terms) / STEP
+
+
+@lru_cache(maxsize=16)
+def _first_slopes(all_waves: tuple[Wave, ...], levels: tuple[float, ...]) -> tuple[Terms, Terms]:
+    return _slopes(all_waves, np.array(levels), Response(np.frombuffer(_START), np.zeros((0, 0))))
+
+
+def estimate_response(
+    all_waves: tuple[Wave, ...],
+    patterns: Sequence[Pattern],
+    sample: Singles,
+    saturation: float,
+    images: Sequence[Image],
+) -> Response | None:
+    """Find the projector's response in a sample of the grey values.
+
+    Parameters
+    ----------
+    all_waves : tuple of Wave
+        Of `sine_waves`.
+    patterns : sequence of Pattern
+        Of all frames.
+    sample : float32 (frames, n)
+        Grey values.
+    saturation : float
+        Grey value from which a pixel is saturated.
+    images : sequence of arrays (H, W)
+        For more pixels, where the crowding of the phases must tell.
+
+    Returns
+    -------
+    response : Response, optional
+        None where there are no sine fringes or too few pixels see them.
+    """
+    if not all_waves:
+        return None
+    turns = _turns(all_waves, sample, saturation)
+    first = _Model(all_waves, patterns, sample, saturation, FIRST)
+    if first.size < FEWEST:
+        return None
+    crowds = [Crowd(wave, each) for wave, each in zip(all_waves, turns, strict=True)]
+    looked = _search(first, crowds)
+    if looked is None or _significance(*explained(crowds, looked)) < WORTH:
+        return None
+    found = _search(_Model(all_waves, patterns, sample, saturation, PIXELS))
+    assert found is not None
+    phases = _phases(images, all_waves, saturation)
+    values, normal = explained([Crowd(wave, each) for wave, each in zip(all_waves, phases, strict=True)], found)
+    return Response(values, normal) if _significance(values, normal) > SIGNIFICANT else None
+
+
+def _search(model: _Model, crowds: Sequence[Crowd] = ()) -> Response | None:
+    """Least squares over all frames; with `crowds`, None where neither they nor the first round show a curve."""
+    start = np.frombuffer(_START)
+    prior = np.diag(np.concatenate([SPREAD, [BLUR[1], BLUR[1], FIELD, FIELD]]) ** -2.0)
+    found = Response(start, prior)
+    for k in range(ROUNDS):
+        normal, right = _reduced(model, found, first=k == 0)
+        right -= prior @ (found.values - start)
+        normal += prior
+        change = np.asarray(np.linalg.solve(normal, right), float)
+        nothing = k == 0 and crowds and _significance(change, normal) < WORTH
+        damped = DAMPED if k > 0 else 0.0
+        change = np.linalg.solve(normal + damped * prior, right)
+        while np.abs(change).max() > LARGEST:  # what the frames tell least is held back most
+            damped = 4 * damped or 1.0
+            change = np.linalg.solve(normal + damped * prior, right)
+        _follow(model, change)
+        found = Response(found.values + change, normal)
+        if nothing and not crowded(crowds, found.straight):
+            return None
+        if change @ normal @ change < SETTLED:
+            break
+    return Response(found.values, (found.normal - prior) / _alike(model) + prior)
+
+
+def _alike(model: _Model) -> float:
+    """How much more pixels of equal phase contradict the model alike than by chance: so much less they tell."""
+    beyond = 0.0
+    for frame in range(model.fringes):
+        phase = model.phase[:, int(model.member[frame].argmax())] / (2 * np.pi)
+        cell = ((phase - np.floor(phase)) * CELLS).astype(np.intp) % CELLS
+        count = np.bincount(cell, minlength=CELLS)
+        beyond += float(np.sum(np.bincount(cell, model.left[:, frame], CELLS) ** 2 / np.maximum(count, 1)))
+    usual = float(np.mean(np.square(model.left[:, : model.fringes])))
+    return max(beyond / (CELLS * model.fringes * max(usual, 1e-9)), 1.0)
+
+
+def _significance(values: Array, normal: Array) -> float:
+    """By how much a curve explains more than the straight line, which has parameters of 0; as chi squared."""
+    curve = slice(0, PARAMETERS)
+    return float(values[curve] @ np.linalg.solve(np.linalg.inv(normal)[curve, curve], values[curve]))
+
+
+def _phases(images: Sequence[Image], all_waves: Sequence[Wave], saturation: float) -> Array:
+    """Phases (turns) of all periods in many pixels, as if the projector were linear, shape (J, n)."""
+    height, width = images[0].shape
+    step = max(1, int(np.sqrt(height * width / CROWD)))
+    some = {n: images[n][step // 2 :: step, step // 2 :: step].ravel() for w in all_waves for n in w.frames.frames}
+    return _turns(all_waves, some, saturation)
+
+
+def _turns(all_waves: Sequence[Wave], shown: Mapping[int, NDArray] | Singles, saturation: float) -> Array:
+    """Phases (turns) of all periods in those pixels, given by frame, that see all of them well."""
+    found, good = [], np.array(True)
+    for wave in all_waves:
+        grey = np.stack([shown[n] for n in wave.frames.frames]).astype(np.float32)
+        z = np.einsum("f,fn->n", wave.both.astype(np.complex64), grey)
+        amplitude = np.abs(z)
+        good = good & (grey.max(axis=0) < saturation) & (amplitude > max(DIM * np.percentile(amplitude, 90), LEAST))
+        found.append(z)
+    return np.asarray(np.angle(np.array(found)[:, good]) / (2 * np.pi), float)
+
+
+def _reduced(model: _Model, r: Response, first: bool = False) -> tuple[Array, Array]:
+    """Normal equations of the common unknowns, those of the pixels eliminated; remembers how these follow."""
+    double = np.full(HARMONICS + 1, 2.0)
+    double[0] = 1.0
+    powers = np.exp(1j * model.phase.T[:, :, None] * np.arange(HARMONICS + 1))  # (J, n, M + 1)
+    rows = [np.flatnonzero(column) for column in model.member.T]
+
+    def shown(t: Terms) -> Array:
+        light = np.tile(t[:, 0].real, (model.size, 1))
+        for mine, power in zip(rows, powers, strict=True):
+            light[:, mine] = (power @ (t[mine] * double).T).real
+        return light
+
+    terms, changes = model.slopes(r)
+    light = shown(terms)
+    if first:
+        mean, grey = light.mean(axis=1, keepdims=True), model.seen.mean(axis=1, keepdims=True)
+        away = light - mean
+        gain = (away * (model.seen - grey)).sum(axis=1) / (away * away).sum(axis=1)
+        model.gain = np.maximum(gain, LEAST)
+        model.ground = grey[:, 0] - model.gain * mean[:, 0]
+    gain = model.gain[:, None]
+    residual = model.seen - model.ground[:, None] - gain * light
+    slope = gain * shown(terms * 1j * np.arange(HARMONICS + 1))
+    common = np.stack([gain * shown(change) for change in changes], axis=2)
+    pixel = np.concatenate([np.ones((*light.shape, 1)), light[..., None], slope[..., None] * model.member], axis=2)
+    fringe = np.arange(light.shape[1]) < model.fringes
+    freedom = max(light.shape[1] - pixel.shape[2], 1) / light.shape[1]
+    noise = max(float(np.median(np.square(residual[:, fringe]))) / 0.455 / freedom, 0.1)
+    weight = 1 / (noise + np.square(np.where(fringe, MISFIT, FIELD) * gain))
+    model.left = np.sqrt(weight) * residual
+    misfit = np.mean(np.square(model.left), axis=1)
+    weight *= (1 / np.maximum(1.0, misfit / OUTLIER))[:, None]
+    weighted = (weight[..., None] * pixel).transpose(0, 2, 1)
+    inner, outer = weighted @ pixel, weighted @ common
+    inner += 1e-9 * np.einsum("nii->ni", inner).max(axis=1)[:, None, None] * np.eye(inner.shape[1])
+    right = weighted @ residual[..., None]
+    model.solved = np.linalg.solve(inner, np.concatenate([outer, right], axis=2))
+    flat, count = (weight[..., None] * common).reshape(-1, len(r.values)), len(r.values)
+    full, free = flat.T @ common.reshape(-1, count), flat.T @ residual.ravel()
+    beside = outer.reshape(-1, count).T @ model.solved.reshape(-1, count + 1)
+    return full - beside[:, :-1], free - beside[:, -1]
+
+
+def _follow(model: _Model, change: NDArray[np.floating]) -> None:
+    """Change the pixels' unknowns as the common ones have changed."""
+    own = model.solved[..., -1] - model.solved[..., :-1] @ change
+    model.ground = model.ground + own[:, 0]
+    model.gain = np.maximum(model.gain + own[:, 1], LEAST)
+    model.phase = model.phase + np.clip(own[:, 2:], -0.5, 0.5)

@@ -1,0 +1,269 @@
+"""Holes, printed marks and straight edges: found in the evenly lit image, intersected with the measured surface.
+
+The image tells edges to a hundredth of a pixel where the coded light ends or is drawn to the brighter side; the coded
+light tells the surface beside them. A blurred step is fitted to all pixels along the edge, so that the noise of single
+pixels gives its covariance; the edge of a disc that is blurred seems nearer to its centre by ``blur² / 2 R``, which is
+put back. Inverse depth is a smooth function of the image's place over the ring around a feature, linear for a plane,
+and carries the edge's rays to the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import InputError
+from core.geometry import project, ray_directions
+from core.model import AdjustedDevice, Array, Feature, Floats, PhaseMap, PointCloud
+from core.numerics import sigma_by_median
+
+BLUR_PX = 0.8  # where the fit begins
+REACH = 4.0  # blurs on either side of an edge whose pixels take part, and LEAST_REACH px at least
+LEAST_REACH = 2.5
+RING_PX, RING, LEAST_RING_PX = 3.0, 0.6, 8.0  # the surface is taken from so far off the edge, over a share of its size
+GROSS = 5.0  # standard deviations
+FEWEST_PIXELS, FEWEST_POINTS = 25, 30
+PASSES = 3
+MOST_MOVED = 0.25  # of its size that an edge may lie off where it was said to be
+MOST_VAGUE_PX = 0.3  # standard deviation of a shape that is one
+CONTOUR = 360  # places of a contour that are carried to the surface
+CONTRAST = 10.0  # standard deviations of the grey values that an edge must step by
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A kind of edge near where it is said to be, by some shape parameters in px.
+
+    Attributes
+    ----------
+    start : array, shape (k,)
+    distance : callable
+        Of parameters and pixels (n, 2): px from the edge, negative inside.
+    contour : callable
+        Of parameters and blur: places (m, 2) of the edge.
+    near : callable
+        Of pixels (n, 2): whether they may belong to it.
+    figures : callable
+        Of points (m, 3) of the edge: centre (3,) and vectors (j, 3).
+    inside : bool
+        Whether there is surface on the inner side, too.
+    """
+
+    start: Array
+    distance: Callable[[Array, Array], Array]
+    contour: Callable[[Array, float], Array]
+    near: Callable[[Array], NDArray[np.bool_]]
+    figures: Callable[[Array], tuple[Array, Array]]
+    inside: bool
+
+
+def measure_feature(
+    kind: str, given: Array, phase: PhaseMap, cloud: PointCloud, camera: AdjustedDevice, where: str = "feature"
+) -> Feature:
+    """Measure one feature from where it approximately is.
+
+    Parameters
+    ----------
+    kind : str
+        One of `FEATURES`.
+    given : array
+        For a circle u, v and radius in px; for a line its two ends u, v, u, v.
+    phase : PhaseMap
+        Whose `image` shows the edge.
+    cloud : PointCloud
+        Of the same pixels.
+    camera : AdjustedDevice
+    where : str
+        For messages.
+
+    Raises
+    ------
+    InputError
+        If there is no edge, or too little surface beside it.
+    """
+    edge = FEATURES[kind](np.asarray(given, np.float64))
+    shape, shape_cov, blur, pixels = _seen(edge, phase.image, where)
+    surface, surface_cov, middle, scale = _surface(edge, shape, cloud, where)
+    own, k = np.concatenate([shape, surface]), len(shape)
+    whole = np.zeros((len(own), len(own)))
+    whole[:k, :k], whole[k:, k:] = shape_cov, surface_cov
+
+    def carried(places: Array, terms: Array) -> Array:
+        q = _terms((places - middle) / scale) @ terms
+        return ray_directions(camera.spec, camera.interior, places) / q[:, None]
+
+    def found(p: Array) -> Array:
+        centre, axes = edge.figures(carried(edge.contour(p[:k], blur), p[k:]))
+        seen = project(camera.spec, camera.interior, centre)
+        return np.concatenate([seen, centre, np.linalg.norm(axes, axis=1)])
+
+    value, step = found(own), 0.1 * np.sqrt(np.diagonal(whole))
+    J = np.stack([(found(own + d) - found(own - d)) / (2 * d.sum()) for d in np.diag(step)], axis=1)
+    covariance, of_edge = J @ whole @ J.T, J[:, :k] @ shape_cov @ J[:, :k].T
+    corners = carried(middle + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), surface)
+    normal = np.cross(corners[2] - corners[0], corners[1] - corners[0])
+    return Feature(
+        kind=kind,
+        uv=value[:2],
+        uv_cov=of_edge[:2, :2],
+        centre_mm=value[2:5],
+        cov_mm2=covariance[2:5, 2:5] + _by_calibration(cloud, value[:2], scale),
+        axes_mm=edge.figures(carried(edge.contour(shape, blur), surface))[1],
+        sigma_mm=np.sqrt(np.diagonal(covariance)[5:]),
+        normal=-normal * np.sign(normal @ value[2:5]) / np.linalg.norm(normal),
+        blur_px=blur,
+        pixels=pixels,
+    )
+
+
+def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, int]:
+    """Fit a blurred step to the pixels along an edge: shape, its covariance, blur, number of pixels.
+
+    The light changes linearly along it. The covariance is the sandwich form of the pixels' own residuals.
+    """
+    from scipy.optimize import least_squares
+    from scipy.special import erf
+
+    shape, blur, k = edge.start, BLUR_PX, len(edge.start)
+    rows, columns = np.nonzero(np.isfinite(image))
+    every = np.stack([columns, rows], axis=1).astype(np.float64)
+    every = every[edge.near(every)]
+    for _ in range(PASSES):
+        at = every[np.abs(edge.distance(shape, every)) < max(REACH * blur, LEAST_REACH)]
+        inside = edge.distance(shape, at) < 0
+        if len(at) < FEWEST_PIXELS or inside.all() or not inside.any():
+            raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
+        grey = image[at[:, 1].astype(int), at[:, 0].astype(int)].astype(np.float64)
+        off = (at - at.mean(axis=0)) / np.ptp(at)
+        outer, inner = float(np.median(grey[~inside])), float(np.median(grey[inside]))
+
+        def rest(p: Array, at: Array = at, grey: Array = grey, off: Array = off) -> Array:
+            step = 0.5 * (1 - erf(edge.distance(p[:k], at) / (np.sqrt(2.0) * np.abs(p[-1]) + 1e-9)))
+            return np.asarray((p[k] + off @ p[k + 1 : k + 3]) * (1 + p[-2] * step) - grey)
+
+        start = np.array([*shape, outer, 0.0, 0.0, inner / max(outer, 1e-6) - 1, blur])
+        fit = least_squares(rest, start, x_scale="jac", max_nfev=50)
+        shape, blur = fit.x[:k], float(abs(fit.x[-1]))
+    begun = edge.contour(edge.start, 0.0)
+    moved = float(np.abs(edge.distance(shape, begun)).max())
+    contrast = abs(fit.x[-2] * fit.x[k]) * np.sqrt(len(at)) / max(float(np.std(fit.fun)), 1e-9)
+    N, scores = np.linalg.pinv(fit.jac.T @ fit.jac), fit.jac * fit.fun[:, None]
+    cov = N @ (scores.T @ scores) @ N * (len(at) / (len(at) - len(fit.x)))
+    vague = np.sqrt(np.diagonal(cov)[:k].max()) > MOST_VAGUE_PX
+    if not contrast > CONTRAST or vague or moved > MOST_MOVED * np.ptp(begun):
+        raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
+    return shape, cov[:k, :k], blur, len(at)
+
+
+def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[Array, Array, Array, float]:
+    """Fit the inverse depth of the surface beside an edge: six terms, their covariance, their middle and scale."""
+    contour = edge.contour(shape, 0.0)
+    middle = contour.mean(axis=0)
+    scale = float(np.linalg.norm(contour - middle, axis=1).max())
+    rows, columns = np.nonzero(np.isfinite(cloud.xyz_mm[..., 2]))
+    at = np.stack([columns, rows], axis=1).astype(np.float64)
+    at = at[near := edge.near(at)]
+    away = edge.distance(shape, at)
+    away = np.abs(away) if edge.inside else away
+    ring = (away > RING_PX) & (away < RING_PX + max(RING * scale, LEAST_RING_PX))
+    if np.count_nonzero(ring) < FEWEST_POINTS:
+        seen = f"{np.count_nonzero(ring)} points lie on the surface beside the edge"
+        raise InputError(where, seen, "capture it with more light on the surface around it")
+    place = rows[near][ring], columns[near][ring]
+    z = cloud.xyz_mm[place][:, 2].astype(np.float64)
+    weight = np.ones_like(z) if cloud.sigma_depth_mm is None else (z**2 / cloud.sigma_depth_mm[place]) ** 2
+    A, q = _terms((at[ring] - middle) / scale), -1 / z
+    for _ in range(3):
+        N = np.linalg.inv((A * weight[:, None]).T @ A)
+        surface = N @ (A.T @ (weight * q))
+        rest = np.sqrt(weight) * (q - A @ surface)
+        weight = np.where(np.abs(rest) > GROSS * sigma_by_median(rest), 0.0, weight)
+    scores = A * (np.sqrt(weight) * rest)[:, None]
+    return surface, N @ (scores.T @ scores) @ N, middle, scale
+
+
+def _terms(place: Array) -> Array:
+    x, y = place.T
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+
+
+def _by_calibration(cloud: PointCloud, uv: Array, reach_px: float) -> Array:
+    """What the calibration leaves uncertain (3, 3) of points around a place: along each axis, mm²."""
+    if cloud.sigma_mm is None or cloud.sigma_depth_mm is None:
+        return np.zeros((3, 3))
+    u, v, r = int(uv[0]), int(uv[1]), int(reach_px + RING_PX + LEAST_RING_PX)
+    part = np.s_[max(0, v - r) : v + r, max(0, u - r) : u + r]
+    along = cloud.xyz_mm[part] / cloud.xyz_mm[part][..., 2:] * cloud.sigma_depth_mm[part][..., None]
+    squares = cloud.sigma_mm[part].astype(np.float64) ** 2 - along**2
+    return np.diag(np.maximum(np.nanmedian(squares.reshape(-1, 3), axis=0), 0.0))
+
+
+def _round(given: Array) -> Edge:
+    """The edge of a hole or a mark: an ellipse in the image, by its centre and a symmetrical matrix."""
+    u, v, radius = given
+
+    def matrix(p: Array) -> Array:
+        return np.array([[p[2], p[3]], [p[3], p[4]]])
+
+    def distance(p: Array, at: Array) -> Array:
+        inverse = np.linalg.inv(matrix(p))
+        y = (at - p[:2]) @ inverse
+        rho, slope = np.linalg.norm(y, axis=1), np.linalg.norm(y @ inverse, axis=1)
+        return np.asarray((rho - 1) * rho / np.maximum(slope, 1e-9))
+
+    def contour(p: Array, blur: float) -> Array:
+        M, turn = matrix(p), np.linspace(0, 2 * np.pi, CONTOUR, endpoint=False)
+        larger = 1 + blur**2 / (2 * abs(np.linalg.det(M)))
+        return np.asarray(p[:2] + larger * np.stack([np.cos(turn), np.sin(turn)], axis=1) @ M)
+
+    return Edge(
+        start=np.array([u, v, radius, 0.0, radius]),
+        distance=distance,
+        contour=contour,
+        near=lambda at: np.hypot(*(at - (u, v)).T) < 2.2 * radius + 3 * LEAST_RING_PX,
+        figures=_ellipse,
+        inside=False,
+    )
+
+
+def _ellipse(points: Array) -> tuple[Array, Array]:
+    """Centre and semi-axes, longest first, of a closed curve by the moments of its area."""
+    middle = points.mean(axis=0)
+    plane = np.linalg.svd(points - middle, full_matrices=False)[2][:2]
+    x, y = ((points - middle) @ plane.T).T
+    x1, y1 = np.roll(x, -1), np.roll(y, -1)
+    cross = x * y1 - x1 * y
+    area = cross.sum() / 2
+    cx, cy = ((x + x1) @ cross / (6 * area), (y + y1) @ cross / (6 * area))
+    xx, yy = ((c * c + c * c1 + c1 * c1) @ cross / (12 * area) for c, c1 in ((x, x1), (y, y1)))
+    xy = (x * y1 + 2 * x * y + 2 * x1 * y1 + x1 * y) @ cross / (24 * area)
+    squares, turns = np.linalg.eigh([[xx - cx * cx, xy - cx * cy], [xy - cx * cy, yy - cy * cy]])
+    axes = (turns * 2 * np.sqrt(np.maximum(squares, 0.0))).T[::-1] @ plane
+    return middle + np.array([cx, cy]) @ plane, axes
+
+
+def _straight(given: Array) -> Edge:
+    """A straight edge between two places, by how far it passes beside them."""
+    one, other = given[:2], given[2:]
+    along = other - one
+    length = float(np.linalg.norm(along))
+    normal = np.array([-along[1], along[0]]) / length
+
+    def distance(p: Array, at: Array) -> Array:
+        t = (at - one) @ along / length**2
+        return np.asarray((at - one) @ normal - p[0] - t * (p[1] - p[0]))
+
+    return Edge(
+        start=np.zeros(2),
+        distance=distance,
+        contour=lambda p, blur: np.stack([one + p[0] * normal, other + p[1] * normal]),
+        near=lambda at: np.abs((at - (one + other) / 2) @ along) < length**2 / 2,
+        figures=lambda points: (points.mean(axis=0), (points[1:] - points[:1]) / 2),
+        inside=True,
+    )
+
+
+FEATURES: dict[str, Callable[[Array], Edge]] = {"circle": _round, "line": _straight}

@@ -1,0 +1,87 @@
+"""Beside the road: edges of the evenly lit image on the measured surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from core.errors import InputError
+from core.figures import picked
+from core.geometry import pair_for
+from core.model import Feature, Figures, Project
+from core.pipeline.calibrate import photogrammetric_calibration
+from core.pipeline.reconstruct import reconstruct_capture
+from core.progress import SILENT, Progress
+
+GIVEN = {"circle": "U,V,RADIUS", "line": "U,V,U,V"}
+
+
+def measure_features(
+    project: Project,
+    name: str,
+    places: Sequence[tuple[str, str]],
+    *,
+    camera: str = "",
+    projector: str = "",
+    orient: bool = False,
+    progress: Progress = SILENT,
+) -> list[Feature]:
+    """Measure features of a capture, each a kind and its place as text, such as ("circle", "210,140,12").
+
+    With `orient` the projector stands where a kept orientation of this capture has it.
+
+    Raises
+    ------
+    InputError
+        If a place is not well said, no edge is seen there, or there is no photogrammetric calibration.
+    """
+    from core.measure import measure_feature
+
+    given = [(kind, _numbers(kind, text), f"--{kind} {text}") for kind, text in places]
+    if not given:
+        raise InputError("features", "none is asked for", "give --circle U,V,RADIUS or --line U,V,U,V")
+    calibration = photogrammetric_calibration(project)
+    phase, cloud = reconstruct_capture(
+        project, name, "photogrammetric", progress=progress, orient=orient, camera=camera, projector=projector
+    )
+    seen_by = pair_for(phase, calibration).camera
+    return [measure_feature(kind, numbers, phase, cloud, seen_by, where) for kind, numbers, where in given]
+
+
+def feature_figures(feature: Feature) -> Figures:
+    """What `features --json` writes of one."""
+    return {
+        **picked(feature, "kind blur_px pixels"),
+        "uv": feature.uv.tolist(),
+        "uv_sigma": np.sqrt(np.diagonal(feature.uv_cov)).tolist(),
+        "centre_mm": feature.centre_mm.tolist(),
+        "cov_mm2": feature.cov_mm2.tolist(),
+        "axes_mm": feature.axes_mm.tolist(),
+        "lengths_mm": np.linalg.norm(feature.axes_mm, axis=1).tolist(),
+        "lengths_sigma_mm": feature.sigma_mm.tolist(),
+        "normal": feature.normal.tolist(),
+    }
+
+
+def feature_words(feature: Feature) -> str:
+    """The same in one line."""
+    centre = " ".join(
+        f"{x:.4f} ± {s:.4f}" for x, s in zip(feature.centre_mm, np.sqrt(np.diagonal(feature.cov_mm2)), strict=True)
+    )
+    lengths = " and ".join(
+        f"{x:.4f} ± {s:.4f}" for x, s in zip(np.linalg.norm(feature.axes_mm, axis=1), feature.sigma_mm, strict=True)
+    )
+    what = "semi-axes" if feature.kind == "circle" else "half its length"
+    (u, v), (su, sv) = feature.uv, np.sqrt(np.diagonal(feature.uv_cov))
+    return f"{feature.kind} at {u:.3f} ± {su:.3f}, {v:.3f} ± {sv:.3f} px: centre {centre} mm, {what} {lengths} mm"
+
+
+def _numbers(kind: str, text: str) -> np.ndarray:
+    try:
+        numbers = np.array([float(word) for word in text.split(",")])
+    except ValueError:
+        numbers = np.zeros(0)
+    if len(numbers) != GIVEN[kind].count(",") + 1 or not np.isfinite(numbers).all():
+        raise InputError(f"--{kind}", repr(text), f"give {GIVEN[kind]} in px")
+    return numbers

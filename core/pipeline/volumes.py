@@ -1,0 +1,167 @@
+"""Calibrations over the working volume, and without single captures: how sure each is, by how much two differ."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.errors import InputError
+from core.geometry import pair_of
+from core.model import Adjustment, Array, Network, Pair, PhotogrammetricCalibration, Project
+from core.pipeline.calibrate import photogrammetric_calibration
+from core.pipeline.runs import archive_of, calibration_file
+from core.progress import SILENT, Progress
+from core.project import load_archive, read_project
+
+PHOTOGRAMMETRIC, ADJUSTMENT = "photogrammetric.npz", "adjustment.npz"
+
+
+def volume_figures(
+    project: Project, run: int | None = None, camera: str = "", projector: str = ""
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Say how sure a calibration is of the points it gives and of where its devices see them, by depth.
+
+    Returns
+    -------
+    figures : dict
+        Under "depths" for every depth r.m.s. sigmas over the grid: `sigma_mm` of a point's place in the camera's frame,
+        `form_sigma_mm` after the best movement of all points as one, and of both devices' images `camera_px` and
+        `projector_lines`, after the best place of the device. Noise of a capture is no part of them.
+    maps : dict
+        The same over the grid, shape (depths, rows, columns), NaN where the projector lights nothing; `uv`, `xyz_mm`.
+    """
+    from core.checks.volume import form_of_fields, image_fields, point_fields, sigmas_of, volume_of
+
+    pair, depths = _known(project, run, camera, projector)
+    volume = volume_of(pair, depths)
+    fields, split = point_fields(pair, volume), len(pair.camera.interior.vector)
+    end = split + len(pair.projector.interior.vector)
+    lit = pair.projector_from_camera.apply(volume.xyz_mm)
+    values = {
+        "sigma_mm": sigmas_of(fields),
+        "form_sigma_mm": sigmas_of(form_of_fields(fields, volume.xyz_mm)),
+        "camera_px": sigmas_of(image_fields(pair.camera, pair.covariance[:split, :split], volume.xyz_mm)),
+        "projector_lines": sigmas_of(image_fields(pair.projector, pair.covariance[split:end, split:end], lit)),
+    }
+    maps = {name: volume.grid(v) for name, v in {**values, "uv": volume.uv, "xyz_mm": volume.xyz_mm}.items()}
+    return {"depths": _by_depth(depths, {name: maps[name] for name in values})}, maps
+
+
+def difference_figures(
+    project: Project, other: Path | int, run: int | None = None, camera: str = "", projector: str = ""
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Set a calibration of a project beside another one's of the same devices, over the first one's working volume.
+
+    Parameters
+    ----------
+    project : Project
+    other : Path or int
+        Another project, or the number of a kept run of this one.
+    run : int, optional
+        A kept run of the project in place of the calibration in use.
+    camera, projector : str
+        Where there are several.
+
+    Returns
+    -------
+    figures : dict
+        `significant` by the chi-square test of `statistic` with `dof` against `limit`, both calibrations taken as
+        independent; under "depths" r.m.s. and largest `difference_mm`, its `sigma_mm`, and the same of `form`, what is
+        left after the best movement of all points as one.
+    maps : dict
+        Of every node.
+    """
+    from core.checks.volume import difference
+
+    pair, depths = _known(project, run, camera, projector)
+    second = _known(project, other, camera, projector)[0] if isinstance(other, int) else _of_folder(other, pair)
+    found = difference(pair, second, depths)
+    maps = {
+        "shift_mm": found.shift_mm,
+        "form_mm": found.form_mm,
+        "sigma_mm": found.sigma_mm,
+        "form_sigma_mm": found.form_sigma_mm,
+        "uv": found.volume.uv,
+        "xyz_mm": found.volume.xyz_mm,
+    }
+    maps = {name: found.volume.grid(values) for name, values in maps.items()}
+    sizes = {
+        "difference_mm": np.linalg.norm(maps["shift_mm"], axis=-1),
+        "sigma_mm": maps["sigma_mm"],
+        "form_mm": np.linalg.norm(maps["form_mm"], axis=-1),
+        "form_sigma_mm": maps["form_sigma_mm"],
+    }
+    test = {"statistic": found.statistic, "dof": found.dof, "limit": found.limit, "significant": found.significant}
+    return {**test, "depths": _by_depth(depths, sizes)}, maps
+
+
+def left_out_figures(project: Project, run: int | None = None, progress: Progress = SILENT) -> list[dict[str, Any]]:
+    """Leave the captures of a calibration out in turn, see `core.calibrate.leave_captures_out`."""
+    from core.calibrate import leave_captures_out
+
+    network = _network(project, run)
+    return [{**asdict(one), "off": one.off} for one in leave_captures_out(network, progress)]
+
+
+def next_pose_figures(project: Project, run: int | None = None, progress: Progress = SILENT) -> list[dict[str, Any]]:
+    """Give the poses of the board that would bring most, see `core.calibrate.next_poses`."""
+    from core.calibrate import next_poses
+
+    return [asdict(one) for one in next_poses(_network(project, run), progress=progress)]
+
+
+def _network(project: Project, run: int | None) -> Network:
+    """Give the network that a calibration was adjusted from."""
+    adjustment = _kept(project, run)[1]
+    if adjustment is None or not len(adjustment.residuals):
+        raise InputError(project.path, "the calibration is another program's", "calibrate here first")
+    return adjustment.network
+
+
+def _by_depth(depths: Array, maps: dict[str, Array]) -> list[dict[str, Any]]:
+    """Give r.m.s. and largest values of maps at every depth that has any."""
+    rows = []
+    for k, (depth, *layers) in enumerate(zip(depths, *maps.values(), strict=True)):
+        if np.isfinite(layers[0]).any():
+            rms = {name: float(np.sqrt(np.nanmean(v**2))) for name, v in zip(maps, layers, strict=True)}
+            most = {f"{name}_max": float(np.nanmax(v)) for name, v in zip(maps, layers, strict=True)}
+            count = int(np.isfinite(layers[0]).sum())
+            rows.append({"layer": k, "depth_mm": float(depth), "nodes": count, **rms, **most})
+    return rows
+
+
+def _known(project: Project, run: int | None, camera: str, projector: str) -> tuple[Pair, Array]:
+    """Give the pair of the calibration in use, or of a kept run, and the depths of its working volume."""
+    from core.checks.volume import working_depths
+
+    calibration, adjustment = _kept(project, run)
+    pair = pair_of(calibration, camera, projector)
+    return pair, working_depths(pair, adjustment, camera or calibration.camera_name)
+
+
+def _kept(project: Project, run: int | None) -> tuple[PhotogrammetricCalibration, Adjustment | None]:
+    """Read the calibration in use, or that of a kept run, with its adjustment."""
+    if run is None:
+        calibration, path = photogrammetric_calibration(project), calibration_file(project, ADJUSTMENT)
+    else:
+        kept = archive_of(project, "photogrammetric", PHOTOGRAMMETRIC, run)
+        if kept is None:
+            raise InputError(
+                project.path, f"no photogrammetric calibration of run {run}", "`stripe-core runs` lists all"
+            )
+        calibration = load_archive(kept, PhotogrammetricCalibration)
+        path = archive_of(project, "photogrammetric", ADJUSTMENT, run)
+    return calibration, None if path is None else load_archive(path, Adjustment)
+
+
+def _of_folder(folder: Path, like: Pair) -> Pair:
+    """Give the pair of another project's calibration in use; its devices must be of the same size."""
+    other = pair_of(photogrammetric_calibration(read_project(folder)))
+    for name, one, two in (("camera", like.camera, other.camera), ("projector", like.projector, other.projector)):
+        sizes = [f"{d.spec.width} x {d.spec.height} px" for d in (one, two)]
+        if sizes[0] != sizes[1]:
+            raise InputError(folder, f"its {name} has {sizes[1]}, the other one {sizes[0]}", "compare one rig's")
+    return other

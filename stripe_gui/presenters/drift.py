@@ -1,0 +1,71 @@
+"""The control chart of a rig: what every capture shows less what those before it lead to expect."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from PySide6.QtCore import QCoreApplication
+
+from core.model import DriftPoint
+from core.report import Number, Table
+from core.report.table import Cell
+from stripe_gui.widgets.plot import Curve
+
+translate = QCoreApplication.translate
+WARNING, ACTION = 1.96, 3.29  # sigmas of one element: passed by one in 20 and by one in 1000 at rest
+SCALE = 1e6 * np.array([1, 1, 1, 1e-3, 1e-3])  # to µrad and µm
+
+
+def element_names() -> tuple[str, ...]:
+    """Name what a capture shows of a movement."""
+    return (
+        translate("Rig", "turned about X [µrad]"),
+        translate("Rig", "about Y [µrad]"),
+        translate("Rig", "about Z [µrad]"),
+        translate("Rig", "shifted across the base [µm]"),
+        translate("Rig", "and square to both [µm]"),
+    )
+
+
+def drift_curves(chart: Sequence[DriftPoint]) -> list[Curve]:
+    """Draw what every capture shows less what those before it lead to expect, in sigmas, between the limits."""
+    at = np.arange(1.0, len(chart) + 1)
+    off = np.array([(point.value - point.expected) / point.sigma for point in chart])
+    wide = np.concatenate([at - 0.5, at[-1:] + 0.5])
+    limits = [
+        Curve(text.format(s=s), wide, 0 * wide, style="dot", band=s + 0 * wide)
+        for s, text in (
+            (ACTION, translate("Rig", "±{s:g} σ: out of control beyond")),
+            (WARNING, translate("Rig", "±{s:g} σ: warning beyond")),
+        )
+    ]
+    styles = (("line", 0), ("dash", 0), ("dot", 0), ("line", 1), ("dash", 1))
+    elements = zip(element_names(), off.T, styles, strict=True)
+    return [
+        *limits,
+        *(Curve(name.split(" [")[0], at, y, tone, style, marked=True) for name, y, (style, tone) in elements),
+    ]
+
+
+def drift_table(chart: Sequence[DriftPoint]) -> Table:
+    """List the captures of a control chart."""
+    words = {
+        "steady": translate("Rig", "in control"),
+        "warning": translate("Rig", "warning"),
+        "action": translate("Rig", "OUT OF CONTROL"),
+    }
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (
+            Number(i, "d"),
+            point.capture,
+            words[point.state],
+            Number(point.p, ".2g"),
+            *(
+                f"{d:+.1f} ± {s:.1f}"
+                for d, s in zip(SCALE * (point.value - point.expected), SCALE * point.sigma, strict=True)
+            ),
+        )
+        for i, point in enumerate(chart, 1)
+    )
+    return Table("", ("", translate("Rig", "capture"), translate("Rig", "rig"), "p", *element_names()), rows)

@@ -1,0 +1,57 @@
+"""What the core says, in the operator's language.
+
+The core speaks English, with its figures within the sentences. `translations/core_LANGUAGE.json` has the pattern of
+each sentence, ``{}`` for what varies, with its translation; what varies is looked up again.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import lru_cache
+
+from stripe_gui.assets import asset
+
+EDGE = " ;:,."  # of a piece: belongs to where it stands
+NAMES = 3  # words at most of what a sentence is of
+PAUSES = ("; ", ". ", ": ", " (", ", ")  # between sentences that the core has put together
+FIGURES = r"([-+±\d.,%°e]*)"
+_patterns: list[tuple[str, re.Pattern[str], str]] = []  # longest fragment, pattern, translation; the surest first
+
+
+def speak(language: str) -> None:
+    """Take another language."""
+    told.cache_clear()
+    file = asset("translations", f"core_{language}.json")
+    table = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    _patterns[:] = [_pattern(english, text) for english, text in sorted(table.items(), key=_weight, reverse=True)]
+
+
+def _weight(item: tuple[str, str]) -> tuple[bool, int]:
+    return not item[0].startswith("{}"), len(item[0].replace("{}", ""))
+
+
+def _pattern(english: str, text: str) -> tuple[str, re.Pattern[str], str]:
+    pieces = english.strip(EDGE).split("{}")
+    said = sum(map(str.isalpha, "".join(pieces)))
+    gap = FIGURES if said < 4 else "(.*?)"  # a word or two would be found in any sentence
+    return max(pieces, key=len), re.compile(gap.join(map(re.escape, pieces)), re.DOTALL), text.strip(EDGE)
+
+
+@lru_cache(maxsize=4096)
+def told(text: str) -> str:
+    """Give a text of the core as the operator reads it; unknown parts of it stay as they are."""
+    said = text.strip(EDGE)
+    if not _patterns or not said:
+        return text
+    before, _, after = text.partition(said)
+    for fragment, pattern, translation in _patterns:
+        if fragment in said and (found := pattern.fullmatch(said)):
+            return f"{before}{translation.format(*map(told, found.groups()))}{after}"
+    name, colon, _ = said.partition(": ")
+    first_of_all = (": ",) if colon and len(name.split()) <= NAMES else ()
+    for pause in (*first_of_all, *PAUSES):
+        first, found_pause, rest = said.partition(pause)
+        if found_pause:
+            return f"{before}{told(first)}{pause}{told(rest)}{after}"
+    return f"{told(text[:-1])})" if text.endswith(")") else text

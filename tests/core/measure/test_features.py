@@ -1,0 +1,102 @@
+"""Holes and edges on a tilted plate: against a renderer of its own, with pixels sampled finely and another blur."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.errors import InputError
+from core.geometry import project, ray_directions
+from core.measure import measure_feature
+from core.model import AdjustedDevice, DeviceSpec, Feature, Interior, PhaseMap, PointCloud
+
+SPEC = DeviceSpec(150, 120, (0.02, 0.02), 12.0)
+CAMERA = AdjustedDevice(SPEC, Interior(12.0, 0.02, -0.01, (-1e-3, 0, 0, 0, 1e-4, 0), 1.0), np.zeros(9), (0, 0), 0)
+NORMAL = np.array([0.42, -0.2, 0.88]) / np.linalg.norm([0.42, -0.2, 0.88])
+MIDDLE = np.array([1.0, 2.0, -600.0])
+ACROSS = np.linalg.svd(NORMAL[None])[2][1:]  # two directions in the plate
+FINE, SIGMA, DEPTH_SIGMA = 7, 1.5, 0.04  # samples a pixel each way; grey values; mm of Z
+
+
+def seen(centre: np.ndarray, radius: float, dark: bool = True, half: bool = False):
+    """The plate with a hole, or half of it blackened: image and points."""
+    h, w = SPEC.height, SPEC.width
+    sub = (np.arange(FINE) - (FINE - 1) / 2) / FINE
+    u, v = (np.arange(n)[:, None] + sub for n in (w, h))
+    pixels = np.stack(np.meshgrid(u.ravel(), v.ravel()), axis=-1)
+    rays = ray_directions(SPEC, CAMERA.interior, pixels)
+    points = rays * (NORMAL @ MIDDLE / (rays @ NORMAL))[..., None]
+    away = (points - centre) @ ACROSS.T
+    depth = -away[..., 0] if half else radius - np.hypot(*np.moveaxis(away, -1, 0))  # mm within the edge
+    share = np.clip(depth * FINE + 0.5, 0, 1)  # of a sample, which is some mm / FINE wide: its edges are soft
+    inside, white = depth > 0, 140.0 + 0.2 * away[..., 1]
+    light = white + (share if dark else 1 - share) * (12.0 - white)
+    for axis in (0, 1):  # optics: two boxes of 1.1 px, a blur that is no Gaussian
+        for _ in range(2):
+            box = np.ones(int(1.1 * FINE) | 1) / (int(1.1 * FINE) | 1)
+            light = np.apply_along_axis(np.convolve, axis, light, box, "same")
+    image = light.reshape(h, FINE, w, FINE).mean(axis=(1, 3))
+    decoded = np.broadcast_to(half, (h, w)) | ~inside.reshape(h, FINE, w, FINE).any(axis=(1, 3))
+    whole = points.reshape(h, FINE, w, FINE, 3)[:, FINE // 2, :, FINE // 2]
+    return image, whole, decoded
+
+
+def noisy(made, rng: np.random.Generator) -> tuple[PhaseMap, PointCloud]:
+    image, points, decoded = made
+    nothing = np.full(image.shape, np.nan, np.float32)
+    grey = (image + rng.normal(0, SIGMA, image.shape)).astype(np.float32)
+    phase = PhaseMap(nothing, nothing, nothing, nothing, nothing, grey, np.zeros(image.shape, np.uint8))
+    moved = points * (1 - rng.normal(0, DEPTH_SIGMA, image.shape) / points[..., 2])[..., None]
+    moved[~decoded] = np.nan
+    along = np.abs(points / points[..., 2:]) * DEPTH_SIGMA
+    sigma = np.full(image.shape, DEPTH_SIGMA, np.float32)
+    return phase, PointCloud(moved.astype(np.float32), along.astype(np.float32), sigma)
+
+
+def errors(found: list[Feature], centre: np.ndarray) -> tuple[float, float, float]:
+    """Of holes: r.m.s. error in px, over its sigma, and Mahalanobis' square of the centre in space over 3."""
+    true = project(SPEC, CAMERA.interior, centre)
+    off = np.array([f.uv - true for f in found])
+    by_sigma = off / np.sqrt([np.diagonal(f.uv_cov) for f in found])
+    apart = [d @ np.linalg.solve(f.cov_mm2, d) / 3 for f in found if (d := f.centre_mm - centre) is not None]
+    return float(np.sqrt(np.mean(off**2))), float(np.sqrt(np.mean(by_sigma**2))), float(np.mean(apart))
+
+
+@pytest.mark.parametrize(("radius", "dark"), [(8.0, True), (4.0, False)])
+def test_holes_are_found_in_space_as_surely_as_they_say(radius: float, dark: bool) -> None:
+    rng = np.random.default_rng(3)
+    found: list[Feature] = []
+    centre = MIDDLE + np.array([-3.3, 2.7]) @ ACROSS
+    made = seen(centre, radius, dark)
+    u, v = project(SPEC, CAMERA.interior, centre)
+    for _ in range(20):
+        start = np.array([u, v, radius]) + rng.normal(0, 0.7, 3)
+        found.append(measure_feature("circle", start, *noisy(made, rng), CAMERA))
+    px, ratio, apart = errors(found, centre)
+    assert px < 0.02
+    assert 0.7 < ratio < 1.3  # 40 deviates: 1 +- 0.11
+    assert 0.55 < apart < 1.55  # 60 of them, squared: 1 +- 0.18
+    axes = np.array([np.linalg.norm(f.axes_mm, axis=1) for f in found])
+    # the surface's part of the radius is along the line of sight; a bias of 0.01 px would be 0.01 mm
+    assert np.abs(axes.mean(axis=0) - radius).max() < 0.02
+    assert found[0].normal @ NORMAL > 0.999
+
+
+def test_a_straight_edge_is_found_in_space() -> None:
+    rng = np.random.default_rng(4)
+    made = seen(MIDDLE, 0.0, half=True)
+    ends = project(SPEC, CAMERA.interior, MIDDLE + np.array([[0.0, -15.0], [0.0, 15.0]]) @ ACROSS)
+    off = []
+    for _ in range(12):
+        line = measure_feature("line", (ends + rng.normal(0, 0.5, (2, 2))).ravel(), *noisy(made, rng), CAMERA)
+        away = (line.centre_mm - MIDDLE) @ ACROSS[0]
+        off.append(away / np.sqrt(ACROSS[0] @ line.cov_mm2 @ ACROSS[0]))
+        assert abs(line.axes_mm[0] @ ACROSS[0]) < 0.003 * np.linalg.norm(line.axes_mm)
+    assert 0.6 < np.sqrt(np.mean(np.square(off))) < 1.6  # 12 normal deviates
+
+
+def test_where_no_edge_is_none_is_found() -> None:
+    rng = np.random.default_rng(5)
+    phase, cloud = noisy(seen(MIDDLE + 500 * ACROSS[0], 1.0), rng)
+    with pytest.raises(InputError, match="edge"):
+        measure_feature("circle", np.array([70.0, 60.0, 8.0]), phase, cloud, CAMERA)

@@ -1,0 +1,42 @@
+"""Captures of another renderer, with other optics, lenses and noise than the bench's: the whole road by commands.
+
+Thresholds: the r.m.s. of nine correlated parameters over their sigmas exceeds 2 in fewer than one case of a hundred; a
+depth's error over its sigma is averaged over tens of thousands of pixels and is off by what the calibration is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from core.pipeline.measure import kept_targets
+from core.project import read_project
+from tests.foreign.projects import black_dots, consumer
+from tests.foreign.scenes import Board
+from tests.foreign.scoring import command, score
+
+
+def test_whole_road_under_a_gamma(tmp_path: Path) -> None:
+    laboratory = consumer(gamma=1.8, scale=0.5)
+    laboratory = replace(laboratory, views=6, board=Board(soft_mm=0.3))
+    found = score(laboratory, laboratory.write(tmp_path / "project", planes=(10.0,)))
+    assert found.verdict != "failed"
+    assert max(found.parameters.values()) < 2, found
+    assert found.base_mm < 0.3
+    assert found.points["camera"].valid > 0.99
+    assert 0.9 < found.points["camera"].ratio < 1.25, found
+
+
+def test_dark_dots_take_their_coordinates_from_the_board(tmp_path: Path) -> None:
+    """A dot that reflects 6 % has a twelfth of the board's modulation; the board round it lies in the same plane."""
+    laboratory = replace(black_dots(scale=0.8), views=2)
+    folder = laboratory.write(tmp_path / "project", planes=(), relief=False)
+    command("measure", folder)
+    for targets in kept_targets(read_project(folder)):
+        own = laboratory.board.true[targets.row, targets.col]
+        world = laboratory.poses[targets.capture].to_world(np.c_[own, np.zeros(len(own))])
+        error = targets.projector_uv - laboratory.projectors["projector"].image(world)
+        assert np.sqrt(np.mean(error**2)) < 0.03
+        assert 0.8 < np.sqrt(np.mean((error / targets.projector_sigma) ** 2)) < 1.2

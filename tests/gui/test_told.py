@@ -1,0 +1,131 @@
+"""The core's sentences in the window's language: the catalogue knows every reason, verdict, concern and table's text.
+
+The sentences are read from the core's sources, so that a new one that nobody has translated is named here.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import core
+from core.resources import resource
+from stripe_gui.presenters.told import speak, told
+
+ROOMS = """
+checks/* pipeline/differences pipeline/graph pipeline/evidence pipeline/judge pipeline/states pipeline/holdings
+pipeline/inputs pipeline/measure pipeline/evaluate pipeline/orient pipeline/orient_words pipeline/methods/*
+calibrate/adjust calibrate/columns calibrate/depth calibrate/depth_camera calibrate/groups calibrate/photogrammetric
+calibrate/rigid calibrate/selection calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/*
+measure/kinds/* orient/motion capture/fitness capture/quality capture/identity capture/mistakes capture/preflight
+report/words report/numbers report/chapters report/sign_off
+"""
+# calls that show no reason
+REFUSED = re.compile(r"Error$|^(_refuse|progress|picked|re\.compile|getLogger)|warning$|\.over$|\.part$")
+NOT_TOLD = {
+    *("not rigid", "look like gross errors", "left out, fewer than"),  # are looked for in what others say
+    *("{} is {}: {}", "{} corner{}"),  # of every stage, of one and several, on its own
+    # by the command alone
+    "no capture shows both projector coordinates of enough pixels",
+    "{} against {}: drift from what earlier captures led to expect, and its sigma",
+    "{}  turned about X, Y, Z, µrad{}shifted across the base, µm         p",
+    *("out of control: {}", "in control"),
+    # pieces of what is translated as a whole
+    "{} has the same targets as {}, to a fifth of their sigma: one capture measured ",
+    "{}twice; take one out",
+    "{} held at {} nominal values: are these right? Try",
+    "{} without --hold before you look for other causes",
+}
+
+
+def template(node: ast.expr) -> str:
+    """Give what an expression says, ``{}`` for what varies."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return re.sub(r"\{[^}]*\}", "{}", node.value)
+    if isinstance(node, ast.JoinedStr):
+        return "".join(v.value if isinstance(v, ast.Constant) else "{}" for v in node.values)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        return template(node.left) + template(node.right)
+    return "{}"
+
+
+def sentences(node: ast.AST) -> Iterator[str]:
+    """Give what a piece of code says, but for documentation and errors."""
+    if isinstance(node, ast.Raise) or (isinstance(node, ast.Call) and REFUSED.search(ast.unparse(node.func))):
+        return
+    said = template(node) if isinstance(node, ast.expr) else "{}"
+    if isinstance(node, ast.BinOp) and said.replace("{}", "").strip():
+        yield said
+        for piece in ast.walk(node):
+            if isinstance(piece, ast.IfExp | ast.Call):
+                yield from sentences(piece)
+        return
+    yield said
+    for child in ast.iter_child_nodes(node):
+        if isinstance(node, ast.JoinedStr) and isinstance(child, ast.Constant):
+            continue
+        if isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant):
+            continue
+        if not (isinstance(node, ast.FormattedValue) and child is node.format_spec):
+            yield from sentences(child)
+
+
+def said() -> dict[str, str]:
+    """Give every sentence of the rooms, and the file that says it."""
+    root, found = Path(core.__file__).parent, {}
+    for room in ROOMS.split():
+        for file in sorted(root.glob(f"{room}.py")):
+            for text in sentences(ast.parse(file.read_text(encoding="utf-8"))):
+                if " " in text.strip(" {}") and re.search("[a-z]{2}", text.replace("{}", "")):
+                    found.setdefault(text, f"{file.relative_to(root)}")
+    return {text: file for text, file in found.items() if text not in NOT_TOLD}
+
+
+@pytest.fixture
+def german() -> Iterator[None]:
+    speak("de")
+    yield
+    speak("en")
+
+
+def test_every_sentence_has_a_translation(german: None) -> None:
+    known = json.loads(resource("translations", "core_de.json").read_text(encoding="utf-8"))
+    left = []
+    for text, file in said().items():
+        filled = text.replace("{}", "7")
+        if text not in known and told(filled) == filled:
+            left.append(f"{file}: {text}")
+    assert not left, "\n".join(left) + "translate these in resources/translations/core_de.json"
+
+
+@pytest.mark.parametrize(
+    ("english", "text"),
+    [
+        (
+            "its photogrammetric calibration is failed: camera: residuals are 3.1 times what the sigmas of its "
+            "observations allow (chi-square test, variance factor 9.8, critical 1.1): 40 % of it comes from station 1",
+            "die Kalibrierung photogrammetrisch ist durchgefallen: Kamera: die Verbesserungen sind das 3.1fache "
+            "dessen, was die σ der Beobachtungen erlauben (Chi-Quadrat-Test, Varianzfaktor 9.8, Grenzwert 1.1): 40 % "
+            "davon kommt aus dem Standpunkt 1",
+        ),
+        ("2 of 5 captures: not decoded yet (a, b)", "2 von 5 Aufnahmen: noch nicht dekodiert (a, b)"),
+        ("the words of a plug-in of somebody", "the words of a plug-in of somebody"),
+        ("testfield-03: not measured yet; is gone", "testfield-03: noch nicht gemessen; fehlt jetzt"),
+    ],
+)
+def test_figures_and_sentences_within_a_sentence_are_told(german: None, english: str, text: str) -> None:
+    assert told(english) == text
+
+
+def test_placeholders_are_the_same_on_both_sides() -> None:
+    known = json.loads(resource("translations", "core_de.json").read_text(encoding="utf-8"))
+    assert not [english for english, text in known.items() if english.count("{") != text.count("{")]
+
+
+def test_english_stays_as_it_is() -> None:
+    assert told("not decoded yet") == "not decoded yet"
