@@ -1,8 +1,7 @@
 """Recording a sequence so that no frame can be stored under the name of a pattern it does not show.
 
 plan.py      what shall be recorded, as plain data
-run.py       the loop: show, wait, take, store; verify; take again
-together.py  several cameras on one pattern
+run.py       the loop: show, wait, take (with one camera or several), store; verify; take again
 triggered.py a whole sequence by the projector's own clock, which triggers the camera
 store.py     shots on disk, the transcript, and how an interrupted capture resumes
 writer.py    ... while the next one is taken
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
     from core.capture.store import Store as Store
     from core.capture.store import capture_status as capture_status
     from core.capture.store import open_store as open_store
-    from core.capture.together import capture_together as capture_together
 
 _HOMES = {
     "core.capture.finding": "Finding",
@@ -47,7 +45,6 @@ _HOMES = {
     "core.capture.retake": "retake_frame",
     "core.capture.run": "CaptureReport Loop run_capture verify",
     "core.capture.store": "Status Store capture_status open_store",
-    "core.capture.together": "capture_together",
 }
 if not TYPE_CHECKING:  # else every name would be right
     __getattr__, __dir__, __all__ = attach(__name__, _HOMES)

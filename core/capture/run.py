@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +17,20 @@ from core.capture.finding import Finding
 from core.capture.identity import identity
 from core.capture.plan import Plan, check_shown, make_plan, sequence_for
 from core.capture.quality import lamp, line, modulation, movement, sample_grid, saturation, summarise
-from core.capture.store import TIFF, Listen, Store, capture_status, is_complete, no_listener, open_store, read_findings
+from core.capture.store import (
+    TIFF,
+    Listen,
+    Store,
+    capture_status,
+    is_complete,
+    list_together,
+    no_listener,
+    open_store,
+    read_findings,
+)
 from core.capture.triggered import runs_by_itself, take_sequence
 from core.capture.writer import Writer
-from core.devices import Camera, Image, Projector, open_devices, wait_until
+from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.model import Project
 from core.patterns import Pattern, describe
@@ -56,7 +67,7 @@ def run_capture(
     name: str,
     role: str,
     projector_url: str,
-    camera_url: str,
+    camera_url: str | Mapping[str, str],
     *,
     patterns: Sequence[Pattern] | None = None,
     z_mm: float | None = None,
@@ -68,6 +79,9 @@ def run_capture(
 ) -> CaptureReport:
     """Record one sequence into ``captures/NAME`` of a project, or go on with one that was interrupted.
 
+    Several cameras take every pattern together, and what one of them has wrong all take again. Each has a folder of its
+    own within the capture's, with its transcript; the capture lists the frames of all once every one is verified.
+
     Parameters
     ----------
     name : str
@@ -75,7 +89,7 @@ def run_capture(
     role : str
         One of `core.model.Role`.
     projector_url, camera_url : str
-        As `core.devices.open_projector` and `open_camera` take them.
+        As `core.devices.open_projector` and `open_camera` take them; of several cameras by their names in the rig.
     patterns : sequence of Pattern, optional
         Without it what `sequence_for` chooses.
     z_mm, angle_deg, testfield
@@ -93,25 +107,43 @@ def run_capture(
         If a device fails, or frames still do not show what they claim after `ROUNDS` rounds. What was taken stays on
         disk and the same call goes on with it.
     """
-    make_plan(project, name, role, patterns=patterns, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)
-    folder = project.path / "captures" / name
-    if folder.resolve() not in {path.resolve() for path in read_project(project.path).captures} and is_complete(folder):
-        add_capture(project.path, f"captures/{name}")  # a run was interrupted at the very end
-        return stored_report(folder)
-    notes: list[Said] = []
+    urls = {"": camera_url} if isinstance(camera_url, str) else camera_url
+    folder, notes = project.path / "captures" / name, list[Said]()
+
+    def planned(camera: str, chosen: Sequence[Pattern] | None) -> Plan:
+        how: dict[str, Any] = {"z_mm": z_mm, "angle_deg": angle_deg, "testfield": testfield}
+        return make_plan(project, name, role, patterns=chosen, camera=camera, **how)
 
     def note(who: str, what: str) -> None:
         notes.append((time.monotonic(), who, what))
 
-    with open_devices(projector_url, camera_url, note, progress.check) as (projector, camera):
-        check_sizes(project, projector, camera)
+    for camera in urls:
+        planned(camera, patterns)
+    if is_complete(folder):
+        if folder.resolve() in {path.resolve() for path in read_project(project.path).captures}:
+            raise InputError(folder, "this capture is complete", "choose another name, or remove its folder first")
+        add_capture(project.path, f"captures/{name}")  # a run was interrupted at the very end
+        return stored_report(folder)
+    if "" not in urls and (folder / "capture.json").exists():
+        raise InputError(folder, "an interrupted capture of one camera", "go on with that one, or remove its folder")
+    with ExitStack() as opened:
+        projector = opened.enter_context(closing(open_projector(projector_url, note, progress.check)))
+        devices = {c: opened.enter_context(closing(open_camera(url, note))) for c, url in urls.items()}
+        for camera, device in devices.items():
+            check_sizes(project, projector, device, camera)
         chosen = patterns if patterns is not None else sequence_for(project, projector)
-        plan = make_plan(project, name, role, patterns=chosen, z_mm=z_mm, angle_deg=angle_deg, testfield=testfield)
-        plan = replace(plan, guards=tuple(g for g in plan.guards if projector.refusal(g) is None))
-        check_shown(plan, projector.refusal, projector.name)
-        store = open_store(folder, plan, listen, ending)
-        loop = Loop(store, projector, camera, notes)
-        report = loop.run(progress)
+        plans = {}
+        for camera in devices:
+            plan = planned(camera, chosen)
+            plans[camera] = replace(plan, guards=tuple(g for g in plan.guards if projector.refusal(g) is None))
+            check_shown(plans[camera], projector.refusal, projector.name)
+        stores = {c: open_store(folder / c, plan, listen, ending, reopen=bool(c)) for c, plan in plans.items()}
+        loops = [Loop(stores[camera], projector, device, notes) for camera, device in devices.items()]
+        loops[0].beside = loops[1:]
+        report = loops[0].run(progress)
+    if "" not in urls:
+        list_together(folder, list(stores.values()), report.findings)
+        report = replace(report, folder=folder, frames=report.frames * len(loops))
     add_capture(project.path, f"captures/{name}")
     return report
 

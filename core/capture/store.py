@@ -14,7 +14,7 @@ import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -136,14 +136,21 @@ class Store:
             )
 
 
-def open_store(folder: Path, plan: Plan, listen: Listen = no_listener, ending: str = TIFF) -> Store:
+def open_store(
+    folder: Path, plan: Plan, listen: Listen = no_listener, ending: str = TIFF, *, reopen: bool = False
+) -> Store:
     """Start a capture's folder, or go on with one that was interrupted.
+
+    With `reopen` a complete one is opened again: of several cameras' folders one is complete before the others.
 
     Raises
     ------
     InputError
         If the folder holds a complete capture, something else, or an interrupted capture with another plan.
     """
+    other = InputError(
+        folder, "an interrupted capture with another plan", "give the same options as then, or remove its folder first"
+    )
     if not folder.exists() or not any(p for p in folder.iterdir() if not p.name.endswith(".part")):
         with _told(folder):
             folder.mkdir(parents=True, exist_ok=True)
@@ -152,17 +159,19 @@ def open_store(folder: Path, plan: Plan, listen: Listen = no_listener, ending: s
         store.note("began", True, wall=_wall(), guards=len(plan.guards))
         return store
     document = _document(folder)
+    if reopen and document.get("state") == "complete":
+        store = reopen_store(folder, listen)
+        if replace(store.plan, name=plan.name, devices=plan.devices) != plan:
+            raise other
+        store.plan, store.ending = plan, ending
+        return store
     if document.get("state") != "taking":
         raise InputError(folder, "this capture is complete", "choose another name, or remove its folder first")
     planned = [pattern_to_dict(pattern) for pattern in plan.patterns]
     kept = {k: document.get(k) for k in ("role", "testfield", "z_mm", "angle_deg")}
     wanted = {"role": plan.role, "testfield": plan.testfield, "z_mm": plan.z_mm, "angle_deg": plan.angle_deg}
     if document.get("planned") != json.loads(json.dumps(planned)) or kept != wanted:
-        raise InputError(
-            folder,
-            "an interrupted capture with another plan",
-            "give the same options as then, or remove its folder first",
-        )
+        raise other
     for part in folder.glob(".*.part"):
         part.unlink(missing_ok=True)
     store = Store(folder, plan, listen=listen, ending=ending)
@@ -201,6 +210,19 @@ def reopen_store(folder: Path, listen: Listen = no_listener) -> Store:
     for i, (file, _) in enumerate([*guards[:half], *frames, *guards[half:]]):
         store.shots[i] = Shot(i, file, bits)
     return store
+
+
+def list_together(folder: Path, stores: Sequence[Store], findings: Sequence[Finding]) -> None:
+    """Write capture.json of the frames of several cameras, each with a complete folder of its name within `folder`."""
+    frames, more = [], []
+    for store in stores:
+        for i in store.plan.own:
+            frames.append((f"{store.folder.name}/{store.shots[i].file}", store.plan.shots[i]))
+            more.append({"camera": store.folder.name, **store.plan.devices})
+    plan, extra = stores[0].plan, {"state": "complete", "findings": [finding.as_dict() for finding in findings]}
+    optional = {"testfield": plan.testfield, "z_mm": plan.z_mm, "angle_deg": plan.angle_deg}
+    with _told(folder / "capture.json"):
+        write_capture_json(folder, plan.role, frames, extra=extra, more=more, **optional)  # type: ignore[arg-type]
 
 
 def capture_status(folder: Path) -> Status:

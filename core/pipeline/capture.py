@@ -102,7 +102,7 @@ def capture_into(
     projector's own, or the one that suits what it can show. `listen` receives every entry of the transcript from the
     thread that writes it. Frames are stored as plain TIFF, or as `png`.
     """
-    from core.capture import capture_together, run_capture
+    from core.capture import run_capture
     from core.capture.store import PNG, TIFF, no_listener
 
     project = read_project(folder)
@@ -120,8 +120,8 @@ def capture_into(
         "ending": PNG if png else TIFF,
     }
     if camera is None or isinstance(camera, str):
-        return run_capture(project, name, role, *devices_of(project, projector, camera), **how)
-    return capture_together(project, name, role, projector or virtual_rig(project), camera, **how)
+        projector, camera = devices_of(project, projector, camera)
+    return run_capture(project, name, role, projector or virtual_rig(project), camera, **how)
 
 
 def devices_of(project: Project, projector: str | None, camera: str | None) -> tuple[str, str]:

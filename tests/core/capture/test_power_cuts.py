@@ -53,7 +53,9 @@ def count_writes(monkeypatch: pytest.MonkeyPatch, at_write: Callable[[int], None
     monkeypatch.setattr(Path, "mkdir", around(Path.mkdir))
 
 
-def run_and_kill(project: Project, monkeypatch: pytest.MonkeyPatch, number: int) -> bool:
+def run_and_kill(
+    project: Project, monkeypatch: pytest.MonkeyPatch, number: int, capture: Callable[[Project], None] = capture
+) -> bool:
     """Capture in a process that is killed at a write; whether it was."""
 
     def at_write(n: int) -> None:

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from core.bench import experiment
+from core.capture import Store, run_capture
 from core.cli import main
+from core.devices.scene import FlatScene
+from core.errors import DeviceError, InputError
 from core.geometry import project, ray_directions
-from core.model import Project
+from core.model import DeviceSpec, Project
 from core.pipeline import decode_capture
-from core.project import read_project
+from core.project import read_capture, read_image, read_project, write_project
+from tests.core.capture.test_power_cuts import FLAT, PATTERNS, run_and_kill
 
 
 @pytest.fixture
@@ -66,3 +72,75 @@ def test_all_cameras_take_each_pattern_and_wrong_frames_are_found_in_any(stereo:
         lines = project(rig.projector, rig.projector_interior, points, rig.projector_from_camera)
         off = np.hypot(*(lines - np.stack([phase.u[v, u], phase.v[v, u]], axis=1)).T)
         assert np.median(off) < 0.1  # the noise is 0.03 lines; the other camera's coordinates are tens of lines off
+
+
+GAINS = {"left": 0.8, "right": 1.2}
+
+
+def take_both(project: Project, **more: object) -> None:
+    urls = {name: f"{FLAT}?gain={gain}" for name, gain in GAINS.items()}
+    run_capture(project, "a", "object", FLAT, urls, **{"patterns": PATTERNS, **more})
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> Project:
+    """An empty project of two cameras that look at the flat scene."""
+    camera, projector = DeviceSpec(96, 72, (0.01, 0.01), 12.0), DeviceSpec(64, 64, (0.09, 0.09), 100.0)
+    write_project(tmp_path, "two", dict.fromkeys(GAINS, camera), projector)
+    return read_project(tmp_path)
+
+
+def check_both(project: Project) -> None:
+    """Both cameras' frames are listed, each of them its own."""
+    folder, scene = project.path / "captures/a", FlatScene(noise=0.0)
+    frames = read_capture(folder, project).frames
+    assert [(f.camera, f.pattern) for f in frames] == [(name, p) for name in GAINS for p in PATTERNS]
+    for frame in frames:
+        seen = read_image(frame.path).astype(float) / GAINS[frame.camera]
+        assert np.abs(seen - scene.frame(frame.pattern, 0)).mean() < 1.5
+    assert read_project(project.path).captures == (folder,)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_two_cameras_killed_at_many_writes_go_on(two: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    number, killed, document = 0, True, (two.path / "project.json").read_text()
+    while killed:
+        shutil.rmtree(two.path / "captures", ignore_errors=True)
+        (two.path / "project.json").write_text(document)
+        killed = run_and_kill(two, monkeypatch, number, take_both)
+        if not read_project(two.path).captures:
+            take_both(two)
+        check_both(two)
+        number += 29  # before and after in turn
+    assert number > 150
+
+
+def test_where_one_cameras_folder_is_complete_and_the_others_not_it_goes_on(
+    two: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def finish(store: Store, *told: object) -> None:
+        if store.folder.name == "right":
+            raise DeviceError("disk", "gone", "put it back")
+        whole(store, *told)
+
+    whole = Store.finish
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "finish", finish)
+        with pytest.raises(DeviceError, match="gone"):
+            take_both(two)
+    states = [json.loads(p.read_text())["state"] for p in sorted(two.path.glob("captures/a/*/capture.json"))]
+    assert states == ["complete", "taking"]
+    with pytest.raises(InputError, match="another plan"):
+        take_both(two, patterns=PATTERNS[::-1])
+    take_both(two)
+    check_both(two)
+    with pytest.raises(InputError, match="this capture is complete"):
+        take_both(two)
+
+
+def test_an_interrupted_capture_of_one_camera_is_no_capture_of_two(two: Project) -> None:
+    with pytest.raises(DeviceError):
+        run_capture(two, "a", "object", FLAT, f"{FLAT}?faults=no-frame:1", patterns=PATTERNS)
+    with pytest.raises(InputError, match="of one camera"):
+        take_both(two)
