@@ -8,12 +8,24 @@ The projector's `transform` takes its coordinates to the camera's, as that of a 
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from core.exchange.formats.format import METRE_MM, Format, numbers, read_text, reading, second_file, write_text
+from core.exchange.formats.format import (
+    METRE_MM,
+    Format,
+    numbers,
+    read_text,
+    reading,
+    second_file,
+    write_text,
+    xml_root,
+)
 from core.exchange.pinhole import Pair, Pinhole
+
+if TYPE_CHECKING:
+    from xml.etree import ElementTree
 
 
 def _write(pair: Pair, path: Path) -> list[Path]:
@@ -62,12 +74,7 @@ def _read(path: Path) -> Pair:
 def _device(name: str, path: Path) -> tuple[Pinhole, ElementTree.Element]:
     text = read_text(path)
     with reading(path, "agisoft"):
-        if "<!DOCTYPE" in text or "<!ENTITY" in text:
-            raise ValueError("a document type, which calibrations do not have")
-        try:
-            root = ElementTree.fromstring(text)
-        except ElementTree.ParseError as error:
-            raise ValueError("no XML") from error
+        root = xml_root(text)
         if (root.findtext("projection") or "frame") != "frame":
             raise ValueError(f"projection {root.findtext('projection')}; frame can be read")
         v = {e.tag: float(e.text or 0) for e in root if e.tag not in ("projection", "date", "transform")}

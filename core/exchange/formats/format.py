@@ -15,6 +15,7 @@ from core.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from xml.etree import ElementTree
 
     from core.exchange.pinhole import Pair
 
@@ -96,17 +97,29 @@ def numbers(values: Any, shape: tuple[int, ...]) -> np.ndarray:
     return found
 
 
-def yaml_mapping(path: Path, form: str) -> Mapping[str, Any]:
-    """Read a YAML file that holds a mapping."""
+def yaml_mapping(path: Path, form: str, text: str | None = None) -> Mapping[str, Any]:
+    """Read a YAML file that holds a mapping, or its text."""
     import yaml
 
     try:
-        data = yaml.safe_load(read_text(path))
+        data = yaml.safe_load(read_text(path) if text is None else text)
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise InputError(path, "no YAML", f"export it as {form} again") from error
     if not isinstance(data, dict):
         raise InputError(path, "no mapping", f"export it as {form} again")
     return data
+
+
+def xml_root(text: str) -> ElementTree.Element:
+    """Read XML without a document type, which calibrations do not have."""
+    from xml.etree import ElementTree
+
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ValueError("a document type, which calibrations do not have")
+    try:
+        return ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise ValueError("no XML") from error
 
 
 def flow(values: Any) -> str:

@@ -5,14 +5,25 @@ The projector is written as a second camera, as `cv2.stereoCalibrate` gives it: 
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 from core.atomic import atomic_write
-from core.errors import InputError
-from core.exchange.formats.format import Format, coefficients, covariance, numbers, read_text, reading
+from core.exchange.formats.format import (
+    Format,
+    coefficients,
+    covariance,
+    numbers,
+    read_text,
+    reading,
+    xml_root,
+    yaml_mapping,
+)
 from core.exchange.pinhole import Pair, Pinhole
 
 _MATRIX = ("camera_matrix", "M1", "K1", "cameraMatrix1", "K"), ("projector_matrix", "M2", "K2", "cameraMatrix2")
@@ -20,6 +31,7 @@ _DISTORTION = (
     ("distortion_coefficients", "D1", "distCoeffs1", "D"),
     ("projector_distortion_coefficients", "D2", "distCoeffs2"),
 )
+_SIGMAS = "parameter_covariance"
 
 
 def _write(pair: Pair, path: Path) -> list[Path]:
@@ -37,7 +49,7 @@ def _write(pair: Pair, path: Path) -> list[Path]:
     storage.write("R", np.ascontiguousarray(pair.rotation))
     storage.write("T", np.asarray(pair.translation_mm, np.float64).reshape(3, 1))
     if pair.covariance is not None:
-        storage.write("parameter_covariance", pair.covariance)
+        storage.write(_SIGMAS, pair.covariance)
     storage.write("fit_rms_px", float(pair.camera.rms_px))
     storage.write("projector_fit_rms_px", float(pair.projector.rms_px))
     with atomic_write(path) as file:
@@ -46,39 +58,36 @@ def _write(pair: Pair, path: Path) -> list[Path]:
 
 
 def _read(path: Path) -> Pair:
-    text = read_text(path)
     with reading(path, "opencv"):
-        try:
-            storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        except (cv2.error, SystemError) as error:
-            raise InputError(path, "not a file of cv2.FileStorage", "choose its format with --from") from error
-        try:
-            devices = []
-            for name, matrices, distortions, prefix in (
-                ("camera", _MATRIX[0], _DISTORTION[0], "image"),
-                ("projector", _MATRIX[1], _DISTORTION[1], "projector"),
-            ):
-                K = numbers(_first(storage, matrices), (3, 3))
-                k = coefficients(_first(storage, distortions))
-                width, height = (int(_first(storage, (f"{prefix}_{side}",))) for side in ("width", "height"))
-                devices.append(Pinhole(name, width, height, K[0, 0], K[1, 1], K[0, 2], K[1, 2], k))
-            R, T = numbers(_first(storage, ("R",)), (3, 3)), numbers(_first(storage, ("T",)), (3,))
-            sigmas = storage.getNode("parameter_covariance")
-            cov = None if sigmas.empty() else covariance(sigmas.mat())
-        except cv2.error as error:
-            raise InputError(path, f"a matrix cannot be read ({error.err})", "export it as opencv again") from error
-        finally:
-            storage.release()
+        stored = _mapping(path)
+        devices = []
+        for name, matrices, distortions, prefix in (
+            ("camera", _MATRIX[0], _DISTORTION[0], "image"),
+            ("projector", _MATRIX[1], _DISTORTION[1], "projector"),
+        ):
+            K = numbers(_first(stored, matrices), (3, 3))
+            k = coefficients(_first(stored, distortions))
+            width, height = (int(stored[f"{prefix}_{side}"]) for side in ("width", "height"))
+            devices.append(Pinhole(name, width, height, K[0, 0], K[1, 1], K[0, 2], K[1, 2], k))
+        R, T = numbers(_first(stored, ("R",)), (3, 3)), numbers(_first(stored, ("T",)), (3,))
+        cov = covariance(_first(stored, (_SIGMAS,))) if _SIGMAS in stored else None
     return Pair(devices[0], devices[1], R, T, cov)
 
 
-def _first(storage: cv2.FileStorage, names: tuple[str, ...]) -> np.ndarray | float:
-    for name in names:
-        node = storage.getNode(name)
-        if not node.empty():
-            matrix = node.mat() if node.isMap() else None
-            return matrix if matrix is not None else node.real()
-    raise KeyError(names[0])
+def _mapping(path: Path) -> Mapping[str, Any]:
+    """Read what a file holds by name; OpenCV's own reader writes past matrices of a damaged file (5.0)."""
+    text = read_text(path)
+    if text.lstrip().startswith("<"):
+        return {e.tag: {part.tag: (part.text or "").split() for part in e} or e.text for e in xml_root(text)}
+    return yaml_mapping(path, "opencv", re.sub(r"\A%YAML.*|!!opencv-matrix\b", "", text))
+
+
+def _first(stored: Mapping[str, Any], names: tuple[str, ...]) -> np.ndarray:
+    """Give the matrix that is there by one of the names."""
+    matrix = next((stored[name] for name in names if name in stored), None)
+    if matrix is None:
+        raise KeyError(names[0])
+    return numbers(matrix["data"], (int(numbers(matrix["rows"], (1,))[0]), int(numbers(matrix["cols"], (1,))[0])))
 
 
 FORMAT = Format("opencv", ("k1", "k2", "p1", "p2", "k3"), _write, _read, (".yml", ".yaml", ".xml", ".json"))

@@ -215,12 +215,20 @@ def test_sigmas_go_there_and_come_back(name, calibration, points, tmp_path) -> N
 
 
 @pytest.mark.parametrize("ending", [".yml", ".xml", ".json"])
-def test_opencv_opens_every_ending(ending, calibration, tmp_path) -> None:
-    path = tmp_path / f"file{ending}"
-    FORMATS["opencv"].write(fit_pair(calibration, FORMATS["opencv"].free), path)
+def test_opencv_opens_every_ending_and_so_do_we(ending, calibration, tmp_path) -> None:
+    path, form = tmp_path / f"file{ending}", FORMATS["opencv"]
+    form.write(fit_pair(calibration, form.free), path)
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     K = storage.getNode("camera_matrix").mat()
     assert K[0, 0] == pytest.approx(12.1 / 0.008, rel=0.03)
+    if ending == ".yml":
+        path.write_text(path.read_text().replace("%YAML 1.2", "%YAML:1.0"))  # before OpenCV 5
+    found = form.read(path)
+    np.testing.assert_array_equal(found.camera.matrix, K)
+    np.testing.assert_array_equal(found.camera.distortion[:5], storage.getNode("distortion_coefficients").mat()[0])
+    np.testing.assert_array_equal(found.rotation, storage.getNode("R").mat())
+    np.testing.assert_array_equal(found.translation_mm, storage.getNode("T").mat()[:, 0])
+    np.testing.assert_array_equal(found.covariance, storage.getNode("parameter_covariance").mat())
 
 
 def test_a_lens_that_the_format_cannot_hold_is_refused(calibration) -> None:
