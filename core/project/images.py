@@ -221,10 +221,12 @@ def _plain_pixels(data: bytearray) -> Image | None:
     """Take the pixels out of a TIFF just as `_plain_head` begins one; None for all other files."""
     try:
         width, height, bits = (struct.unpack_from("<I", data, 18 + 12 * i)[0] for i in range(3))
-        image = np.frombuffer(data, np.dtype(f"<u{bits // 8}"), width * height, _PIXELS_AT).reshape(height, width)
-    except (struct.error, ValueError, TypeError):
+        if bits not in (8, 16) or len(data) != _PIXELS_AT + width * height * bits // 8:
+            return None
+        image = np.frombuffer(data, f"<u{bits // 8}", width * height, _PIXELS_AT).reshape(height, width)
+    except struct.error:
         return None
-    whole = len(data) == _PIXELS_AT + image.nbytes and data.startswith(_plain_head(image))
+    whole = data.startswith(_plain_head(image))
     return image.astype(image.dtype.newbyteorder("="), copy=False) if whole else None
 
 
