@@ -68,7 +68,7 @@ bench: setup
 	@$(BIN)/python -m tests.benchmarks
 
 fuzz: setup
-	@$(BIN)/python -m tests.fuzz --inputs $(INPUTS)
+	@LD_PRELOAD=$(wildcard /usr/lib/*/libc_malloc_debug.so.0) MALLOC_CHECK_=3 $(BIN)/python -m tests.fuzz --inputs $(INPUTS)
 
 bundle: $(BUNDLE)/.ready
 	@echo "Putting the bundle together, then trying it: about five minutes."

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import os
 import random
 import resource
 import signal
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import time
 import warnings
+import zlib
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -57,7 +59,20 @@ def mutated(data: bytes, other: bytes, rng: random.Random) -> bytes:
                 found[at : at + rng.choice((0, span))] = other[start : start + span]
             case _:
                 found[at:at] = found[at : at + span] * rng.choice((1, 2, 50))
-    return bytes(found[: 1 << 20])
+    del found[1 << 20 :]
+    return checksummed(found) if found.startswith(b"\x89PNG") and rng.random() < 0.8 else bytes(found)
+
+
+def checksummed(data: bytearray) -> bytes:
+    """Give a PNG whose chunks have right checksums, so that its pixels are decoded."""
+    at = 8
+    while at + 12 <= len(data):
+        stop = at + 12 + int.from_bytes(data[at : at + 4], "big")
+        if stop > len(data):
+            break
+        data[stop - 4 : stop] = zlib.crc32(data[at + 4 : stop - 4]).to_bytes(4, "big")
+        at = stop
+    return bytes(data)
 
 
 def _other_node(node: Any, rng: random.Random) -> Any:
@@ -120,52 +135,64 @@ def fails(reader: Reader, folder: Path, data: bytes) -> str:
     return ""
 
 
+def search(known: dict[str, Reader], folder: Path, options: argparse.Namespace, began: float) -> dict[str, int]:
+    """Fuzz for a number of inputs; keep what failed, and give how often each kind did."""
+    rng, lines, done = random.Random(options.seed), Lines(), 0
+    failed: dict[str, int] = {}
+    pools = {name: [r.seed, *(p.read_bytes() for p in sorted(CORPUS.glob(f"{name}-*")))] for name, r in known.items()}
+    while done < options.inputs and time.monotonic() - began < options.seconds:
+        name = rng.choice(list(known))
+        reader, pool = known[name], pools[name]
+        data = mutated(rng.choice(pool), rng.choice(pool), rng)
+        traced, lines.new = done % 50 == 0, 0  # tracing costs most of the time
+        sys.settrace(lines.trace if traced else None)
+        try:
+            wrong = fails(reader, folder, data)
+        finally:
+            sys.settrace(None)
+        (folder / reader.file).write_bytes(reader.seed)
+        done += 1
+        if lines.new:
+            pool.append(data)
+        if wrong:
+            kind = f"{name}: {wrong.split(':')[0]}"
+            failed[kind] = failed.get(kind, 0) + 1
+            if failed[kind] == 1:
+                keep(name, data, wrong)
+    reached = f"{len(lines.seen)} lines reached, {sum(map(len, pools.values()))} inputs in the pools"
+    took, count = time.monotonic() - began, sum(failed.values())
+    print(f"{done} inputs, seed {options.seed}, {took:.0f} s: {reached}, {count} failed", flush=True)
+    return failed
+
+
+def keep(name: str, data: bytes, wrong: str) -> None:
+    file = CORPUS / f"{name}-{hashlib.blake2b(data, digest_size=6).hexdigest()}"
+    file.write_bytes(data)
+    print(f"{name}: {wrong}\n  kept as {file.name}", flush=True)
+
+
 def main() -> int:
-    """Fuzz for a number of inputs; the exit code is 1 if one failed."""
+    """Fuzz in a process of its own; the exit code is 1 if an input failed or ended that process."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument("--inputs", type=int, default=100_000)
     parser.add_argument("--seconds", type=float, default=float("inf"))
     parser.add_argument("--seed", type=int, default=int(time.time()))
     parser.add_argument("--reader", default="", help="only readers whose names begin so")
-    options = parser.parse_args()
-    rng, began, lines = random.Random(options.seed), time.monotonic(), Lines()
+    options, began = parser.parse_args(), time.monotonic()
     warnings.simplefilter("error")
-    failed: dict[str, int] = {}
     memory = Path("/dev/shm")  # a file system that no disk slows down
     with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as place:
         folder = Path(place)
         known = {name: r for name, r in readers(folder).items() if name.startswith(options.reader)}
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, resource.RLIM_INFINITY))
-        pools = {name: [reader.seed] for name, reader in known.items()}
-        for name in pools:
-            pools[name] += [p.read_bytes() for p in sorted(CORPUS.glob(f"{name}-*"))]
-        done = 0
-        while done < options.inputs and time.monotonic() - began < options.seconds:
-            name = rng.choice(list(known))
-            reader, pool = known[name], pools[name]
-            data = mutated(rng.choice(pool), rng.choice(pool), rng)
-            traced, lines.new = done % 50 == 0, 0  # tracing costs most of the time
-            sys.settrace(lines.trace if traced else None)
-            try:
-                wrong = fails(reader, folder, data)
-            finally:
-                sys.settrace(None)
-            (folder / reader.file).write_bytes(reader.seed)
-            done += 1
-            if lines.new:
-                pool.append(data)
-            if wrong:
-                kind = f"{name}: {wrong.split(':')[0]}"
-                failed[kind] = failed.get(kind, 0) + 1
-                if failed[kind] == 1:
-                    file = CORPUS / f"{name}-{hashlib.blake2b(data, digest_size=6).hexdigest()}"
-                    file.write_bytes(data)
-                    print(f"{name}: {wrong}\n  kept as {file.name}", flush=True)
-    reached = f"{len(lines.seen)} lines reached, {sum(map(len, pools.values()))} inputs in the pools"
-    took, count = time.monotonic() - began, sum(failed.values())
-    print(f"{done} inputs, seed {options.seed}, {took:.0f} s: {reached}, {count} failed")
-    return 1 if failed else 0
+        if (child := os.fork()) == 0:
+            used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, resource.RLIM_INFINITY))
+            os._exit(1 if search(known, folder, options, began) else 0)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        for name, reader in known.items() if code < 0 else ():
+            if (data := (folder / reader.file).read_bytes()) != reader.seed:
+                keep(name, data, f"ended the process ({signal.Signals(-code).name})")
+        return int(code != 0)
 
 
 if __name__ == "__main__":

@@ -67,6 +67,17 @@ NETWORK = {
 }
 
 
+IMAGES: dict[str, tuple[type, list[int]]] = {
+    "grey.png": (np.uint16, []),
+    "colour.png": (np.uint8, []),
+    "grey-lzw.tiff": (np.uint16, []),
+    "grey-none.tiff": (np.uint16, [cv2.IMWRITE_TIFF_COMPRESSION, 1]),
+    "colour-deflate.tiff": (np.uint8, [cv2.IMWRITE_TIFF_COMPRESSION, 8]),
+    "colour-jpeg.tiff": (np.uint8, [cv2.IMWRITE_TIFF_COMPRESSION, 7]),
+    "colour-packbits.tiff": (np.uint16, [cv2.IMWRITE_TIFF_COMPRESSION, 32773]),
+}
+
+
 @dataclass(frozen=True)
 class Reader:
     """A file within a folder, a sound one's contents, and what reads it."""
@@ -89,7 +100,9 @@ def readers(folder: Path) -> dict[str, Reader]:
     image = np.arange(48, dtype=np.uint8).reshape(6, 8)
     for k in range(len(PATTERNS)):
         cv2.imwrite(str(folder / f"captures/a/{k}.png"), image)
-    cv2.imwrite(str(folder / "image.tiff"), image.astype(np.uint16))
+    for name, (kind, options) in IMAGES.items():
+        colours = image if "grey" in name else np.stack([image, image, image], 2)
+        cv2.imwrite(str(folder / name), colours.astype(kind), options)
     (folder / "network.json").write_bytes(text_of(NETWORK))
     (folder / "points.csv").write_text(
         "point,x_mm,y_mm,z_mm,sigma_x_mm,sigma_y_mm,sigma_z_mm\nA,0,0,0,1,1,0\nB,10,0,0,,,\n"
@@ -117,7 +130,6 @@ def readers(folder: Path) -> dict[str, Reader]:
         "capture": of("captures/a/capture.json", lambda f: read_capture(f / "captures/a", read_project(f))),
         "picks": Reader("picks.json", text_of(PICKS), lambda f: read_picks(f / "picks.json")),
         "png": of("captures/a/0.png", lambda f: read_image(f / "captures/a/0.png", (6, 8))),
-        "tiff": of("image.tiff", lambda f: read_image(f / "image.tiff", (6, 8))),
         "network": of("network.json", read_network),
         "points": of("points.csv", read_network),
         "observations": of("observations.csv", read_network),
@@ -129,6 +141,8 @@ def readers(folder: Path) -> dict[str, Reader]:
         "sequence": of("sequence.json", lambda f: read_sequence_file(f / "sequence.json")),
         "profile": of("profile.toml", lambda f: read_profile(str(f / "profile.toml"), 640, 640)),
     }
+    for name in IMAGES:
+        found[name] = of(name, lambda f, name=name: read_image(f / name, (6, 8)))  # type: ignore[misc]
     pair = pair_of(calibration)
     from core.exchange import fit_pair
 
