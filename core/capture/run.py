@@ -28,7 +28,7 @@ from core.capture.store import (
     open_store,
     read_findings,
 )
-from core.capture.triggered import runs_by_itself, take_sequence
+from core.capture.triggered import period_of, take_sequence
 from core.capture.writer import Writer
 from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
@@ -212,25 +212,26 @@ class Loop:
                 writer.wait()
 
     def _take_all(self, writers: Sequence[Writer], progress: Progress) -> bool:
-        """Take the whole sequence by the projector's own clock, if these devices can; say whether it succeeded."""
+        """Take the whole sequence by one device's clock, if these devices can; say whether it succeeded."""
         shots, cameras = self.plan.shots, [loop.camera for loop in self.together]
-        if not runs_by_itself(self.projector, cameras) or self.projector.capacity < len(shots):
+        if not period_of(self.projector, cameras) or self.projector.capacity < len(shots):
             return False
         for _ in range(TRIES):
             try:
-                self.projector.load(shots, progress.check)
-                self._loaded = True
+                if not self._loaded:
+                    self.projector.load(shots, progress.check)
+                    self._loaded = True
                 taken = take_sequence(self.projector, cameras, len(shots), progress.check)
             except DeviceError as error:
                 self.store.note("failed", reason=str(error))
+                self._loaded = False
                 continue
             for loop, writer, images in zip(self.together, writers, taken, strict=True):
                 for planned, image in enumerate(images):
                     loop._check_image(image, shots[planned])
                     writer.put(planned, image)
             return True
-        self._loaded = False  # step by step instead, which is slower and surer
-        return False
+        return False  # step by step instead, which is slower and surer
 
     def doubt(self) -> None:
         """Wait longer from now on, perhaps the light was not steady; load again, perhaps the device is out of step."""

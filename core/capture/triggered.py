@@ -1,7 +1,9 @@
-"""A whole sequence by the projector's own clock: it triggers the camera at every pattern, and nobody waits between.
+"""A whole sequence by one device's clock, whose triggers the other follows, and nobody waits between.
 
-Every image has the time of its exposure, and a frame number where the camera counts. Images that are not one for each
-pattern, a period apart, are refused together; what they show is checked afterwards like every capture.
+Either the projector triggers the cameras at every pattern, or a camera triggers the projector, and other cameras, at
+every image. Images have the times of their exposures, and frame numbers where the camera counts. Those that are not
+one for each pattern, a period apart, are refused together: so triggers are found that a camera has missed. Those that
+the projector has missed are found by the content alone, which is checked afterwards as in every capture.
 """
 
 from __future__ import annotations
@@ -9,18 +11,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from core.devices import Armed, Camera, Image, Projector, SelfRunning
+from core.devices import Armed, Camera, Following, Image, Leading, Projector, SelfRunning
 from core.devices.protocol import Check, no_check
 from core.errors import DeviceError
 
 OFF = 0.25  # of a period that an exposure may be away from its pattern's
 
 
-def runs_by_itself(projector: Projector, cameras: Sequence[Camera]) -> bool:
-    """Whether a projector and cameras can take a sequence by the projector's clock."""
-    if not isinstance(projector, SelfRunning) or projector.period_s <= 0:
-        return False
-    return all(isinstance(camera, Armed) and camera.can_arm for camera in cameras)
+def period_of(projector: Projector, cameras: Sequence[Camera]) -> float:
+    """Give the period in s by which a projector and cameras take a sequence together; 0: they cannot."""
+    lead = _leader(projector, cameras)
+    others = [camera for camera in cameras if camera is not lead]
+    if not all(isinstance(camera, Armed) and camera.can_arm for camera in others):
+        return 0.0
+    if lead is not None:
+        return lead.lead_period_s
+    return projector.period_s if isinstance(projector, SelfRunning) else 0.0
+
+
+def _leader(projector: Projector, cameras: Sequence[Camera]) -> Leading | None:
+    """Give the camera whose clock counts; None where it is the projector's."""
+    if isinstance(projector, SelfRunning) and projector.period_s > 0:
+        return None
+    if not isinstance(projector, Following) or not projector.can_follow:
+        return None
+    return next((c for c in cameras if isinstance(c, Leading) and c.lead_period_s > 0), None)
 
 
 def take_sequence(
@@ -33,13 +48,18 @@ def take_sequence(
     DeviceError
         If the images are not one for each pattern.
     """
-    assert isinstance(projector, SelfRunning)  # as `runs_by_itself` says
+    lead, period_s = _leader(projector, cameras), period_of(projector, cameras)
     armed = [camera for camera in cameras if isinstance(camera, Armed)]
     for camera in armed:
-        camera.arm(count)
-    projector.run(check)
-    wait_s = 2.0 + 2 * count * projector.period_s
-    return [matched(c.collect(count, wait_s, check), count, projector.period_s, c.name) for c in armed]
+        if camera is not lead:
+            camera.arm(count)
+    if lead is not None and isinstance(projector, Following):
+        projector.follow(check)
+        lead.lead(count)
+    elif isinstance(projector, SelfRunning):
+        projector.run(check)
+    wait_s = 2.0 + 2 * count * period_s
+    return [matched(camera.collect(count, wait_s, check), count, period_s, camera.name) for camera in armed]
 
 
 def matched(images: Sequence[Image], count: int, period_s: float, where: str) -> list[Image]:

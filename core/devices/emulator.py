@@ -135,6 +135,8 @@ class Emulator:
                 "select": lambda v: self._show(int(v["slot"]), fault),
                 "rewind": lambda v: self._show(self.profile.first_slot, fault),
                 "step": lambda v: self._show(self._slot + 1, fault),
+                "run": lambda v: self._sequence(int(v["count"]), int(v["period_us"]) / 1e6),
+                "follow": lambda v: self._sequence(int(v["count"])),
             }
             outcome = actions[name](values) if name in actions else {}
             if isinstance(outcome, str):
@@ -203,6 +205,18 @@ class Emulator:
             delay = SLOW * max(self.profile.settle_s, 0.002) if fault == "slow-switching" else 0.0
             self.stage.switch(self._slots.get(shown, self._dark), delay)
         return {"slot": slot}
+
+    def _sequence(self, count: int, period_s: float = 0.0) -> str | dict[str, Value]:
+        """Let the first slots go by the clock, or by triggers where there is no period."""
+        slots = range(self.profile.first_slot, self.profile.first_slot + count)
+        if any(slot not in self._slots for slot in slots):
+            return "empty"
+        lights = [self._slots[slot] if self._lamp else self._dark for slot in slots]
+        if period_s:
+            self.stage.run(lights, period_s)
+        else:
+            self.stage.follow(lights)
+        return {}
 
 
 def _bytes(value: Value) -> bytes:

@@ -30,10 +30,10 @@ CAMERA_FAULTS = {
     "torn-frame": "the lower half is from the image before",
 }
 
-TRIGGER_FAULTS = {  # where the projector triggers the camera
-    "lost-trigger": "the camera does not see a trigger",
-    "doubled-trigger": "the camera sees one trigger twice",
-    "late-trigger": "the camera exposes a whole pattern later",
+TRIGGER_FAULTS = {  # whichever of projector and camera triggers the other
+    "lost-trigger": "the other device does not see a trigger",
+    "doubled-trigger": "it sees one trigger twice",
+    "late-trigger": "it sees it a whole pattern later",
 }
 
 

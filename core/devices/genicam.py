@@ -9,7 +9,7 @@ trigger runs freely, and images that may have begun before the call are passed o
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
@@ -50,6 +50,8 @@ class GenicamCamera:
         "Mono8", "Mono10", "Mono12", "Mono16"; empty: as the camera is set.
     line : str
         Where the projector's trigger comes in, such as "Line1"; empty: nowhere.
+    lead : str
+        Where the trigger for the projector goes out, such as "Line2", an image every `lead_period_s`; empty: nowhere.
     harvester : object, optional
         In place of a new ``harvesters.core.Harvester``.
 
@@ -69,11 +71,13 @@ class GenicamCamera:
         gamma: float = 1.0,
         pixel_format: str = "",
         line: str = "",
+        lead: str = "",
+        lead_period_s: float = 0.0,
         note: Note = no_note,
         harvester: Any = None,
     ) -> None:
         self.name, self.note = f"GenICam camera {place}", note
-        self.can_arm, self._line = bool(line), line
+        self.can_arm, self._line, self._lead, self.lead_period_s = bool(line), line, lead, lead_period_s
         self._harvester = _new_harvester(self.name) if harvester is None else harvester
         self._acquirer: Any = None
         self._unfinished = False  # an image may come that nobody waits for any more
@@ -134,11 +138,26 @@ class GenicamCamera:
         raise DeviceError(self.name, f"{_MOST} images from the buffer", "set a lower frame rate or a software trigger")
 
     def arm(self, count: int) -> None:
-        self._switch(self._line)
+        self._switch({"TriggerSource": self._line})
+        self._unfinished = False
+
+    def lead(self, count: int) -> None:
+        self._switch(
+            {
+                "LineSelector": self._lead,
+                "LineMode": "Output",
+                "LineSource": "ExposureActive",
+                "TriggerMode": "Off",
+                **({"AcquisitionFrameRateEnable": True} if hasattr(self._nodes, "AcquisitionFrameRateEnable") else {}),
+                "AcquisitionFrameRate": 1 / self.lead_period_s,
+                "AcquisitionMode": "MultiFrame",
+                "AcquisitionFrameCount": count,
+            }
+        )
         self._unfinished = False
 
     def collect(self, count: int, timeout_s: float, check: Check = no_check) -> list[Image]:
-        """Give the images of the triggers since, by the camera's own clock; then the trigger is software's again."""
+        """Give the images since, with times of the camera's own clock; then the trigger is software's again."""
         images: list[Image] = []
         end = time.monotonic() + timeout_s
         while time.monotonic() < end and len(images) <= count:  # one more than wanted tells of a doubled trigger
@@ -149,14 +168,16 @@ class GenicamCamera:
                 break
             stamp = time.monotonic() if found.stamp_s is None else found.stamp_s
             images.append(Image(found.pixels, self.bits, stamp, found.number))
-        self._switch("Software")
+        led = {"AcquisitionMode": "Continuous", "TriggerMode": "On"} if self._lead else {}
+        self._switch({**led, "TriggerSource": "Software"})
         return images
 
-    def _switch(self, source: str) -> None:
-        """Take triggers from somewhere else; what was on its way is given up."""
+    def _switch(self, nodes: Mapping[str, Any]) -> None:
+        """Take images at other triggers; what was on its way is given up."""
         with self._told("does not change its trigger", "switch the camera off and on"):
             self._acquirer.stop()
-            self._wanted("TriggerSource", source)
+            for node, value in nodes.items():
+                self._wanted(node, value)
             self._acquirer.start()
         self._last = None
 

@@ -121,6 +121,7 @@ def _virtual_camera(address: Address, note: Note, check: Check) -> Camera:
     )
     exposure_s = address.real("exposure_ms", 0.0, 0.0, 60_000.0) / 1000
     gain = address.real("gain", 1.0, 0.01, 100.0)
+    period_s = address.real("period_ms", 0.0, 0.0, 10_000.0) / 1000
     name, scene = address.text("camera", ""), stage.scene
     if name:
         from core.devices.benchscene import BenchScene
@@ -129,7 +130,7 @@ def _virtual_camera(address: Address, note: Note, check: Check) -> Camera:
             raise InputError(address.url, f"camera {name!r}", "name none: this scene has one camera")
         scene = scene.seen_by(name, address.url)
     address.finish()
-    return VirtualCamera(stage, exposure_s, faults, gain, scene)
+    return VirtualCamera(stage, exposure_s, faults, gain, scene, period_s)
 
 
 def _folder(address: Address, note: Note, check: Check) -> Camera:
@@ -215,9 +216,13 @@ def _genicam(address: Address, note: Note, check: Check) -> Camera:
         raise InputError(address.url, "no camera", "name its serial number, or 0 for the first")
     producer, pixel_format = address.text("producer", ""), address.text("format", "")
     exposure_us, gain = address.optional("exposure_us"), address.optional("gain")
-    gamma, line = address.real("gamma", 1.0, 0.1, 10.0), address.text("line", "")
+    gamma, line, lead = address.real("gamma", 1.0, 0.1, 10.0), address.text("line", ""), address.text("lead", "")
+    period_s = address.real("period_ms", 0.0, 0.0, 10_000.0) / 1000
     address.finish()
-    how = {"gamma": gamma, "pixel_format": pixel_format, "line": line}
+    if bool(lead) != bool(period_s):
+        remedy = "give both: the line that triggers the projector, and the period of an image"
+        raise InputError(address.url, f"lead={lead!r} with period_ms={1000 * period_s:g}", remedy)
+    how = {"gamma": gamma, "pixel_format": pixel_format, "line": line, "lead": lead, "lead_period_s": period_s}
     return GenicamCamera(address.place, producer, exposure_us=exposure_us, gain=gain, note=note, **how)  # type: ignore[arg-type]
 
 
@@ -228,7 +233,9 @@ def _profile(address: Address, columns: int, rows: int) -> tuple[Profile, float]
     answer_s = address.real("answer_ms", 1000 * profile.answer_s, 1.0, 60_000.0) / 1000
     baud = address.integer("baud", profile.port.baud, 1)
     load_s = profile.load_s * answer_s / profile.answer_s
-    profile = replace(profile, answer_s=answer_s, load_s=load_s, port=replace(profile.port, baud=baud))
+    period_s = address.real("period_ms", 1000 * profile.period_s, 0.0, 10_000.0) / 1000
+    port = replace(profile.port, baud=baud)
+    profile = replace(profile, answer_s=answer_s, load_s=load_s, period_s=period_s, port=port)
     return profile, address.real("settle_ms", 1000 * profile.settle_s, 0.0, 10_000.0) / 1000
 
 

@@ -30,6 +30,7 @@ COMMANDS: dict[str, set[str]] = {  # and the fields that can be sent with each, 
     "step": set(),
     **{f"show-{kind}": {*SHOWN, "level"} for kind in KINDS},
     "run": {"count", "period_us"},
+    "follow": {"count"},
     "query": set(),
     "stop": set(),
 }

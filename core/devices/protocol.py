@@ -163,7 +163,18 @@ class SelfRunning(Protocol):
 
 
 @runtime_checkable
-class Armed(Protocol):
+class Following(Protocol):
+    """A projector that can show its loaded sequence by the triggers on its cable."""
+
+    can_follow: bool
+
+    def follow(self, check: Check = no_check) -> None:
+        """Wait for triggers: each shows the next pattern, the first one pattern 0."""
+        ...
+
+
+@runtime_checkable
+class Armed(Camera, Protocol):
     """A camera that can take an image at every trigger on its cable."""
 
     can_arm: bool
@@ -174,6 +185,17 @@ class Armed(Protocol):
 
     def collect(self, count: int, timeout_s: float, check: Check = no_check) -> list[Image]:
         """Give the images since, in their order, once there are `count` and no more come, or the time is over."""
+        ...
+
+
+@runtime_checkable
+class Leading(Armed, Protocol):
+    """A camera that can take images by its own clock, with a trigger for others at each."""
+
+    lead_period_s: float  # of an image; 0: it waits for every call
+
+    def lead(self, count: int) -> None:
+        """Begin to take `count` images, which `collect` gives; what was taken before is thrown away."""
         ...
 
 

@@ -44,6 +44,7 @@ class SerialProjector:
         self.profile, self.url, self.note = profile, url, note
         self.settle_s = profile.settle_s if settle_s is None else settle_s
         self.period_s = profile.period_s if {"load", "run"} <= profile.commands.keys() else 0.0
+        self.can_follow = {"load", "follow"} <= profile.commands.keys()
         self.capacity = profile.slots if "load" in profile.commands else _MANY
         self.sequence: tuple[Pattern, ...] | None = tuple(profile.stored) or None
         self._loaded: tuple[Pattern, ...] = ()
@@ -96,11 +97,16 @@ class SerialProjector:
         self._recovering(lambda: self._go(slot), check)
 
     def run(self, check: Check = no_check) -> None:
-        """Show the loaded sequence by the projector's own clock; never repeated, it may have begun."""
+        self._begin("run", check)
+
+    def follow(self, check: Check = no_check) -> None:
+        self._begin("follow", check)
+
+    def _begin(self, command: str, check: Check) -> None:
+        """Let the loaded sequence go by a clock or by triggers; never asked twice, it may have begun."""
         self._check_open()
-        self.dialogue.cancel = check
-        self.dialogue.do("run", once=True, count=len(self._loaded), period_us=round(1e6 * self.period_s))
-        self._shown = -1
+        self.dialogue.cancel, self._shown = check, -1
+        self.dialogue.do(command, once=True, count=len(self._loaded), period_us=round(1e6 * self.period_s))
 
     def close(self) -> None:
         self._open = False

@@ -42,11 +42,29 @@ class Stage:
         self._before: Light = Black()
         self._steady_s = time.monotonic()
         self._exposures = 0
-        self.shown: list[tuple[float, Light]] = []  # by the projector's own clock, and since when
+        self.shown: list[tuple[float, Light]] = []  # by a clock or by triggers, and since when
+        self.pulses: list[float] = []  # on the trigger's cable, whoever gives them
+        self._following: list[Light] = []  # what further pulses show
         self.patient = True  # whoever runs thousands of sequences need not wait for them
 
+    def run(self, lights: Sequence[Light], period_s: float) -> None:
+        """Show lights one after the other from now on."""
+        start = time.monotonic()
+        self.pulses = [start + k * period_s for k in range(len(lights))]
+        self.shown = list(zip(self.pulses, lights, strict=True))
+
+    def follow(self, lights: Sequence[Light]) -> None:
+        """Show a light at every trigger from now on, and black once all were shown."""
+        self.shown, self._following = [], list(lights)
+
+    def trigger(self, pulses: Sequence[float], seen: Sequence[float]) -> None:
+        """Give pulses, and show what follows at those that the projector has seen."""
+        self.pulses = list(pulses)
+        for moment_s in sorted(seen):
+            self.shown.append((moment_s, self._following.pop(0) if self._following else Black()))
+
     def at(self, moment_s: float, scene: Scene | None = None) -> Pixels:
-        """Take an image in the light of a moment while the projector ran by its own clock."""
+        """Take an image in the light of a moment while the projector ran by a clock."""
         light: Light = next((light for since, light in reversed(self.shown) if since <= moment_s), Black())
         with self._lock:
             self._now = light
@@ -77,7 +95,7 @@ class VirtualProjector:
     """A projector without a cable: every pattern is shown at once."""
 
     def __init__(self, stage: Stage, settle_s: float = 0.0, capacity: int = 256, period_s: float = 0.0) -> None:
-        self.period_s = period_s
+        self.period_s, self.can_follow = period_s, True
         self.name, self.settle_s, self.capacity = "virtual projector", settle_s, capacity
         self.stage, self.sequence = stage, stage.scene.sequence
         stage.switching_s = settle_s
@@ -105,10 +123,11 @@ class VirtualProjector:
 
     def run(self, check: Check = no_check) -> None:
         self._check_open()
-        start = time.monotonic()
-        self.stage.shown = [(start + k * self.period_s, p) for k, p in enumerate(self._loaded)]
-        if self.stage.patient:
-            wait_until(start + len(self._loaded) * self.period_s, check)
+        self.stage.run(self._loaded, self.period_s)
+
+    def follow(self, check: Check = no_check) -> None:
+        self._check_open()
+        self.stage.follow(self._loaded)
 
     def close(self) -> None:
         self._open = False
@@ -131,12 +150,14 @@ class VirtualCamera:
         faults: Faults | None = None,
         gain: float = 1.0,
         scene: Scene | None = None,
+        lead_period_s: float = 0.0,
     ) -> None:
-        self.scene = scene or stage.scene
+        self.scene, self.lead_period_s = scene or stage.scene, lead_period_s
         self.name, self.bits, self.exposure_s = "virtual camera", self.scene.bits, exposure_s
         self.stage, self.faults, self.gain = stage, faults or Faults(), gain
         self._previous: Pixels | None = None
         self._open, self.can_arm, self._number = True, True, 0
+        self._led: list[float] = []  # begins of the images that its own clock takes
 
     @property
     def size(self) -> tuple[int, int]:
@@ -170,25 +191,36 @@ class VirtualCamera:
         return Image(pixels, self.bits, start)
 
     def arm(self, count: int) -> None:
-        self.stage.shown = []
+        self.stage.shown, self.stage.pulses, self._led = [], [], []
+
+    def lead(self, count: int) -> None:
+        start = time.monotonic()
+        self._led = [start + k * self.lead_period_s for k in range(count)]
+        self.stage.trigger(self._led, self._seen(self._led, self.lead_period_s))
 
     def collect(self, count: int, timeout_s: float, check: Check = no_check) -> list[Image]:
-        """Give an image for every trigger that was seen, exposed in the middle of its pattern."""
-        shown = self.stage.shown
-        half = (shown[1][0] - shown[0][0]) / 2 if len(shown) > 1 else 0.0
-        images = []
-        for since, _ in shown:
+        """Give the images of its own clock or of the pulses it has seen, each exposed in the middle of its pattern."""
+        pulses, images = self.stage.pulses, []
+        period_s = pulses[1] - pulses[0] if len(pulses) > 1 else self.lead_period_s
+        if pulses and self.stage.patient:
+            wait_until(pulses[-1] + period_s, check)
+        begins, self._led = self._led or self._seen(pulses, period_s), []
+        for moment in (begin + period_s / 2 for begin in begins):
             check()
-            fault = self.faults.next(TRIGGER_FAULTS)
-            moments = [since + half * (3 if fault == "late-trigger" else 1)]
-            if fault == "doubled-trigger":
-                moments.append(moments[0] + 0.2 * half)
-            for moment in [] if fault == "lost-trigger" else moments:
-                self._number += 1
-                images.append(
-                    Image(self._amplified(self.stage.at(moment, self.scene)), self.bits, moment, self._number)
-                )
+            self._number += 1
+            images.append(Image(self._amplified(self.stage.at(moment, self.scene)), self.bits, moment, self._number))
         return images
+
+    def _seen(self, pulses: Sequence[float], period_s: float) -> list[float]:
+        """Give the moments at which pulses are seen, by the device that they trigger."""
+        seen = []
+        for pulse in pulses:
+            fault = self.faults.next(TRIGGER_FAULTS)
+            if fault != "lost-trigger":
+                seen.append(pulse + period_s * (fault == "late-trigger"))
+            if fault == "doubled-trigger":
+                seen.append(pulse + 0.1 * period_s)
+        return seen
 
     def _amplified(self, pixels: Pixels) -> Pixels:
         if self.gain == 1.0:

@@ -309,3 +309,35 @@ def test_a_genicam_camera_takes_the_triggers_of_its_line() -> None:
     assert np.all(np.diff([image.time_s for image in images]) >= 0.005)
     assert producer.nodes.TriggerSource.value == "Software"
     camera.close()
+
+
+def test_a_genicam_camera_leads_by_its_own_clock_and_waits_for_calls_again() -> None:
+    lines = {node: Node(value="") for node in ("LineSelector", "LineMode", "LineSource", "AcquisitionMode")}
+    rates = {"AcquisitionFrameRate": Node(value=30.0), "AcquisitionFrameCount": Node(value=1)}
+    producer = Late(numbers=True, stamps=True, restarts=True)
+    producer.nodes.__dict__.update(lines | rates)
+    camera = GenicamCamera("A1", harvester=producer, lead="Line2", lead_period_s=0.008)
+    camera.lead(3)
+    nodes = producer.nodes
+    assert (nodes.LineSelector.value, nodes.LineMode.value, nodes.LineSource.value) == (
+        "Line2",
+        "Output",
+        "ExposureActive",
+    )
+    assert (nodes.TriggerMode.value, nodes.AcquisitionMode.value) == ("Off", "MultiFrame")
+    assert (nodes.AcquisitionFrameRate.value, nodes.AcquisitionFrameCount.value) == (125.0, 3)
+    assert producer.calls[-2:] == ["stop", "start"]
+    for light in (10, 20, 30):
+        producer.light = light
+        producer.fire()
+    assert [image.pixels.mean() for image in camera.collect(3, 1.0)] == [10, 20, 30]
+    assert (nodes.TriggerMode.value, nodes.AcquisitionMode.value) == ("On", "Continuous")
+    producer.light = 40
+    assert camera.grab().pixels.mean() == 40
+    camera.close()
+
+
+@pytest.mark.parametrize("options", ["lead=Line2", "period_ms=8"])
+def test_a_leading_camera_needs_its_line_and_its_period(options: str) -> None:
+    with pytest.raises(InputError, match="give both"):
+        open_camera(f"genicam:0?{options}")

@@ -1,4 +1,4 @@
-"""Sequences by the projector's own clock: every image is its pattern's, or the sequence is taken again."""
+"""Sequences by one device's clock, which triggers the other: every image is its pattern's, or all are taken again."""
 
 import json
 import time
@@ -8,37 +8,42 @@ import numpy as np
 import pytest
 
 from core.capture import run_capture
+from core.capture.live import Continuous
 from core.capture.triggered import matched
-from core.devices import TRIGGER_FAULTS, Image
+from core.devices import TRIGGER_FAULTS, Image, open_devices
 from core.errors import DeviceError
-from tests.devices.campaign import make_project, outcome, triggered
+from tests.devices.campaign import TRIGGERED, make_project, outcome, triggered
 
 PERIOD_MS = 8  # 125 patterns a second
 
 
-def test_a_sequence_runs_at_125_patterns_a_second(tmp_path: Path) -> None:
+@pytest.mark.parametrize("setup", TRIGGERED)
+def test_a_sequence_runs_at_125_patterns_a_second(tmp_path: Path, setup: str) -> None:
     project = make_project(tmp_path)
-    projector, camera = f"virtual:flat?period_ms={PERIOD_MS}", "virtual:flat"
-    assert outcome(project, "a", projector, camera) == "right"
+    assert outcome(project, "a", *TRIGGERED[setup]) == "right"
     entries = [json.loads(line) for line in (tmp_path / "captures/a/transcript.jsonl").read_text().splitlines()]
+    assert not [e for e in entries if e["event"] in ("failed", "rejected")]
     exposed = np.diff([e["exposed"] for e in entries if e["event"] == "shot"])
     np.testing.assert_allclose(exposed, PERIOD_MS / 1000, atol=1e-5)
 
 
 @pytest.mark.parametrize("fault", TRIGGER_FAULTS)
 @pytest.mark.parametrize("at", [0, 7, 14])
-def test_a_wrong_trigger_is_told_and_the_sequence_taken_again(tmp_path: Path, fault: str, at: int) -> None:
+@pytest.mark.parametrize("setup", [setup for setup in TRIGGERED if "virtual" in setup])
+def test_a_wrong_trigger_is_told_and_the_sequence_taken_again(tmp_path: Path, fault: str, at: int, setup: str) -> None:
     project = make_project(tmp_path)
-    camera = f"virtual:flat?faults={fault}@{at}"
-    assert outcome(project, "a", f"virtual:flat?period_ms={PERIOD_MS}", camera) == "right"
+    projector, camera = TRIGGERED[setup]
+    assert outcome(project, "a", projector, f"{camera}faults={fault}@{at}") == "right"
     told = (tmp_path / "captures/a/transcript.jsonl").read_text()
     # a pattern later than all others of the sequence leaves no gap before the first: what it shows tells
     assert '"failed"' in told or '"rejected"' in told
 
 
-def test_many_wrong_triggers_never_mislabel_a_frame(tmp_path: Path) -> None:
-    counts = triggered(make_project(tmp_path), 20, seed=3)
+@pytest.mark.parametrize("setup", TRIGGERED)
+def test_many_wrong_triggers_never_mislabel_a_frame(tmp_path: Path, setup: str) -> None:
+    counts = triggered(make_project(tmp_path), setup, 12, seed=3)
     assert counts["mislabelled"] == 0
+    assert counts["right"] > 6
     assert counts["wrong triggers"] > 1
 
 
@@ -65,6 +70,17 @@ def test_images_are_matched_to_triggers_by_their_times(times: list[float], seen:
         return
     with pytest.raises(DeviceError, match=seen):
         matched(images, 4, 1.0, "camera")
+
+
+def test_what_a_projector_of_bytes_is_asked(tmp_path: Path) -> None:
+    """Loaded once, then one question a sequence: nothing is said between the patterns."""
+    with open_devices(*TRIGGERED["camera, emulated"]) as (projector, camera):
+        rig = Continuous(make_project(tmp_path), projector, camera)
+        rig.take()
+        asked = projector.dialogue.asked
+        rig.take()
+        assert projector.dialogue.asked == asked + 1
+        assert projector.dialogue.sent.split()[1:] == [b"FOLLOW", b"%d" % len(rig.plan.shots)]
 
 
 def test_a_gap_in_the_frame_numbers_is_told() -> None:
