@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +14,13 @@ from core.patterns import Pattern, axis_of, brightness, level_of
 ALIKE = 1.6  # times the noise of their difference, by which frames of one pattern may differ
 LEAST = 3  # rows of the sample
 CLEAR = 8.0  # times the noise, range of grey values of a lit pixel
-EXPECTED = 0.15  # part of full light by which patterns should differ in these rows
-SEEN = 0.4  # part of that which they may still do
+CHANGED = 0.5  # part of full light by which the two patterns differ in a pixel that can tell
+SEEN = 0.4  # part of that which it may still do
+KNOWN = 0.25  # part of full light by which all other frames may be off where a place is taken as known
+WITNESSES = 30  # pixels that can tell, at the least
 MOST = 0.6  # of the rows; where more are alike, all tell where they look
 FEWEST = 100  # pixels that tell where the others look
+DOUBT, FARTHER = 1.0, 3.0  # lines, by which that surface may be off there, at least; times the median outside
 TRIMMED = 0.5  # of them that lie farthest from a smooth surface do not count
 USUAL = 2 / np.sqrt(np.pi)  # mean difference of two normal deviates
 
@@ -25,6 +29,9 @@ def late_frames(
     patterns: Sequence[Pattern], sample: Singles, rows: range, place: tuple[Singles, Singles], limits: Limits
 ) -> tuple[str, ...]:
     """Say which frames show what the frame listed before them should.
+
+    Where these rows look is told by the other rows, as far as the other frames agree with that: a frame is late where
+    `WITNESSES` such pixels should have changed and have not.
 
     Parameters
     ----------
@@ -54,45 +61,71 @@ def late_frames(
         first, last = (0, len(rows)) if whole else (0, top) if top >= bottom else (len(rows) - bottom, len(rows))
         some = np.zeros_like(lit)
         some[first:last] = lit[first:last]
-        if some.sum() < LEAST * LEAST:
-            continue
-        seen = np.abs(grey[n] - grey[n - 1])[some].mean()
-        own = np.sqrt(max(limits.dark + limits.shot * grey[n - 1 : n + 1, some].mean(), limits.floor))
-        if seen >= ALIKE * USUAL * own:
+        if np.count_nonzero(some) < WITNESSES:
             continue
         outside = np.ones_like(lit)
         outside[first:last] = last - first > MOST * len(rows)
-        smooth = [_smooth(p.reshape(lit.shape), outside) for p in place]
-        if all(len(smooth[axis == "y"]) > 0 for axis in (axis_of(patterns[k]) for k in (n - 1, n)) if axis):
-            light = [_light(patterns[k], smooth, some) for k in (n - 1, n)]
-            expected = np.abs(light[1] - light[0])
-            if expected.mean() > EXPECTED and seen < SEEN * np.mean(expected * (high - low)[some]):
-                where = "" if whole else f" in rows {rows[first]} to {rows[last - 1]}"
-                notes[n] = (
-                    f"Frame {n} shows the pattern of frame {n - 1}{where}: it was exposed before or while the pattern "
-                    "changed. Wait longer after showing a pattern, and take the capture again."
-                )
+        seen = (grey[:, some] - low[some]) / (high - low)[some]
+        if _unchanged(n, patterns, seen, [_Surface(each.reshape(lit.shape), outside, some) for each in place]):
+            where = "" if whole else f" in rows {rows[first]} to {rows[last - 1]}"
+            notes[n] = (
+                f"Frame {n} shows the pattern of frame {n - 1}{where}: it was exposed before or while the pattern "
+                "changed. Wait longer after showing a pattern, and take the capture again."
+            )
     return tuple(notes.values())
 
 
-def _smooth(place: Singles, some: NDArray[np.bool_]) -> Array:
-    """Quadratic surface through most of some coordinates, everywhere; empty where too few are known."""
-    known = np.isfinite(place) & some
-    if known.sum() < FEWEST:
-        return np.zeros(0)
-    y, x = (each / size for each, size in zip(np.indices(place.shape), place.shape, strict=True))
-    design = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-    keep = known
-    for _ in range(4):
-        surface = design @ np.linalg.lstsq(design[keep], place[keep], rcond=None)[0]
-        away = np.abs(place - surface)
-        keep = known & (away <= np.quantile(away[known], 1 - TRIMMED))
-    return np.asarray(surface, float)
+def _unchanged(n: int, patterns: Sequence[Pattern], seen: Array, place: Sequence[_Surface]) -> bool:
+    """Whether enough pixels that should have changed from the frame before have not."""
+    changes = [_light(patterns[n - 1 : n + 1], place, doubts) for doubts in (-1, 0, 1)]
+    expected = np.abs(np.diff(changes, axis=1)[:, 0]).min(axis=0)
+    telling = expected > CHANGED
+    if np.count_nonzero(telling) < WITNESSES:
+        return False
+    off = np.abs(np.delete(_light(patterns, place) - seen, (n - 1, n), axis=0))
+    telling &= np.nansum(off, axis=0) < KNOWN * np.isfinite(off).sum(axis=0)
+    if np.count_nonzero(telling) < WITNESSES:
+        return False
+    return bool(np.abs(seen[n] - seen[n - 1])[telling].mean() < SEEN * expected[telling].mean())
 
 
-def _light(pattern: Pattern, place: Sequence[Array], some: NDArray[np.bool_]) -> Array:
-    """Part of full light at some coordinates."""
-    axis = axis_of(pattern)
-    if axis is None:
-        return np.full(np.count_nonzero(some), float(level_of(pattern) or 0))
-    return np.asarray(brightness(pattern, np.rint(place[axis == "y"][some])))
+class _Surface:
+    """Quadratic surface through most of one coordinate outside some pixels, and there; found when it is asked for."""
+
+    def __init__(self, place: Singles, outside: NDArray[np.bool_], some: NDArray[np.bool_]) -> None:
+        self.place, self.outside, self.some = place, outside, some
+
+    @cached_property
+    def fitted(self) -> tuple[Array, float]:
+        """Coordinate at the pixels, and by how much it may be off; NaN where too few are known outside."""
+        known = np.isfinite(self.place) & self.outside
+        if known.sum() < FEWEST:
+            return np.full(np.count_nonzero(self.some), np.nan), np.nan
+        design, values = _quadratic(known), np.asarray(self.place[known], float)
+        away = np.zeros(len(values))
+        for _ in range(4):
+            kept = away <= np.quantile(away, 1 - TRIMMED)
+            half = design[kept].T
+            terms = np.linalg.lstsq(half @ half.T, half @ values[kept], rcond=None)[0]
+            away = np.abs(values - design @ terms)
+        farther = 1.0 if self.outside.all() else FARTHER
+        return _quadratic(self.some) @ terms, max(DOUBT, farther * float(np.median(away)))
+
+
+def _quadratic(some: NDArray[np.bool_]) -> Array:
+    y, x = (2 * each / size - 1 for each, size in zip(np.nonzero(some), some.shape, strict=True))
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+
+
+def _light(patterns: Sequence[Pattern], place: Sequence[_Surface], doubts: float = 0) -> Array:
+    """Part of full light of every pattern, its coordinates off by some doubts; NaN where they are not known."""
+    levels = []
+    for pattern in patterns:
+        axis = axis_of(pattern)
+        if axis is None:
+            levels.append(np.full(np.count_nonzero(place[0].some), float(level_of(pattern) or 0)))
+        else:
+            at, doubt = place[axis == "y"].fitted
+            lines = np.rint(np.nan_to_num(at + doubts * doubt))
+            levels.append(np.where(np.isfinite(at), brightness(pattern, lines), np.nan))
+    return np.stack(levels)
