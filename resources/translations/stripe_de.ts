@@ -738,10 +738,6 @@
         <translation>Bis zum hellsten Pixel dieses Bildes zeigen statt bis zum Vollausschlag des Sensors.</translation>
     </message>
     <message>
-        <source>Whole image</source>
-        <translation>Ganzes Bild</translation>
-    </message>
-    <message>
         <source>Rig</source>
         <translation>Aufbau</translation>
     </message>
@@ -1891,6 +1887,13 @@
     </message>
 </context>
 <context>
+    <name>Layout</name>
+    <message>
+        <source>Whole image</source>
+        <translation>Ganzes Bild</translation>
+    </message>
+</context>
+<context>
     <name>LineTool</name>
     <message>
         <source>Keys 1 and 2 choose an end of the line, the arrow keys move it, with Shift by ten pixels.</source>
@@ -1950,10 +1953,6 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>Map</source>
         <translation>Karte</translation>
-    </message>
-    <message>
-        <source>Whole image</source>
-        <translation>Ganzes Bild</translation>
     </message>
     <message>
         <source>Captures</source>

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QCheckBox, QListWidget, QListWidgetItem, QSplitter
+from PySide6.QtWidgets import QCheckBox, QListWidget, QListWidgetItem
 
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.capture import FrameView, load_frame, pattern_text, rig_lines
 from stripe_gui.widgets.capture_list import CaptureList
 from stripe_gui.widgets.health_strip import HealthStrip
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.layout import boxed, column, fit_button, label, make, row, splitter
 from stripe_gui.workbench import Workbench
 
 
@@ -28,11 +28,10 @@ class CapturePage(Page):
             self.tr("The sequences of stripe images in this project, frame by frame."),
         )
         self.captures = CaptureList(bench.session)
-        self.frames = QListWidget()
-        self.frames.setAccessibleName(self.tr("Frames of the capture"))
-        self.frames.setMinimumWidth(230)
+        self.frames = make(
+            QListWidget, accessibleName=self.tr("Frames of the capture"), minimumWidth=230, maximumWidth=300
+        )
         self.frames.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.frames.setMaximumWidth(300)
         self.frames.currentItemChanged.connect(self._load)
         self.view = ImageView(self.tr("Frame"))
         self.figures = label(" ", "muted", wrap=True)
@@ -43,23 +42,15 @@ class CapturePage(Page):
         )
         self.stretch.toggled.connect(self._draw)
         self._frame: FrameView | None = None
-        fit = button("", self.view.fit, "fit", flat=True)
-        fit.setAccessibleName(self.tr("Whole image"))
-        fit.setToolTip(self.tr("Whole image"))
-        middle = column(row(self.stretch, None, fit), self.figures, self.view)
-        split = QSplitter(Qt.Orientation.Horizontal)
         self.rig = label("", "muted")
         rig = (label(self.tr("Rig"), "heading"), self.rig)
-        split.addWidget(boxed(column(label(self.tr("Captures"), "heading"), self.captures, *rig, spacing=8)))
-        split.addWidget(boxed(middle))
-        split.addWidget(boxed(column(label(self.tr("Frames"), "heading"), self.frames, spacing=8)))
-        split.setStretchFactor(1, 1)
-        split.setChildrenCollapsible(False)
-        split.setHandleWidth(14)
+        left = column(label(self.tr("Captures"), "heading"), self.captures, *rig, spacing=8)
+        middle = column(row(self.stretch, None, fit_button(self.view.fit)), self.figures, self.view)
+        right = column(label(self.tr("Frames"), "heading"), self.frames, spacing=8)
         self.health = HealthStrip(bench)
         self.body.addWidget(self.health)
         self.body.addWidget(self.empty)
-        self.body.addWidget(split, 1)
+        self.body.addWidget(splitter(boxed(left), boxed(middle), boxed(right), widest=1), 1)
         bench.session.capture_changed.connect(self._capture_changed)
 
     def refresh(self) -> None:
@@ -93,13 +84,7 @@ class CapturePage(Page):
             self._clear(str(entry.error) if entry is not None and entry.error else " ")
             return
         frame = entry.capture.frames[self.frames.row(item)]
-        self.bench.views.run(
-            frame.path.name,
-            load_frame,
-            frame.path,
-            on_done=self._show,
-            on_failed=lambda failure: self._clear(str(failure.error)),
-        )
+        self.look_for(frame.path.name, self._show, self._clear, load_frame, frame.path)
 
     def _show(self, frame: FrameView) -> None:
         self._frame = frame

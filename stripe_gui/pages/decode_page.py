@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from core.model import Capture, DeviceSpec, PhaseMap
+from core.model import Capture, PhaseMap
 from core.pipeline import decode_project
 from stripe_gui.pages.map_page import MapPage
 from stripe_gui.presenters.decode import PhaseCache, figures_table, kind_name, kinds_of, map_view, pixel_text
@@ -68,24 +68,16 @@ class DecodePage(MapPage):
             self._show(entry.capture, phase)
             return
         self.say(self.tr("decoding …"))
-        self.bench.views.run(
-            entry.name,
-            decode_one,
-            entry.capture,
-            on_done=partial(self._decoded, entry.capture),
-            on_failed=lambda failure: self._clear(str(failure.error)),
-        )
+        self.look_for(entry.name, partial(self._decoded, entry.capture), self._clear, decode_one, entry.capture)
 
     def choose(self) -> None:
         if self._phase is not None:
-            view = map_view(self._phase, self.kind.currentData(), self._projector(self._phase))
+            projector = self.session.opened.project.rig.projectors.get(self._phase.projector)
+            view = map_view(self._phase, self.kind.currentData(), projector)
             self.show_map(view, partial(pixel_text, self._phase))
 
     def _told(self, count: int) -> None:
         self.bench.notify("success", self.tr("{n} captures decoded.").format(n=count))
-
-    def _projector(self, phase: PhaseMap) -> DeviceSpec | None:
-        return self.session.opened.project.rig.projectors.get(phase.projector)
 
     def _decoded(self, capture: Capture, phase: PhaseMap) -> None:
         self.cache.put(capture, phase)

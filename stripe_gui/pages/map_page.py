@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QSplitter, QWidget
+from PySide6.QtWidgets import QComboBox, QWidget
 
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.maps import MapView
 from stripe_gui.widgets.capture_list import CaptureList
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.layout import boxed, choice, column, fit_button, label, refill, row, splitter
 from stripe_gui.workbench import Workbench
 
 
@@ -25,11 +24,8 @@ class MapPage(Page):
     def __init__(self, bench: Workbench, title: str, purpose: str, map_name: str) -> None:
         super().__init__(bench, title, purpose)
         self.captures = CaptureList(bench.session)
-        self.kind = QComboBox()
-        self.kind.setAccessibleName(self.tr("Map"))
-        self.kind.setMinimumWidth(150)
+        self.kind = choice(self.tr("Map"), self.choose, minimumWidth=150)
         self.kind.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
-        self.kind.currentIndexChanged.connect(self.choose)
         self.view = ImageView(map_name)
         self.state = label("", "muted", wrap=True)
         self.state.setHidden(True)
@@ -40,27 +36,13 @@ class MapPage(Page):
 
         What stands `before` the choice of maps is in one row with it, and leaves no room for its name.
         """
-        fit = button("", self.fit, "fit", flat=True)
-        fit.setAccessibleName(self.tr("Whole image"))
-        fit.setToolTip(self.tr("Whole image"))
-        top = row(*(before or (label(self.tr("Map")),)), self.kind, None, fit)
-        split = QSplitter(Qt.Orientation.Horizontal)
-        split.addWidget(boxed(column(label(self.tr("Captures"), "heading"), self.captures, *below, spacing=8)))
-        split.addWidget(boxed(column(top, middle)))
-        split.setStretchFactor(1, 1)
-        split.setChildrenCollapsible(False)
-        split.setHandleWidth(14)
-        self.body.addWidget(split, 1)
+        top = row(*(before or (label(self.tr("Map")),)), self.kind, None, fit_button(self.fit))
+        left = column(label(self.tr("Captures"), "heading"), self.captures, *below, spacing=8)
+        self.body.addWidget(splitter(boxed(left), boxed(column(top, middle)), widest=1), 1)
 
     def offer(self, kinds: Sequence[str], name_of: Callable[[str], str]) -> None:
         """Offer kinds of maps; the one chosen stays where it can."""
-        before = self.kind.currentData()
-        self.kind.blockSignals(True)
-        self.kind.clear()
-        for kind in kinds:
-            self.kind.addItem(name_of(kind), kind)
-        self.kind.setCurrentIndex(list(kinds).index(before) if before in kinds else 0)
-        self.kind.blockSignals(False)
+        refill(self.kind, [(name_of(kind), kind) for kind in kinds], self.kind.currentData())
 
     def show_map(self, view: MapView | None, extra: Callable[[int, int], str] | None = None) -> None:
         if view is None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QHBoxLayout, QPushButton, QTabWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QPushButton, QTabWidget, QWidget
 
-from stripe_gui.widgets.layout import MARGIN, SPACE, button, label, tab_name
+from stripe_gui.widgets.layout import MARGIN, SPACE, button, column, label, row, tab_name
 from stripe_gui.widgets.pair_choice import PairChoice
 from stripe_gui.workbench import Workbench
 
@@ -49,27 +50,15 @@ class Page(QWidget):
         self.heading = label(title, "title")
         self.purpose = label(purpose, "muted", wrap=True)
         self.purpose.setMinimumWidth(200)
-        self._buttons = QHBoxLayout()
-        self._buttons.setSpacing(8)
+        self._buttons = row(spacing=8)
         if self.by_pair:
             choice = PairChoice(bench.session, self)
             choice.activated.connect(lambda _: self.refresh())
             self._buttons.addWidget(choice)
-        words = QVBoxLayout()
-        words.setSpacing(4)
-        words.addWidget(self.heading)
-        words.addWidget(self.purpose)
-        top = QHBoxLayout()
-        top.setSpacing(SPACE * 2)
-        top.addLayout(words, 1)
-        top.addLayout(self._buttons)
-        self.body = QVBoxLayout()
-        self.body.setSpacing(SPACE)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(MARGIN, 16, MARGIN, 16)
-        layout.setSpacing(16)
-        layout.addLayout(top)
-        layout.addLayout(self.body, 1)
+        words = column(self.heading, self.purpose, spacing=4)
+        top = row((words, 1), self._buttons, spacing=SPACE * 2)
+        self.body = column()
+        self.setLayout(column(top, (self.body, 1), spacing=16, margins=(MARGIN, 16, MARGIN, 16)))
 
     def add_button(
         self, text: str, slot: Callable[[], object], icon: str = "", *, primary: bool = False
@@ -88,6 +77,19 @@ class Page(QWidget):
         action.enabledChanged.connect(made.setEnabled)
         self._buttons.insertWidget(1 if self.by_pair else 0, made)
         return made
+
+    def look_for(
+        self,
+        title: str,
+        show: Callable[[Any], None],
+        refuse: Callable[[str], None],
+        function: Callable[..., Any],
+        *arguments: Any,
+    ) -> None:
+        """Work out what is to be shown, in the background; where that fails, give the reason to `refuse`."""
+        self.bench.views.run(
+            title, function, *arguments, on_done=show, on_failed=lambda failure: refuse(str(failure.error))
+        )
 
     def parts(self) -> Iterator[str]:
         """Bring each part of the page to the front, one after the other, and name it: for pictures of everything."""

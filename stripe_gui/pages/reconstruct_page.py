@@ -16,7 +16,6 @@ from stripe_gui.presenters.reconstruct import (
     KINDS,
     Points,
     devices_of,
-    joint_kind_name,
     joint_scene,
     kind_name,
     load_points,
@@ -28,7 +27,7 @@ from stripe_gui.presenters.space import Scene
 from stripe_gui.presenters.status import method_name, methods_of
 from stripe_gui.presenters.work import export_points
 from stripe_gui.widgets.health_strip import HealthStrip
-from stripe_gui.widgets.layout import boxed, column
+from stripe_gui.widgets.layout import boxed, choice, column, refill
 from stripe_gui.widgets.space_view import SpaceView
 from stripe_gui.workbench import Workbench
 
@@ -48,12 +47,9 @@ class ReconstructPage(MapPage):
         )
         self._points: Points | None = None
         self._waiting = ""
-        self.method = QComboBox()
-        self.method.setAccessibleName(self.tr("Calibration"))
-        self.method.setToolTip(self.tr("Calibration"))
-        self.method.setMinimumWidth(170)
+        calibration = self.tr("Calibration")
+        self.method = choice(calibration, self.look, toolTip=calibration, minimumWidth=170)
         self.method.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
-        self.method.currentIndexChanged.connect(self.look)
         self.export_button = self.add_button(self.tr("Export points…"), self.export, "export")
         self.export_button.setToolTip(self.tr("Write the points as PLY, XYZ or NPZ."))
         self.run_button = self.add_button(self.tr("Reconstruct"), self.run, "run", primary=True)
@@ -71,14 +67,8 @@ class ReconstructPage(MapPage):
     def refresh(self) -> None:
         self.captures.refresh()
         self.health.refresh()
-        before = self.method.currentData()
         methods = methods_of(self.session.opened) if self.session.is_open else []
-        self.method.blockSignals(True)
-        self.method.clear()
-        for method in methods:
-            self.method.addItem(method_name(method), method)
-        self.method.setCurrentIndex(methods.index(before) if before in methods else 0 if methods else -1)
-        self.method.blockSignals(False)
+        refill(self.method, [(method_name(m), m) for m in methods], self.method.currentData())
         self.look()
 
     def run(self) -> None:
@@ -132,7 +122,7 @@ class ReconstructPage(MapPage):
             return
         folder, name, method = self.session.opened, self.session.capture_name, self.method.currentData()
         several = self.bench.guarded(seen_by_several, folder.project, name)
-        self.offer((*KINDS, *JOINT_KINDS) if several else KINDS, _kind_name)
+        self.offer((*KINDS, *JOINT_KINDS) if several else KINDS, kind_name)
         if self._of_all:
             self.choose()
             return
@@ -142,13 +132,7 @@ class ReconstructPage(MapPage):
             return
         stale = self.tr("   Out of date: reconstruct it again.") if state == "stale" else ""
         self._waiting = str(path)
-        self.bench.views.run(
-            name,
-            load_points,
-            path,
-            on_done=partial(self._show, str(path), stale),
-            on_failed=lambda failure: self._clear(str(failure.error)),
-        )
+        self.look_for(name, partial(self._show, str(path), stale), self._clear, load_points, path)
 
     def choose(self) -> None:
         kind, name = self.kind.currentData(), self.session.capture_name
@@ -159,12 +143,7 @@ class ReconstructPage(MapPage):
             self.look()
             return
         work = (space_of, self._points) if kind == "space" else (map_view, self._points, kind)
-        self.bench.views.run(
-            kind,
-            *work,
-            on_done=partial(self._shown, self._points),
-            on_failed=lambda failure: self._clear(str(failure.error)),
-        )
+        self.look_for(kind, partial(self._shown, self._points), self._clear, *work)
 
     def _choose_joint(self, name: str) -> None:
         """Show the points of all cameras, intersected now if they were not."""
@@ -172,14 +151,8 @@ class ReconstructPage(MapPage):
             self._show_joint(name, (None, self._joint[1]))
             return
         self._clear(self.tr("intersecting the rays of all cameras …"))
-        self.bench.views.run(
-            name,
-            reconstruct_views,
-            self.session.opened.project,
-            name,
-            on_done=partial(self._show_joint, name),
-            on_failed=lambda failure: self._clear(str(failure.error)),
-        )
+        project = self.session.opened.project
+        self.look_for(name, partial(self._show_joint, name), self._clear, reconstruct_views, project, name)
 
     def _show_joint(self, name: str, made: tuple[Floats | None, PointCloud]) -> None:
         if name != self.session.capture_name or not self._of_all:
@@ -229,7 +202,3 @@ class ReconstructPage(MapPage):
         self.stack.setCurrentWidget(self.view)
         self.show_map(None)
         self.say(text)
-
-
-def _kind_name(kind: str) -> str:
-    return joint_kind_name(kind) if kind in JOINT_KINDS else kind_name(kind)

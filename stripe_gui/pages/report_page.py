@@ -13,7 +13,7 @@ from stripe_gui.presenters.report import ReportView, Wishes, export_files, load_
 from stripe_gui.presenters.stages import State
 from stripe_gui.presenters.status import methods_of
 from stripe_gui.presenters.told import told
-from stripe_gui.widgets.layout import card, column, emptied, label, row, scrolled
+from stripe_gui.widgets.layout import boxed, card, column, emptied, label, row, scrolled
 from stripe_gui.widgets.sign_off import SignOffForm
 from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.workbench import Workbench
@@ -39,16 +39,12 @@ class ReportPage(Page):
         self.run_button = self.add_button(self.tr("Write report"), self.run, "run", primary=True)
         self.run_button.setToolTip(self.tr("Sign if a name is given, and write HTML and PDF (F5)."))
         self.signing = SignOffForm()
-        left = QWidget()
-        left.setLayout(column(self.signing, self._files_card(), None))
-        scroll = scrolled(left, across=False)
+        scroll = scrolled(boxed(column(self.signing, self._files_card(), None)), across=False)
         scroll.setFixedWidth(WIDTH)
         self.verdicts = VerdictList()
         frame, self._sentences = card(self.tr("What it says"))
         self._sentences.setSpacing(10)
-        inner = QWidget()
-        inner.setLayout(column(self.verdicts, frame, None))
-        self.body.addLayout(row(scroll, scrolled(inner)), 1)
+        self.body.addLayout(row(scroll, scrolled(boxed(column(self.verdicts, frame, None)))), 1)
         self.sentences: list[str] = []
 
     def _files_card(self) -> QWidget:
@@ -95,13 +91,8 @@ class ReportPage(Page):
         self.run_button.setEnabled(self.can_run())
         self.export_button.setEnabled(self.can_run())
         if self.session.is_open:
-            self.bench.views.run(
-                "report",
-                load_report,
-                self.session.folder,
-                on_done=self._show,
-                on_failed=self.bench.report_failure,
-            )
+            failed = self.bench.report_failure
+            self.bench.views.run("report", load_report, self.session.folder, on_done=self._show, on_failed=failed)
 
     def _show(self, view: ReportView) -> None:
         before, self._view = self._view, view

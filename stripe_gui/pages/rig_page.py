@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from PySide6.QtCore import QSignalBlocker
-from PySide6.QtWidgets import QComboBox, QSizePolicy
+from PySide6.QtWidgets import QSizePolicy
 
 from core.errors import StripeError
 from core.model import Adjustment, DriftPoint, PhotogrammetricCalibration
@@ -13,7 +12,7 @@ from stripe_gui.pages.parts_page import PartsPage
 from stripe_gui.presenters.drift import ACTION, drift_curves, drift_table
 from stripe_gui.presenters.rig_space import board_places, depths_of, rig_scene, rig_table, stands_of
 from stripe_gui.presenters.space import Scene
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.layout import boxed, button, choice, column, label, refill, row
 from stripe_gui.widgets.plot import Plot
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
 from stripe_gui.widgets.space_view import SpaceView
@@ -42,16 +41,11 @@ class RigPage(PartsPage):
         self.chart = Plot(self.tr("Drift chart"), self.tr("capture"), self.tr("off what was expected [σ]"))
         self.captures = ResultTable(self.tr("Captures of the drift chart"), titled=False)
         self.captures.row_chosen.connect(self._choose)
-        self.pair = QComboBox()
-        self.pair.setAccessibleName(self.tr("Camera and projector"))
-        self.pair.currentIndexChanged.connect(self._show_chart)
+        self.pair = choice(self.tr("Camera and projector"), self._show_chart)
         self.said = label("", "muted", wrap=True)
         self.look_button = button(self.tr("Look at all captures"), self.run, "run")
-        top = row(self.said, self.pair, self.look_button)
-        top.setStretch(0, 1)
-        drift = column(top, self.chart, self.captures, spacing=8)
-        drift.setStretch(1, 3)
-        drift.setStretch(2, 2)
+        top = row((self.said, 1), self.pair, self.look_button)
+        drift = column(top, (self.chart, 3), (self.captures, 2), spacing=8)
         self.add_step("drift", self.tr("Drift"), boxed(drift))
         bench.session.project_changed.connect(self._forget)
         self._forget()
@@ -87,20 +81,12 @@ class RigPage(PartsPage):
     def run(self) -> None:
         """Look at every capture, and make the chart."""
         if self.can_run():
-            title = self.tr("Drift chart")
-            self.bench.jobs.run(
-                title,
-                drift_of,
-                self.session.opened.project,
-                on_done=self._take,
-                on_failed=self.bench.report_failure,
-            )
+            title, failed = self.tr("Drift chart"), self.bench.report_failure
+            self.bench.jobs.run(title, drift_of, self.session.opened.project, on_done=self._take, on_failed=failed)
 
     def _take(self, charts: dict[tuple[str, str], tuple[DriftPoint, ...]]) -> None:
         self._charts, self._looked = charts, bool(self.session.is_open)
-        with QSignalBlocker(self.pair):
-            self.pair.clear()
-            self.pair.addItems([" – ".join(pair) for pair in charts])
+        refill(self.pair, [(" – ".join(pair), pair) for pair in charts], None)
         self.pair.setVisible(len(charts) > 1)
         self._show_chart()
 

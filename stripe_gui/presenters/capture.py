@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication
 
-from core.model import Rig
+from core.model import Capture, Rig
 from core.patterns import Code, Level, Line, Lines, Pattern, Phase, describe
+from core.pipeline.guessing import lit_frame_of
 from core.progress import SILENT, Progress
 from core.project import read_image
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
@@ -126,6 +127,11 @@ _WORDS: dict[str, Callable[[Any], str]] = {
     "level": _level,
     "lines": _lines,
 }
+
+
+def lit_frame(capture: Capture, progress: Progress = SILENT) -> FrameView:
+    """Read the frame in which the board is lit evenly: the white one, else the first."""
+    return load_frame(capture.frames[lit_frame_of(capture)].path, progress)
 
 
 def load_frame(path: Path, progress: Progress = SILENT) -> FrameView:

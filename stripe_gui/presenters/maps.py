@@ -51,6 +51,18 @@ def round_up(value: float) -> float:
     return float(next(m * size for m in (1, 2, 2.5, 5, 10) if m * size >= value * (1 - 1e-9)))
 
 
+def round_factor(value: float) -> float:
+    """Give the greatest 1, 2 or 5 times a power of ten up to a value.
+
+    Examples
+    --------
+    >>> round_factor(387.0), round_factor(0.5)
+    (200.0, 0.5)
+    """
+    size = 10.0 ** np.floor(np.log10(value))
+    return float(size * max(m for m in (1, 2, 5) if size * m <= value * (1 + 1e-9)))
+
+
 def hill_shade(xyz_mm: NDArray) -> NDArray[np.float32]:
     """Light a surface from the upper left of the camera.
 

@@ -45,13 +45,17 @@ class Points:
 
 
 def kind_name(kind: str) -> str:
-    """Give a map's name in the operator's language."""
+    """Give the name of a map, or of a way to colour the points of all cameras, in the operator's language."""
     return {
         "shaded": translate("Reconstruct", "Shaded height"),
         "height": translate("Reconstruct", "Height over the mean plane"),
         "depth": translate("Reconstruct", "Depth Z"),
         "sigma": translate("Reconstruct", "σ of Z"),
         "space": translate("Reconstruct", "Points in space"),
+        "joint-depth": translate("Reconstruct", "All cameras: depth Z"),
+        "joint-source": translate("Reconstruct", "All cameras: by camera"),
+        "joint-sight": translate("Reconstruct", "All cameras: by how they are seen"),
+        "joint-sigma": translate("Reconstruct", "All cameras: σ of Z"),
     }[kind]
 
 
@@ -113,16 +117,6 @@ def space_of(points: Points, progress: Progress = SILENT) -> Scene:
     apart = np.linalg.norm(np.diff(xyz, axis=1), axis=-1)
     apart = apart[np.isfinite(apart)]
     return Scene(seen(xyz[valid]), colours[valid, :3], spacing_mm=float(np.median(apart)) if len(apart) else 0.0)
-
-
-def joint_kind_name(kind: str) -> str:
-    """Give the name of a way to colour the points of all cameras."""
-    return {
-        "joint-depth": translate("Reconstruct", "All cameras: depth Z"),
-        "joint-source": translate("Reconstruct", "All cameras: by camera"),
-        "joint-sight": translate("Reconstruct", "All cameras: by how they are seen"),
-        "joint-sigma": translate("Reconstruct", "All cameras: σ of Z"),
-    }[kind]
 
 
 def joint_scene(cloud: PointCloud, kind: str, cameras: Sequence[str]) -> tuple[Scene, str]:

@@ -5,16 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import (
-    QBoxLayout,
-    QCheckBox,
-    QComboBox,
-    QDoubleSpinBox,
-    QGridLayout,
-    QLabel,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QBoxLayout, QCheckBox, QGridLayout, QLabel, QVBoxLayout, QWidget
 
 from core.geometry import LENSES
 from core.pipeline import METHODS, CalibrateOptions
@@ -22,7 +13,7 @@ from core.pipeline.options import DEVICES
 from stripe_gui.presenters.status import method_name
 from stripe_gui.presenters.told import told
 from stripe_gui.presenters.work import CalibrateChoice, chosen_methods
-from stripe_gui.widgets.layout import boxed, column, label, row
+from stripe_gui.widgets.layout import boxed, choice, column, label, real, row
 
 NAMES = LENSES["A1..A6"].names
 
@@ -43,18 +34,12 @@ class CalibrateForm(QWidget):
             self._block(self.tr("Depth as a function of the phase"), self.degree),
             self._block(self.tr("Low-pass of the depth calibration"), self.low_pass),
         ]
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(14)
-        layout.addLayout(methods)
         left = column(label(self.tr("Photogrammetric"), "heading"), *network, None, spacing=14)
         right = column(label(self.tr("Polynomial depth"), "heading"), *depth, None, spacing=14)
-        self._halves = row(left, right, spacing=36)
-        self._halves.setStretch(0, 3)
-        self._halves.setStretch(1, 2)
-        layout.addSpacing(4)
-        layout.addLayout(self._halves)
-        layout.addStretch(1)
+        self._halves = row((left, 3), (right, 2), spacing=36)
+        layout = column(methods, self._halves, None, spacing=14)
+        layout.insertSpacing(1, 4)
+        self.setLayout(layout)
         self.set_choice(CalibrateChoice())
 
     def set_narrow(self, narrow: bool) -> None:
@@ -63,37 +48,20 @@ class CalibrateForm(QWidget):
         self._halves.setDirection(ways.TopToBottom if narrow else ways.LeftToRight)
 
     def _make_fields(self) -> None:
-        self.method = QComboBox()
-        self.method.addItem(self.tr("all, as far as captures allow"), "all")
-        for method in METHODS:
-            self.method.addItem(method_name(method), method)
+        methods = [(self.tr("all, as far as captures allow"), "all"), *((method_name(m), m) for m in METHODS)]
+        self.method = choice("", self._change, *methods)
         self.rigid = QCheckBox(self.tr("Camera and projector rigidly joined"))
         self.reject = QCheckBox(self.tr("Reject gross errors beyond"))
-        self.limit = QDoubleSpinBox()
-        self.limit.setRange(3.0, 99.0)
-        self.limit.setSingleStep(0.5)
-        self.limit.setDecimals(1)
-        self.limit.setSuffix(" σ")
-        self.limit.setAccessibleName(self.tr("Limit of gross errors"))
+        self.limit = real(self.tr("Limit of gross errors"), 3.0, 99.0, 1, self._change, " σ", step=0.5)
         self.parameters = {
             f"{device}.{name}": QCheckBox(name) for device in DEVICES for name in NAMES
         }  # ticked: estimated
-        self.degree = QComboBox()
-        for degree in (1, 2, 3, 4, 5):
-            self.degree.addItem(self.tr("polynomial of degree {n}").format(n=degree), degree)
-        self.degree.addItem(self.tr("table, linear between plates"), None)
-        self.low_pass = QDoubleSpinBox()
-        self.low_pass.setRange(0.0, 20.0)
-        self.low_pass.setSingleStep(0.5)
-        self.low_pass.setSuffix(" px")
+        degrees = [(self.tr("polynomial of degree {n}").format(n=degree), degree) for degree in (1, 2, 3, 4, 5)]
+        self.degree = choice("", self._change, *degrees, (self.tr("table, linear between plates"), None))
+        self.low_pass = real("", 0.0, 20.0, 2, self._change, " px", step=0.5)
         self.low_pass.setSpecialValueText(self.tr("none"))
-        self.method.currentIndexChanged.connect(self._change)
-        self.degree.currentIndexChanged.connect(self._change)
         for box in (self.rigid, self.reject, *self.parameters.values()):
             box.toggled.connect(self._change)
-        for spin in (self.limit, self.low_pass):
-            spin.valueChanged.connect(self._change)
-            spin.lineEdit().setTextMargins(6, 0, 0, 0)
 
     def _block(self, name: str, widget: QWidget, *beside: QWidget) -> QVBoxLayout:
         """Give a field with its name above and its consequence below."""
@@ -123,12 +91,11 @@ class CalibrateForm(QWidget):
     # ---------------------------------------------------------------------------------------------------------- choices
 
     def choice(self) -> CalibrateChoice:
-        degree, low_pass_px = self.degree.currentData(), self.low_pass.value()
         options = replace(
             self._base,
             rigid=self.rigid.isChecked(),
-            degree=degree,
-            low_pass_px=low_pass_px,
+            degree=self.degree.currentData(),
+            low_pass_px=self.low_pass.value(),
             hold=tuple(name for name, box in self.parameters.items() if not box.isChecked()),
             reject_beyond=self.limit.value() if self.reject.isChecked() else None,
         )

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from PySide6.QtWidgets import QScrollArea, QTabWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QTabWidget, QWidget
 
 from core.report.adjusted import correlations, coverage, point_sigmas
 from stripe_gui.presenters.calibrate import CalibrationView
 from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.correlation_view import CorrelationView
 from stripe_gui.widgets.coverage_view import CoverageView
-from stripe_gui.widgets.layout import card, emptied, label, row, scrolled, tab_name
+from stripe_gui.widgets.layout import boxed, card, column, emptied, label, make, row, scrolled, tab_name
 from stripe_gui.widgets.point_map import PointMap
 from stripe_gui.widgets.residual_view import ResidualView
 from stripe_gui.widgets.result_table import ResultTable
@@ -30,40 +30,26 @@ class CalibrationResults(QWidget):
         self.verdicts = VerdictList()
         self.warned = label("", wrap=True)
         self.tables: list[ResultTable] = []
-        self._tables = QVBoxLayout()
-        self._tables.setSpacing(20)
-        self._tables.setContentsMargins(0, 12, 12, 12)
-        self._warnings = QVBoxLayout()
-        self._warnings.setSpacing(10)
-        self._warnings.setContentsMargins(0, 12, 12, 12)
+        self._tables = column(spacing=20, margins=(0, 12, 12, 12))
+        self._warnings = column(spacing=10, margins=(0, 12, 12, 12))
         self.residuals = ResidualView(bench)
         self.coverage = CoverageView()
         self.correlations = CorrelationView()
         self.points = PointMap()
-        self.tabs = QTabWidget()
-        self.tabs.setAccessibleName(self.tr("Results of the calibration"))
-        self.tabs.setDocumentMode(True)
+        self.tabs = make(QTabWidget, accessibleName=self.tr("Results of the calibration"), documentMode=True)
         self.tabs.tabBar().setDrawBase(False)
         for name, title, widget in (
-            ("tables", self.tr("Tables"), _scrolled(self._tables)),
+            ("tables", self.tr("Tables"), scrolled(boxed(self._tables))),
             ("residuals", self.tr("Residuals"), self.residuals),
             ("coverage", self.tr("Coverage"), self.coverage),
             ("correlations", self.tr("Correlations"), self.correlations),
             ("points", self.tr("Object points"), self.points),
-            ("warnings", self.tr("Warnings"), _scrolled(self._warnings)),
+            ("warnings", self.tr("Warnings"), scrolled(boxed(self._warnings))),
         ):
             widget.setObjectName(name)
             self.tabs.addTab(widget, title)
         self.tabs.currentChanged.connect(self._fill)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(10)
-        layout.addWidget(self.verdicts)
-        said = row(self.made, self.warned)
-        said.setStretch(0, 1)
-        said.setStretch(1, 1)
-        layout.addLayout(said)
-        layout.addWidget(self.tabs, 1)
+        self.setLayout(column(self.verdicts, row((self.made, 1), (self.warned, 1)), (self.tabs, 1), spacing=10))
 
     def show_calibration(self, view: CalibrationView) -> None:
         """Show a calibration; the same one again changes nothing."""
@@ -137,9 +123,3 @@ class CalibrationResults(QWidget):
             text = self.tr("Convergence, weighted sum of squares: {steps}")
             self._tables.addWidget(label(text.format(steps=steps), "muted", wrap=True))
         self._tables.addStretch(1)
-
-
-def _scrolled(content: QVBoxLayout) -> QScrollArea:
-    inner = QWidget()
-    inner.setLayout(content)
-    return scrolled(inner)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
-from stripe_gui.widgets.layout import label
+from stripe_gui.widgets.layout import column, label
 from stripe_gui.widgets.plot import Curve, Plot
 
 SERIES = ("sigma0", "correction")
@@ -22,11 +22,7 @@ class ConvergencePlot(QWidget):
         self.plot.axes["bottom"].setTickSpacing(major=5, minor=1)
         self.state = label(" ", "muted", wrap=True)
         self._course: dict[str, list[tuple[int, float]]] = {}
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(6)
-        layout.addWidget(self.plot, 1)
-        layout.addWidget(self.state)
+        self.setLayout(column((self.plot, 1), self.state, spacing=6))
         self.clear()
 
     def clear(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from core.report import Number, Table
 from core.report.adjusted import Correlations
@@ -30,13 +30,8 @@ class CorrelationView(QWidget):
         self.matrix.pointed.connect(self._say)
         self.table.row_chosen.connect(self._point)
         self._shown: Correlations | None = None
-        picture = column(row(self.matrix, self.bar, spacing=8), self.readout, spacing=6)
-        picture.setStretch(0, 1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 12, 0, 0)
-        halves = row(boxed(picture), self.table, spacing=16)
-        halves.setStretch(0, 1)
-        layout.addLayout(halves, 1)
+        picture = boxed(column((row(self.matrix, self.bar, spacing=8), 1), self.readout, spacing=6))
+        self.setLayout(column((row((picture, 1), self.table, spacing=16), 1), margins=(0, 12, 0, 0)))
         self._say("")
 
     def show_correlations(self, shown: Correlations | None) -> None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from core.report.adjusted import Coverage
 from stripe_gui import theme
 from stripe_gui.presenters.decode import round_up
 from stripe_gui.presenters.status import device_name
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, column, emptied, label
+from stripe_gui.widgets.layout import boxed, column, emptied, label, row
 
 
 class CoverageView(QWidget):
@@ -20,21 +20,12 @@ class CoverageView(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.maps: list[ImageView] = []
-        self._maps = QHBoxLayout()
-        self._maps.setSpacing(16)
-        self.note = label(
-            self.tr(
-                "Points of all stations per cell of the image. Where there are none the additional parameters are "
-                "extrapolated: fill edges and corners."
-            ),
-            "muted",
-            wrap=True,
+        self._maps = row(spacing=16)
+        note = self.tr(
+            "Points of all stations per cell of the image. Where there are none the additional parameters are "
+            "extrapolated: fill edges and corners."
         )
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 12, 0, 0)
-        layout.setSpacing(8)
-        layout.addLayout(self._maps, 1)
-        layout.addWidget(self.note)
+        self.setLayout(column((self._maps, 1), label(note, "muted", wrap=True), spacing=8, margins=(0, 12, 0, 0)))
 
     def show_coverage(self, devices: tuple[Coverage, ...]) -> None:
         emptied(self._maps)

@@ -8,21 +8,15 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, QRectF, Qt, Signal
 from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import QDoubleSpinBox, QGridLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QWidget
 
 from core.model import PlaneEvaluation
 from stripe_gui.presenters.evaluate import EvaluationView, plane_name, reading
 from stripe_gui.presenters.status import method_name
 from stripe_gui.widgets.colour_bar import ColourBar
-from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, button, column, emptied, label, row, scrolled
+from stripe_gui.widgets.image_view import ARROWS, ImageView
+from stripe_gui.widgets.layout import boxed, button, column, emptied, label, real, row, scrolled
 
-ARROWS = {
-    Qt.Key.Key_Left: (-1, 0),
-    Qt.Key.Key_Right: (1, 0),
-    Qt.Key.Key_Up: (0, -1),
-    Qt.Key.Key_Down: (0, 1),
-}
 CURSOR = "#101010"  # dark on the light middle of the scale, in both appearances
 
 
@@ -44,17 +38,12 @@ class DeviationMaps(QWidget):
         self._cursors: list[pg.ScatterPlotItem] = []
         self._at: tuple[int, float, float] | None = None  # map, u, v
         self._grid = QGridLayout()
+        self._grid.setContentsMargins(0, 0, 0, 0)
         self._grid.setSpacing(8)
         self.bar = ColourBar()
-        self.limit = QDoubleSpinBox()
-        self.limit.setAccessibleName(self.tr("End of the colour scale"))
-        self.limit.setDecimals(3)
-        self.limit.setRange(0.001, 100.0)
-        self.limit.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
+        scale = self.tr("End of the colour scale")
+        self.limit = real(scale, 0.001, 100.0, 3, lambda: self._scale(self.limit.value()), " mm")
         self.limit.setPrefix("± ")
-        self.limit.lineEdit().setTextMargins(6, 0, 0, 0)
-        self.limit.setSuffix(" mm")
-        self.limit.valueChanged.connect(self._scale)
         self.automatic = button(self.tr("Automatic"), self._automatic, flat=True)
         self.automatic.setToolTip(self.tr("Three times the largest r.m.s., as in the report."))
         self.limit.setToolTip(self.tr("Deviations are positive towards the camera."))
@@ -63,13 +52,9 @@ class DeviationMaps(QWidget):
         self.controls = boxed(row(label(self.tr("Scale")), self.limit, self.automatic, towards, None, fit))
         self.readout = label(" ", "muted")
         self.readout.setAccessibleName(self.tr("Values under the cursor"))
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(8)
         self.foot = row(self.readout, None)
-        layout.addWidget(self.controls)
-        layout.addLayout(row(scrolled(boxed(self._grid)), self.bar), 1)
-        layout.addLayout(self.foot)
+        maps = row(scrolled(boxed(self._grid)), self.bar)
+        self.setLayout(column(self.controls, (maps, 1), self.foot, spacing=8))
 
     def show_view(self, view: EvaluationView, captures: list[str] | None = None) -> None:
         """Show the maps of all captures, or of some."""
@@ -111,7 +96,7 @@ class DeviationMaps(QWidget):
             self.tr("Shift and the arrow keys move the cursor; plus and minus zoom, the arrow keys move the map.")
         )
         index = len(self.maps)
-        made.hovered.connect(partial(self._hover, index))
+        made.hovered.connect(lambda u, v: self._say((index, u, v)))
         made.canvas.left.connect(partial(self._say, None))
         made.canvas.moved.connect(partial(self._follow, made))
         made.canvas.installEventFilter(self)
@@ -141,9 +126,6 @@ class DeviationMaps(QWidget):
         """Width and height of the maps, px: all are of one camera."""
         assert self._view is not None
         return self._view.camera.width, self._view.camera.height
-
-    def _hover(self, index: int, u: float, v: float) -> None:
-        self._say((index, u, v))
 
     def _say(self, at: tuple[int, float, float] | None) -> None:
         """Put the cursor at a place of a map, and at the same place of the other methods' maps."""

@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from core.model import Testfield
 from stripe_gui import theme
+from stripe_gui.widgets.image_view import ARROWS
 
 MARGIN = 20
 Target = tuple[int, int]
@@ -74,9 +75,8 @@ class FieldMap(QWidget):
             self.chosen.emit(int(self._field.row[i]), int(self._field.col[i]))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802
-        steps = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
-        if event.key() in steps and self._field is not None:
-            self._step(np.array(steps[Qt.Key(event.key())]))
+        if event.key() in ARROWS and self._field is not None:
+            self._step(np.array(ARROWS[Qt.Key(event.key())]))
         elif event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter, Qt.Key.Key_Space, Qt.Key.Key_Escape):
             self.left.emit()
         else:

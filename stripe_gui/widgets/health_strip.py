@@ -26,12 +26,9 @@ class HealthStrip(QFrame):
         self._known: dict[tuple[Any, ...], Health] = {}
         self._asked: tuple[Any, ...] = ()
         self.text = label("", "muted", wrap=True)
-        self.chart_button = button(self.tr("Drift chart"), self._chart, flat=True)
+        self.chart_button = button(self.tr("Drift chart"), lambda: bench.show_page("rig#drift"), flat=True)
         self.sign = Sign("info", "accent", 18)
-        layout = row(self.sign, self.text, self.chart_button, spacing=8)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setStretch(1, 1)
-        self.setLayout(layout)
+        self.setLayout(row(self.sign, (self.text, 1), self.chart_button, spacing=8))
         self._timer = QTimer(self, singleShot=True, interval=WAIT_MS)
         self._timer.timeout.connect(self._look)
         bench.session.capture_changed.connect(self.refresh)
@@ -78,6 +75,3 @@ class HealthStrip(QFrame):
         self.text.setText(health.words)
         self.text.setToolTip(health.more)
         self.setAccessibleName(health.words)
-
-    def _chart(self) -> None:
-        self.bench.show_page("rig#drift")

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QSize, Qt, QUrl, Signal
+from PySide6.QtCore import Qt, QUrl, Signal
 from PySide6.QtGui import QDesktopServices, QImage, QTextDocument
-from PySide6.QtWidgets import QTextBrowser, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QTextBrowser, QVBoxLayout, QWidget
 
 from stripe_gui import theme
-from stripe_gui.assets import asset, icon
-from stripe_gui.widgets.layout import label, row
+from stripe_gui.assets import asset
+from stripe_gui.widgets.layout import label, row, tool
 
 WIDTH = 320  # px, as little as a chapter's tables take
 
@@ -59,12 +59,7 @@ class HelpPanel(QWidget):
         self.browser.setAccessibleName(self.tr("Help text"))
         self.browser.anchorClicked.connect(self._follow)
         self.browser.document().setDocumentMargin(14)
-        close = QToolButton()
-        close.setIcon(icon("close"))
-        close.setIconSize(QSize(14, 14))
-        close.setAccessibleName(self.tr("Close help"))
-        close.setToolTip(self.tr("Close help"))
-        close.clicked.connect(self.closed)
+        close = tool("close", self.tr("Close help"), self.closed.emit)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(4, 16, 16, 12)
         layout.addLayout(row(label(self.tr("Help"), "heading"), None, close))

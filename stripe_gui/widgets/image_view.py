@@ -9,13 +9,14 @@ import pyqtgraph as pg
 from numpy.typing import ArrayLike, NDArray
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QKeyEvent, QMouseEvent
-from PySide6.QtWidgets import QGraphicsRectItem, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGraphicsRectItem, QSizePolicy, QWidget
 
 from stripe_gui import theme
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.colours import lookup
-from stripe_gui.widgets.layout import label, row
+from stripe_gui.widgets.layout import column, label, row
 
+ARROWS = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
 CLICK_PX = 4  # the mouse may tremble by so much and still click
 
 
@@ -64,15 +65,14 @@ class Canvas(pg.GraphicsView):
         self.left.emit()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802
-        steps = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
         if event.key() in (Qt.Key.Key_Plus, Qt.Key.Key_Equal, Qt.Key.Key_Minus):
             factor = 1.25 if event.key() == Qt.Key.Key_Minus else 0.8
             self.box.scaleBy((factor, factor))
         elif event.key() == Qt.Key.Key_0:
             self.box.autoRange(padding=0.01)
-        elif event.key() in steps:
+        elif event.key() in ARROWS:
             (x0, x1), (y0, y1) = self.box.viewRange()
-            dx, dy = steps[Qt.Key(event.key())]
+            dx, dy = ARROWS[Qt.Key(event.key())]
             self.box.translateBy(x=dx * (x1 - x0) / 10, y=dy * (y1 - y0) / 10)
         else:
             event.ignore()
@@ -111,11 +111,7 @@ class ImageView(QWidget):
         self._image: NDArray | None = None
         self._unit, self._digits, self._signed = "", 1, False
         self._extra: Callable[[int, int], str] | None = None
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addLayout(row(self.canvas, self.bar, spacing=8), 1)
-        layout.addWidget(self.readout)
+        self.setLayout(column((row(self.canvas, self.bar, spacing=8), 1), self.readout, spacing=4))
         self.canvas.hovered.connect(self._hover)
         self.canvas.left.connect(lambda: self._say(None))
         self.canvas.clicked.connect(self.clicked)

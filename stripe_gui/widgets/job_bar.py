@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QSizePolicy, QT
 
 from stripe_gui.assets import icon
 from stripe_gui.jobs import JobQueue
+from stripe_gui.widgets.layout import make
 
 
 class JobBar(QWidget):
@@ -17,17 +18,11 @@ class JobBar(QWidget):
         self._queue = queue
         self.text = QLabel()
         self.text.setTextFormat(Qt.TextFormat.PlainText)
-        self.bar = QProgressBar()
-        self.bar.setRange(0, 1000)
-        self.bar.setTextVisible(False)
+        self.bar = make(QProgressBar, maximum=1000, textVisible=False, accessibleName=self.tr("Progress"))
         self.bar.setFixedWidth(220)
-        self.bar.setAccessibleName(self.tr("Progress"))
         self.left = QLabel()
         self.left.setProperty("role", "muted")
-        self.cancel = QToolButton()
-        self.cancel.setText(self.tr("Cancel"))
-        self.cancel.setIcon(icon("stop"))
-        self.cancel.setIconSize(QSize(14, 14))
+        self.cancel = make(QToolButton, text=self.tr("Cancel"), icon=icon("stop"), iconSize=QSize(14, 14))
         self.cancel.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         self.cancel.setAccessibleName(self.tr("Cancel the running work"))
         self.cancel.clicked.connect(queue.cancel_all)

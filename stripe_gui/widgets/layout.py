@@ -1,19 +1,26 @@
-"""Cards, headings and buttons with the same spacing everywhere."""
+"""Cards, headings, buttons and fields with the same spacing everywhere."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QCoreApplication, QSignalBlocker, QSize, Qt
 from PySide6.QtWidgets import (
+    QComboBox,
+    QDoubleSpinBox,
     QFrame,
+    QGridLayout,
     QHBoxLayout,
     QLabel,
     QLayout,
     QPushButton,
     QScrollArea,
     QSizePolicy,
+    QSpinBox,
+    QSplitter,
     QTabWidget,
+    QToolButton,
     QVBoxLayout,
     QWidget,
 )
@@ -22,9 +29,18 @@ from stripe_gui.assets import icon
 
 SPACE = 12
 MARGIN = 20
+Item = QWidget | QLayout | None | tuple[QWidget | QLayout, int]
+Made = TypeVar("Made", bound=QWidget)
+Spin = TypeVar("Spin", QSpinBox, QDoubleSpinBox)
+Box = TypeVar("Box", QHBoxLayout, QVBoxLayout)
 
 
-def label(text: str = "", role: str = "", wrap: bool = False) -> QLabel:
+def make(kind: Callable[..., Made], *arguments: Any, **properties: Any) -> Made:
+    """Give a widget with its Qt properties set, as ``accessibleName="Map"``: the stubs know none in constructors."""
+    return kind(*arguments, **properties)
+
+
+def label(text: str = "", role: str = "", wrap: bool = False, *, bold: bool = False) -> QLabel:
     """Give a text; roles are "title", "heading", "muted" and "figure" (see app.qss)."""
     made = QLabel(text)
     made.setProperty("role", role)
@@ -32,6 +48,10 @@ def label(text: str = "", role: str = "", wrap: bool = False) -> QLabel:
     made.setTextFormat(Qt.TextFormat.PlainText)
     made.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
     made.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+    if bold:
+        font = made.font()
+        font.setBold(True)
+        made.setFont(font)
     return made
 
 
@@ -50,6 +70,22 @@ def button(
     return made
 
 
+def tool(icon_name: str, name: str, slot: Callable[[], object]) -> QToolButton:
+    """Give a small button with an icon only."""
+    made = make(QToolButton, icon=icon(icon_name), iconSize=QSize(14, 14), accessibleName=name, toolTip=name)
+    made.clicked.connect(lambda: slot())
+    return made
+
+
+def fit_button(slot: Callable[[], object]) -> QPushButton:
+    """Give the button that shows the whole image."""
+    made = button("", slot, "fit", flat=True)
+    name = QCoreApplication.translate("Layout", "Whole image")
+    made.setAccessibleName(name)
+    made.setToolTip(name)
+    return made
+
+
 def card(title: str = "") -> tuple[QFrame, QVBoxLayout]:
     """Give a framed surface and the layout to fill."""
     frame = QFrame()
@@ -62,26 +98,33 @@ def card(title: str = "") -> tuple[QFrame, QVBoxLayout]:
     return frame, layout
 
 
-def row(*items: QWidget | QLayout | None, spacing: int = SPACE) -> QHBoxLayout:
-    """Put widgets side by side; None is a space that stretches."""
-    layout = QHBoxLayout()
-    _fill(layout, items, spacing)
-    return layout
+def row(*items: Item, spacing: int = SPACE) -> QHBoxLayout:
+    """Put widgets side by side; None is a space that stretches, ``(widget, n)`` takes n shares of the room."""
+    return _filled(QHBoxLayout(), items, spacing)
 
 
-def column(*items: QWidget | QLayout | None, spacing: int = SPACE) -> QVBoxLayout:
-    """Put widgets below each other; None is a space that stretches."""
-    layout = QVBoxLayout()
-    _fill(layout, items, spacing)
-    return layout
+def column(*items: Item, spacing: int = SPACE, margins: tuple[int, int, int, int] = (0, 0, 0, 0)) -> QVBoxLayout:
+    """Put widgets below each other, as `row` does side by side; margins are left, top, right, bottom."""
+    return _filled(QVBoxLayout(), items, spacing, margins)
 
 
-def boxed(layout: QLayout, *, top: int = 0) -> QWidget:
-    """Give a widget that holds a layout, without margins but one at its `top`."""
+def boxed(layout: QLayout) -> QWidget:
+    """Give a widget that holds a layout."""
     widget = QWidget()
-    layout.setContentsMargins(0, top, 0, 0)
     widget.setLayout(layout)
     return widget
+
+
+def splitter(*widgets: QWidget, widest: int = -1, down: bool = False) -> QSplitter:
+    """Put widgets side by side, or `down`, with borders to be drawn; the one of an index gets what room there is."""
+    made = QSplitter(Qt.Orientation.Vertical if down else Qt.Orientation.Horizontal)
+    for widget in widgets:
+        made.addWidget(widget)
+    if widest >= 0:
+        made.setStretchFactor(widest, 1)
+    made.setChildrenCollapsible(False)
+    made.setHandleWidth(14)
+    return made
 
 
 def scrolled(widget: QWidget, *, across: bool = True) -> QScrollArea:
@@ -111,13 +154,87 @@ def tab_name(tabs: QTabWidget, index: int) -> str:
     return widget.objectName() if widget is not None else ""
 
 
-def _fill(layout: QHBoxLayout | QVBoxLayout, items: tuple[QWidget | QLayout | None, ...], spacing: int) -> None:
-    layout.setContentsMargins(0, 0, 0, 0)
+def choice(name: str, changed: Callable[[], object], *entries: tuple[str, Any], **properties: Any) -> QComboBox:
+    """Give a field that chooses among entries (text, value)."""
+    made = make(QComboBox, accessibleName=name, **properties)
+    for text, value in entries:
+        made.addItem(text, value)
+    made.currentIndexChanged.connect(lambda: changed())
+    return made
+
+
+def refill(box: QComboBox, entries: Iterable[tuple[str, Any]], chosen: Any, *, otherwise: int = 0) -> None:
+    """Give a field other entries (text, value), silently; where the chosen value is not among them, by index."""
+    with QSignalBlocker(box):
+        box.clear()
+        for text, value in entries:
+            box.addItem(text, value)
+        found = box.findData(chosen)
+        box.setCurrentIndex(found if found >= 0 else otherwise)
+
+
+def whole(name: str, least: int, most: int, changed: Callable[[], object], suffix: str = "") -> QSpinBox:
+    """Give a field for a whole number."""
+    made = make(QSpinBox, minimum=least, maximum=most, suffix=suffix, accessibleName=name)
+    return _listened(made, changed)
+
+
+def real(
+    name: str,
+    least: float,
+    most: float,
+    decimals: int,
+    changed: Callable[[], object],
+    suffix: str = "",
+    *,
+    step: float | None = None,
+) -> QDoubleSpinBox:
+    """Give a field for a number, whose arrows change the second of its digits, or go by a `step`."""
+    made = make(QDoubleSpinBox, decimals=decimals, minimum=least, maximum=most, suffix=suffix, accessibleName=name)
+    if step is None:
+        made.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
+    else:
+        made.setSingleStep(step)
+    return _listened(made, changed)
+
+
+def form(*lines: tuple[str, QWidget]) -> QGridLayout:
+    """Put names beside fields."""
+    grid = QGridLayout()
+    grid.setContentsMargins(0, 0, 0, 0)
+    grid.setHorizontalSpacing(SPACE)
+    grid.setVerticalSpacing(8)
+    grid.setColumnStretch(1, 1)
+    for i, (name, field) in enumerate(lines):
+        grid.addWidget(named(name, field), i, 0)
+        grid.addWidget(field, i, 1)
+    return grid
+
+
+def named(name: str, field: QWidget) -> QLabel:
+    """Give the name of a field, tied to it for screen readers."""
+    made = label(name)
+    made.setBuddy(field)
+    return made
+
+
+def _listened(made: Spin, changed: Callable[[], object]) -> Spin:
+    made.lineEdit().setTextMargins(6, 0, 0, 0)  # the style sheet's padding does not reach it
+    made.valueChanged.connect(lambda: changed())
+    return made
+
+
+def _filled(
+    layout: Box, items: tuple[Item, ...], spacing: int, margins: tuple[int, int, int, int] = (0, 0, 0, 0)
+) -> Box:
+    layout.setContentsMargins(*margins)
     layout.setSpacing(spacing)
-    for item in items:
+    for entry in items:
+        item, stretch = entry if isinstance(entry, tuple) else (entry, 0)
         if item is None:
             layout.addStretch(1)
         elif isinstance(item, QLayout):
-            layout.addLayout(item)
+            layout.addLayout(item, stretch)
         else:
-            layout.addWidget(item)
+            layout.addWidget(item, stretch)
+    return layout

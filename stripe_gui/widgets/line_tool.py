@@ -10,12 +10,11 @@ from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QWidget
 
-from stripe_gui.widgets.image_view import ImageView
+from stripe_gui.widgets.image_view import ARROWS, ImageView
 
 PAPER = (255, 255, 255, 190)  # behind the numbers of the ends
 REACH_PX = 12  # on the screen: so near an end the mouse takes hold of it
 COLOUR = "#101010"  # dark on the light middle of the scale, in both appearances
-ARROWS = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
 Pair = tuple[float, float]
 
 

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from core.report.adjusted import STRONG, Correlations
 from stripe_gui import theme
 from stripe_gui.widgets.colours import lookup
+from stripe_gui.widgets.image_view import ARROWS
 
 GAP = 8
 
@@ -111,11 +112,10 @@ class MatrixView(QWidget):
         self.point_at(None)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802
-        steps = {Qt.Key.Key_Left: (0, -1), Qt.Key.Key_Right: (0, 1), Qt.Key.Key_Up: (-1, 0), Qt.Key.Key_Down: (1, 0)}
-        if self._shown is None or event.key() not in steps:
+        if self._shown is None or event.key() not in ARROWS:
             super().keyPressEvent(event)
             return
         n = len(self._shown.names)
         row, column = self._at or (0, 0)
-        down, right = steps[Qt.Key(event.key())] if self._at else (0, 0)
+        right, down = ARROWS[Qt.Key(event.key())] if self._at else (0, 0)
         self.point_at(((row + down) % n, (column + right) % n))

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, QRectF, QSize, Qt, QTimer
 from PySide6.QtGui import QFontDatabase, QGuiApplication, QPainter
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QPlainTextEdit, QStackedWidget, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QPlainTextEdit, QStackedWidget, QVBoxLayout, QWidget
 
 from stripe_gui import theme
-from stripe_gui.assets import draw_icon, icon
+from stripe_gui.assets import draw_icon
 from stripe_gui.presenters.words import sentence
-from stripe_gui.widgets.layout import MARGIN, button, label
+from stripe_gui.widgets.layout import MARGIN, button, column, label, row, tool
 from stripe_gui.workbench import Notice
 
 MOST = 3
@@ -52,17 +52,10 @@ class NoticeBox(QFrame):
         self.notice = notice
         self.setProperty("notice", notice.kind)
         self.setAccessibleName(f"{_word(notice.kind)}: {notice.happened} {notice.remedy}".strip())
-        text = label(sentence(notice.happened), wrap=True)
-        font = text.font()
-        font.setBold(bool(notice.remedy))
-        text.setFont(font)
-        words = QVBoxLayout()
-        words.setSpacing(2)
-        words.addWidget(text)
+        words = column(label(sentence(notice.happened), wrap=True, bold=bool(notice.remedy)), spacing=2)
         if notice.remedy:
             words.addWidget(label(f"{sentence(notice.remedy).removesuffix('.')}.", wrap=True))
-        top = QHBoxLayout()
-        top.setSpacing(12)
+        top = row()
         top.addWidget(Sign(notice.kind, COLOURS[notice.kind]), 0, Qt.AlignmentFlag.AlignTop)
         top.addLayout(words, 1)
         layout = QVBoxLayout(self)
@@ -71,12 +64,7 @@ class NoticeBox(QFrame):
         self.details: QPlainTextEdit | None = None
         if notice.details:
             self._add_details(top, layout)
-        self.close_button = QToolButton()
-        self.close_button.setIcon(icon("close"))
-        self.close_button.setIconSize(QSize(14, 14))
-        self.close_button.setAccessibleName(self.tr("Put this notice away"))
-        self.close_button.setToolTip(self.tr("Put this notice away"))
-        self.close_button.clicked.connect(self.dismiss)
+        self.close_button = tool("close", self.tr("Put this notice away"), self.dismiss)
         top.addWidget(self.close_button, 0, Qt.AlignmentFlag.AlignTop)
 
     def _add_details(self, top: QHBoxLayout, layout: QVBoxLayout) -> None:
@@ -120,9 +108,8 @@ class NoticeArea(QWidget):
 
     def __init__(self, over: QStackedWidget) -> None:
         super().__init__(over)
-        self._layout = QVBoxLayout(self)
-        self._layout.setContentsMargins(0, 0, 0, 0)
-        self._layout.setSpacing(8)
+        self._layout = column(spacing=8)
+        self.setLayout(self._layout)
         over.installEventFilter(self)
         over.currentChanged.connect(self._place)  # a page that comes to the front is raised
         self.hide()

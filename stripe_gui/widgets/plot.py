@@ -11,9 +11,10 @@ import pyqtgraph as pg
 from numpy.typing import ArrayLike
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QLabel, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
 from stripe_gui import theme
+from stripe_gui.widgets.layout import column, make
 
 STYLES = {
     "line": Qt.PenStyle.SolidLine,
@@ -75,16 +76,10 @@ class Plot(QWidget):
             axis.enableAutoSIPrefix(False)
             axis.linkToView(self.box)
         self.canvas.setCentralItem(layout)
-        self.legend = QLabel()
-        self.legend.setTextFormat(Qt.TextFormat.RichText)
-        self.legend.setWordWrap(True)
+        self.legend = make(QLabel, textFormat=Qt.TextFormat.RichText, wordWrap=True)
         self.curves: tuple[Curve, ...] = ()
         self._items: list[tuple[Curve, pg.PlotCurveItem, pg.FillBetweenItem | None, pg.ScatterPlotItem | None]] = []
-        outer = QVBoxLayout(self)
-        outer.setContentsMargins(0, 0, 0, 0)
-        outer.setSpacing(4)
-        outer.addWidget(self.legend)
-        outer.addWidget(self.canvas, 1)
+        self.setLayout(column(self.legend, (self.canvas, 1), spacing=4))
         self.setMinimumHeight(165)
         self.canvas.setMinimumHeight(120)
         # its own wish of 500 px would crowd out what stands beside it

@@ -7,7 +7,7 @@ import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication, QEvent, QRectF
 from PySide6.QtGui import QColor, QResizeEvent
-from PySide6.QtWidgets import QComboBox, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from core.report import Number, Table
 from core.report.adjusted import PointSigmas
@@ -17,7 +17,7 @@ from stripe_gui.presenters.decode import percentile, round_up
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.colours import lookup
 from stripe_gui.widgets.image_view import Canvas
-from stripe_gui.widgets.layout import boxed, column, label, row
+from stripe_gui.widgets.layout import boxed, choice, column, label, row
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
 
 ROOM_FOR_TABLE = 760
@@ -31,11 +31,8 @@ class PointMap(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.axis = QComboBox()
-        self.axis.setAccessibleName(self.tr("Direction of the sigma"))
-        for text, axis in ((self.tr("X, Y and Z together"), "XYZ"), ("X", "X"), ("Y", "Y"), ("Z", "Z")):
-            self.axis.addItem(text, axis)
-        self.axis.currentIndexChanged.connect(self._colour)
+        axes = ((self.tr("X, Y and Z together"), "XYZ"), ("X", "X"), ("Y", "Y"), ("Z", "Z"))
+        self.axis = choice(self.tr("Direction of the sigma"), self._colour, *axes)
         self.canvas = Canvas()
         self.canvas.box.invertY(False)
         self.canvas.setAccessibleName(self.tr("Sigmas of the object points over the testfield"))
@@ -52,20 +49,10 @@ class PointMap(QWidget):
         self.table.hide()  # until there is room: what is never shown would make the window wide
         self.table.row_chosen.connect(self._point)
         self._shown: PointSigmas | None = None
-        picture = column(
-            row(label(self.tr("Sigma in")), self.axis, None),
-            row(self.canvas, self.bar, spacing=8),
-            self.readout,
-            spacing=6,
-        )
-        picture.setStretch(1, 1)
-        halves = row(boxed(picture), self.table, spacing=16)
-        halves.setStretch(0, 1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 12, 0, 0)
-        layout.setSpacing(8)
-        layout.addLayout(halves, 1)
-        layout.addWidget(self.summary)
+        top, middle = row(label(self.tr("Sigma in")), self.axis, None), row(self.canvas, self.bar, spacing=8)
+        picture = boxed(column(top, (middle, 1), self.readout, spacing=6))
+        halves = row((picture, 1), self.table, spacing=16)
+        self.setLayout(column((halves, 1), self.summary, spacing=8, margins=(0, 12, 0, 0)))
         self._point(None)
 
     def show_points(self, shown: PointSigmas | None) -> None:

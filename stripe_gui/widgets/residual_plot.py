@@ -7,11 +7,12 @@ import pyqtgraph as pg
 from numpy.typing import ArrayLike, NDArray
 from PySide6.QtCore import QEvent, QRectF, Signal
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from stripe_gui import theme
+from stripe_gui.presenters.maps import round_factor
 from stripe_gui.widgets.image_view import Canvas
-from stripe_gui.widgets.layout import label
+from stripe_gui.widgets.layout import column, label
 
 REACH_PX = 10  # a click takes the nearest point within this distance on the screen
 
@@ -37,11 +38,7 @@ class ResidualPlot(QWidget):
         self.legend = label("", "muted", wrap=True)
         self._uv: NDArray = np.zeros((0, 2))
         self.factor = 1.0
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addWidget(self.canvas, 1)
-        layout.addWidget(self.legend)
+        self.setLayout(column((self.canvas, 1), self.legend, spacing=4))
         self._colour()
 
     def set_residuals(
@@ -65,7 +62,7 @@ class ResidualPlot(QWidget):
         width, height = size
         length = float(np.sqrt(np.mean(np.sum(d**2, axis=1)))) if len(d) else 0.0
         # an average vector covers a 40th of the image; round, so that the legend reads well
-        self.factor = _round_factor(width / 40 / length) if length > 0 else 1.0
+        self.factor = round_factor(width / 40 / length) if length > 0 else 1.0
         ends = uv + self.factor * d
         pairs = np.stack([uv, ends], axis=1).reshape(-1, 2)
         self.vectors.setData(pairs[:, 0], pairs[:, 1], connect="pairs")
@@ -108,9 +105,3 @@ class ResidualPlot(QWidget):
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "legend"):
             self._colour()
         super().changeEvent(event)
-
-
-def _round_factor(value: float) -> float:
-    """Give the nearest 1, 2 or 5 times a power of ten below a value."""
-    size = 10.0 ** np.floor(np.log10(value))
-    return float(size * max(m for m in (1, 2, 5) if size * m <= value * (1 + 1e-9)))

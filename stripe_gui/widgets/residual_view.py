@@ -6,11 +6,11 @@ from functools import partial
 
 import numpy as np
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from stripe_gui.presenters.calibrate import DeviceResiduals
 from stripe_gui.presenters.status import device_name
-from stripe_gui.widgets.layout import boxed, button, column, emptied, label, row
+from stripe_gui.widgets.layout import boxed, button, choice, column, emptied, label, refill, row
 from stripe_gui.widgets.residual_plot import ResidualPlot
 from stripe_gui.workbench import Workbench
 
@@ -27,10 +27,7 @@ class ResidualView(QWidget):
         self._sets: tuple[DeviceResiduals, ...] = ()
         self._rows: list[np.ndarray] = []
         self._at: tuple[int, int] | None = None
-        self.stations = QComboBox()
-        self.stations.setAccessibleName(self.tr("Captures whose residuals are shown"))
-        self.stations.setMinimumWidth(150)
-        self.stations.currentIndexChanged.connect(self._draw)
+        self.stations = choice(self.tr("Captures whose residuals are shown"), self._draw, minimumWidth=150)
         self.picked = label(self.tr("Click a vector to learn which point it is."), "muted")
         self.open_image = button(self.tr("Open image"), self._open, "measure", flat=True)
         self.open_image.setToolTip(self.tr("Look at this target in its image."))
@@ -39,15 +36,10 @@ class ResidualView(QWidget):
         self.leave_out = button(self.tr("Leave out capture"), self._leave_out, "close", flat=True)
         self.leave_out.setToolTip(self.tr("Calibrate again without this capture."))
         self.plots: list[ResidualPlot] = []
-        self._plots = QHBoxLayout()
-        self._plots.setSpacing(16)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 12, 0, 0)
-        layout.setSpacing(10)
+        self._plots = row(spacing=16)
         buttons = row(self.open_image, self.exclude, self.leave_out, spacing=2)
-        layout.addLayout(row(label(self.tr("Captures")), self.stations, None, buttons))
-        layout.addLayout(self._plots, 1)
-        layout.addWidget(self.picked)
+        top = row(label(self.tr("Captures")), self.stations, None, buttons)
+        self.setLayout(column(top, (self._plots, 1), self.picked, spacing=10, margins=(0, 12, 0, 0)))
 
     def show_residuals(self, sets: tuple[DeviceResiduals, ...]) -> None:
         self._sets = sets
@@ -59,12 +51,7 @@ class ResidualView(QWidget):
             self.plots.append(plot)
             self._plots.addWidget(boxed(column(label(device_name(device.name), "heading"), plot, spacing=6)), 1)
         captures = dict.fromkeys(d.capture(i) for d in sets for i in range(len(d.station)))
-        self.stations.blockSignals(True)
-        self.stations.clear()
-        self.stations.addItem(self.tr("all"), "")
-        for name in captures:
-            self.stations.addItem(name, name)
-        self.stations.blockSignals(False)
+        refill(self.stations, [(self.tr("all"), ""), *((name, name) for name in captures)], "")
         self._draw()
 
     def _draw(self) -> None:

@@ -6,11 +6,11 @@ from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QSortFilterProxyModel, Qt, Signal
 from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
 from core.report import Number, Table, cell_text
 from stripe_gui.presenters.told import told
-from stripe_gui.widgets.layout import label
+from stripe_gui.widgets.layout import column, label, make
 
 VALUE = Qt.ItemDataRole.UserRole
 EMPTY = Table("", (), ())
@@ -86,32 +86,24 @@ class ResultTable(QWidget):
         self.model = TableModel()
         self._sorted = _Sorted(self)
         self._sorted.setSourceModel(self.model)
-        self.view = QTableView()
+        self.view = make(QTableView, accessibleName=name, showGrid=False, alternatingRowColors=True, wordWrap=False)
         self.view.setModel(self._sorted)
-        self.view.setAccessibleName(name)
         self.view.setSortingEnabled(True)
-        self.view.setShowGrid(False)
-        self.view.setAlternatingRowColors(True)
-        self.view.setWordWrap(False)
         self.view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.view.setHorizontalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
         self.view.setTabKeyNavigation(False)
         self.view.verticalHeader().hide()
         self.view.verticalHeader().setDefaultSectionSize(28)
-        self.view.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
-        self.view.horizontalHeader().setHighlightSections(False)
-        self.view.horizontalHeader().setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
-        self.view.horizontalHeader().sortIndicatorChanged.connect(self._make_room)
+        header = self.view.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        header.setHighlightSections(False)
+        header.setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
+        header.sortIndicatorChanged.connect(self._make_room)
         self.view.selectionModel().currentRowChanged.connect(self._choose)
         copy = QShortcut(QKeySequence.StandardKey.Copy, self.view, context=Qt.ShortcutContext.WidgetShortcut)
         copy.activated.connect(self.copy)
         self.notes = label("", "muted", wrap=True)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(6)
-        layout.addWidget(self.title)
-        layout.addWidget(self.view, 1)
-        layout.addWidget(self.notes)
+        self.setLayout(column(self.title, (self.view, 1), self.notes, spacing=6))
 
     def show_table(self, table: Table) -> None:
         self.view.horizontalHeader().setSortIndicator(-1, Qt.SortOrder.AscendingOrder)

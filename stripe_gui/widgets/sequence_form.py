@@ -22,7 +22,7 @@ from stripe_gui.presenters.sequences import (
     typed,
 )
 from stripe_gui.presenters.words import sentence
-from stripe_gui.widgets.layout import boxed, button, card, column, emptied, label, row
+from stripe_gui.widgets.layout import boxed, button, card, choice, column, emptied, label, make, row
 from stripe_gui.widgets.notice import Sign
 from stripe_gui.widgets.pattern_strip import PatternStrip
 from stripe_gui.workbench import Workbench
@@ -49,16 +49,11 @@ class SequenceForm(QWidget):
         self._wrong = ""  # about what was typed
         self._fields: dict[str, tuple[Option, QWidget]] = {}
         self.view: SequenceView | None = None
-        self.kind = QComboBox()
-        self.kind.setAccessibleName(self.tr("Sequence"))
+        kinds = [(own, OWN), *((preset_title(name), name) for name in PRESETS)]
+        kinds.append((self.tr("A list of patterns from a file"), LISTED))
+        self.kind = choice(self.tr("Sequence"), self._kind_chosen, *kinds, minimumContentsLength=30)
         self.kind.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.kind.setMinimumContentsLength(30)
-        self.kind.addItem(own, OWN)
-        for name in PRESETS:
-            self.kind.addItem(preset_title(name), name)
-        self.kind.addItem(self.tr("A list of patterns from a file"), LISTED)
-        self.file = QLineEdit()
-        self.file.setAccessibleName(self.tr("File of patterns"))
+        self.file = make(QLineEdit, accessibleName=self.tr("File of patterns"))
         self.file.setPlaceholderText(self.tr("a JSON list of patterns, a capture.json or a project.json"))
         self.choose_button = button(self.tr("Choose…"), self._choose, "folder")
         self.choose_button.setAccessibleName(self.tr("Choose the file of patterns"))
@@ -69,17 +64,11 @@ class SequenceForm(QWidget):
         self._grid.setColumnStretch(4, 1)
         self.words = label("", "muted", wrap=True)
         self.problem = label("", wrap=True)
-        self._sign = boxed(row(Sign("warning", "warning"), self.problem, spacing=8))
-        self._sign.layout().setStretch(1, 1)  # type: ignore[union-attr]
+        self._sign = boxed(row(Sign("warning", "warning"), (self.problem, 1), spacing=8))
         self.strip = PatternStrip(self.tr("Patterns of the sequence"))
         frame, inside = card(self.tr("Sequence"))
-        for item in (self.kind, self._file_row):
-            inside.addWidget(item)
-        inside.addLayout(self._grid)
-        inside.addWidget(self.words)
-        inside.addWidget(self._sign)
+        inside.addLayout(column(self.kind, self._file_row, self._grid, self.words, self._sign))
         self.setLayout(column(frame, self.strip))
-        self.kind.currentIndexChanged.connect(self._kind_chosen)
         self.file.editingFinished.connect(self._read_file)
         self._kind_chosen()
 

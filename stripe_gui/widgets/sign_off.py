@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from datetime import date
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QFormLayout, QLineEdit, QWidget
+from PySide6.QtWidgets import QCheckBox, QFormLayout, QLineEdit, QWidget
 
 from core.model import PlaneEvaluation, Verdict
 from core.report import SignOff, Tolerance, verdict
-from stripe_gui.widgets.layout import SPACE, card, column, label, row
+from stripe_gui.widgets.layout import SPACE, card, choice, column, label, real, row
 from stripe_gui.widgets.verdict import VerdictList
 
 
@@ -22,18 +22,9 @@ class SignOffForm(QWidget):
         self._evaluations: tuple[PlaneEvaluation, ...] = ()
         self.operator, self.instrument, self.date, self.remark, self.reason = (QLineEdit() for _ in range(5))
         self.with_tolerance = QCheckBox(self.tr("Judge against a tolerance"))
-        self.limit = QDoubleSpinBox()
-        self.limit.setDecimals(4)
-        self.limit.setRange(0.001, 100.0)
-        self.limit.setSingleStep(0.005)
-        self.limit.setValue(0.05)
-        self.limit.setSuffix(" mm")
-        self.limit.setAccessibleName(self.tr("Tolerance"))
-        self.limit.lineEdit().setTextMargins(6, 0, 0, 0)
-        self.of = QComboBox()
-        self.of.setAccessibleName(self.tr("Figure that the tolerance limits"))
-        self.of.addItem(self.tr("r.m.s. deviation"), "rms")
-        self.of.addItem(self.tr("largest deviation"), "max")
+        self.limit = real(self.tr("Tolerance"), 0.001, 100.0, 4, self._judge, " mm", step=0.005)
+        figures = (self.tr("r.m.s. deviation"), "rms"), (self.tr("largest deviation"), "max")
+        self.of = choice(self.tr("Figure that the tolerance limits"), self._judge, *figures)
         self.verdict = VerdictList()
         self.verdict.setAccessibleName(self.tr("Result"))
         signing, layout = card(self.tr("Sign-off"))
@@ -54,15 +45,10 @@ class SignOffForm(QWidget):
         form.addRow(self.failed)
         self.reason.setPlaceholderText(self.tr("why it is signed all the same"))
         self.operator.setPlaceholderText(self.tr("without a name: not signed"))
-        layout.addLayout(form)
-        layout.addWidget(self.with_tolerance)
-        layout.addLayout(row(self.limit, self.of, None))
-        layout.addWidget(self.verdict)
+        layout.addLayout(column(form, self.with_tolerance, row(self.limit, self.of, None), self.verdict))
         self.setLayout(column(signing))
         self.with_tolerance.toggled.connect(self._judge)
-        self.limit.valueChanged.connect(self._judge)
-        self.of.currentIndexChanged.connect(self._judge)
-        self._judge()
+        self.limit.setValue(0.05)
         self.show_evaluations((), ())
 
     def show_evaluations(self, evaluations: tuple[PlaneEvaluation, ...], failed: Sequence[str]) -> None:

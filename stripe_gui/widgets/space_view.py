@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QSize, Qt, QTimer
 from PySide6.QtGui import QColor, QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPen, QPolygonF, QWheelEvent
-from PySide6.QtWidgets import QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from core.model import Array
 from stripe_gui import theme
 from stripe_gui.presenters.space import Scene, ends_of
-from stripe_gui.widgets.layout import button, label, row
+from stripe_gui.widgets.layout import button, column, label, row
 
 DISTANCE = 2.5  # of the eye from the middle, in sizes of the scene
 WHILE_TURNING = 40_000  # points that are drawn while the view moves
@@ -178,11 +178,7 @@ class SpaceView(QWidget):
         hint = label(self.tr("Drag to turn, wheel to come closer, Ctrl and drag to move."), "muted")
         camera = button(self.tr("From the camera"), lambda: self.space.look(*FROM_CAMERA), flat=True)
         beside = button(self.tr("From beside"), lambda: self.space.look(*FROM_BESIDE), flat=True)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addWidget(self.space, 1)
-        layout.addLayout(row(hint, None, camera, beside))
+        self.setLayout(column((self.space, 1), row(hint, None, camera, beside), spacing=4))
 
     def show_scene(self, scene: Scene) -> None:
         """Show a scene; the direction of view stays."""

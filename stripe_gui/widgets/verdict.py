@@ -37,15 +37,12 @@ class VerdictBox(QFrame):
         self.setProperty("notice", kind)
         words = verdict_words(verdict, of)
         passed = verdict.state == "passed"  # takes a line where others take room
-        self.text = label(words.replace("\n", "   ") if passed else words, wrap=True)
-        self.setAccessibleName(self.text.text())
-        font = self.text.font()
-        font.setBold(verdict.state == "failed")
-        self.text.setFont(font)
+        text = words.replace("\n", "   ") if passed else words
+        self.text = label(text, wrap=True, bold=verdict.state == "failed")
+        self.setAccessibleName(text)
         sign = Sign(kind, COLOURS[kind])
-        inside = row(sign, self.text)
+        inside = row(sign, (self.text, 1))
         inside.setAlignment(sign, Qt.AlignmentFlag.AlignTop)
-        inside.setStretch(1, 1)
         edge = 4 if passed else 8
         inside.setContentsMargins(14, edge, 14, edge)
         self.setLayout(inside)

@@ -31,9 +31,7 @@ class Wizard(PartsPage):
         self.next_button.setToolTip(self.tr("One step on (Alt+Right)"))
         for keys, slot in (("Alt+Left", self.back), ("Alt+Right", self.next)):
             QShortcut(QKeySequence(keys), self).activated.connect(slot)
-        foot = row(self.close_button, self._why, self.back_button, self.next_button)
-        foot.setStretchFactor(self._why, 1)
-        self.body.addWidget(boxed(foot))
+        self.body.addWidget(boxed(row(self.close_button, (self._why, 1), self.back_button, self.next_button)))
 
     def back(self) -> None:
         if self._stack.currentIndex() > 0:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem, QWidget
 
 from core.pipeline import METHODS
 from stripe_gui.presenters.capture import role_name
 from stripe_gui.presenters.contributions import Contribution
 from stripe_gui.presenters.work import chosen_methods
-from stripe_gui.widgets.layout import button, label, row
+from stripe_gui.widgets.layout import button, column, label, make, row
 
 LEAST = 2  # testfields: one alone leaves the interior orientation open
 NONE = "–"
@@ -36,14 +36,12 @@ class CaptureChoice(QWidget):
             self.tr("tilt"),
             self.tr("contributes"),
         )
-        self.table = QTableWidget(0, len(columns))
+        said = self.tr("Captures that take part")
+        self.table = make(QTableWidget, 0, len(columns), accessibleName=said, showGrid=False, alternatingRowColors=True)
         self.table.setHorizontalHeaderLabels(columns)
-        self.table.setAccessibleName(self.tr("Captures that take part"))
         self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.table.setShowGrid(False)
-        self.table.setAlternatingRowColors(True)
         self.table.setTabKeyNavigation(False)
         self.table.verticalHeader().hide()
         self.table.verticalHeader().setDefaultSectionSize(28)
@@ -58,12 +56,8 @@ class CaptureChoice(QWidget):
         self.restore_button = button(self.tr("Use excluded targets again"), self._restore, "refresh", flat=True)
         self.hint = label(self.tr("Space or a click on the box leaves a capture out or takes it in."), "muted")
         self.summary = label(" ", "muted", wrap=True)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(8)
-        layout.addLayout(row(self.hint, None, self.restore_button, self.all_button))
-        layout.addWidget(self.table, 1)
-        layout.addWidget(self.summary)
+        top = row(self.hint, None, self.restore_button, self.all_button)
+        self.setLayout(column(top, (self.table, 1), self.summary, spacing=8))
         self._offer()
 
     @property

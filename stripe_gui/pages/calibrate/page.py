@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from core.errors import StripeError
 from core.model import Method
@@ -25,7 +25,7 @@ from stripe_gui.presenters.status import method_name, methods_of
 from stripe_gui.presenters.work import CalibrateChoice, calibrate, chosen_methods
 from stripe_gui.widgets.calibrate_form import CalibrateForm
 from stripe_gui.widgets.calibration_results import CalibrationResults
-from stripe_gui.widgets.layout import button, card, label, row, scrolled
+from stripe_gui.widgets.layout import boxed, button, card, column, label, row, scrolled
 from stripe_gui.workbench import Workbench
 
 ROOM_FOR_TWO = 1000  # the two halves of the first step stand side by side from this width on
@@ -53,7 +53,9 @@ class CalibratePage(PartsPage):
         self.run_part = RunPart()
         self.results = CalibrationResults(bench)
         self.runs = RunsPart(bench)
-        self.add_step("method", self.tr("Method"), self._scrolled(self.form))
+        frame, layout = card()
+        layout.addWidget(self.form, 1)
+        self.add_step("method", self.tr("Method"), scrolled(frame, across=False))
         self.add_step("captures", self.tr("Captures"), self.captures, enter=self._look_at_captures)
         self.add_step("run", self.tr("Run"), self.run_part, enter=self._plan)
         self.add_step("results", self.tr("Results"), self._results_body(), enter=self._show_results)
@@ -65,28 +67,15 @@ class CalibratePage(PartsPage):
         self.results.residuals.capture_unwanted.connect(self.leave_out)
         self.start()
 
-    def _scrolled(self, form: QWidget) -> QWidget:
-        frame, layout = card()
-        layout.addWidget(form, 1)
-        return scrolled(frame, across=False)
-
     def _results_body(self) -> QWidget:
-        body = QWidget()
         self.pending = label("", wrap=True)
         self.take_back_button = button(self.tr("Take back"), self.take_back, "back", flat=True)
         self.again_button = button(self.tr("Run again"), self.run, "run")
         self._pending, inside = card()
         inside.setContentsMargins(12, 8, 8, 8)
-        said = row(self.pending, self.take_back_button, self.again_button)
-        said.setStretch(0, 1)
-        inside.addLayout(said)
-        layout = QVBoxLayout(body)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(10)
-        layout.addWidget(self._pending)
-        layout.addWidget(self.results, 1)
+        inside.addLayout(row((self.pending, 1), self.take_back_button, self.again_button))
         self._pending.hide()
-        return body
+        return boxed(column(self._pending, (self.results, 1), spacing=10))
 
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802
         super().resizeEvent(event)
@@ -130,13 +119,8 @@ class CalibratePage(PartsPage):
     def _look_at_captures(self) -> None:
         folder = self.session.folder
         if folder is not None:
-            self.bench.views.run(
-                "captures",
-                contributions,
-                folder,
-                on_done=self._captures_known,
-                on_failed=lambda failure: self.bench.report_error(failure.error),
-            )
+            failed = self.bench.report_failure
+            self.bench.views.run("captures", contributions, folder, on_done=self._captures_known, on_failed=failed)
 
     def _captures_known(self, found: tuple[Contribution, ...]) -> None:
         self.captures.show_captures(found)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from PySide6.QtWidgets import QProgressBar, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QProgressBar, QWidget
 
 from stripe_gui.jobs import Job, JobState
 from stripe_gui.presenters.failures import describe
 from stripe_gui.widgets.convergence_plot import ConvergencePlot
-from stripe_gui.widgets.layout import button, card, label, row
+from stripe_gui.widgets.layout import button, card, column, label, make, row
 
 
 class RunPart(QWidget):
@@ -18,25 +18,15 @@ class RunPart(QWidget):
         self._job: Job | None = None
         self.plan = label("", wrap=True)
         self.cancel_button = button(self.tr("Cancel"), self._cancel, "stop")
-        self.bar = QProgressBar()
-        self.bar.setRange(0, 1000)
-        self.bar.setTextVisible(False)
-        self.bar.setAccessibleName(self.tr("Progress of the calibration"))
+        said = self.tr("Progress of the calibration")
+        self.bar = make(QProgressBar, maximum=1000, textVisible=False, accessibleName=said)
         self.state = label(" ", "muted", wrap=True)
         self.convergence = ConvergencePlot()
         frame, inside = card()
-        said = row(self.plan, self.cancel_button)
-        said.setStretch(0, 1)
-        inside.addLayout(said)
-        inside.addWidget(self.bar)
-        inside.addWidget(self.state)
+        inside.addLayout(column(row((self.plan, 1), self.cancel_button), self.bar, self.state))
         curve, around = card()
         around.addWidget(self.convergence, 1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(12)
-        layout.addWidget(frame)
-        layout.addWidget(curve, 1)
+        self.setLayout(column(frame, (curve, 1)))
         self._show()
 
     @property

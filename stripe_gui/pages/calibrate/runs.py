@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QComboBox, QLineEdit, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QLineEdit, QWidget
 
 from core.pipeline import Run, current_runs, delete_run, list_runs, make_current, rename_run
 from stripe_gui.presenters.runs import comparison_table, run_title, runs_table
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.layout import boxed, button, choice, column, label, make, refill, row, splitter
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
 from stripe_gui.workbench import Workbench
 
@@ -27,9 +27,8 @@ class RunsPart(QWidget):
         self._used: set[int] = set()
         self.table = ResultTable(self.tr("Kept runs"), titled=False)
         self.table.row_chosen.connect(lambda _: self._offer())
-        self.name = QLineEdit()
+        self.name = make(QLineEdit, accessibleName=self.tr("Name of the chosen run"))
         self.name.setPlaceholderText(self.tr("a name for the chosen run"))
-        self.name.setAccessibleName(self.tr("Name of the chosen run"))
         self.name.setFixedWidth(240)
         self.name.returnPressed.connect(self.rename)
         self.rename_button = button(self.tr("Name it"), self.rename, flat=True)
@@ -37,28 +36,16 @@ class RunsPart(QWidget):
         self.use_button.setToolTip(self.tr("Put its calibrations in use; what follows is then out of date."))
         self.delete_button = button(self.tr("Delete"), self.delete, "close", flat=True)
         self.delete_button.setToolTip(self.tr("Delete the chosen run from the disk."))
-        self.first, self.second = QComboBox(), QComboBox()
-        self.first.setAccessibleName(self.tr("Run to compare with"))
-        self.second.setAccessibleName(self.tr("Run to compare"))
-        for box in (self.first, self.second):
-            box.setMinimumWidth(170)
-            box.currentIndexChanged.connect(self._compare)
+        self.first = choice(self.tr("Run to compare with"), self._compare, minimumWidth=170)
+        self.second = choice(self.tr("Run to compare"), self._compare, minimumWidth=170)
         self.comparison = ResultTable(self.tr("Comparison of two runs"), titled=False)
         self.nothing = label("", "muted", wrap=True)
         buttons = row(self.use_button, self.name, self.rename_button, self.delete_button, None)
         pair = row(label(self.tr("Compare")), self.second, label(self.tr("with")), self.first, None)
-        upper, lower = column(self.table, buttons, spacing=6), column(pair, self.nothing, self.comparison, spacing=8)
-        upper.setStretch(0, 1)
-        lower.setStretch(2, 1)
-        split = QSplitter(Qt.Orientation.Vertical)
-        split.addWidget(boxed(upper))
-        split.addWidget(boxed(lower))
+        lower = boxed(column(pair, self.nothing, (self.comparison, 1), spacing=8))
+        split = splitter(boxed(column((self.table, 1), buttons, spacing=6)), lower, down=True)
         split.setSizes([210, 330])
-        split.setChildrenCollapsible(False)
-        split.setHandleWidth(14)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(split)
+        self.setLayout(column(split))
         self._offer()
 
     def show_runs(self) -> None:
@@ -67,18 +54,11 @@ class RunsPart(QWidget):
         runs = tuple(reversed(list_runs(folder.project))) if folder is not None else ()
         current = current_runs(folder.project) if folder is not None else {}
         fresh = {r.number for r in runs} != {r.number for r in self._runs}
-        before = [box.currentData() for box in (self.first, self.second)]
         self._runs, self._used = runs, set(current.values())
         self.table.show_table(runs_table(runs[::-1], current) if runs else EMPTY)
         for box, at in ((self.first, 1), (self.second, 0)):
-            wanted = before[box is self.second]
-            box.blockSignals(True)
-            box.clear()
-            for run in runs:
-                box.addItem(run_title(run), run.number)
-            found = box.findData(wanted)
-            box.setCurrentIndex(min(at, len(runs) - 1) if fresh or found < 0 else found)
-            box.blockSignals(False)
+            wanted = None if fresh else box.currentData()
+            refill(box, [(run_title(run), run.number) for run in runs], wanted, otherwise=min(at, len(runs) - 1))
         if runs:
             self.table.choose_row(0)
         self._compare()

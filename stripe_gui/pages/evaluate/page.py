@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from core.pipeline import evaluate_project
 from stripe_gui.pages.evaluate.choices import calibration_choices, is_evaluated, plane_choices
-from stripe_gui.pages.evaluate.parts import CheckList, HistogramPart, ProfilePart, choose_body
+from stripe_gui.pages.evaluate.parts import BELOW, CheckList, HistogramPart, ProfilePart
 from stripe_gui.pages.parts_page import PartsPage
 from stripe_gui.presenters.evaluate import EvaluationView, load_evaluation
 from stripe_gui.presenters.stages import State
 from stripe_gui.widgets.deviation_maps import DeviationMaps
-from stripe_gui.widgets.layout import boxed, column, label
+from stripe_gui.widgets.layout import boxed, column, label, row
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
 from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.workbench import Workbench
@@ -40,15 +40,19 @@ class EvaluatePage(PartsPage):
             found.ticked.connect(self._choice_changed)
         self.chosen = label("", "muted", wrap=True)
         self.deviations = DeviationMaps()
-        maps = boxed(column(self.deviations), top=8)
+        maps = boxed(column(self.deviations, margins=BELOW))
         self.profile = ProfilePart()
         self.profile.line_changed.connect(bench.session.keep_line)
         self.deviations.limit.valueChanged.connect(self.profile.maps.limit.setValue)
         self.profile.maps.limit.valueChanged.connect(self.deviations.limit.setValue)
         self.histogram = HistogramPart()
         self.table = ResultTable(self.tr("Deviations from the plane-table"))
-        table = boxed(column(self.table), top=8)
-        body = choose_body(self.planes, self.calibrations, self.chosen)
+        table = boxed(column(self.table, margins=BELOW))
+        lists = [
+            boxed(column(label(found.accessibleName(), "heading"), found, spacing=8))
+            for found in (self.planes, self.calibrations)
+        ]
+        body = boxed(column(row(*lists, spacing=20), self.chosen, margins=BELOW))
         self.add_step("choose", self.tr("Choose"), body, missing=self._missing)
         self.add_step("maps", self.tr("Maps"), maps)
         self.add_step("profile", self.tr("Profile"), self.profile)
@@ -63,14 +67,8 @@ class EvaluatePage(PartsPage):
         self.planes.show_choices(planes or [])
         self.calibrations.show_choices(calibration_choices(self.session.opened, self.session.statuses))
         self._choice_changed()
-        self.bench.views.run(
-            "evaluation",
-            load_evaluation,
-            self.session.folder,
-            self.session.pair,
-            on_done=self._take,
-            on_failed=self.bench.report_failure,
-        )
+        asked, failed = (self.session.folder, self.session.pair), self.bench.report_failure
+        self.bench.views.run("evaluation", load_evaluation, *asked, on_done=self._take, on_failed=failed)
 
     def run(self) -> None:
         if self.can_run():

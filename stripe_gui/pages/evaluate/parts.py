@@ -7,12 +7,7 @@ from functools import partial
 
 import numpy as np
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import (
-    QComboBox,
-    QListWidget,
-    QListWidgetItem,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QListWidget, QListWidgetItem, QWidget
 
 from core.evaluate import line_across
 from stripe_gui.pages.evaluate.choices import Choice
@@ -26,12 +21,13 @@ from stripe_gui.presenters.evaluate import (
 from stripe_gui.presenters.status import method_name
 from stripe_gui.widgets.deviation_maps import DeviationMaps
 from stripe_gui.widgets.histogram import Histogram
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.layout import button, choice, column, label, refill, row
 from stripe_gui.widgets.line_tool import LineTool
 from stripe_gui.widgets.plot import Curve, Plot
 
 NAME = Qt.ItemDataRole.UserRole
 UM = 1000.0
+BELOW = (0, 8, 0, 0)  # the margins of a part, below the row that chooses it
 
 
 class CheckList(QListWidget):
@@ -53,12 +49,12 @@ class CheckList(QListWidget):
         at = max(self.currentRow(), 0)
         self.blockSignals(True)
         self.clear()
-        for choice in choices:
-            item = QListWidgetItem(f"{choice.title}\n{choice.state}")
-            item.setData(NAME, choice.name)
-            item.setToolTip(choice.state)
+        for offered in choices:
+            item = QListWidgetItem(f"{offered.title}\n{offered.state}")
+            item.setData(NAME, offered.name)
+            item.setToolTip(offered.state)
             item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
-            item.setCheckState(Qt.CheckState.Unchecked if choice.name in unticked else Qt.CheckState.Checked)
+            item.setCheckState(Qt.CheckState.Unchecked if offered.name in unticked else Qt.CheckState.Checked)
             self.addItem(item)
         self.setCurrentRow(min(at, self.count() - 1))
         self.blockSignals(False)
@@ -68,25 +64,10 @@ class CheckList(QListWidget):
         return [item.data(NAME) for item in items if item.checkState() == Qt.CheckState.Checked]
 
 
-class PlaneChoice(QComboBox):
-    """Chooses one of the planes evaluated."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__()
-        self.setAccessibleName(name)
-        self.setMinimumWidth(180)
-
-    def show_view(self, view: EvaluationView, all_words: str = "") -> None:
-        """Offer the planes of an evaluation, and all together where there are words for it; the one chosen stays."""
-        before = self.currentData()
-        self.blockSignals(True)
-        self.clear()
-        for capture in view.captures:
-            self.addItem(plane_name(view.by_method(capture)[0]), capture)
-        if all_words:
-            self.addItem(all_words, "")
-        self.setCurrentIndex(max(self.findData(before), 0))
-        self.blockSignals(False)
+def _offer(box: QComboBox, view: EvaluationView, *more: tuple[str, str]) -> None:
+    """Offer the planes of an evaluation; the one chosen stays."""
+    planes = [(plane_name(view.by_method(capture)[0]), capture) for capture in view.captures]
+    refill(box, [*planes, *more], box.currentData())
 
 
 class ProfilePart(QWidget):
@@ -97,8 +78,7 @@ class ProfilePart(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._view: EvaluationView | None = None
-        self.plane = PlaneChoice(self.tr("Plane"))
-        self.plane.currentIndexChanged.connect(self._show_plane)
+        self.plane = choice(self.tr("Plane"), self._show_plane, minimumWidth=180)
         hint = self.tr("Draw a line with the mouse; keys 1, 2 and the arrows move its ends.")
         self.maps = DeviationMaps(beside=True, hint=hint)
         self.tool = LineTool(self)
@@ -113,11 +93,8 @@ class ProfilePart(QWidget):
         self.ends = label(" ", "muted")
         self.maps.controls.hide()  # the scale is that of the maps before
         self.maps.foot.addWidget(self.ends)
-        layout = column(row(label(self.tr("Plane")), self.plane, *self.presets, None), self.maps, self.plot, spacing=8)
-        layout.setStretch(1, 5)
-        layout.setStretch(2, 3)
-        layout.setContentsMargins(0, 8, 0, 0)
-        self.setLayout(layout)
+        top = row(label(self.tr("Plane")), self.plane, *self.presets, None)
+        self.setLayout(column(top, (self.maps, 5), (self.plot, 3), spacing=8, margins=BELOW))
 
     @property
     def line(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -128,7 +105,7 @@ class ProfilePart(QWidget):
         """Show an evaluation; the line stays, or runs across the middle at first."""
         first = self._view is None
         self._view = view
-        self.plane.show_view(view)
+        _offer(self.plane, view)
         self._show_plane()
         if first:
             self._preset((0.05, 0.5), (0.95, 0.5))
@@ -179,19 +156,15 @@ class HistogramPart(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._view: EvaluationView | None = None
-        self.plane = PlaneChoice(self.tr("Plane of the histogram"))
-        self.plane.currentIndexChanged.connect(self._show_plane)
+        self.plane = choice(self.tr("Plane of the histogram"), self._show_plane, minimumWidth=180)
         self.histogram = Histogram(self.tr("Histogram of the deviations"), "mm")
         self.shares = label(" ", "muted", wrap=True)
-        layout = column(row(label(self.tr("Plane")), self.plane, None))
-        layout.addWidget(self.histogram, 1)
-        layout.addWidget(self.shares)
-        layout.setContentsMargins(0, 8, 0, 0)
-        self.setLayout(layout)
+        top = row(label(self.tr("Plane")), self.plane, None)
+        self.setLayout(column(top, (self.histogram, 1), self.shares, margins=BELOW))
 
     def show_view(self, view: EvaluationView) -> None:
         self._view = view
-        self.plane.show_view(view, self.tr("all planes"))
+        _offer(self.plane, view, (self.tr("all planes"), ""))
         self._show_plane()
 
     def _show_plane(self) -> None:
@@ -209,17 +182,3 @@ class HistogramPart(QWidget):
         normal = [(self.tr("normal, {rms:.4f} mm").format(rms=e.rms_mm), e.rms_mm) for e in own]
         self.histogram.set_values(series, 4 * max(e.rms_mm for e in own) or 1.0, 81, normal=normal)
         self.shares.setText(distribution_text(view, plane))
-
-
-def choose_body(planes: CheckList, calibrations: CheckList, state: QWidget) -> QWidget:
-    """Lay out the part that chooses."""
-    lists = row(
-        boxed(column(label(planes.accessibleName(), "heading"), planes, spacing=8)),
-        boxed(column(label(calibrations.accessibleName(), "heading"), calibrations, spacing=8)),
-        spacing=20,
-    )
-    layout = column(lists, state)
-    layout.setContentsMargins(0, 8, 0, 0)
-    body = QWidget()
-    body.setLayout(layout)
-    return body

@@ -13,8 +13,9 @@ from core.model import Capture, PhaseMap, Project, TargetSet
 from core.pipeline.picking import current_target_sets, measure_one
 from stripe_gui.jobs import Failure, JobQueue
 from stripe_gui.pages.measure.model import Measurement, Picking, Picks
-from stripe_gui.pages.measure.work import Kept, Look, decode_board, look_at, signature
+from stripe_gui.pages.measure.work import Kept, Look, look_at, signature
 from stripe_gui.presenters.failures import describe
+from stripe_gui.presenters.work import decode_one
 from stripe_gui.workbench import Workbench
 
 
@@ -69,7 +70,7 @@ class Background(QObject):
             measure_one,
             self._project,
             capture.name,
-            self._kept.phase(capture),
+            self._kept.phases.get(capture),
             camera=capture.camera,
             projector=capture.projector,
             on_done=partial(self._done, image, picks),
@@ -112,8 +113,8 @@ class Background(QObject):
                 camera = self._project.rig.cameras[capture.camera]
                 board = (camera, model.neighbour(image), model.side(), guess)
                 return self._run(image, look_at, self._have_looked, *board)
-            if self._kept.phase(capture) is None and model.measured(image) is None:
-                return self._run(image, decode_board, self._have_decoded)
+            if self._kept.phases.get(capture) is None and model.measured(image) is None:
+                return self._run(image, decode_one, self._have_decoded)
         return None
 
     def _run(self, image: int, function: Callable[..., Any], done: Callable[..., None], *arguments: Any) -> None:
@@ -136,4 +137,4 @@ class Background(QObject):
         self.looked.emit(image)
 
     def _have_decoded(self, image: int, capture: Capture, phase: PhaseMap) -> None:
-        self._kept.keep_phase(capture, phase)
+        self._kept.phases.put(capture, phase)

@@ -36,20 +36,15 @@ class ImagePanel(QWidget):
         self.name = label(" ", "heading")
         self.ask = label(" ", wrap=True)
         self.legend = label(" ", "muted", wrap=True)
-        keys = label(
-            self.tr(
-                "Arrows: 1 px, Shift 0.1 px, Ctrl next dot · Space: pick · 1–4, Tab: target · X: exclude · "
-                "Page Up, Down: image · F6: map and lists"
-            ),
-            "muted",
-            wrap=True,
+        said = self.tr(
+            "Arrows: 1 px, Shift 0.1 px, Ctrl next dot · Space: pick · 1–4, Tab: target · X: exclude · "
+            "Page Up, Down: image · F6: map and lists"
         )
+        keys = label(said, "muted", wrap=True)
         self.exclude_button = button(self.tr("Exclude (X)"), exclude, "close", flat=True)
         fit = button(self.tr("Whole image"), self.view.fit, "fit", flat=True)
         top = row(self.name, None, self.exclude_button, fit)
-        layout = column(top, self.ask, self.view, self.legend, keys, spacing=6)
-        layout.setStretch(2, 1)
-        self.setLayout(layout)
+        self.setLayout(column(top, self.ask, (self.view, 1), self.legend, keys, spacing=6))
         self.view.hovered.connect(self.looked_at)
         self.view.canvas.left.connect(lambda: self.looked_at.emit(*self.cursor_at))
 

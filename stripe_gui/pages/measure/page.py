@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QKeySequence, QShortcut
-from PySide6.QtWidgets import QSplitter
 
 from core.model import Capture, DeviceSpec, TargetSet
 from core.pipeline import measure_project
@@ -20,9 +19,8 @@ from stripe_gui.pages.measure.side import SidePanel
 from stripe_gui.pages.measure.view import NextStep, PickingView, next_step, picking_view, question
 from stripe_gui.pages.measure.work import Kept, boards, snapped
 from stripe_gui.pages.page import Page
-from stripe_gui.presenters.capture import FrameView
-from stripe_gui.presenters.measure import lit_frame
-from stripe_gui.widgets.layout import tab_name
+from stripe_gui.presenters.capture import FrameView, lit_frame
+from stripe_gui.widgets.layout import splitter, tab_name
 from stripe_gui.workbench import Workbench
 
 Modifier = Qt.KeyboardModifier
@@ -59,14 +57,8 @@ class MeasurePage(Page):
         self.primary = self.add_button(self.tr("Accept and measure"), self.advance, "next", primary=True)
         self.image, self.side = ImagePanel(self.exclude), SidePanel()
         self.view, self.marks = self.image.view, self.image.marks
-        split = QSplitter(Qt.Orientation.Horizontal)  # the lists may be drawn wider to see all columns
-        split.addWidget(self.image)
-        split.addWidget(self.side)
-        split.setStretchFactor(0, 1)
-        split.setStretchFactor(1, 0)
-        split.setChildrenCollapsible(False)
-        split.setHandleWidth(14)
-        self.body.addWidget(split, 1)
+        # the lists may be drawn wider to see all columns
+        self.body.addWidget(splitter(self.image, self.side, widest=0), 1)
         self.setFocusProxy(self.view.canvas)
 
     def _connect(self) -> None:

@@ -12,7 +12,7 @@ from stripe_gui.assets import icon
 from stripe_gui.pages.measure.model import Picking
 from stripe_gui.pages.measure.view import PickingView, state_text
 from stripe_gui.widgets.field_map import FieldMap, MapState
-from stripe_gui.widgets.layout import boxed, column
+from stripe_gui.widgets.layout import boxed, column, make
 from stripe_gui.widgets.loupe import Loupe
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
 
@@ -31,21 +31,16 @@ class SidePanel(QWidget):
         super().__init__()
         self.setMinimumWidth(WIDTH)
         self.map, self.loupe = FieldMap(), Loupe()
-        self.images = QListWidget()
-        self.images.setAccessibleName(self.tr("Images"))
-        self.images.setIconSize(QSize(18, 18))
+        self.images = make(QListWidget, accessibleName=self.tr("Images"), iconSize=QSize(18, 18))
         self.targets = ResultTable(self.tr("Targets of this image"), titled=False)
-        self.tabs = QTabWidget()
-        self.tabs.setDocumentMode(True)
+        self.tabs = make(QTabWidget, documentMode=True)
         for widget, name, title in (
             (boxed(column(self.images)), "images", self.tr("Images")),
             (boxed(column(self.targets)), "targets", self.tr("Targets")),
         ):
             widget.setObjectName(name)
             self.tabs.addTab(widget, title)
-        layout = column(self.map, self.loupe, self.tabs, spacing=8)
-        layout.setStretch(2, 1)
-        self.setLayout(layout)
+        self.setLayout(column(self.map, self.loupe, (self.tabs, 1), spacing=8))
         self._shown: PickingView | None = None
         self.map.chosen.connect(self.target_chosen)
         self.map.left.connect(self.left)

@@ -16,6 +16,7 @@ from core.model import Array, DeviceSpec, TargetSet
 from core.report import Number, Table
 from core.report.table import Cell
 from stripe_gui.pages.measure.model import Measurement, Picking, Target
+from stripe_gui.presenters.maps import round_factor
 from stripe_gui.presenters.told import told
 from stripe_gui.presenters.words import sentence
 
@@ -245,15 +246,3 @@ def question(model: Picking, view: PickingView, step: NextStep) -> tuple[str, st
         fate = str(view.table.rows[view.targets.index(model.target)][2])
         return translate("Picking", "{target}: {fate}").format(target=sentence(target), fate=fate), does
     return translate("Picking", "At work: {target}").format(target=target), does
-
-
-def round_factor(value: float) -> float:
-    """Give the greatest 1, 2 or 5 times a power of ten up to a value.
-
-    Examples
-    --------
-    >>> round_factor(387.0), round_factor(0.5)
-    (200.0, 0.5)
-    """
-    size = 10.0 ** np.floor(np.log10(value))
-    return float(size * max(m for m in (1, 2, 5) if size * m <= value * (1 + 1e-9)))

@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure import kind_of
-from core.model import Array, Capture, DeviceSpec, PhaseMap, Project, Seed, Testfield
-from core.pipeline import decode_capture
+from core.model import Array, Capture, DeviceSpec, Project, Seed, Testfield
 from core.pipeline.guessing import look_for_picks
 from core.pipeline.measure import Side
 from core.progress import SILENT, Progress
-from stripe_gui.presenters.capture import FrameView
+from stripe_gui.presenters.capture import FrameView, lit_frame
 from stripe_gui.presenters.decode import PhaseCache
 from stripe_gui.presenters.folder import CaptureEntry, frames_key, written_ns
-from stripe_gui.presenters.measure import lit_frame
 
 FRAMES_KEPT = 6
 
@@ -55,17 +53,12 @@ def snapped(image: NDArray, field: Testfield, at: tuple[float, float], reach_px:
     return kind_of(field).nearest(image, field, at, min(reach_px, image.shape[1] / 20))
 
 
-def decode_board(capture: Capture, progress: Progress = SILENT) -> PhaseMap:
-    """Decode a capture, so that measuring need not."""
-    return decode_capture(capture.path, progress, camera=capture.camera, projector=capture.projector)
-
-
 class Kept:
     """Frames and maps of the images worked on last, by capture and only while its frames are the same."""
 
     def __init__(self) -> None:
         self._frames: OrderedDict[tuple[Any, ...], FrameView] = OrderedDict()
-        self._phases = PhaseCache()
+        self.phases = PhaseCache()
 
     def frame(self, capture: Capture) -> FrameView | None:
         """Give the evenly lit image, None where it is not here."""
@@ -78,14 +71,6 @@ class Kept:
         self._frames[frames_key(capture)] = frame
         while len(self._frames) > FRAMES_KEPT:
             self._frames.popitem(last=False)
-
-    def phase(self, capture: Capture) -> PhaseMap | None:
-        """Give the decoded maps, None where they are not here."""
-        return self._phases.get(capture)
-
-    def keep_phase(self, capture: Capture, phase: PhaseMap) -> None:
-        """Keep decoded maps, up to a limit of memory."""
-        self._phases.put(capture, phase)
 
 
 def boards(entries: list[CaptureEntry]) -> list[Capture]:

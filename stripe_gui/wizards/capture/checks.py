@@ -18,7 +18,7 @@ from stripe_gui.presenters.findings import check_axes, check_name, check_picture
 from stripe_gui.widgets.curve_view import CurveView
 from stripe_gui.widgets.finding_list import FindingList
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.layout import boxed, button, column, label, make, row
 from stripe_gui.wizards.capture.devices import DevicesStep
 from stripe_gui.workbench import Workbench
 
@@ -45,9 +45,7 @@ class ChecksStep(QWidget):
         self.words = label(self._purpose, "muted", wrap=True)
         self.findings = FindingList(self.tr("Findings"))
         self.findings.chosen.connect(self._show)
-        self.z = QDoubleSpinBox()
-        self.z.setRange(-10_000, 10_000)
-        self.z.setSuffix(" mm")
+        self.z = make(QDoubleSpinBox, minimum=-10_000, maximum=10_000, suffix=" mm")
         self.z.setAccessibleName(self.tr("Where the plate stands"))
         self.depth_button = button(self.tr("Add this depth"), self.add_depth, "runall")
         self.depth_button.setToolTip(
@@ -61,14 +59,10 @@ class ChecksStep(QWidget):
         for widget in (self.nothing, self.view, self.curve):
             self.stack.addWidget(widget)
         depth = row(label(self.tr("Working depth: plate at")), self.z, self.depth_button, None)
-        right = column(self.heading, self.stack, spacing=8)
-        right.setStretch(1, 1)
-        lower = row(self.findings, boxed(right))
-        lower.setStretch(0, 1)
-        lower.setStretch(1, 1)
-        layout = column(row(self.run_button, self.stop_button, None), self.words, boxed(lower), boxed(depth), spacing=8)
-        layout.setStretch(2, 1)
-        self.setLayout(layout)
+        right = boxed(column(self.heading, (self.stack, 1), spacing=8))
+        lower = boxed(row((self.findings, 1), (right, 1)))
+        top = row(self.run_button, self.stop_button, None)
+        self.setLayout(column(top, self.words, (lower, 1), boxed(depth), spacing=8))
         self._update()
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
-from PySide6.QtWidgets import QComboBox, QFrame, QLineEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QLineEdit, QWidget
 
 from core.model import Project
 from stripe_gui.presenters.capturing import (
@@ -21,7 +21,7 @@ from stripe_gui.presenters.failures import describe
 from stripe_gui.presenters.looking import Rig
 from stripe_gui.presenters.words import sentence
 from stripe_gui.screens import screen_names
-from stripe_gui.widgets.layout import boxed, button, card, column, label, row
+from stripe_gui.widgets.layout import boxed, button, card, column, emptied, label, make, refill, row
 from stripe_gui.widgets.notice import Sign
 from stripe_gui.workbench import Workbench
 
@@ -34,31 +34,22 @@ class DeviceCard(QWidget):
     def __init__(self, title: str, name: str) -> None:
         super().__init__()
         self._kinds: tuple[DeviceKind, ...] = ()
-        self.kind = QComboBox()
-        self.kind.setAccessibleName(self.tr("{device}: kind").format(device=name))
+        self.kind = make(QComboBox, accessibleName=self.tr("{device}: kind").format(device=name))
         self.kind.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.url = QLineEdit()
-        self.url.setAccessibleName(self.tr("{device}: address").format(device=name))
+        self.url = make(QLineEdit, accessibleName=self.tr("{device}: address").format(device=name))
         self.explanation = label("", "muted", wrap=True)
         self.explanation.setMinimumHeight(36)
         self.explanation.setAlignment(Qt.AlignmentFlag.AlignTop)
         frame, inside = card(title)
-        for widget in (self.kind, self.url, self.explanation):
-            inside.addWidget(widget)
-        inside.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(frame)
+        inside.addLayout(column(self.kind, self.url, self.explanation, None))
+        self.setLayout(column(frame))
         self.kind.currentIndexChanged.connect(self._take_kind)
         self.url.textChanged.connect(self._typed)
 
     def offer(self, kinds: tuple[DeviceKind, ...], url: str) -> None:
         """Offer kinds of devices, and show one URL."""
         self._kinds = kinds
-        with QSignalBlocker(self.kind):
-            self.kind.clear()
-            for kind in kinds:
-                self.kind.addItem(kind.title, kind.kind)
+        refill(self.kind, [(kind.title, kind.kind) for kind in kinds], None)
         self.url.setText(url)
         self._typed()
 
@@ -87,25 +78,17 @@ class DevicesStep(QWidget):
         self.project: Project | None = None
         self.projector = DeviceCard(self.tr("Projector"), self.tr("Projector"))
         self.camera = DeviceCard(self.tr("Camera"), self.tr("Camera"))
-        self.scene = QComboBox()
-        self.scene.setAccessibleName(self.tr("What stands before the virtual rig"))
-        self.scene.setMinimumWidth(180)
+        what = self.tr("What stands before the virtual rig")
+        self.scene = make(QComboBox, accessibleName=what, minimumWidth=180)
         self.scene.textActivated.connect(self.choose_scene)
-        self.scene_row = boxed(
-            row(label(self.tr("Before the virtual rig stands")), self.scene, label(self.tr("of its experiment.")), None)
-        )
+        before, after = label(self.tr("Before the virtual rig stands")), label(self.tr("of its experiment."))
+        self.scene_row = boxed(row(before, self.scene, after, None))
         self.test_button = button(self.tr("Test the connection"), self.test, "run")
-        self.result = QVBoxLayout()
-        self.result.setSpacing(6)
-        result: QFrame
+        self.result = column(spacing=6)
         result, inside = card()
         inside.addLayout(row(label(self.tr("Connection"), "heading"), None, self.test_button))
         inside.addLayout(self.result)
-        cards = row(self.projector, self.camera)
-        cards.setStretch(0, 1)
-        cards.setStretch(1, 1)
-        layout = column(cards, self.scene_row, result, None)
-        self.setLayout(layout)
+        self.setLayout(column(row((self.projector, 1), (self.camera, 1)), self.scene_row, result, None))
         self.projector.changed.connect(self._follow_projector)
         self.camera.changed.connect(self._changed)
 
@@ -201,16 +184,12 @@ class DevicesStep(QWidget):
             self.scene.addItems(list(scenes(scenario)))
 
     def _say(self, sign: str | None, lines: tuple[str, ...]) -> None:
-        while (item := self.result.takeAt(0)) is not None:
-            if widget := item.widget():
-                widget.hide()
-                widget.deleteLater()
+        emptied(self.result)
         if sign is None:
             lines = (self.tr("Not tested yet."),)
         colour = {"success": "ok", "error": "danger"}.get(sign or "", "muted")
         for i, line in enumerate(filter(None, lines)):
             sign = "info" if sign == "error" and i else sign  # below what happened stands what to do
             text = label(sentence(line), "" if sign else "muted", wrap=True)
-            made = row(Sign(sign, colour if sign != "info" else "muted", 18), text, spacing=8) if sign else row(text)
-            made.setStretch(made.count() - 1, 1)
-            self.result.addWidget(boxed(made))
+            signs = [Sign(sign, colour if sign != "info" else "muted", 18)] if sign else []
+            self.result.addWidget(boxed(row(*signs, (text, 1), spacing=8)))

@@ -9,7 +9,7 @@ import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import QRectF, QSignalBlocker, QTimer, Signal
 from PySide6.QtGui import QColor, QHideEvent
-from PySide6.QtWidgets import QCheckBox, QComboBox, QDoubleSpinBox, QWidget
+from PySide6.QtWidgets import QCheckBox, QDoubleSpinBox, QWidget
 
 from core.devices import Setting, with_option
 from stripe_gui import theme
@@ -17,7 +17,7 @@ from stripe_gui.presenters.failures import describe
 from stripe_gui.presenters.looking import Look
 from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, button, card, column, label, row
+from stripe_gui.widgets.layout import boxed, button, card, choice, column, label, make, row
 from stripe_gui.wizards.capture.devices import DevicesStep
 from stripe_gui.workbench import Workbench
 
@@ -55,14 +55,8 @@ class PictureStep(QWidget):
         self.marks = pg.ImageItem(axisOrder="row-major")
         self.marks.setZValue(5)
         self.view.add_item(self.marks)
-        self.light = QComboBox()
-        self.light.setAccessibleName(self.tr("Light"))
-        for word, text in (
-            ("white", self.tr("White")),
-            ("stripes", self.tr("Finest stripes")),
-            ("black", self.tr("Black")),
-        ):
-            self.light.addItem(text, word)
+        lights = (self.tr("White"), "white"), (self.tr("Finest stripes"), "stripes"), (self.tr("Black"), "black")
+        self.light = choice(self.tr("Light"), lambda: None, *lights)
         self.live = QCheckBox(self.tr("Live"))
         self.live.setChecked(True)
         self.live.toggled.connect(self._again)
@@ -70,8 +64,7 @@ class PictureStep(QWidget):
         self.clipped.setAccessibleName(self.tr("Over-exposed"))
         self.advice = label("", wrap=True)
         self.brightest = label("", "muted", wrap=True)
-        self.exposure = QDoubleSpinBox()
-        self.exposure.setKeyboardTracking(False)
+        self.exposure = make(QDoubleSpinBox, keyboardTracking=False)
         self.exposure.valueChanged.connect(self._expose)
         self.exposure_label = label("")
         self.fixed = label(
@@ -88,9 +81,7 @@ class PictureStep(QWidget):
         side = boxed(column(light, figures, None))
         side.setFixedWidth(240)
         self.setLayout(row(self.view, side))
-        self._timer = QTimer(self)
-        self._timer.setSingleShot(True)
-        self._timer.setInterval(PAUSE_MS)
+        self._timer = QTimer(self, singleShot=True, interval=PAUSE_MS)
         self._timer.timeout.connect(self._again)
         self._look: Look | None = None
 

@@ -3,16 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
-from PySide6.QtWidgets import (
-    QComboBox,
-    QDoubleSpinBox,
-    QFormLayout,
-    QLineEdit,
-    QListWidget,
-    QListWidgetItem,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFormLayout, QLineEdit, QListWidget, QVBoxLayout, QWidget
 
 from core.capture.plan import make_plan
 from core.errors import StripeError
@@ -27,7 +18,7 @@ from stripe_gui.presenters.capturing import (
     unfinished,
 )
 from stripe_gui.presenters.words import sentence
-from stripe_gui.widgets.layout import card, column, label
+from stripe_gui.widgets.layout import card, column, label, make
 
 
 class SubjectForm(QWidget):
@@ -156,11 +147,9 @@ class SubjectStep(SubjectForm):
     def __init__(self) -> None:
         super().__init__()
         self._unfinished: tuple[Unfinished, ...] = ()
-        self.interrupted = QListWidget()
-        self.interrupted.setAccessibleName(self.tr("Interrupted captures"))
-        self.interrupted.setWordWrap(True)
+        name = self.tr("Interrupted captures")
+        self.interrupted = make(QListWidget, accessibleName=name, wordWrap=True, maximumHeight=130)
         self.interrupted.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.interrupted.setMaximumHeight(130)
         self.interrupted_card, inside = card(self.tr("Go on with an interrupted capture"))
         inside.addWidget(self.interrupted)
         layout = self.layout()
@@ -184,8 +173,7 @@ class SubjectStep(SubjectForm):
         self._unfinished = unfinished(project)
         with QSignalBlocker(self.interrupted):
             self.interrupted.clear()
-            for item in self._unfinished:
-                self.interrupted.addItem(QListWidgetItem(f"{item.subject.name}\n{item.state}"))
+            self.interrupted.addItems([f"{item.subject.name}\n{item.state}" for item in self._unfinished])
         self.interrupted_card.setVisible(bool(self._unfinished))
         super().offer(project)
 
@@ -199,10 +187,5 @@ class SubjectStep(SubjectForm):
 
 
 def _number(least: float, most: float, unit: str, name: str) -> QDoubleSpinBox:
-    made = QDoubleSpinBox()
-    made.setRange(least, most)
-    made.setDecimals(3)
-    made.setSuffix(unit)
-    made.setAccessibleName(name)
-    made.setMaximumWidth(180)
-    return made
+    size = {"minimum": least, "maximum": most, "decimals": 3, "maximumWidth": 180}
+    return make(QDoubleSpinBox, suffix=unit, accessibleName=name, **size)

@@ -18,7 +18,7 @@ from stripe_gui.presenters.failures import describe
 from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.finding_list import FindingList
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, button, column, label, row
+from stripe_gui.widgets.layout import boxed, button, column, label, make, row
 from stripe_gui.widgets.pattern_strip import PatternStrip
 from stripe_gui.wizards.capture.devices import DevicesStep
 from stripe_gui.workbench import Workbench
@@ -46,10 +46,8 @@ class TakingStep(QWidget):
         self.cancel_button = button(self.tr("Cancel"), self.cancel, "stop")
         self.retake_button = button(self.tr("Take this frame again"), self.retake, "refresh")
         self.another_button = button(self.tr("Another like this"), self.another_wanted.emit, "next")
-        self.bar = QProgressBar()
-        self.bar.setRange(0, 1000)
-        self.bar.setTextVisible(False)
-        self.bar.setAccessibleName(self.tr("Progress of the capture"))
+        said = self.tr("Progress of the capture")
+        self.bar = make(QProgressBar, maximum=1000, textVisible=False, accessibleName=said)
         self.words = label("", "muted", wrap=True)
         self.strip = PatternStrip(self.tr("Patterns of the capture"))
         self.strip.currentRowChanged.connect(self._show_frame)
@@ -57,15 +55,10 @@ class TakingStep(QWidget):
         self.findings = FindingList(self.tr("What the checks said"))
         right = boxed(column(label(self.tr("What the checks said"), "heading"), self.findings, spacing=6))
         right.setMinimumWidth(250)
-        lower = row(self.view, right)
-        lower.setStretch(0, 3)
-        lower.setStretch(1, 2)
+        lower = boxed(row((self.view, 3), (right, 2)))
         buttons = row(self.title, None, self.start_button, self.cancel_button, self.retake_button, self.another_button)
-        layout = column(buttons, self.bar, self.words, self.strip, boxed(lower), spacing=8)
-        layout.setStretch(layout.count() - 1, 1)
-        self.setLayout(layout)
-        self._timer = QTimer(self)
-        self._timer.setInterval(LOOK_MS)
+        self.setLayout(column(buttons, self.bar, self.words, self.strip, (lower, 1), spacing=8))
+        self._timer = QTimer(self, interval=LOOK_MS)
         self._timer.timeout.connect(self._follow)
         self._update()
 

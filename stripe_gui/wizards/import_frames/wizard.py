@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QComboBox, QLineEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLineEdit, QWidget
 
 from core.capture.importing import ImportReport
 from stripe_gui.jobs import Failure, Job
@@ -14,7 +14,7 @@ from stripe_gui.presenters.importing import FrameFolder, import_frames, look_in,
 from stripe_gui.presenters.sequences import Shown
 from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.finding_list import FindingList
-from stripe_gui.widgets.layout import boxed, button, card, column, emptied, label, row, scrolled
+from stripe_gui.widgets.layout import boxed, button, card, choice, column, emptied, label, make, row, scrolled
 from stripe_gui.widgets.notice import Sign
 from stripe_gui.widgets.sequence_form import SequenceForm
 from stripe_gui.wizards.capture.subject import SubjectForm
@@ -31,8 +31,7 @@ class FramesStep(QWidget):
         super().__init__()
         self._bench = bench
         self.found = FrameFolder()
-        self.folder = QLineEdit()
-        self.folder.setAccessibleName(self.tr("Folder of the images"))
+        self.folder = make(QLineEdit, accessibleName=self.tr("Folder of the images"))
         self.folder.textChanged.connect(self.look)
         self.choose_button = button(self.tr("Choose…"), self._choose, "folder")
         self.choose_button.setAccessibleName(self.tr("Choose the folder of the images"))
@@ -72,26 +71,21 @@ class ImportStep(QWidget):
         self.job: Job | None = None
         self.start_button = button(self.tr("Import the frames"), lambda: None, "run", primary=True)
         self.title = label("", "heading")
-        self.lines = QVBoxLayout()
-        self.lines.setSpacing(8)
+        self.lines = column(spacing=8)
         frame, inside = card()
         inside.addLayout(row(self.title, None, self.start_button))
         inside.addLayout(self.lines)
         self.findings = FindingList(self.tr("What the checks said"))
         self.findings.hide()
-        self.setLayout(column(frame, self.findings, None))
-        layout = self.layout()
-        assert isinstance(layout, QVBoxLayout)
-        layout.setStretch(1, 3)
+        self.setLayout(column(frame, (self.findings, 3), None))
 
     def say(self, sign: str, lines: list[str]) -> None:
         emptied(self.lines)
         colour = {"success": "ok", "error": "danger", "warning": "warning"}.get(sign, "muted")
         for i, text in enumerate(lines):
             mark = sign if i == 0 else "info"
-            line = row(Sign(mark, colour if i == 0 else "muted"), label(text, wrap=True), spacing=8)
-            line.setStretch(1, 1)
-            self.lines.addWidget(boxed(line))
+            sign_ = Sign(mark, colour if i == 0 else "muted")
+            self.lines.addWidget(boxed(row(sign_, (label(text, wrap=True), 1), spacing=8)))
         self.changed.emit()
 
 
@@ -112,11 +106,9 @@ class ImportWizard(Wizard):
         self._path = ""
         self.frames, self.subject, self.importing = FramesStep(bench), SubjectForm(), ImportStep()
         self.sequence = SequenceForm(bench, self.tr("As the folder says, else the project's"))
-        self.order = QComboBox()
-        self.order.setAccessibleName(self.tr("Which image shows which pattern"))
-        for order, text in order_choices():
-            self.order.addItem(text, order)
-        order_row = row(label(self.tr("Which image shows which pattern")), self.order, None)
+        which = self.tr("Which image shows which pattern")
+        self.order = choice(which, lambda: None, *((text, order) for order, text in order_choices()))
+        order_row = row(label(which), self.order, None)
         self.add_step("frames", self.tr("Images"), self.frames, missing=lambda: self.frames.found.problem)
         what = boxed(column(self.subject, None))
         self.add_step("subject", self.tr("What"), scrolled(what), missing=lambda: self.subject.missing)

@@ -25,10 +25,10 @@ from stripe_gui.presenters.new_project import (
 from stripe_gui.presenters.rig_view import RigView, rig_text
 from stripe_gui.presenters.sequences import sequence_text
 from stripe_gui.presenters.words import sentence
-from stripe_gui.widgets.layout import boxed, button, card, column, label, row
+from stripe_gui.widgets.layout import boxed, button, card, column, form, label, make, real, row, whole
 from stripe_gui.wizards.new_project import print_board
 from stripe_gui.wizards.new_project.pictures import SheetView
-from stripe_gui.wizards.new_project.steps import FORM_WIDTH, form, real, whole
+from stripe_gui.wizards.new_project.steps import FORM_WIDTH
 from stripe_gui.workbench import Workbench
 
 POLARITIES = ("white-on-black", "black-on-white")
@@ -53,12 +53,10 @@ class BoardStep(QWidget):
         self.columns = whole(self.tr("Columns"), 2, 100, self._typed)
         self.spacing = real(self.tr("Spacing"), 0.1, 1000.0, 3, self._typed, " mm")
         self.diameter = real(self.tr("Target diameter"), 0.05, 1000.0, 3, self._typed, " mm")
-        self.polarity = QComboBox()
-        self.polarity.setAccessibleName(self.tr("Targets"))
+        self.polarity = make(QComboBox, accessibleName=self.tr("Targets"))
         self.polarity.addItems([self.tr("white on black"), self.tr("black on white")])
         self.polarity.activated.connect(self._typed)
-        self.file = QLineEdit()
-        self.file.setAccessibleName(self.tr("CSV file with the targets"))
+        self.file = make(QLineEdit, accessibleName=self.tr("CSV file with the targets"))
         self.file.setPlaceholderText("row,col,x_mm,y_mm,z_mm,diameter_mm")
         self.file.textChanged.connect(self._typed)
         self.choose_button = button(self.tr("Choose…"), self._choose, "open")
@@ -82,24 +80,15 @@ class BoardStep(QWidget):
             )
         )
         self._file_row = boxed(row(self.file, self.choose_button, spacing=8))
-        self._form = boxed(
-            column(
-                row(self.by_numbers, self.by_file),
-                self._numbers,
-                self._file_row,
-                row(self.print_button, None),
-                spacing=10,
-            )
-        )
+        by, under = row(self.by_numbers, self.by_file), row(self.print_button, None)
+        self._form = boxed(column(by, self._numbers, self._file_row, under, spacing=10))
         head = [self.wanted, label(why, "muted", wrap=True)] if why else []
         left = boxed(column(*head, self._form, None, spacing=10))
         left.setFixedWidth(FORM_WIDTH)
         frame, layout = card()
         layout.addWidget(self.picture, 1)
         layout.addWidget(self.words)
-        outer = row(left, frame, spacing=16)
-        outer.setContentsMargins(0, 4, 0, 0)
-        self.setLayout(outer)
+        self.setLayout(column(row(left, frame, spacing=16), margins=(0, 4, 0, 0)))
 
     def show_plan(self, plan: BoardPlan, wanted: bool = True) -> None:
         fields = (self.wanted, self.by_file, self.by_numbers, self.rows, self.columns, self.spacing, self.diameter)
@@ -193,9 +182,7 @@ class ScaleStep(QWidget):
         self.comparison, self._doubt = label("", wrap=True), label("", wrap=True)
         self._warning = QFrame()
         self._warning.setProperty("notice", "warning")
-        inside = column(self._doubt)
-        inside.setContentsMargins(12, 10, 12, 10)
-        self._warning.setLayout(inside)
+        self._warning.setLayout(column(self._doubt, margins=(12, 10, 12, 10)))
         self._warning.hide()
         self.picture = SheetView()
         self._board = BoardView(None, None)
@@ -212,23 +199,12 @@ class ScaleStep(QWidget):
             "One distance between two targets, measured with a calliper or a scale bar, gives the calibration its "
             "scale. Without it the nominal coordinates do, and a print is seldom true to a thousandth."
         )
-        left = boxed(
-            column(
-                self.wanted,
-                label(why, "muted", wrap=True),
-                self._form,
-                self.comparison,
-                self._warning,
-                None,
-                spacing=10,
-            )
-        )
+        about = label(why, "muted", wrap=True)
+        left = boxed(column(self.wanted, about, self._form, self.comparison, self._warning, None, spacing=10))
         left.setFixedWidth(FORM_WIDTH)
         frame, layout = card()
         layout.addWidget(self.picture, 1)
-        outer = row(left, frame, spacing=16)
-        outer.setContentsMargins(0, 4, 0, 0)
-        self.setLayout(outer)
+        self.setLayout(column(row(left, frame, spacing=16), margins=(0, 4, 0, 0)))
 
     def _names(self) -> list[str]:
         return [self.tr("From row"), self.tr("From column"), self.tr("To row"), self.tr("To column")]
@@ -290,26 +266,21 @@ class SummaryStep(QWidget):
         self._grid.setVerticalSpacing(10)
         self._grid.setColumnStretch(1, 1)
         self._layout.addLayout(self._grid)
-        self.rows = {
-            name: label("", wrap=True)
-            for name in ("name", "folder", "rig", "field", "plate", "scale", "sequence", "files")
+        titles = {
+            "name": self.tr("Name"),
+            "folder": self.tr("Folder"),
+            "rig": self.tr("Rig"),
+            "field": self.tr("Testfield"),
+            "plate": self.tr("Depth plate"),
+            "scale": self.tr("Scale"),
+            "sequence": self.tr("Sequence"),
+            "files": self.tr("Will be written"),
         }
-        titles = (
-            self.tr("Name"),
-            self.tr("Folder"),
-            self.tr("Rig"),
-            self.tr("Testfield"),
-            self.tr("Depth plate"),
-            self.tr("Scale"),
-            self.tr("Sequence"),
-            self.tr("Will be written"),
-        )
-        for i, (title, value) in enumerate(zip(titles, self.rows.values(), strict=True)):
+        self.rows = {name: label("", wrap=True) for name in titles}
+        for i, (name, title) in enumerate(titles.items()):
             self._grid.addWidget(label(title, "muted"), i, 0)
-            self._grid.addWidget(value, i, 1)
-        outer = column(frame, None)
-        outer.setContentsMargins(0, 4, 0, 0)
-        self.setLayout(outer)
+            self._grid.addWidget(self.rows[name], i, 1)
+        self.setLayout(column(frame, None, margins=(0, 4, 0, 0)))
 
     def show_draft(self, draft: Draft, field: BoardView, plate: BoardView) -> None:
         none = self.tr("none")

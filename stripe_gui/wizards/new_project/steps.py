@@ -7,65 +7,18 @@ from pathlib import Path
 
 import numpy as np
 from PySide6.QtCore import QSignalBlocker, Signal
-from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QGridLayout, QLabel, QLineEdit, QSpinBox, QWidget
+from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QGridLayout, QLineEdit, QSpinBox, QWidget
 
 from core.model import DeviceSpec
 from stripe_gui.presenters.new_project import place_problem, suggested_folder
 from stripe_gui.presenters.rig_space import planned, rig_scene
 from stripe_gui.presenters.rig_view import RigPlan, RigView, presets, rig_problem, rig_view, rig_words
 from stripe_gui.presenters.space import Scene
-from stripe_gui.widgets.layout import SPACE, boxed, button, card, column, label, row
+from stripe_gui.widgets.layout import boxed, button, card, column, form, label, make, named, real, row, whole
 from stripe_gui.widgets.space_view import SpaceView
 from stripe_gui.workbench import Workbench
 
 FORM_WIDTH = 350
-
-
-def whole(name: str, least: int, most: int, changed: Callable[[], None], suffix: str = "") -> QSpinBox:
-    """Give a field for a whole number."""
-    made = QSpinBox()
-    made.setRange(least, most)
-    _finish(made, name, suffix, changed)
-    return made
-
-
-def real(
-    name: str, least: float, most: float, decimals: int, changed: Callable[[], None], suffix: str = ""
-) -> QDoubleSpinBox:
-    """Give a field for a number."""
-    made = QDoubleSpinBox()
-    made.setDecimals(decimals)
-    made.setRange(least, most)
-    made.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
-    _finish(made, name, suffix, changed)
-    return made
-
-
-def _finish(made: QSpinBox | QDoubleSpinBox, name: str, suffix: str, changed: Callable[[], None]) -> None:
-    made.setSuffix(suffix)
-    made.setAccessibleName(name)
-    made.lineEdit().setTextMargins(6, 0, 0, 0)  # the style sheet's padding does not reach it
-    made.valueChanged.connect(lambda: changed())
-
-
-def form(*lines: tuple[str, QWidget]) -> QGridLayout:
-    """Put names beside fields."""
-    grid = QGridLayout()
-    grid.setContentsMargins(0, 0, 0, 0)
-    grid.setHorizontalSpacing(SPACE)
-    grid.setVerticalSpacing(8)
-    grid.setColumnStretch(1, 1)
-    for i, (name, field) in enumerate(lines):
-        grid.addWidget(named(name, field), i, 0)
-        grid.addWidget(field, i, 1)
-    return grid
-
-
-def named(name: str, field: QWidget) -> QLabel:
-    """Give the name of a field, tied to it for screen readers."""
-    made = label(name)
-    made.setBuddy(field)
-    return made
 
 
 class PlaceStep(QWidget):
@@ -77,36 +30,23 @@ class PlaceStep(QWidget):
         super().__init__()
         self._bench = bench
         self._followed = ""  # the folder suggested last: it follows the name until the operator chooses another
-        self.name = QLineEdit()
-        self.name.setAccessibleName(self.tr("Name of the project"))
+        self.name = make(QLineEdit, accessibleName=self.tr("Name of the project"))
         self.name.textEdited.connect(self._follow)
-        self.folder = QLineEdit()
-        self.folder.setAccessibleName(self.tr("Folder of the project"))
+        self.folder = make(QLineEdit, accessibleName=self.tr("Folder of the project"))
         for field in (self.name, self.folder):
             field.textChanged.connect(self.changed)
         self.choose_button = button(self.tr("Choose…"), self._choose, "folder")
         self.choose_button.setAccessibleName(self.tr("Choose the folder"))
         frame, layout = card()
-        layout.addLayout(
-            form(
-                (self.tr("Name"), self.name),
-                (self.tr("Folder"), boxed(row(self.folder, self.choose_button, spacing=8))),
-            )
+        folder = boxed(row(self.folder, self.choose_button, spacing=8))
+        layout.addLayout(form((self.tr("Name"), self.name), (self.tr("Folder"), folder)))
+        about = self.tr(
+            "A project is a folder: the rig and the boards in small files, every capture in a folder of its "
+            "own, and the results. The folder has to be new or empty; it can be moved and copied as a whole."
         )
-        layout.addWidget(
-            label(
-                self.tr(
-                    "A project is a folder: the rig and the boards in small files, every capture in a folder of its "
-                    "own, and the results. The folder has to be new or empty; it can be moved and copied as a whole."
-                ),
-                "muted",
-                wrap=True,
-            )
-        )
+        layout.addWidget(label(about, "muted", wrap=True))
         frame.setFixedWidth(640)
-        outer = column(row(frame, None), None)
-        outer.setContentsMargins(0, 4, 0, 0)
-        self.setLayout(outer)
+        self.setLayout(column(row(frame, None), None, margins=(0, 4, 0, 0)))
 
     def show_place(self, name: str, folder: str) -> None:
         self._followed = folder
@@ -172,10 +112,8 @@ class RigStep(QWidget):
             "c": self.tr("Focal length"),
         }
         self._presets = presets()
-        self.preset = QComboBox()
-        self.preset.setAccessibleName(self.tr("Rig to start from"))
+        self.preset = make(QComboBox, accessibleName=self.tr("Rig to start from"), minimumContentsLength=12)
         self.preset.addItems([*(name for name, _ in self._presets), self.tr("Custom")])
-        self.preset.setMinimumContentsLength(12)
         self.preset.activated.connect(self._take_preset)
         self.camera = DeviceFields(self.tr("Camera"), self.tr("px"), words, self._typed)
         self.projector = DeviceFields(self.tr("Projector"), self.tr("lines"), words, self._typed)
@@ -210,15 +148,13 @@ class RigStep(QWidget):
         grid.addWidget(label(self.tr("(sketch only)"), "muted"), 1 + len(words), 2)
         grid.setColumnStretch(1, 1)
         grid.setColumnStretch(2, 1)
-        form = boxed(column(self.preset, grid, None, spacing=10))
-        form.setFixedWidth(FORM_WIDTH + 40)
+        typed = boxed(column(self.preset, grid, None, spacing=10))
+        typed.setFixedWidth(FORM_WIDTH + 40)
         frame, layout = card()
         layout.addWidget(self.sketch, 1)
         layout.addWidget(self.figures)
         layout.addWidget(self.words)
-        outer = row(form, frame, spacing=16)
-        outer.setContentsMargins(0, 4, 0, 0)
-        self.setLayout(outer)
+        self.setLayout(column(row(typed, frame, spacing=16), margins=(0, 4, 0, 0)))
 
     def show_rig(self, rig: RigPlan) -> None:
         self.camera.show_spec(rig.camera)
@@ -257,8 +193,5 @@ class RigStep(QWidget):
     def _figures(self, view: RigView) -> str:
         size = self.tr("On the object: 1 px = {px:.3f} mm, 1 line = {line:.3f} mm.")
         depth = self.tr("Axes meet at {angle:.1f}°: 1 line = {depth:.2f} mm in depth.")
-        return (
-            size.format(px=view.camera.unit_mm, line=view.projector.unit_mm)
-            + "\n"
-            + depth.format(angle=view.convergence_deg, depth=view.depth_per_line_mm)
-        )
+        first = size.format(px=view.camera.unit_mm, line=view.projector.unit_mm)
+        return f"{first}\n{depth.format(angle=view.convergence_deg, depth=view.depth_per_line_mm)}"
