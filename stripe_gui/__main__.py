@@ -19,11 +19,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.tour is not None:
         os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
     problem = display_problem(os.environ, sys.platform)
+    if problem and options.patterns is not None:
+        problem = problem.partition(";")[0]  # the command that does without a window has asked for one
     if problem:
         print(f"stripe-gui: {problem}", file=sys.stderr)
         return 2
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would only spin beside our own
     try:
+        if options.patterns is not None:
+            from PySide6.QtWidgets import QApplication
+
+            from stripe_gui.screens import Screens
+
+            app = QApplication(["stripe-gui"])
+            Screens().serve(options.patterns)
+            del app
+            return 0
         from stripe_gui.app import Program, make_application
     except ImportError as error:
         print(f"stripe-gui: {_import_problem(error)}", file=sys.stderr)
@@ -53,6 +64,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("project", nargs="?", type=Path, metavar="PROJECT", help="a project folder to open")
     parser.add_argument("--tour", type=Path, metavar="DIR", help="write a picture of every page and end")
+    # what `stripe-core capture --projector screen:NUMBER` starts, and speaks to
+    parser.add_argument("--patterns", type=int, metavar="NUMBER", help=argparse.SUPPRESS)
     return parser
 
 

@@ -6,6 +6,8 @@ waits until it is done, so that a pattern counts as shown only once it was paint
 
 from __future__ import annotations
 
+import json
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -18,6 +20,7 @@ from PySide6.QtGui import QColor, QGuiApplication, QImage, QPainter, QScreen
 from PySide6.QtWidgets import QWidget
 
 from core.errors import DeviceError
+from stripe_gui.awake import Awake
 
 PATIENCE_S = 5.0  # for a window to appear, and for the program's thread to answer
 RETRY_S = 0.01
@@ -153,6 +156,7 @@ class ScreenSurface:
         if not 0 <= self._number < len(screens):
             raise DeviceError(f"screen:{self._number}", "no such screen", f"there are {'; '.join(screen_names())}")
         window = PatternWindow(screens[self._number])
+        self._awake = Awake()
         window.showFullScreen()
         return window
 
@@ -169,6 +173,7 @@ class ScreenSurface:
     def _remove(self) -> None:
         window, self._window = self._window, None
         if window is not None:
+            self._awake.release()
             window.hide()
             window.deleteLater()
 
@@ -178,6 +183,43 @@ class Screens:
 
     def __init__(self) -> None:
         self._courier = Courier()
+
+    def serve(self, number: int) -> None:
+        """Show what comes through standard input on a screen until it ends, and say so on standard output.
+
+        An image is a line with its width and height, and its pixels; the answer to each, and to the start, is a line of
+        JSON: the screen's size, or what is wrong and what to do. For `core.devices.screen.ServedSurface`.
+        """
+
+        def say(**told: object) -> None:
+            print(json.dumps(told), flush=True)
+
+        def work() -> None:
+            try:
+                surface = self.open(number)
+                say(size=surface.size)
+            except DeviceError as error:
+                say(error=(error.seen, error.remedy))
+                self._courier.call(QCoreApplication.quit)
+                return
+            source = sys.stdin.buffer
+            while header := source.readline():
+                width, height = map(int, header.split())
+                data = source.read(width * height)
+                if len(data) < width * height:
+                    break
+                try:
+                    surface.present(np.frombuffer(data, np.uint8).reshape(height, width))
+                    say(size=surface.size)
+                except DeviceError as error:
+                    say(error=(error.seen, error.remedy))
+            surface.close()
+            self._courier.call(QCoreApplication.quit)
+
+        worker = threading.Thread(target=work)
+        worker.start()
+        QCoreApplication.exec()
+        worker.join()
 
     def open(self, number: int) -> ScreenSurface:
         """Open a window over screen `number`.

@@ -7,6 +7,7 @@ store.py     shots on disk, the transcript, and how an interrupted capture resum
 writer.py    ... while the next one is taken
 live.py      the same sequence again and again, in memory
 probe.py     every command of a projector's profile tried once
+latency.py   how long the light takes from the program to the camera, by flashes
 retake.py    one frame of a complete capture taken again
 identity.py  which pattern a frame shows, told from the images alone
 lookup.py    ... and what patterns look like on every projector line

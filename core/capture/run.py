@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from core.capture.finding import Finding
 from core.capture.identity import identity
+from core.capture.latency import measure_latency
 from core.capture.plan import Plan, check_shown, make_plan, sequence_for
 from core.capture.quality import lamp, line, modulation, movement, sample_grid, saturation, summarise
 from core.capture.store import (
@@ -31,6 +32,7 @@ from core.capture.store import (
 from core.capture.triggered import period_of, take_sequence
 from core.capture.writer import Writer
 from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
+from core.devices.protocol import Note
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.model import Project
 from core.patterns import Pattern, describe
@@ -38,6 +40,7 @@ from core.progress import SILENT, Progress
 from core.project import add_capture, read_project
 
 ROUNDS = 4  # times that wrong frames are taken again before the capture is given up
+FLASHES = 8  # to find the latency of a screen
 TRIES = 3  # at one frame, when a device does not deliver
 
 Said = tuple[float, str, str]  # when (of time.monotonic), who, what: a device about what it did beside the asked
@@ -139,13 +142,26 @@ def run_capture(
             check_shown(plans[camera], projector.refusal, projector.name)
         stores = {c: open_store(folder / c, plan, listen, ending, reopen=bool(c)) for c, plan in plans.items()}
         loops = [Loop(stores[camera], projector, device, notes) for camera, device in devices.items()]
-        loops[0].beside = loops[1:]
+        loops[0].beside, loops[0].settle_s = loops[1:], settle_of(projector, loops[0].camera, note, progress)
         report = loops[0].run(progress)
     if "" not in urls:
         list_together(folder, list(stores.values()), report.findings)
         report = replace(report, folder=folder, frames=report.frames * len(loops))
     add_capture(project.path, f"captures/{name}")
     return report
+
+
+def settle_of(projector: Projector, camera: Camera, note: Note, progress: Progress) -> float:
+    """Give what is to be waited after a pattern is shown: measured by some flashes, where nobody has said it."""
+    if not getattr(projector, "late", False):
+        return projector.settle_s
+    try:
+        latency = measure_latency(projector, camera, FLASHES, progress.check)
+    except DeviceError as error:  # whether the camera sees the patterns is judged by the frames
+        note(projector.name, f"its latency was not found: {error}")
+        return projector.settle_s
+    note(projector.name, latency.finding.text)
+    return latency.enough_s
 
 
 def stored_report(folder: Path) -> CaptureReport:

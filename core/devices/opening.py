@@ -165,11 +165,12 @@ def _emulated(address: Address, note: Note, check: Check) -> Projector:
 
 def _screen(address: Address, note: Note, check: Check) -> Projector:
     from core.devices.dialogue import Dialogue
-    from core.devices.screen import SETTLE_S, ScreenProjector, no_release, open_surface
+    from core.devices.screen import ScreenProjector, no_release, open_surface
 
     number = address.place_number("screen")
     gamma = address.real("gamma", 1.0, 0.1, 10.0)
-    settle_s = address.real("settle_ms", 1000 * SETTLE_S, 0.0, 10_000.0) / 1000
+    settle_ms = address.optional("settle_ms")
+    settle_s = None if settle_ms is None else settle_ms / 1000
     port, profile = address.text("control", ""), address.text("profile", "optoma")
     address.finish()
     with ExitStack() as stack:

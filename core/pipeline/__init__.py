@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from core.lazy import attach
 
 if TYPE_CHECKING:
+    from core.capture.latency import probe_light as probe_light
     from core.capture.probe import probe_device as probe_device
     from core.pipeline.calibrate import adjust_network as adjust_network
     from core.pipeline.calibrate import calibrate_project as calibrate_project
@@ -96,6 +97,7 @@ if TYPE_CHECKING:
     from core.pipeline.views import seen_by_several as seen_by_several
 
 _HOMES = {
+    "core.capture.latency": "probe_light",
     "core.capture.probe": "probe_device",
     "core.pipeline.calibrate": "adjust_network calibrate_project load_calibrations",
     "core.pipeline.capture": "capture_into check_scenario simulate_project",

@@ -131,11 +131,6 @@ def test_a_screen_whose_resolution_changes_is_told() -> None:
         projector.show(White())
 
 
-def test_without_a_window_a_screen_says_where_to_start() -> None:
-    with pytest.raises(DeviceError, match="desktop program"):
-        open_projector("screen:1")
-
-
 def test_a_program_with_windows_offers_its_screens() -> None:
     surface = SimpleNamespace(size=(64, 48), present=lambda image: None, close=lambda: None)
     offer_screens(lambda number: surface)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,11 @@ def add(commands: Commands) -> None:
     sub.add_argument("--png", action="store_true", help="store PNG: a third of the room, ten times the time")
 
     sub = commands.add(
-        "probe", _probe, "try every command of a profile once on a device, with all bytes in hexadecimal"
+        "probe", _probe, "try every command of a profile once, with all bytes; or find the latency of a projector"
     )
-    sub.add_argument("profile", metavar="PROFILE", help="its name, or the path of a .toml file of your own")
-    sub.add_argument("port", metavar="PORT", help="/dev/ttyUSB0, COM3, socket://host:port, /dev/hidraw0")
+    sub.add_argument("profile", metavar="PROFILE|URL", help="a profile's name or .toml file; with --camera a projector")
+    sub.add_argument("port", metavar="PORT", nargs="?", help="/dev/ttyUSB0, COM3, socket://host:port, /dev/hidraw0")
+    sub.add_argument("--camera", metavar="URL", help="sees flashes of the projector URL: latency, jitter, linearity")
 
     sub = commands.add_on_project("preflight", _preflight, "check a rig before its first calibration")
     sub.add_argument("--projector", metavar="URL")
@@ -79,8 +81,12 @@ def _cameras(given: list[str]) -> str | dict[str, str] | None:
 def _probe(options: Options, progress: Progress) -> dict[str, Any]:
     from core.cli.arguments import write_figures
     from core.errors import DeviceError
-    from core.pipeline import probe_device
+    from core.pipeline import probe_device, probe_light
 
+    if options.camera is not None:
+        return _told(probe_light(options.profile, options.camera, progress))
+    if options.port is None:
+        raise InputError("probe", "no PORT", "name the device's port, or --camera URL to see a projector's light")
     tried = []
     for exchange in probe_device(options.profile, options.port, progress):
         tried.append(exchange)
@@ -114,8 +120,13 @@ def _preflight(options: Options, progress: Progress) -> dict[str, Any]:
         out=options.out,
         progress=progress,
     )
-    for finding in findings:
-        print(f"{finding.level:8s} {finding.check}: {finding.text}")
+    figures = _told(findings)
     if options.out is not None:
         print(options.out / "preflight.html")
+    return figures
+
+
+def _told(findings: Sequence[Any]) -> dict[str, Any]:
+    for finding in findings:
+        print(f"{finding.level:8s} {finding.check}: {finding.text}")
     return {"findings": [finding.as_dict() for finding in findings]}
