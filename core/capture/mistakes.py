@@ -26,6 +26,7 @@ ALIKE = 0.04  # shares of contradictions that are no different
 SURE = 0.06  # squared difference, white = 1, from what a frame is said to show
 FITS = 0.3  # of the contradictions that may stay where a mistake explains them
 MOST_PIXELS = 0.8  # of them must fit
+EVEN = 0.9  # of them where no edges are
 PLAIN = ("white", "black", "its inverse")  # what one frame alone may show by mistake, likelier than another pattern
 MOST_FRAMES = 16  # beyond that pairs of frames are not tried
 
@@ -56,28 +57,27 @@ def explanation(plan: Plan, sampled: Sampled, values: Array, looked: Looked, sha
     shown = [(misfit, name, j) for j, (misfit, name) in off.items() if misfit < SURE]
     if plain := [entry for entry in shown if entry[1] in PLAIN]:
         return _one(looked, min(plain)[2], min(plain)[1])
-    codes = [p for p in looked.patterns if isinstance(p, Code)]
-    room = max((p.cell << p.bits for p in codes), default=0)
-    if room > looked.lines and contradicting(looked.values, looked.patterns, replace(looked, lines=room), FEW) <= most:
-        word = "width" if looked.axis == "x" else "height"
-        return f": they fit if the projector has more than {looked.lines} lines: {word} in project.json", None
     tried = [(contradicting(v, p, looked, FEW), text) for text, v, p in _descriptions(plan, values, looked)]
     least = min(left for left, _ in tried)
+    room = max((p.cell << p.bits for p in looked.patterns if isinstance(p, Code)), default=0)
+    wider = contradicting(looked.values, looked.patterns, replace(looked, lines=room), FEW)
+    if looked.lines < room and wider <= most and wider + ALIKE < least:  # more lines allow for more
+        word = "width" if looked.axis == "x" else "height"
+        return f": they fit if the projector has more than {looked.lines} lines: {word} in project.json", None
     if least <= most:  # several may fit: the plain ones come first
         return f": {next(text for left, text in tried if left <= least + ALIKE)}", None
     if shown:
-        return _one(looked, min(shown)[2], min(shown)[1])
+        _, name, j = min(shown)
+        twins = [k for k, p in enumerate(looked.patterns) if describe(p) == name]
+        if other := [k for k in twins if _exchanged(looked, j, k) <= most]:
+            return _exchange(looked, j, other[0])
+        return _one(looked, j, name)
     if len(looked.shots) <= MOST_FRAMES:
-        pairs = []
         kinds = [type(p) for p in looked.patterns]
         alike = [(i, k) for i, k in combinations(range(len(looked.shots)), 2) if kinds[i] == kinds[k]]
-        for i, k in alike:
-            swapped = looked.values.copy()
-            swapped[[i, k]] = swapped[[k, i]]
-            pairs.append((contradicting(swapped, looked.patterns, looked, FEW), i, k))
-        left, i, k = min(pairs)
+        left, i, k = min((_exchanged(looked, i, k), i, k) for i, k in alike)
         if left <= most:
-            return f": frames {looked.shots[i]} and {looked.shots[k]} were exchanged", looked.shots[i]
+            return _exchange(looked, i, k)
     if alone:
         return _one(looked, min(single)[1], "something else, a frame of another capture?")
     return ": frames are of another capture or sequence, something moved, or the patterns are not what was shown", None
@@ -135,6 +135,20 @@ def _without(patterns: Sequence[Pattern], j: int) -> list[Pattern]:
     return [p for k, p in enumerate(patterns) if k != j]
 
 
+def _exchanged(looked: Looked, i: int, k: int) -> float:
+    """Share of pixels that contradict themselves with two frames in each other's place."""
+    from core.capture.stored import contradicting
+
+    swapped = looked.values.copy()
+    swapped[[i, k]] = swapped[[k, i]]
+    return contradicting(swapped, looked.patterns, looked, FEW)
+
+
+def _exchange(looked: Looked, i: int, k: int) -> tuple[str, int]:
+    first, second = sorted((looked.shots[i], looked.shots[k]))
+    return f": frames {first} and {second} were exchanged", first
+
+
 def _one(looked: Looked, j: int, shows: str) -> tuple[str, int]:
     shot = looked.shots[j]
     return f": frame {shot} claims {describe(looked.patterns[j])} and shows {shows}", shot
@@ -152,12 +166,13 @@ def _shown(looked: Looked, j: int) -> tuple[float, float, str]:
     misfit = {describe(p): _unlike(seen, possible[k, best]) for k, p in enumerate(looked.patterns)}
     own = misfit.pop(describe(looked.patterns[j]))
     misfit |= {"its inverse": _unlike(looked.inverted[j, some], possible[j, best])}
-    misfit |= {name: _unlike(seen, np.full_like(seen, level)) for name, level in zip(PLAIN, (1, 0), strict=False)}
+    misfit["white"] = _unlike(seen, np.ones_like(seen), EVEN)
+    misfit["black"] = _unlike(np.maximum(seen, 0), np.zeros_like(seen), EVEN)  # may be darker than ambient light
     name, value = min(misfit.items(), key=lambda item: item[1])
     _, best = nearest(looked.values[:, some], possible)  # without it two lines may look the same
     return min(own, _unlike(seen, possible[j, best])), value, name
 
 
-def _unlike(seen: Array, light: Array) -> float:
+def _unlike(seen: Array, light: Array, most: float = MOST_PIXELS) -> float:
     """Mean squared difference of the pixels that fit best: at edges the others may tell the line wrongly."""
-    return float(np.mean(np.sort((seen - light) ** 2)[: int(MOST_PIXELS * len(seen)) + 1]))
+    return float(np.mean(np.sort((seen - light) ** 2)[: int(most * len(seen)) + 1]))

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from core.errors import AdjustmentError, StripeError
 from core.model import (
     Adjustment,
     Calibration,
@@ -26,6 +23,7 @@ from core.model import (
     TargetSet,
     Testfield,
 )
+from core.pipeline.causes import noted
 from core.pipeline.folders import all_captures
 from core.pipeline.options import CalibrateOptions
 from core.pipeline.picking import current_target_sets
@@ -33,8 +31,6 @@ from core.pipeline.picking import current_target_sets
 if TYPE_CHECKING:
     from core.checks import Concern, Plates
 
-FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
-SHARP = re.compile("they fit|claims|mirrored|scale bar|beyond the projector's lines")  # notes that name a cause
 DOUBTS = ("not rigid", "look like gross errors", "left out, fewer than")  # of the adjustment's own warnings
 
 
@@ -132,34 +128,6 @@ def lengths_of(
     z_mm = {c.name: c.z_mm for c in boards if c.z_mm is not None}
     seen = pose_plates(spec, interior, [targets[name] for name in z_mm], z_mm, boards[0].testfield)
     return length_concerns(None, None, None, seen, False)
-
-
-def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:
-    """What captures say of themselves, alike ones together."""
-    from core.checks import Concern
-
-    by_text: dict[str, list[tuple[str, str]]] = {}
-    for name, texts in notes.items():
-        for text in texts:
-            by_text.setdefault(FIGURE.sub("", text), []).append((name, text))
-    concerns = []
-    for entries in by_text.values():
-        names = [name for name, _ in entries]
-        told = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-        concerns.append(Concern("doubtful", f"{told}: {entries[0][1]}"))
-    return concerns
-
-
-@contextmanager
-def because_of(notes: Mapping[str, Sequence[str]]) -> Iterator[None]:
-    """Where work fails, say also what captures say of themselves: the cause, as a rule."""
-    try:
-        yield
-    except StripeError as error:
-        told = sorted((c.text for c in noted(notes)), key=lambda text: not SHARP.search(text))
-        if type(error) not in (StripeError, AdjustmentError) or not told:
-            raise
-        raise type(error)(error.where, error.seen, f"{error.remedy}. First see to this: {told[0]}") from None
 
 
 def warned(warnings: Sequence[str]) -> list[Concern]:

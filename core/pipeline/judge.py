@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from core.model import Adjustment, Calibration, Method, PlaneEvaluation, PointCloud, Verdict
-from core.pipeline.evidence import Evidence, noted, sound_words, warned
+from core.pipeline.causes import noted
+from core.pipeline.evidence import Evidence, sound_words, warned
 from core.pipeline.methods import METHODS
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from core.errors import InputError, NotRecognisedError
 from core.figures import targets_figures
 from core.model import Capture, PhaseMap, Project, Role, TargetSet
+from core.pipeline.causes import because_of
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
 from core.pipeline.inputs import measured_from
@@ -98,7 +99,8 @@ def measured_or_why(
     from core.measure import SAME, unmeasured
 
     try:
-        return *_measured(capture, phase, project, side), None
+        with because_of({capture.name: phase.notes}):
+            return *_measured(capture, phase, project, side), None
     except NotRecognisedError as error:
         assert capture.testfield is not None
         why = f"{error.seen}; {error.remedy}"

@@ -22,7 +22,8 @@ from core.model import (
     TargetSet,
     Testfield,
 )
-from core.pipeline.evidence import Evidence, because_of, sound_words, warned
+from core.pipeline.causes import because_of
+from core.pipeline.evidence import Evidence, sound_words, warned
 from core.pipeline.measure import measured_targets
 from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
