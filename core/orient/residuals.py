@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Self
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +20,9 @@ from core.numerics import inverse_2x2
 
 LEAST_SIGMA = 1e-3  # lines; what a sigma is at least
 LEAST_BLOCK = 2  # pixels a side: the changes within a block tell where its reflectance changes
+SMOOTH_PX = 1.5  # of brightness, where it changes slowly
+FLATTEST = 0.2, 0.84  # share of the blocks by which grey noise is told, and how far below the mean of a normal it lies
+EDGE = 3.0  # sigmas of noise by which a block's own slope differs from the smoothed one where there is an edge
 CREASED, STEPPED = 5.0, 0.15  # sigmas and lines: what a block of one smooth surface may leave of a plane, r.m.s.
 
 
@@ -106,11 +110,18 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int]:
         rest = values - values[:, :1] - ((values - values[:, :1]) @ planes) @ shape
         return found, np.einsum("nk,nk->n", rest, rest).astype(np.float64) / side**2
 
-    (u, off_u), (v, off_v), (grey, _) = means(phase.u), means(phase.v), means(phase.image)
+    (u, off_u), (v, off_v), (grey, off_grey) = means(phase.u), means(phase.v), means(phase.image)
     variance = np.stack([means(s**2)[0][:, 0] for s in (phase.sigma_u, phase.sigma_v)], axis=1)
     smooth = (np.stack([off_u, off_v], axis=1) < np.maximum(CREASED**2 * variance, STEPPED**2)).all(axis=1)
+    slopes = _slopes(
+        grey[:, 1:],
+        means(np.asarray(cv2.GaussianBlur(phase.image, (0, 0), SMOOTH_PX), np.float32))[0][:, 1:],
+        off_grey,
+        side,
+        square,
+    )
     with np.errstate(invalid="ignore", divide="ignore"):
-        brighter = grey[:, 1:] / grey[:, :1]
+        brighter = slopes / grey[:, :1]
         pull = np.stack([np.sum(slopes[:, 1:] * brighter, axis=1) for slopes in (u, v)], axis=1)
     size = max(np.sqrt(count / tiles), 1.0)
     pixels = np.stack([columns, rows], axis=1).astype(np.float64) * side + (side - 1) / 2
@@ -118,6 +129,19 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int]:
     uv = np.stack([u[:, 0], v[:, 0]], axis=1)
     sight = Sight(tile, pixels, uv, np.sqrt(variance) / side, np.nan_to_num(pull, posinf=0, neginf=0))
     return sight.only(np.asarray(smooth)), side
+
+
+def _slopes(sharp: Array, smooth: Array, off: Array, side: int, square: float) -> Array:
+    """Choose slopes of brightness (n, 2): smoothed, but for edges that the pixels of a block show beyond their noise.
+
+    Noise in slopes would make the footprint seem smaller than it is. Its variance is told by what the flattest blocks
+    leave of a plane, `off` (n,): white noise has that at their quantile (Wilson and Hilferty).
+    """
+    freedom = max(side**2 - 3, 1)
+    usual = (1 - 2 / (9 * freedom) - FLATTEST[1] * np.sqrt(2 / (9 * freedom))) ** 3
+    noise = np.quantile(off, FLATTEST[0]) * side**2 / freedom / usual if len(off) else 0.0
+    edge = np.abs(sharp - smooth).max(axis=1) > EDGE * np.sqrt(noise / square)
+    return np.where(edge[:, None], sharp, smooth)
 
 
 def pixels_within(phase: PhaseMap, u: float, v: float, radius_px: float) -> Sight:

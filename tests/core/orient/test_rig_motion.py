@@ -12,6 +12,7 @@ from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector, perturbed, project, ray_directions
 from core.model import AdjustedDevice, DeviceSpec, Interior, KnownLength, KnownPoints, Pair, PhaseMap
 from core.orient import OrientOptions, drift_chart, expectation_of, find_motion, judged
+from core.orient.residuals import blocks_of
 
 Array = NDArray[np.float64]
 
@@ -250,3 +251,34 @@ def test_captures_at_rest_are_called_moved_as_rarely_as_stated_and_slight_moveme
     for rotation in ([0, 0, 1e-5], [0, 1e-4, 0]):  # of a camera with a sixteenth of the reference camera's pixels
         moved = seen(turned(TRUE, np.array(rotation), np.zeros(3)), 1)[0]
         assert judged(moved, expectation, options)[0].state == "action"
+
+
+def test_noise_does_not_hide_how_reflectance_draws_coordinates_aside() -> None:
+    """A small round object that gets dark towards its rim: brightness falls by less a pixel than its noise."""
+    y, x = np.mgrid[-60.0:61.0, -60.0:61.0]
+    grey = 110 * np.sqrt(np.maximum(1 - (x**2 + y**2) / 60**2, 0))
+    lit = np.hypot(x, y) < 52
+    u, v, sigma = (np.where(lit, each, np.nan).astype(np.float32) for each in (0.7 * x + 1, 1.1 * y, 0.03 + 0 * x))
+
+    def pull(image: Array) -> Array:
+        return blocks_of(
+            PhaseMap(u, v, sigma, sigma, u, image.astype(np.float32), np.zeros(u.shape, np.uint8)), 4000, 250
+        )[0].pull.ravel()
+
+    true, found = pull(grey), pull(grey + np.random.default_rng(3).normal(0, 2.5, grey.shape))
+    assert found @ true / (found @ found) == pytest.approx(1, abs=0.1)  # 0.22 by the single pixels' differences
+
+
+def test_edges_draw_coordinates_aside_as_sharply_as_they_are() -> None:
+    y, x = np.mgrid[:120, :120].astype(float)
+    soft = np.clip(0.5 + (6 - np.hypot(x % 20 - 10, y % 20 - 10)) / 2, 0.05, 1)
+    phase = PhaseMap(
+        *(np.float32(a) for a in (x, y, 0.03 + 0 * x, 0.03 + 0 * x, x)),
+        np.float32(120 * soft),
+        np.zeros(x.shape, np.uint8),
+    )
+    sight, side = blocks_of(phase, 4000, 250)
+    assert side == 2
+    block = (120 * soft).reshape(60, 2, 60, 2).swapaxes(1, 2)
+    slope = (block[..., 0, 1] + block[..., 1, 1] - block[..., 0, 0] - block[..., 1, 0]) / 2 / block.mean(axis=(2, 3))
+    np.testing.assert_allclose(sight.pull[:, 0], slope.ravel(), atol=1e-3)
