@@ -18,6 +18,7 @@ import pytest
 
 from core.pipeline import calibrate_project, simulate_project, update_project
 from core.project import read_project
+from tests.copies import copied, stamps, written_into
 
 Make = Callable[[Path], Any]
 GUIDE = Path(__file__).parents[1] / "resources" / "docs" / "extending"
@@ -30,10 +31,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """What is shared is no clue to a failure and takes gigabytes."""
+    """See that no test changed what is shared, which then goes: it is no clue to a failure and takes gigabytes."""
     made = session.config._tmp_path_factory._basetemp  # type: ignore[attr-defined]
-    if made is not None and "PYTEST_XDIST_WORKER" not in os.environ:
-        shutil.rmtree(made / "shared", ignore_errors=True)
+    if made is None or "PYTEST_XDIST_WORKER" in os.environ:
+        return
+    for done in made.glob("*.made"):
+        if spoiled := written_into(made / "shared" / done.stem, done.read_text()):
+            print(f"\nA test wrote into shared files, which it should have made its own first: {spoiled}")
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+    shutil.rmtree(made / "shared", ignore_errors=True)
 
 
 @pytest.fixture(scope="session")
@@ -50,7 +56,7 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Make], Path
             if not done.exists():
                 shutil.rmtree(folder, ignore_errors=True)
                 how(folder)
-                done.touch()
+                done.write_text(stamps(folder))
         return folder
 
     return make
@@ -67,7 +73,7 @@ def calibrated_original(quick_original: Path, once: Callable[[str, Make], Path])
     """The same, calibrated both ways; never change it."""
 
     def calibrated(folder: Path) -> None:
-        shutil.copytree(quick_original, folder)
+        copied(quick_original, folder)
         calibrate_project(read_project(folder))
 
     return once("quick-3-calibrated", calibrated)
@@ -78,7 +84,7 @@ def whole_original(calibrated_original: Path, once: Callable[[str, Make], Path])
     """The same with every stage done, the report without drawings; never change it."""
 
     def whole(folder: Path) -> None:
-        shutil.copytree(calibrated_original, folder)
+        copied(calibrated_original, folder)
         with pytest.MonkeyPatch.context() as patch:
             without_drawings(patch)
             update_project(read_project(folder))
@@ -89,13 +95,13 @@ def whole_original(calibrated_original: Path, once: Callable[[str, Make], Path])
 @pytest.fixture
 def quick(quick_original: Path, tmp_path: Path) -> Path:
     """A copy of the `quick` project to work on."""
-    return Path(shutil.copytree(quick_original, tmp_path / "quick"))
+    return copied(quick_original, tmp_path / "quick")
 
 
 @pytest.fixture
 def calibrated(calibrated_original: Path, tmp_path: Path) -> Path:
     """A copy of the calibrated `quick` project to work on."""
-    return Path(shutil.copytree(calibrated_original, tmp_path / "calibrated"))
+    return copied(calibrated_original, tmp_path / "calibrated")
 
 
 @pytest.fixture(scope="session")

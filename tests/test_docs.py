@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import runpy
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from core.pipeline import METHODS, load_calibrations
 from core.project import read_project
 from core.reconstruct import EXPORTERS
 from core.report import CHAPTERS
+from tests.copies import copied
 from tests.test_architecture import ROOT
 
 DOCS = ROOT / "resources" / "docs"
@@ -55,7 +55,7 @@ def recorded(calibrated_original: Path, tmp_path: Path, monkeypatch: pytest.Monk
 
     def simulate(folder: Path, scenario: str):
         assert scenario == "quick"
-        return read_project(Path(shutil.copytree(calibrated_original, tmp_path / "project")))
+        return read_project(copied(calibrated_original, tmp_path / "project"))
 
     calibrate = pipeline.calibrate_project
     monkeypatch.setattr(pipeline, "simulate_project", simulate)

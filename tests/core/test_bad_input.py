@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from core.cli import main
+from tests.copies import own
 
 pytestmark = pytest.mark.usefixtures("plain_reports")
 
@@ -61,16 +62,21 @@ def steps_up_to(count: int) -> Callable[[dict[str, Any]], bool]:
     ("command", "file", "spoil", "words"),
     [
         (DECODE, f"{PLANE}/003.png", Path.unlink, ["003.png"]),
-        (DECODE, f"{PLANE}/003.png", lambda path: path.write_bytes(BOMB), ["003.png: 1021 bytes"]),
+        (DECODE, f"{PLANE}/003.png", lambda path: own(path).write_bytes(BOMB), ["003.png: 1021 bytes"]),
         (DECODE, PLANE, lambda path: frames_of(path, lambda p: p.get("bit") != 0 or p["axis"] != "x"), ["plane+00"]),
         (DECODE, PLANE, lambda path: frames_of(path, steps_up_to(2)), ["plane+00"]),
         (
             CALIBRATE,
             "captures/testfield-02/005.png",
-            lambda path: cv2.imwrite(str(path), np.zeros((10, 12), np.uint8)),
+            lambda path: cv2.imwrite(str(own(path)), np.zeros((10, 12), np.uint8)),
             ["005.png", "12x10"],
         ),
-        (CALIBRATE, "captures/testfield-07/011.png", lambda path: os.truncate(path, 2000), ["testfield-07/011.png"]),
+        (
+            CALIBRATE,
+            "captures/testfield-07/011.png",
+            lambda path: os.truncate(own(path), 2000),
+            ["testfield-07/011.png"],
+        ),
         (
             CALIBRATE,
             "testfield.csv",
@@ -197,7 +203,7 @@ def test_figures_that_cannot_be_written_are_told_before_the_work(calibrated: Pat
 
 def test_a_report_that_cannot_be_written_leaves_the_evaluation(calibrated: Path, refused: Callable[..., str]) -> None:
     assert "cannot be written" in refused("report", calibrated, "--out", calibrated / "project.json")
-    (calibrated / "results" / "runs" / "0001" / "adjustment.npz").write_bytes(b"no archive")
+    own(calibrated / "results" / "runs" / "0001" / "adjustment.npz").write_bytes(b"no archive")
     assert "adjustment.npz: damaged" in refused("report", calibrated)
 
 

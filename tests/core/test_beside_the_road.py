@@ -17,24 +17,21 @@ from core.model import Interior
 from core.pipeline import evaluate_project, load_evaluation, load_sign_off
 from core.project import read_capture, read_project
 from core.project.made import FILE as MADE
+from tests.copies import copied
 
 NEAR_PX = 3.0  # dots of the small rig are about 20 px apart
 
 
 @pytest.fixture(scope="session")
 def evaluated_original(calibrated_original: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    import shutil
-
-    folder = Path(shutil.copytree(calibrated_original, tmp_path_factory.mktemp("evaluated") / "quick"))
+    folder = copied(calibrated_original, tmp_path_factory.mktemp("evaluated") / "quick")
     evaluate_project(read_project(folder))
     return folder
 
 
 @pytest.fixture
 def evaluated(evaluated_original: Path, tmp_path: Path) -> Path:
-    import shutil
-
-    return Path(shutil.copytree(evaluated_original, tmp_path / "evaluated"))
+    return copied(evaluated_original, tmp_path / "evaluated")
 
 
 def figures(tmp_path: Path, *arguments: str | Path) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from core.cli import main
+from tests.copies import copied
 
 
 def run(*arguments: object, tmp_path: Path) -> dict[str, Any]:
@@ -23,10 +24,8 @@ def run(*arguments: object, tmp_path: Path) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def calibration(quick_original: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    import shutil
-
     folder = tmp_path_factory.mktemp("commands")
-    shutil.copytree(quick_original, folder / "quick")
+    copied(quick_original, folder / "quick")
     return run("calibrate", folder / "quick", tmp_path=folder)
 
 

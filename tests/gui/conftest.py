@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from stripe_gui.app import Program, make_application
 from stripe_gui.main_window import MainWindow
 from stripe_gui.settings import Settings
 from stripe_gui.workbench import Notice, Workbench
+from tests.copies import copied
 
 
 class Answers:
@@ -134,10 +134,10 @@ def finished(whole_original: Path) -> Path:
 @pytest.fixture
 def project(recorded: Path, tmp_path: Path) -> Path:
     """A recorded project of the test's own."""
-    return Path(shutil.copytree(recorded, tmp_path / "project"))
+    return copied(recorded, tmp_path / "project")
 
 
 @pytest.fixture
 def finished_project(finished: Path, tmp_path: Path) -> Path:
     """A finished project of the test's own."""
-    return Path(shutil.copytree(finished, tmp_path / "project"))
+    return copied(finished, tmp_path / "project")

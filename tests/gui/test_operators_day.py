@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from core.bench.simulate import truth_of
 from core.pipeline import load_evaluation
 from core.project import read_project
 from stripe_gui.presenters.stages import State
+from tests.copies import copied
 from tests.gui.hands import click, idle, rightly_named, true_targets
 
 pytestmark = pytest.mark.usefixtures("plain_reports")
@@ -72,7 +72,7 @@ class Operator:
 @pytest.fixture
 def simulated(quick_original: Path, tmp_path: Path) -> Path:
     """What the bench knows of the virtual rig that the window connects to."""
-    folder = Path(shutil.copytree(quick_original, tmp_path / "simulated"))
+    folder = copied(quick_original, tmp_path / "simulated")
     (folder / "truth.json").write_text(json.dumps(truth_of(experiment("quick"))))
     return folder
 

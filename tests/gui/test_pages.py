@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QWidget
 
 from stripe_gui.pages import PAGES
 from stripe_gui.presenters.stages import State
+from tests.copies import own
 from tests.gui.hands import click, idle
 
 pytestmark = pytest.mark.usefixtures("plain_reports")
@@ -74,7 +75,7 @@ def test_a_capture_that_cannot_be_read_says_why_on_the_page(open_window, project
 
 def test_a_truncated_frame_says_why_on_the_page(open_window, project: Path) -> None:
     frame = project / "captures" / "testfield-01" / "000.png"
-    frame.write_bytes(frame.read_bytes()[:500])
+    own(frame).write_bytes(frame.read_bytes()[:500])
     page = open_window(project, "capture")
     assert "truncated" in page.figures.text()
 
@@ -164,7 +165,7 @@ def test_a_residual_leads_to_its_image(open_window, window, finished: Path, qtbo
 
 def test_a_calibration_that_fails_is_told_and_kept(open_window, window, notices, project: Path, qtbot) -> None:
     frame = project / "captures" / "testfield-03" / "003.png"
-    frame.write_bytes(frame.read_bytes()[:500])
+    own(frame).write_bytes(frame.read_bytes()[:500])
     page = open_window(project, "calibrate")
     click(page.run_button, qtbot)
     idle(window, qtbot)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from core.pipeline import measure_project
 from core.pipeline.picking import current_targets
 from core.project import kept_picks, read_project
 from stripe_gui.presenters.stages import State
+from tests.copies import copied
 from tests.gui.hands import Targets, idle, rightly_named, true_targets
 
 Key, Modifier = Qt.Key, Qt.KeyboardModifier
@@ -107,7 +107,7 @@ def test_eight_images_from_scratch_by_keys_alone(operator: Operator, window, rec
     assert len(per_image) == 8
     assert np.mean(per_image) <= 4
     found = current_targets(read_project(operator.folder))
-    shutil.copytree(recorded, tmp_path / "original")
+    copied(recorded, tmp_path / "original")
     original = {t.capture: t for t in measure_project(read_project(tmp_path / "original"))}
     for name, targets in found.items():
         assert set(zip(targets.row, targets.col, strict=True)) == set(
@@ -250,7 +250,7 @@ def test_after_a_crash_every_pick_is_there(operator: Operator, window, qtbot, tm
     operator.wait()
     operator.press(Key.Key_Space)
     operator.press(Key.Key_Space)
-    crashed = shutil.copytree(operator.folder, tmp_path / "crashed")  # the disk at this very moment
+    crashed = copied(operator.folder, tmp_path / "crashed")  # the disk at this very moment
     again = Operator(window, qtbot, crashed)
     assert [len(again.page.model.picks_of(i).seeds) for i in range(3)] == [4, 2, 0]
     assert again.page.model.measured(0) is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -18,6 +17,7 @@ from core.pipeline import keep_points
 from core.project import read_project
 from stripe_gui.__main__ import display_problem
 from stripe_gui.pages import PAGES
+from tests.copies import copied
 
 ELSEWHERE = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
 WALK = """
@@ -82,7 +82,7 @@ def display() -> Iterator[str]:
 @pytest.fixture(scope="module")
 def walked(display: str, finished: Path, tmp_path_factory) -> tuple[Path, list[str]]:
     """Pictures of the screen at every page, and what the program said at its end."""
-    folder = Path(shutil.copytree(finished, tmp_path_factory.mktemp("real") / "project"))
+    folder = copied(finished, tmp_path_factory.mktemp("real") / "project")
     out = tmp_path_factory.mktemp("screen")
     keep_points(read_project(folder), "object-sphere", "photogrammetric")
     done = subprocess.run(

@@ -1,7 +1,6 @@
 """A project whose boards nobody picked, or picked wrongly: told capture by capture, and nothing stops."""
 
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,11 +21,6 @@ E = experiment("quick", 3)
 @pytest.fixture
 def project(quick_original):
     return quick_original
-
-
-@pytest.fixture
-def copied(quick_original, tmp_path):
-    return shutil.copytree(quick_original, tmp_path / "copy")
 
 
 def edit(project, capture, change):
@@ -54,24 +48,24 @@ def names_off(targets):
     return result
 
 
-def test_all_boards_are_recognised_one_way_round_without_picks(copied):
-    for picks in copied.glob("captures/*/picks.json"):
+def test_all_boards_are_recognised_one_way_round_without_picks(quick):
+    for picks in quick.glob("captures/*/picks.json"):
         picks.unlink()
-    off = names_off(measure_project(read_project(copied)))
+    off = names_off(measure_project(read_project(quick)))
     assert len(off) == 13
     for role in ("testfield", "depth"):  # each board as a whole may be taken half a turn round
         both = np.array([v for k, v in off.items() if k.startswith(role)])
         assert (both.max(axis=0) < 0.5).sum() == 1
 
 
-def test_one_half_turned_and_one_unrecognised_capture_are_told(copied):
+def test_one_half_turned_and_one_unrecognised_capture_are_told(quick):
     def half(seeds):
         for s in seeds:
             s["row"], s["col"] = 6 - s["row"], 8 - s["col"]
 
-    edit(copied, "testfield-03", half)
-    edit(copied, "testfield-05", lambda seeds: [s.update(u=2.0 + 30 * k, v=2.0) for k, s in enumerate(seeds[:2])])
-    targets = {t.capture: t for t in measure_project(read_project(copied))}
+    edit(quick, "testfield-03", half)
+    edit(quick, "testfield-05", lambda seeds: [s.update(u=2.0 + 30 * k, v=2.0) for k, s in enumerate(seeds[:2])])
+    targets = {t.capture: t for t in measure_project(read_project(quick))}
     assert all(straight < 0.5 for straight, _ in names_off(targets.values()).values())
     assert any("turned against the other images" in note for note in targets["testfield-03"].notes)
     assert not len(targets["testfield-05"].row)
@@ -79,22 +73,22 @@ def test_one_half_turned_and_one_unrecognised_capture_are_told(copied):
     assert not targets["testfield-04"].notes
 
 
-def test_a_pick_beside_any_dot_is_told_and_stops_neither_method(copied):
+def test_a_pick_beside_any_dot_is_told_and_stops_neither_method(quick):
     def off(seeds):
         seeds[0].update(u=2.0, v=2.0)
 
-    edit(copied, "depth-02", off)
-    done = calibrate_project(read_project(copied))
+    edit(quick, "depth-02", off)
+    done = calibrate_project(read_project(quick))
     assert set(done) == {"photogrammetric", "polynomial"}
     told = [*done["polynomial"].warnings, *(x.because for x in done["polynomial"].left_out)]
     assert any("pick 1" in text for text in told)
 
 
-def test_where_nothing_is_recognised_the_reason_is_an_error(copied):
-    for capture in sorted(copied.glob("captures/*/picks.json")):
-        edit(copied, capture.parent.name, lambda seeds: [s.update(col=40) for s in seeds])
+def test_where_nothing_is_recognised_the_reason_is_an_error(quick):
+    for capture in sorted(quick.glob("captures/*/picks.json")):
+        edit(quick, capture.parent.name, lambda seeds: [s.update(col=40) for s in seeds])
     with pytest.raises(InputError, match="not in the testfield"):
-        measure_project(read_project(copied))
+        measure_project(read_project(quick))
 
 
 def test_a_length_that_a_turn_of_the_board_would_move_is_told():

@@ -22,6 +22,7 @@ import pytest
 
 from core.cli import main
 from core.project.contents import hash_file
+from tests.copies import copied
 
 MANY = int(os.environ.get("STRIPE_MANY", "1"))
 FEWEST = 7  # calls that every one of these commands makes
@@ -108,7 +109,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
 def ready(calibrated_original: Path, tmp_path_factory: pytest.TempPathFactory, run: Run) -> Path:
     """A folder with a project that has all results but the report; never change it."""
     beside = tmp_path_factory.mktemp("ready")
-    folder = Path(shutil.copytree(calibrated_original, beside / "quick"))
+    folder = copied(calibrated_original, beside / "quick")
     assert run(["evaluate", str(folder)], folder)["code"] == 0
     return beside
 
@@ -144,13 +145,13 @@ def test_a_disturbed_command_loses_nothing_and_its_repeat_succeeds(
 ) -> None:
     calls, expected = FEWEST, None
     if MANY > 1:
-        whole = Path(shutil.copytree(ready, tmp_path / "whole")) / "quick"
+        whole = copied(ready, tmp_path / "whole") / "quick"
         COMMANDS[command][0](whole)
         answer = run(arguments(command, whole), whole.parent)
         assert answer["code"] == 0
         calls, expected = answer["calls"], outcome(whole, command)
     for number in moments(command, fault, calls):
-        folder = Path(shutil.copytree(ready, tmp_path / f"at-{number}")) / "quick"
+        folder = copied(ready, tmp_path / f"at-{number}") / "quick"
         COMMANDS[command][0](folder)
         given = documents(folder)
         answer = run(arguments(command, folder), folder.parent, number, fault)

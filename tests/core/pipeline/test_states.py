@@ -29,6 +29,7 @@ from core.pipeline.differences import differences
 from core.project import read_capture, read_project, write_picks
 from core.project.contents import Contents
 from core.report import SignOff
+from tests.copies import copied, own
 
 pytestmark = pytest.mark.usefixtures("plain_reports")
 
@@ -38,7 +39,7 @@ ALL = ("decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
 @pytest.fixture
 def whole(whole_original: Path, tmp_path: Path) -> Path:
     """A copy of it to work on."""
-    return Path(shutil.copytree(whole_original, tmp_path / "whole"))
+    return copied(whole_original, tmp_path / "whole")
 
 
 def states(folder: Path) -> dict[str, str]:
@@ -56,7 +57,7 @@ def because(folder: Path, stage: str) -> str:
 # ------------------------------------------------------------------------------------- what changes nothing
 
 
-def copied(folder: Path, to: Path) -> Path:
+def copied_at_another_time(folder: Path, to: Path) -> Path:
     subprocess.run(["cp", "-r", folder, to], check=True)
     return to
 
@@ -77,7 +78,7 @@ def unpacked(folder: Path, to: Path) -> Path:
 
 
 def moved(folder: Path, to: Path) -> Path:
-    shutil.copytree(folder, to.with_name("there"))
+    copied(folder, to.with_name("there"))
     return to.with_name("there").rename(to)
 
 
@@ -91,20 +92,20 @@ def touched(folder: Path, to: Path) -> Path:
 
 
 def without_memory(folder: Path, to: Path) -> Path:
-    shutil.copytree(folder, to)
+    copied(folder, to)
     (to / "results" / ".contents.json").unlink()
     return to
 
 
 def with_memory_damaged(folder: Path, to: Path) -> Path:
-    shutil.copytree(folder, to)
+    copied(folder, to)
     (to / "results" / ".contents.json").write_text('{"version": 1, "files": [')
     return to
 
 
 def reformatted(folder: Path, to: Path) -> Path:
     """Documents laid out in another way, with keys of other programs and a comment."""
-    shutil.copytree(folder, to)
+    copied(folder, to)
     for path in (*to.glob("captures/*/*.json"), to / "project.json"):
         path.write_text(json.dumps({"other": 1, **json.loads(path.read_text())}, indent=3))
     board = to / "testfield.csv"
@@ -115,7 +116,7 @@ def reformatted(folder: Path, to: Path) -> Path:
 @pytest.mark.parametrize(
     "bring",
     [
-        copied,
+        copied_at_another_time,
         copied_with_times,
         unpacked,
         moved,
@@ -130,7 +131,7 @@ def test_nothing_is_outdated_by(bring: Callable[[Path, Path], Path], whole_origi
 
 
 def test_a_copy_needs_nothing_done(whole_original: Path, tmp_path: Path, capsys) -> None:
-    folder = copied(whole_original, tmp_path / "new")
+    folder = copied_at_another_time(whole_original, tmp_path / "new")
     assert main(["update", str(folder)]) == 0
     assert capsys.readouterr().out == "nothing to do\n"
 
@@ -154,7 +155,7 @@ def pick_changed(folder: Path) -> None:
 
 def frame_replaced(folder: Path) -> None:
     """One grey value of one frame, the file's times and size kept."""
-    path = folder / "captures/testfield-03/004.png"
+    path = own(folder / "captures/testfield-03/004.png")
     stat, image = path.stat(), cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     image[0, 0] ^= 1
     cv2.imwrite(str(path), image)
@@ -162,7 +163,7 @@ def frame_replaced(folder: Path) -> None:
 
 
 def plane_replaced(folder: Path) -> None:
-    shutil.copy(folder / "captures/plane+00/003.png", folder / "captures/plane+15/003.png")
+    shutil.copy(folder / "captures/plane+00/003.png", own(folder / "captures/plane+15/003.png"))
 
 
 def board_edited(folder: Path) -> None:
@@ -206,7 +207,7 @@ def capture_left_out(folder: Path) -> None:
 
 
 def archive_damaged(folder: Path) -> None:
-    path = folder / "results/runs/0001/photogrammetric.npz"
+    path = own(folder / "results/runs/0001/photogrammetric.npz")
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 255
     path.write_bytes(data)
