@@ -50,6 +50,7 @@ RETRIES = 2
 CAPTURES_IN_HAND = 2
 _VERSION = 1
 _ASK_S = 0.25  # how often a waiting batch looks whether to stop
+_ANSWER_S = 10.0  # how long a scheduler may take to answer
 
 
 @dataclass(frozen=True)
@@ -325,6 +326,7 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Client]:
                 threads_per_worker=CAPTURES_IN_HAND,
                 processes=True,
                 dashboard_address=None,
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # 8787 otherwise, though it shows none
                 host="127.0.0.1",
                 protocol="tls://",
                 security=security,
@@ -334,7 +336,7 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Client]:
             yield client
         return
     try:
-        client = Client(scheduler, timeout=10)
+        client = Client(scheduler, timeout=_ANSWER_S)
     except (OSError, ValueError, TypeError) as error:
         raise InputError("--scheduler", f"{scheduler!r} does not answer", "start it, or mend its address") from error
     with client:

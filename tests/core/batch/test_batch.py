@@ -1,4 +1,4 @@
-"""Many captures on a real local cluster of two worker processes."""
+"""Many captures on real worker processes: two of a batch's own, or one of a scheduler that several tests share."""
 
 from __future__ import annotations
 
@@ -22,10 +22,34 @@ from core.errors import Cancelled, InputError
 from core.pipeline import decode_capture, evaluate_project, reconstruct_capture
 from core.progress import Progress
 from core.project import read_image, read_project, write_image
+from tests.copies import own
 
 
 def summary(out: Path) -> dict[str, dict[str, Any]]:
     return {row["capture"]: row for row in json.loads((out / "summary.json").read_text())["captures"]}
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A Dask scheduler with one worker, each a process of its own, as on a cluster."""
+    place = tmp_path_factory.mktemp("scheduler")
+    address_file, folder = place / "scheduler.json", place / "dask"
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    worker = [sys.executable, "-m", "distributed.cli.dask_worker"]
+    address = ["--scheduler-file", str(address_file)]
+    started = [
+        subprocess.Popen([*dask, "--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0", *address]),
+        subprocess.Popen([*worker, "--nthreads", "2", "--no-dashboard", "--local-directory", str(folder), *address]),
+    ]
+    try:
+        until = time.monotonic() + 60
+        while not address_file.exists() and time.monotonic() < until:
+            time.sleep(0.1)
+        yield json.loads(address_file.read_text())["address"]
+    finally:
+        for process in reversed(started):
+            process.terminate()
+            process.wait(30)
 
 
 def test_workers_give_what_the_single_commands_give(calibrated: Path, tmp_path: Path) -> None:
@@ -50,17 +74,17 @@ def test_workers_give_what_the_single_commands_give(calibrated: Path, tmp_path: 
     assert not list(out.rglob("*.part"))
 
 
-def test_a_second_run_does_only_what_changed(quick: Path, tmp_path: Path) -> None:
+def test_a_second_run_does_only_what_changed(scheduler: str, quick: Path, tmp_path: Path) -> None:
     out, project = tmp_path / "out", read_project(quick)
     names = [folder.name for folder in project.captures[:3]]
-    run_batch(project, out, names[:2], steps=["decode"], workers=2)
+    run_batch(project, out, names[:2], steps=["decode"], scheduler=scheduler)
     before = {name: (out / name / "phase.npz").stat().st_mtime_ns for name in names[:2]}
     frame = next(iter(project.captures[1].glob("*.png")))
     image = read_image(frame).copy()
     image[0, 0] ^= 1
     write_image(frame, image)
-    os.utime(next(iter(project.captures[0].glob("*.png"))))  # a time alone changes nothing
-    report = run_batch(project, out, names, steps=["decode"], workers=2)
+    os.utime(own(next(iter(project.captures[0].glob("*.png")))))  # a time alone changes nothing
+    report = run_batch(project, out, names, steps=["decode"], scheduler=scheduler)
     assert [o.state for o in report.outcomes] == ["left", "done", "done"]
     assert (out / names[0] / "phase.npz").stat().st_mtime_ns == before[names[0]]
     assert (out / names[1] / "phase.npz").stat().st_mtime_ns > before[names[1]]
@@ -70,14 +94,14 @@ def test_a_second_run_does_only_what_changed(quick: Path, tmp_path: Path) -> Non
 
 
 def test_a_damaged_capture_stops_no_other_and_is_told(
-    quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scheduler: str, quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, captures = tmp_path / "out", read_project(quick).captures[:3]
-    frame = captures[1] / "000.png"
+    frame = own(captures[1] / "000.png")
     whole = frame.read_bytes()
     frame.write_bytes(whole[: len(whole) // 2])
     names = [folder.name for folder in captures]
-    command = ["batch", str(quick), *names, "--do", "decode", "--out", str(out), "--workers", "2"]
+    command = ["batch", str(quick), *names, "--do", "decode", "--out", str(out), "--scheduler", scheduler]
     assert main(command) == 1
     told = capsys.readouterr().err.strip().splitlines()[-1]
     assert names[1] in told
@@ -120,41 +144,19 @@ def _workers_of(parent: int) -> list[int]:
     return sorted(found)
 
 
-def test_cancelling_keeps_what_is_complete(quick: Path, tmp_path: Path) -> None:
+def test_cancelling_keeps_what_is_complete(scheduler: str, quick: Path, tmp_path: Path) -> None:
     out, project = tmp_path / "out", read_project(quick)
     last = [0.0]
     progress = Progress(lambda fraction, text: last.__setitem__(0, fraction), lambda: last[0] > 0.05)
     with pytest.raises(Cancelled):
-        run_batch(project, out, steps=["decode"], workers=2, progress=progress)
+        run_batch(project, out, steps=["decode"], scheduler=scheduler, progress=progress)
     states = [row["state"] for row in summary(out).values()]
     assert "done" in states
     assert "waiting" in states
     assert set(states) == {"done", "waiting"}
-    report = run_batch(project, out, steps=["decode"], workers=2)
+    report = run_batch(project, out, steps=["decode"], scheduler=scheduler)
     assert report.count("left") >= states.count("done")
     assert report.count("left") + report.count("done") == len(project.captures)
-
-
-@pytest.fixture
-def scheduler(tmp_path: Path) -> Iterator[str]:
-    """A Dask scheduler with one worker, each a process of its own, as on a cluster."""
-    address_file, folder = tmp_path / "scheduler.json", tmp_path / "dask"
-    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
-    worker = [sys.executable, "-m", "distributed.cli.dask_worker"]
-    address = ["--scheduler-file", str(address_file)]
-    started = [
-        subprocess.Popen([*dask, "--host", "127.0.0.1", "--port", "0", "--no-dashboard", *address]),
-        subprocess.Popen([*worker, "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder), *address]),
-    ]
-    try:
-        until = time.monotonic() + 60
-        while not address_file.exists() and time.monotonic() < until:
-            time.sleep(0.1)
-        yield json.loads(address_file.read_text())["address"]
-    finally:
-        for process in reversed(started):
-            process.terminate()
-            process.wait(30)
 
 
 def test_any_dask_scheduler_does_the_work(scheduler: str, quick: Path, tmp_path: Path) -> None:
@@ -179,8 +181,14 @@ def test_any_dask_scheduler_does_the_work(scheduler: str, quick: Path, tmp_path:
     ],
 )
 def test_what_cannot_be_done_is_refused_in_one_line(
-    arguments: list[str], told: str, quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: list[str],
+    told: str,
+    quick: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr("core.batch._ANSWER_S", 0.5)
     assert main(["batch", str(quick), *arguments, "--out", str(tmp_path / "out")]) == 2
     message = capsys.readouterr().err.strip()
     assert told in message
