@@ -10,7 +10,7 @@ from core.errors import InputError
 from core.measure import measure_targets
 from core.model import DeviceSpec, Seed
 
-POSES = 250 * int(os.environ.get("STRIPE_MANY", "1"))  # none wrong among 250: with 95 % fewer than 1.2 %
+POSES = 120 * int(os.environ.get("STRIPE_MANY", "1"))  # none wrong among 120: with 95 % fewer than 2.5 %
 SMALL = DeviceSpec(300, 240, (0.02, 0.02), 12.0)
 
 
@@ -83,7 +83,7 @@ def test_random_poses_give_no_wrong_identity(bench):
 
 def test_wrong_labels_are_refused_and_never_measured(bench):
     accepted, elsewhere = [], []
-    for k in range(3000, 3100):
+    for k in range(3000, 3060):
         truth, rng = random_scene(bench, k)
         truth = truth.but(extra=[], lit_from=None)
         cells, _ = pick(truth, rng)
