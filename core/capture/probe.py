@@ -67,7 +67,8 @@ def _questions(profile: Profile) -> Iterator[tuple[str, dict[str, Value]]]:
         elif name == "step":
             yield name, {"slot": first + 1}
         else:
-            yield name, {"slot": first, "on": 1, "count": 1, "period_us": 100_000}
+            table = {"place": 0, "image": first // profile.per_image, "swap": 1, "images": 1, "shown": 1}
+            yield name, {"slot": first, "on": 1, "count": 1, "period_us": 100_000, **table}
 
 
 def _steps(talk: Dialogue, profile: Profile, name: str, values: dict[str, Value]) -> Iterator[Exchange]:

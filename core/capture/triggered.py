@@ -31,8 +31,6 @@ def period_of(projector: Projector, cameras: Sequence[Camera]) -> float:
 
 def _leader(projector: Projector, cameras: Sequence[Camera]) -> Leading | None:
     """Give the camera whose clock counts; None where it is the projector's."""
-    if isinstance(projector, SelfRunning) and projector.period_s > 0:
-        return None
     if not isinstance(projector, Following) or not projector.can_follow:
         return None
     return next((c for c in cameras if isinstance(c, Leading) and c.lead_period_s > 0), None)

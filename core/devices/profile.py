@@ -29,6 +29,11 @@ COMMANDS: dict[str, set[str]] = {  # and the fields that can be sent with each, 
     "rewind": set(),
     "step": set(),
     **{f"show-{kind}": {*SHOWN, "level"} for kind in KINDS},
+    "table": {"count", "shown", "images", "period_us"},
+    "image": {"place", "image"},
+    "entry": {"place", "slot", "swap"},
+    "follow-entry": {"place", "slot", "swap"},
+    "ready": set(),
     "run": {"count", "period_us"},
     "follow": {"count"},
     "query": set(),
@@ -109,6 +114,8 @@ class Profile:
     refusal: Template | None
     codes: Mapping[int, str] = field(default_factory=dict)  # code to its meaning
     stored: Mapping[Pattern, int] = field(default_factory=dict)  # what stands in the device beforehand, and its slot
+    per_image: int = 1  # of these slots
+    two_swapped: bool = False  # two images are listed in reverse order
 
     @property
     def both_plates(self) -> bool:
@@ -124,6 +131,16 @@ class Profile:
     def loaded_fields(self) -> set[str]:
         """Fields that are sent to store a pattern."""
         return {f for step in self.commands.get("load", ()) for f in step.send.fields}
+
+    @property
+    def listed(self) -> bool:
+        """Whether a sequence of stored patterns is a table of its own, written before it goes."""
+        return "entry" in self.commands or "follow-entry" in self.commands
+
+    def goes(self, command: str) -> bool:
+        """Whether a loaded sequence goes by this command, "run" or "follow"."""
+        table = "entry" if command == "run" else "follow-entry"
+        return command in self.commands and not {"load", table}.isdisjoint(self.commands)
 
     @property
     def shows(self) -> bool:
@@ -276,6 +293,9 @@ def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
     codes.finish(MEANINGS)
     lines.text("as", default=None, among=("hex",) if kind == "text" else ("bytes",))
     sending, answers = _framings(frames, kind, commands, refusal)
+    stored = top.table("stored")
+    per_image = stored.integer("per_image", 1, default=1)
+    two_swapped = stored.text("two_images", default="in order", among=("in order", "swapped")) == "swapped"
     profile = Profile(
         name,
         top.text("title", default=name),
@@ -301,7 +321,9 @@ def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
         commands,
         refusal,
         meanings,
-        _stored(top.table("stored"), (columns, rows)),
+        _stored(stored, (columns, rows)),
+        per_image,
+        two_swapped,
     )
     for table in (top, device, lines, timing, frames, told):
         table.finish()
@@ -359,8 +381,6 @@ def _words(table: Entries) -> Words:
 
 def _stored(table: Entries, lines: tuple[int, int]) -> dict[Pattern, int]:
     """Read which patterns stand in the device beforehand, and where."""
-    if not table.data:
-        return {}
     stored: dict[Pattern, int] = {}
     first = table.integer("first_slot", 0, default=0)
     if (text := table.text("sequence", default=None)) is not None:

@@ -43,12 +43,13 @@ class SerialProjector:
             raise InputError(profile.name, "switches a projector and shows no patterns", remedy)
         self.profile, self.url, self.note = profile, url, note
         self.settle_s = profile.settle_s if settle_s is None else settle_s
-        self.period_s = profile.period_s if {"load", "run"} <= profile.commands.keys() else 0.0
-        self.can_follow = {"load", "follow"} <= profile.commands.keys()
-        self.capacity = profile.slots if "load" in profile.commands else _MANY
+        self.period_s = profile.period_s if profile.goes("run") else 0.0
+        self.can_follow = profile.goes("follow")
+        self.capacity = profile.slots if "load" in profile.commands or profile.listed else _MANY
         self.sequence: tuple[Pattern, ...] | None = tuple(profile.stored) or None
         self._loaded: tuple[Pattern, ...] = ()
         self._shown, self._open = -1, True
+        self._listed: tuple[str, tuple[Pattern, ...]] = ("", ())  # by which command it goes, and the sequence
         self.dialogue = Dialogue(url, profile, note)
         self.name = self.dialogue.name
         try:
@@ -93,6 +94,7 @@ class SerialProjector:
         if not self.profile.stored and "load" not in self.profile.commands:
             self._recovering(lambda: self.dialogue.do(f"show-{pattern.kind}", **described(pattern)), check)
             return
+        self._listed = ("", ())
         slot = self.profile.stored[pattern] if self.profile.stored else self.profile.first_slot + index
         self._recovering(lambda: self._go(slot), check)
 
@@ -105,7 +107,11 @@ class SerialProjector:
     def _begin(self, command: str, check: Check) -> None:
         """Let the loaded sequence go by a clock or by triggers; never asked twice, it may have begun."""
         self._check_open()
-        self.dialogue.cancel, self._shown = check, -1
+        self._shown = -1
+        if self.profile.listed and self._listed != (command, self._loaded):
+            self._recovering(lambda: self._list("follow-entry" if command == "follow" else "entry"), check)
+            self._listed = command, self._loaded
+        self.dialogue.cancel = check
         self.dialogue.do(command, once=True, count=len(self._loaded), period_us=round(1e6 * self.period_s))
 
     def close(self) -> None:
@@ -117,6 +123,22 @@ class SerialProjector:
             raise DeviceError(self.name, "closed", "open it again")
 
     # -------------------------------------------------------------------------------- what a call is made of
+
+    def _list(self, entry: str) -> None:
+        """Write the table of a sequence of stored patterns: images in the order they are needed, then the patterns."""
+        profile, images, entries = self.profile, list[int](), list[tuple[int, bool]]()
+        for pattern in self._loaded:
+            slot = profile.stored[pattern]
+            swap = not images or images[-1] != slot // profile.per_image
+            entries.append((slot, swap))
+            images += [slot // profile.per_image] * swap
+        count, period_us = len(entries), round(1e6 * profile.period_s)
+        self.dialogue.do("table", count=count, shown=count, images=len(images), period_us=period_us)
+        for place, image in enumerate(images[::-1] if profile.two_swapped and len(images) == 2 else images):
+            self.dialogue.do("image", place=place, image=image)
+        for place, (slot, swap) in enumerate(entries):
+            self.dialogue.do(entry, place=place, slot=slot, swap=int(swap))
+        self.dialogue.do("ready")
 
     def _greet(self) -> None:
         """Start the device, and see who is there."""

@@ -2,7 +2,7 @@
 
 optoma      RS232 Protocol Function List of the HD66, ES515 and Pro160S
 modbus      MODBUS Application Protocol V1.1b3, MODBUS over Serial Line V1.02 (CRC of its appendix B)
-dlpc350     DLPC350 Programmer's Guide, DLPU010
+dlpc350     DLPC350 Programmer's Guide, DLPU010; over I2C: SC18IM700 data sheet, section 7
 prompting   a controller with an echo, a prompt, numbers from 1 in three digits, and a checksum in hexadecimal
 """
 
@@ -16,6 +16,7 @@ import threading
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import ClassVar
 
 
 class Device:
@@ -147,14 +148,20 @@ class Modbus(Device):
 
 
 class Dlpc350(Device):
-    """Reports of 64 bytes, after the report's number where `numbered`; tables open only through their mailbox."""
+    """Reports of 64 bytes, after the report's number where `numbered`.
+
+    Lists open only through their mailbox, and nothing is changed while patterns are shown. `shown` are image and bit
+    plane of every pattern, `pulses` the times of trigger output 1 in us; what is not known to be in the buffer is None.
+    """
 
     def __init__(self, numbered: bool = False) -> None:
         super().__init__()
         self.numbered = numbered
-        self.mode = self.source = self.running = 0
-        self.mailbox, self.images, self.table, self.valid, self.waits = 0, [], [], False, 0
-        self.shown: tuple[int, int] | None = None  # image, bit plane
+        self.state: dict[int, bytes] = {}  # by command, what was written last
+        self.running = self.mailbox = self.waits = self.validated = 0
+        self.images, self.patterns = dict[int, int](), dict[int, int]()  # by place
+        self.buffer: int | None = None
+        self.shown, self.pulses, self.waiting = list[tuple[int | None, int]](), list[int](), list[int]()
 
     def take(self, buffer: bytearray) -> Iterator[bytes]:
         size = 64 + self.numbered
@@ -170,40 +177,118 @@ class Dlpc350(Device):
             if flags & 0x40:
                 yield (struct.pack("<BBH", flags | error, sequence, len(data)) + data).ljust(64, b"\0")
 
+    LENGTHS: ClassVar = {0x1A1B: 1, 0x1A1D: 3, 0x1A22: 1, 0x1A23: 1, 0x1A29: 8, 0x1A31: 4, 0x1A32: 1, 0x1A33: 1}
+
     def command(self, number: int, data: bytes, read: bool) -> bytes:
         if read:
             if number != 0x1A1A:
                 raise ValueError
             self.waits -= 1
-            wrong = 0 if self.images and self.table and all(t >> 2 < 24 for t in self.table) else 2
-            self.valid = self.waits <= 0 and not wrong
-            return bytes([0x80 if self.waits > 0 else wrong])
-        if number == 0x1A1B:
-            self.mode = data[0]
-        elif number == 0x1A24:
-            if data[0] == 2 and not (self.mode == 1 and self.source == 3 and self.valid):
-                raise ValueError
+            return bytes([0x80 if self.waits > 0 else self.faults()])
+        if number == 0x1A24:
             self.running = data[0]
-            self.shown = (self.images[0], self.table[0] >> 2) if data[0] == 2 else None
+            if data[0] == 2:
+                self.start()
         elif self.running:
-            raise ValueError  # a sequence that runs has to be stopped first
-        elif number == 0x1A22:
-            self.source = data[0]
-        elif number == 0x1A33:
-            self.mailbox = data[0]
+            raise ValueError  # patterns that are shown have to be stopped first
         elif number == 0x1A34:
-            if self.mailbox == 1:
-                self.images = list(data)
-            elif self.mailbox == 2 and len(data) % 3 == 0 and data[1] & 15 == 1:
-                self.table = list(data[::3])
-            else:
-                raise ValueError
-            self.valid = False
+            self.write(data)
         elif number == 0x1A1A:
-            self.waits, self.valid = 3, False
-        elif number not in (0x1A23, 0x1A29, 0x1A31, 0x1A32):
+            self.waits, self.validated = 3, 1
+            return b""
+        elif len(data) != self.LENGTHS.get(number, -1):
             raise ValueError
+        self.state[number] = data
+        if number != 0x1A24:
+            self.validated = 0
         return b""
+
+    def write(self, data: bytes) -> None:
+        """Write entries into the open list, from the offset on."""
+        place, box = self.state[0x1A32][0], self.state[0x1A33][0]
+        if box == 1 and place + len(data) <= 64:
+            self.images.update(enumerate(data, place))
+        elif box == 2 and len(data) % 3 == 0 and place + len(data) // 3 <= 128:
+            words = (int.from_bytes(data[i : i + 3], "little") for i in range(0, len(data), 3))
+            self.patterns.update(enumerate(words, place))
+        else:
+            raise ValueError
+
+    def faults(self) -> int:
+        """Give the bits of the validation: times, pattern numbers, ..., too little time between exposures."""
+        exposure, period = struct.unpack("<II", self.state[0x1A29])
+        entries, _, _, images = self.state[0x1A31]
+        listed = [self.patterns.get(i) for i in range(entries + 1)]
+        there = all(i in self.images for i in range(images + 1))
+        numbers = all(w is not None and w >> 2 & 0x3F < 24 and w >> 8 & 15 == 1 for w in listed)
+        wrong = exposure < 235 or exposure > period or period < 235
+        return wrong | (not (there and numbers)) << 1 | (0 < period - exposure < 230) << 4
+
+    def start(self) -> None:
+        """Show the list: at once by its own clock, or entry by entry at `trigger`."""
+        modes = [self.state.get(n, b"\xff")[0] for n in (0x1A1B, 0x1A22, 0x1A23)]
+        if modes != [1, 3, 1] or not self.validated or self.faults() & 3:
+            raise ValueError
+        entries, again, shown, images = self.state[0x1A31]
+        order = [self.images[i] for i in range(images + 1)]
+        self.order = order[::-1] if len(order) == 2 else order  # as TI's own library writes two of them
+        self.waiting, self.shown, self.pulses = list(range(entries + 1 if again else min(entries, shown) + 1)), [], []
+        _, period = struct.unpack("<II", self.state[0x1A29])
+        while self.waiting and self.patterns[self.waiting[0]] & 3 == 0:
+            self.advance(period * len(self.shown))
+        if again:
+            self.order = self.order * 2
+
+    def trigger(self, at_us: int) -> None:
+        """A rising edge on trigger input 1."""
+        if self.running == 2 and self.waiting:
+            self.advance(at_us)
+
+    def advance(self, at_us: int) -> None:
+        word = self.patterns[self.waiting.pop(0)]
+        if word >> 18 & 1:
+            self.buffer = self.order.pop(0)
+        self.shown.append((self.buffer, word >> 2 & 0x3F))
+        self.pulses.append(at_us)
+
+
+class Dlpc350OverI2c(Dlpc350):
+    """The same behind an SC18IM700: 'S' address count bytes ... 'P' is a message, 'R' register 'P' asks the bridge."""
+
+    COMMANDS: ClassVar = {0x69: 0x1B, 0x6A: 0x1D, 0x6F: 0x22, 0x70: 0x23, 0x65: 0x24, 0x66: 0x29}
+    COMMANDS |= {0x75: 0x31, 0x76: 0x32, 0x77: 0x33, 0x78: 0x34, 0x7D: 0x1A}
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.status, self.pointer = 0xF0, 0
+
+    def take(self, buffer: bytearray) -> Iterator[bytes]:
+        while len(buffer) >= 3:
+            if buffer[0] == ord("R") and buffer[2] == ord("P"):
+                yield bytes([self.status if buffer[1] == 0x0A else 0])
+                del buffer[:3]
+            elif buffer[0] == ord("S") and buffer[1] & 1 and len(buffer) >= 4 and buffer[3] == ord("P"):
+                self.status = 0xF0 if buffer[1] == 0x35 else 0xF1
+                yield self.command(0x1A00 | self.COMMANDS[self.pointer], b"", True)
+                del buffer[:4]
+            elif buffer[0] == ord("S") and not buffer[1] & 1:
+                if len(buffer) < 4 + buffer[2]:
+                    return
+                self.message(buffer[1], bytes(buffer[3 : 3 + buffer[2]]))
+                assert buffer[3 + buffer[2]] == ord("P")
+                del buffer[: 4 + buffer[2]]
+            else:
+                return
+
+    def message(self, address: int, data: bytes) -> None:
+        self.pointer, self.status = data[0] & 0x7F, 0xF0
+        if address != 0x34:
+            self.status = 0xF1
+        elif data[0] & 0x80:
+            try:
+                self.command(0x1A00 | self.COMMANDS[self.pointer], data[1:], False)
+            except (ValueError, KeyError):
+                self.status = 0xF2
 
 
 class Prompting(Device):

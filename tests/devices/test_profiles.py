@@ -1,6 +1,7 @@
 """Profiles against devices that were written from their manuals, over a pseudo-terminal."""
 
 import binascii
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from core.cli import main
-from core.devices import offer_screens, open_projector, ports
+from core.devices import link, offer_screens, open_projector, ports
 from core.devices.dialogue import Dialogue
 from core.devices.framing import unwrap, wrap
 from core.devices.profile import profile_names, read_profile
@@ -16,7 +17,7 @@ from core.devices.sums import CHECKS, CheckSum
 from core.errors import DeviceError, InputError
 from core.patterns import Black, Code, Level, Line, Phase, White, parse_sequence
 from core.resources import resource
-from tests.devices.manuals import Device, Dlpc350, Modbus, Optoma, Prompting, modbus_crc, plugged
+from tests.devices.manuals import Device, Dlpc350, Dlpc350OverI2c, Modbus, Optoma, Prompting, modbus_crc, plugged
 
 PROMPTING = """
 format = "stripe-projector-profile"
@@ -154,21 +155,78 @@ def test_a_modbus_exception_is_a_refusal_with_its_meaning(own) -> None:
         projector.close()
 
 
-@pytest.mark.parametrize("numbered", [False, True], ids=["over serial", "as HID reports"])
-def test_a_dlpc350_shows_the_bit_plane_that_holds_a_pattern(own, numbered: bool, monkeypatch) -> None:
-    text = resource("profiles", "lightcrafter4500.toml").read_text().replace("pause_ms = 100", "")
-    device = Dlpc350(numbered)
-    with plugged(device) as port:
-        if numbered:  # what Linux calls hidraw takes the report's number before each report
-            from core.devices import link
+LIGHTCRAFTERS: dict[str, tuple[str, Callable[[], Dlpc350]]] = {
+    "reports": ("lightcrafter4500", Dlpc350),
+    "numbered reports": ("lightcrafter4500", lambda: Dlpc350(numbered=True)),
+    "I2C": ("lightcrafter4500-i2c", Dlpc350OverI2c),
+}
 
+
+@pytest.fixture(params=LIGHTCRAFTERS)
+def lightcrafter(request: pytest.FixtureRequest, own, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple]:
+    """A projector with the device at the other end of its line."""
+    name, make = LIGHTCRAFTERS[request.param]
+    text = resource("profiles", f"{name}.toml").read_text().replace("pause_ms = 100", "")
+    device = make()
+    with plugged(device) as port:
+        if device.numbered:  # what Linux calls hidraw takes the report's number before each report
             monkeypatch.setattr(link, "is_hid", lambda place: place == port)
         projector = open_projector(f"serial:{port}?profile={own(text)}&settle_ms=0")
-        for slot in (0, 5, 23, 24, 27):
-            projector.show(projector.sequence[slot])
-            assert device.shown == (slot // 24, slot % 24)
+        yield projector, device
         projector.close()
     assert device.running == 0
+
+
+def test_a_dlpc350_shows_the_bit_plane_that_holds_a_pattern(lightcrafter: tuple) -> None:
+    projector, device = lightcrafter
+    for slot in (0, 5, 23, 24, 27):
+        projector.show(projector.sequence[slot])
+        assert device.shown == [(slot // 24, slot % 24)]
+
+
+def test_a_dlpc350_runs_a_stored_sequence_with_a_pulse_for_each_pattern(lightcrafter: tuple) -> None:
+    projector, device = lightcrafter
+    chosen = [22, 23, 24, 25, 3]  # of image 0, of image 1, and back
+    for slots in (range(28), chosen, chosen[:4], chosen):
+        projector.load([projector.sequence[slot] for slot in slots])
+        for _ in range(2):
+            projector.run()
+            assert device.shown == [(slot // 24, slot % 24) for slot in slots]
+            np.testing.assert_array_equal(np.diff(device.pulses), 8333)  # 120 patterns a second
+    exposure = int.from_bytes(device.state[0x1A29][:4], "little")
+    assert exposure == 8333 - 230
+    projector.show(projector.sequence[7])
+    assert device.shown == [(0, 7)]
+
+
+def test_a_dlpc350_follows_triggers_of_a_camera(lightcrafter: tuple) -> None:
+    projector, device = lightcrafter
+    projector.load(projector.sequence)
+    projector.follow()
+    assert device.shown == []
+    count = len(projector.sequence)
+    for pulse in range(count):
+        device.trigger(9000 * pulse)
+        assert device.shown[-1] == (pulse // 24, pulse % 24)
+    device.trigger(9000 * count)  # once through, then no more
+    assert len(device.shown) == count
+
+
+@pytest.mark.parametrize(("name", "make"), [("lightcrafter4500", Dlpc350), ("lightcrafter4500-i2c", Dlpc350OverI2c)])
+def test_every_command_to_a_dlpc350_is_understood(name: str, make: type[Dlpc350]) -> None:
+    with plugged(make()) as port:
+        assert main(["probe", name, port]) == 0
+
+
+def test_a_dlpc350_that_finds_a_table_wrong_is_told(own) -> None:
+    text = resource("profiles", "lightcrafter4500.toml").read_text().replace("pause_ms = 100", "")
+    with plugged(Dlpc350()) as port:
+        path = own(text.replace("within_ms = 3000", "within_ms = 50"))
+        projector = open_projector(f"serial:{port}?profile={path}&period_ms=0.4")  # 170 us of exposure: too little
+        projector.load(projector.sequence[:3])
+        with pytest.raises(DeviceError, match=r"_status&131 is 1 after 0.05 s"):
+            projector.run()
+        projector.close()
 
 
 def test_a_controller_with_prompt_echo_and_checksum_shows_one_plate(own) -> None:
@@ -303,7 +361,7 @@ def test_a_wrong_entry_is_named_with_its_line(own, profile: str, change: tuple[s
         read_profile(own(text.replace(*change, 1)))
 
 
-@pytest.mark.parametrize("name", ["modbus", "optoma", "lightcrafter4500"])
+@pytest.mark.parametrize("name", ["modbus", "optoma", "lightcrafter4500", "lightcrafter4500-i2c"])
 def test_every_profile_that_comes_along_says_what_it_was_tried_on(name: str) -> None:
     assert name in profile_names()
     assert "Tried against an emulator" in resource("profiles", f"{name}.toml").read_text()
