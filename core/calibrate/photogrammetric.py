@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from core.calibrate.adjust import result_of, solve_network
+from core.calibrate.adjust import Solved, result_of, solve_network
 from core.calibrate.network import network_from_targets
 from core.calibrate.options import AdjustOptions
 from core.calibrate.problem import base_devices, estimated
@@ -40,6 +40,7 @@ def calibrate_photogrammetric(
     rigid: bool = True,
     hold: Sequence[str] = (),
     options: AdjustOptions = CALIBRATION_OPTIONS,
+    recentred: Callable[[Adjustment], Sequence[TargetSet]] | None = None,
     progress: Progress = SILENT,
 ) -> tuple[PhotogrammetricCalibration, Adjustment]:
     """Calibrate a stripe sensor as one photogrammetric system.
@@ -63,6 +64,8 @@ def calibrate_photogrammetric(
         Parameters that are not estimated, such as "projector.A3": c stays at its nominal value, all others at zero.
     options : AdjustOptions
         By default with one variance factor per device, and observations beyond six sigma rejected and counted.
+    recentred : callable, optional
+        Gives the targets that are adjusted in place of `targets`, once these have told the camera and its poses.
     progress : Progress
 
     Returns
@@ -76,12 +79,20 @@ def calibrate_photogrammetric(
     InputError, AdjustmentError
         As `core.calibrate.adjust`; also if no captures tie the devices to each other.
     """
-    network = network_from_targets(rig, testfield, targets, scale=scale, lengths=lengths, rigid=True)
-    network = _holding(network, hold)
-    groups = dict(zip(network.station_names, network.station_pose, strict=True))
-    if not rigid:
-        network = replace(network, station_pose=tuple(range(len(network.station_names))))
-    solved, warnings = solve_network(network, options, progress.part(0.0, 0.8))
+
+    def solved_by(targets: Sequence[TargetSet], progress: Progress) -> tuple[Solved, list[str], dict[str, int]]:
+        network = network_from_targets(rig, testfield, targets, scale=scale, lengths=lengths, rigid=True)
+        network = _holding(network, hold)
+        groups = dict(zip(network.station_names, network.station_pose, strict=True))
+        if not rigid:
+            network = replace(network, station_pose=tuple(range(len(network.station_names))))
+        return *solve_network(network, options, progress), groups
+
+    if recentred is not None:
+        first, warnings, _ = solved_by(targets, progress.part(0.0, 0.5))
+        targets = recentred(result_of(first, warnings))
+        progress = progress.part(0.5, 1.0)
+    solved, warnings, groups = solved_by(targets, progress.part(0.0, 0.8))
     kept = [groups[name] for name in solved.network.station_names]
     bases = base_devices(replace(solved.network, station_pose=tuple(kept)))
     _check_tied(bases)

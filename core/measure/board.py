@@ -13,6 +13,7 @@ from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]
 NEIGHBOURS = 24  # the 5 x 5 surroundings of a target in a regular grid
+_known: dict[int, tuple[Testfield, Board]] = {}  # by identity: many captures share a board
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,18 @@ def board_from_testfield(field: Testfield, where: str = "testfield.csv") -> Boar
         Fewer than 4 targets, a number that is not finite, a diameter of 0 or less, a (row, col) or a place given twice,
         all targets on one line.
     """
+    same, board = _known.get(id(field), (None, None))
+    if board is not None and same is field:
+        return board
+    board = _checked(field, where)
+    if not any(values.flags.writeable for values in (field.row, field.col, field.xyz_mm, field.diameter_mm)):
+        while len(_known) > 7:
+            del _known[next(iter(_known))]
+        _known[id(field)] = field, board
+    return board
+
+
+def _checked(field: Testfield, where: str) -> Board:
     xyz, diameter = np.asarray(field.xyz_mm, np.float64), np.asarray(field.diameter_mm, np.float64)
     n = len(field.row)
     if n < 4:

@@ -23,10 +23,10 @@ from core.pipeline.folders import all_captures
 from core.pipeline.inputs import Record, calibrated_from
 from core.pipeline.judge import judge_adjustment, judge_calibrations
 from core.pipeline.measure import save_targets, side_of
-from core.pipeline.methods import METHODS, calibration_figures, method_of, shares
+from core.pipeline.methods import METHODS, archives_of, calibration_figures, method_of, shares
 from core.pipeline.options import CalibrateOptions, check_options
 from core.pipeline.picking import current_target_sets
-from core.pipeline.runs import Run, calibration_file, current_run, keep_run, now
+from core.pipeline.runs import Run, calibration_file, current_run, keep_run, now, run_folder
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_network
 from core.project.lock import writing_results
@@ -41,7 +41,7 @@ def calibrate_project(
     """Calibrate the sensor by one method, or by every method the project has captures for; keep the run.
 
     What follows from the same captures, picks and rig as before is not computed again: the targets of each capture,
-    and the depth calibration.
+    and each method's calibration.
 
     Raises
     ------
@@ -62,7 +62,9 @@ def _calibrate(
 ) -> dict[Method, Calibration]:
     done: dict[Method, Calibration] = {}
     archives: dict[str, object] = {}
+    held: dict[Method, dict[str, Any]] = {}  # the archives of those taken over
     held_by: dict[Method, int] = {}
+    measured = {t.capture for t in current_target_sets(project)}
     targets: list[TargetSet] = []
     # of what is there before it is read: what is changed meanwhile is seen to have changed
     records: dict[Method, Record] = {}
@@ -70,8 +72,9 @@ def _calibrate(
         read = {name: record for name in METHODS[m].reads if (record := records.get(name) or _record(project, name))}
         records[m] = calibrated_from(project, METHODS[m], c, options, side_of(c), read=read)
     for i, (name, used) in enumerate(captures.items()):
-        if METHODS[name].reused and (kept := _kept(project, name, records[name])) is not None:
-            done[name], held_by[name] = kept
+        if measured.issuperset(c.name for c in used) and (kept := _kept(project, name, records[name])) is not None:
+            held[name], held_by[name] = kept
+            done[name] = held[name][f"{name}.npz"]
             continue
         part = progress.part(i / len(captures), (i + 1) / len(captures))
         reads = METHODS[name].reads
@@ -82,10 +85,11 @@ def _calibrate(
         targets += found.targets
     progress.check()
     _keep_targets(project, targets)
-    for name, judged in judge_calibrations(Evidence(project, done, archives, captures, options)).items():
+    beside = {file: value for own in (archives, *held.values()) for file, value in own.items()}
+    for name, judged in judge_calibrations(Evidence(project, done, beside, captures, options)).items():
         before, done[name] = done[name], judged
         if (before.verdict, before.left_out) != (judged.verdict, judged.left_out):
-            archives[f"{name}.npz"] = judged
+            archives |= {**held.get(name, {}), f"{name}.npz": judged}
             held_by.pop(name, None)
     run = Run(
         number=0,
@@ -120,13 +124,15 @@ def _keep_targets(project: Project, targets: list[TargetSet]) -> None:
     save_targets(project, [*targets, *(t for t in current_target_sets(project) if t.capture not in names)])
 
 
-def _kept(project: Project, method: Method, record: Record) -> tuple[Any, int] | None:
-    """Give the calibration in use if it follows from just this, and the number of the run that holds it."""
-    run, path = current_run(project, method), calibration_file(project, f"{method}.npz")
-    if run is None or path is None or run.made_from.get(method) != record:
+def _kept(project: Project, method: Method, record: Record) -> tuple[dict[str, Any], int] | None:
+    """Give the archives of the calibration in use if it follows from just this, and the number of their run."""
+    run = current_run(project, method) if METHODS[method].reused else None
+    if run is None or run.made_from.get(method) != record:
         return None
+    holder = run.holder(method)
     try:
-        return load_archive(path, METHODS[method].result), run.holder(method)
+        folder, kinds = run_folder(project, holder), archives_of(method)
+        return {name: load_archive(folder / name, kind) for name, kind in kinds.items()}, holder
     except InputError as error:
         logging.getLogger(__name__).warning("%s: %s; calibrated anew", error.where, error.seen)
         return None

@@ -80,27 +80,26 @@ def decode_images(
 def phase_maps(
     project: Project, captures: Iterable[Capture], progress: Progress = SILENT
 ) -> Iterator[tuple[Capture, PhaseMap]]:
-    """Decode captures one after the other; the next one loads while this one decodes, so memory stays flat.
+    """Decode captures one after the other; the next is read and decoded while this one is used, so memory stays flat.
 
     A capture by several cameras or projectors comes once for each pair, with that pair's frames and picks.
     """
     waiting = [series for capture in captures for series in capture.series]
+
+    def decoded(capture: Capture) -> PhaseMap:
+        images = []
+        for image in iterate_images(capture, project.rig.cameras[capture.camera]):
+            progress.check()  # a large capture takes seconds to read
+            images.append(image)
+        return decode_images(capture, images, project, progress.quiet())
+
     with ThreadPoolExecutor(1) as pool:
-
-        def load(capture: Capture) -> list:
-            images = []
-            for image in iterate_images(capture, project.rig.cameras[capture.camera]):
-                progress.check()  # a large capture takes seconds to read
-                images.append(image)
-            return images
-
-        ahead = [pool.submit(load, waiting[0])] if waiting else []
+        ahead = [pool.submit(decoded, capture) for capture in waiting[:1]]
         for i, capture in enumerate(waiting):
             progress(i / len(waiting), f"decoding {capture.name}")
-            images = ahead.pop().result()
-            if i + 1 < len(waiting):
-                ahead.append(pool.submit(load, waiting[i + 1]))
-            yield capture, decode_images(capture, images, project, progress.quiet())
+            phase = ahead.pop().result()
+            ahead = [pool.submit(decoded, following) for following in waiting[i + 1 : i + 2]]
+            yield capture, phase
 
 
 def write_phase(out: Path, phase: PhaseMap) -> None:

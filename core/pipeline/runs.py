@@ -2,10 +2,9 @@
 
 ``results/runs/0004/`` holds the archives of one run, what they were made from and their figures; it appears whole and
 is never changed. ``results/current.json`` is the one pointer: it names the run in use of every method, and is replaced
-in one step. Readers go through it (`calibration_file`). A depth calibration that was not computed anew stays where it
-is: the run names the one that holds it. So a run costs what its adjustment needs (0.6 MB for 40 stations), and one with
-a new depth calibration 24 bytes a pixel more. Beyond `MOST_RUNS` the oldest go that are not in use, named, signed or
-needed by another.
+in one step. Readers go through it (`calibration_file`). A calibration that was not computed anew stays where it is: the
+run names the one that holds it. So a run costs what was computed: 0.6 MB for the adjustment of 40 stations, 24 bytes a
+pixel for a depth calibration. Beyond `MOST_RUNS` the oldest go that are not in use, named, signed or needed by another.
 
 An operator's name for a run and his sign-off lie in the run's folder, in files of their own.
 """

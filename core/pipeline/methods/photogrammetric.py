@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,24 +39,23 @@ ADJUSTMENT = "adjustment.npz"
 def _calibrate(project: Project, captures: list[Capture], options: CalibrateOptions, progress: Progress) -> Calibrated:
     from core.calibrate import CALIBRATION_OPTIONS, calibrate_photogrammetric
     from core.checks import bar_notes
+    from core.measure import kind_of
 
     testfield = _common_testfield(captures)
     targets = measured_targets(project, captures, progress.part(0.0, 0.9))
-    used: Sequence[TargetSet] = targets
-    for start, end in ((0.9, 0.95), (0.95, 1.0)):  # the second time with the eccentricity of the adjusted camera
-        with because_of({"project.json": bar_notes(project.scale, testfield), **{t.capture: t.notes for t in targets}}):
-            calibration, adjustment = calibrate_photogrammetric(
-                project.rig,
-                testfield,
-                used,
-                scale=project.scale,
-                lengths=project.lengths,
-                rigid=options.rigid,
-                hold=options.hold,
-                options=replace(CALIBRATION_OPTIONS, reject_beyond=options.reject_beyond),
-                progress=progress.part(start, end),
-            )
-        used = _recentred(targets, testfield, adjustment)
+    with because_of({"project.json": bar_notes(project.scale, testfield), **{t.capture: t.notes for t in targets}}):
+        calibration, adjustment = calibrate_photogrammetric(
+            project.rig,
+            testfield,
+            targets,
+            scale=project.scale,
+            lengths=project.lengths,
+            rigid=options.rigid,
+            hold=options.hold,
+            options=replace(CALIBRATION_OPTIONS, reject_beyond=options.reject_beyond),
+            recentred=partial(_recentred, targets, testfield) if kind_of(testfield).recentred else None,
+            progress=progress.part(0.9, 1.0),
+        )
     bars = [bar for bar in (project.scale, *project.lengths) if bar is not None]
     notes = [f"{t.capture}: {note}" for t in targets for note in t.notes]
     warnings = (*notes, *placed_by_chance(captures, testfield, bars), *calibration.warnings)
@@ -99,8 +99,7 @@ def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: A
     from core.measure import kind_of
 
     recentred = kind_of(testfield).recentred
-    if recentred is None:
-        return list(targets)
+    assert recentred is not None
     adjusted, nominal = (float(np.ptp(xyz)) for xyz in (adjustment.points_mm, adjustment.network.point_xyz_mm))
     if not 0.8 < adjusted / nominal < 1.25:  # dots and distances are in different units: no ellipse fits
         return list(targets)
@@ -187,5 +186,6 @@ PHOTOGRAMMETRIC = CalibrationMethod(
     options=("rigid", "hold", "reject_beyond"),
     beside={ADJUSTMENT: Adjustment},
     scaled=True,
+    reused=True,
     joint=True,
 )
