@@ -33,7 +33,6 @@ from core.measure.features import FEATURES, measure_feature
 from core.measure.kinds import TARGET_KINDS, Marks, Sight, TargetKind, kind_of
 from core.measure.missing import EXCLUDED
 from core.measure.options import MeasureOptions
-from core.measure.picks import side_seen
 from core.measure.propose import find_dots, propose_picks
 from core.measure.recognise import labellings, recognise, unmeasured
 from core.measure.single import dot_at, measured_view, predicted_view
@@ -66,7 +65,6 @@ __all__ = [
     "propose_picks",
     "recentred",
     "recognise",
-    "side_seen",
     "solve_turns",
     "symmetries",
     "unmeasured",

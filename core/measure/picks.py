@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from core.errors import InputError, NotRecognisedError
 from core.measure.blobs import Blobs
 from core.measure.board import Board
-from core.model import Seed, Testfield
+from core.model import Seed
 
 Array = NDArray[np.float64]
 FEWEST = 3  # picks on dots that identification needs
@@ -96,15 +96,6 @@ def check_excluded(board: Board, excluded: Collection[tuple[int, int]], where: s
             seen = f"excluded has row {row}, col {col}, which is not in the testfield"
             raise InputError(where, seen, "correct its row and column, or take it out")
     return {board.index[target] for target in excluded}
-
-
-def side_seen(testfield: Testfield, seeds: Sequence[Seed]) -> Literal["front", "back"]:
-    """From which side of the nominal coordinates' XY plane the picks show the board."""
-    index = testfield.index()
-    xy = np.array([testfield.xyz_mm[index[s.row, s.col]][:2] for s in seeds])
-    uv = np.array([[s.u, s.v] for s in seeds])
-    linear = np.linalg.lstsq(xy - xy.mean(axis=0), uv - uv.mean(axis=0), rcond=None)[0].T
-    return "front" if np.linalg.det(linear) < 0 else "back"  # v points down: a front view turns the order round
 
 
 def snap(board: Board, picks: Picks, blobs: Blobs) -> tuple[NDArray[np.int64], tuple[str, ...]]:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from core.model.arrays import Array, Ints
+
+if TYPE_CHECKING:
+    from core.model.capture import Seed
 
 
 @dataclass(frozen=True)
@@ -24,9 +29,20 @@ class Testfield:
     kind: str = "dots"  # one of core.measure.TARGET_KINDS
     estimator: str = "centroid"  # of a dot's centre, one of core.measure.ESTIMATORS
 
-    def index(self) -> dict[tuple[int, int], int]:
+    def index(self) -> Mapping[tuple[int, int], int]:
         """Position in the arrays of every (row, col)."""
-        return {(int(r), int(c)): i for i, (r, c) in enumerate(zip(self.row, self.col, strict=True))}
+        return self._index
+
+    @cached_property
+    def _index(self) -> dict[tuple[int, int], int]:
+        return {key: i for i, key in enumerate(zip(self.row.tolist(), self.col.tolist(), strict=True))}
+
+    def side_seen(self, seeds: Sequence[Seed]) -> Literal["front", "back"]:
+        """From which side of the nominal coordinates' XY plane picks show the board."""
+        xy = np.array([self.xyz_mm[self._index[s.row, s.col]][:2] for s in seeds])
+        uv = np.array([[s.u, s.v] for s in seeds])
+        linear = np.linalg.lstsq(xy - xy.mean(axis=0), uv - uv.mean(axis=0), rcond=None)[0].T
+        return "front" if np.linalg.det(linear) < 0 else "back"  # v points down: a front view turns the order round
 
 
 @dataclass(frozen=True)

@@ -194,14 +194,12 @@ def side_of(captures: list[Capture]) -> Side:
 
     The nominal frame may have its Z axis towards the viewer (y up) or away from him (y down): both are in use.
     """
-    from core.measure import side_seen
-
     votes = 0
     for capture in (series for c in captures for series in c.series):
         if capture.testfield is not None and len(capture.seeds) >= 4:
             known = capture.testfield.index()
             if all((seed.row, seed.col) in known for seed in capture.seeds):
-                votes += 1 if side_seen(capture.testfield, capture.seeds) == "front" else -1
+                votes += 1 if capture.testfield.side_seen(capture.seeds) == "front" else -1
     return "front" if votes >= 0 else "back"
 
 

@@ -19,7 +19,7 @@ from core.measure.board import Board
 from core.measure.corners import fit_corners
 from core.measure.kinds.kind import Guesses, Marks, Patch, Sight, TargetKind
 from core.measure.missing import EXCLUDED
-from core.measure.picks import check_picks, side_seen
+from core.measure.picks import check_picks
 from core.measure.view import View, first_view, fit_both_tilts
 from core.model import DeviceSpec, Seed, Testfield
 
@@ -73,7 +73,7 @@ def _guess_plain(
     ends = [(0, 0), (0, cols - 1), (rows - 1, cols - 1), (rows - 1, 0)]
     guesses = [tuple(Seed(int(r[e]), int(c[e]), float(uv[e][0]), float(uv[e][1])) for e in ends) for r, c in ways]
     usual = [_first_dark(grey, uv, r, c) for r, c in ways]
-    possible = [k for k, g in enumerate(guesses) if side_seen(testfield, g) == side]
+    possible = [k for k, g in enumerate(guesses) if testfield.side_seen(g) == side]
     return uv.reshape(-1, 2), tuple(guesses[k] for k in [k for k in possible if usual[k]] or possible)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.errors import Cancelled, InputError
-from core.measure import MeasureOptions, measure_targets, side_seen
+from core.measure import MeasureOptions, measure_targets
 from core.model import Seed, Testfield
 from core.progress import Progress
 
@@ -118,7 +118,7 @@ def test_swapped(truth, phase, i, k):
 def test_mirrored(truth, phase):
     seeds = [replace(s, col=8 - s.col) for s in truth.seeds(CELLS)]
     assert "mirrored order" in refusal(truth, phase, seeds)
-    assert side_seen(truth.field, seeds) == "back"
+    assert truth.field.side_seen(seeds) == "back"
 
 
 def test_turned_by_a_quarter(truth, phase):
@@ -200,7 +200,7 @@ def test_a_row_of_targets_is_no_field(truth, phase, bench):
 def test_a_field_written_with_y_downwards_is_seen_from_its_back(truth, phase):
     down = changed(truth.field, xyz_mm=lambda xyz: xyz * np.array([1.0, -1.0, 1.0]))
     seeds = truth.seeds(CELLS)
-    assert side_seen(down, seeds) == "back"
+    assert down.side_seen(seeds) == "back"
     assert "mirrored" in refusal(truth, phase, seeds, field=down)
     for side in ("back", "either"):
         found = measure_targets(phase, down, seeds, truth.spec, options=MeasureOptions(side=side))
