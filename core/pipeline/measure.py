@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from core.errors import InputError, NotRecognisedError
 from core.figures import targets_figures
-from core.model import Capture, PhaseMap, Project, Role, TargetSet
+from core.model import Capture, PhaseMap, Project, Role, TargetSet, Testfield
 from core.pipeline.causes import because_of
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import captures_of, result_path
@@ -48,6 +48,21 @@ def measure_project(project: Project, progress: Progress = SILENT) -> tuple[Targ
 def boards_of(project: Project) -> list[Capture]:
     """Give all captures of boards with targets."""
     return [c for role in BOARDS for c in captures_of(project, role) if c.testfield is not None or c.seeds]
+
+
+def common_testfield(captures: Sequence[Capture]) -> Testfield:
+    """Give the one board of some captures; refuse those that name another one than most do."""
+    fields = [(c, c.testfield, c.testfield.index() if c.testfield else None) for c in captures]
+    keys = [index for _, _, index in fields]
+    usual, board, common = max(fields, key=lambda entry: (entry[1] is not None, keys.count(entry[2])))
+    for capture, own, index in fields:
+        if own is None:
+            raise InputError(capture.path / "capture.json", "no testfield", 'name the board in "testfield"')
+        if index != common:
+            seen, role = f"another testfield than {usual.name}", capture.role
+            raise InputError(capture.path / "capture.json", seen, f"use one board in all captures of role {role}")
+    assert board is not None
+    return board
 
 
 def measured_targets(project: Project, captures: Sequence[Capture], progress: Progress = SILENT) -> list[TargetSet]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from core.errors import InputError
 from core.figures import photogrammetric_figures
 from core.geometry import pair_for
 from core.model import (
@@ -25,7 +24,7 @@ from core.model import (
 )
 from core.pipeline.causes import because_of
 from core.pipeline.evidence import Evidence, sound_words, warned
-from core.pipeline.measure import measured_targets
+from core.pipeline.measure import common_testfield, measured_targets
 from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
@@ -41,7 +40,7 @@ def _calibrate(project: Project, captures: list[Capture], options: CalibrateOpti
     from core.checks import bar_notes
     from core.measure import kind_of
 
-    testfield = _common_testfield(captures)
+    testfield = common_testfield(captures)
     targets = measured_targets(project, captures, progress.part(0.0, 0.9))
     with because_of({"project.json": bar_notes(project.scale, testfield), **{t.capture: t.notes for t in targets}}):
         calibration, adjustment = calibrate_photogrammetric(
@@ -79,19 +78,6 @@ def placed_by_chance(captures: Sequence[Capture], testfield: Testfield, bars: Se
                 "may be between other targets; pick 4 targets in one capture, or measure across the board's middle"
             )
     return told
-
-
-def _common_testfield(captures: list[Capture]) -> Testfield:
-    common: Testfield | None = None
-    for capture in captures:
-        if capture.testfield is None:
-            raise InputError(capture.path / "capture.json", "no testfield", 'name the board in "testfield"')
-        if common is not None and capture.testfield.index() != common.index():
-            seen = f"another testfield than {captures[0].name}"
-            raise InputError(capture.path / "capture.json", seen, "calibrate with one board in all testfield captures")
-        common = common or capture.testfield
-    assert common is not None
-    return common
 
 
 def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: Adjustment) -> list[TargetSet]:

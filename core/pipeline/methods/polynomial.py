@@ -21,7 +21,7 @@ from core.model import (
 )
 from core.pipeline.decode import phase_maps
 from core.pipeline.evidence import Evidence, lengths_of
-from core.pipeline.measure import measured_or_why, side_of, signs_of, turned_together
+from core.pipeline.measure import common_testfield, measured_or_why, side_of, signs_of, turned_together
 from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
@@ -41,7 +41,8 @@ def _calibrate(
 ) -> Calibrated:
     from core.calibrate import DepthOptions, DepthPlane, calibrate_depth
 
-    side = side_of(captures)
+    side, named = side_of(captures), [c for c in captures if c.testfield is not None]
+    field = common_testfield(named) if named else None
     signs = signs_of(project, [c for c in captures if c.testfield is not None or c.seeds], {"depth": side})
     # depth per pixel is a matter of one camera with one projector
     meant = project.rig.camera_name, project.rig.projector_name
@@ -63,13 +64,12 @@ def _calibrate(
         assert capture.z_mm is not None
         found = told.get(capture.path)
         planes.append(DepthPlane(capture.z_mm, phase, found if found is not None and len(found.row) else None))
-    fields = [c.testfield for c in boards]
     degree, warnings = _degree_for(len(planes), options.degree)
     interior = _interior(project, earlier.get("photogrammetric"))
     try:
         calibration = calibrate_depth(
             project.camera,
-            fields[0] if fields else None,
+            field,
             planes,
             options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
             interior=interior,
