@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from core.decode.agreement import contradiction, widen
 from core.decode.curves import LEVELS
 from core.decode.estimate import Planes, estimable, refine
 from core.decode.exposures import DEEPEST, fuse_exposures
@@ -152,6 +153,9 @@ def decode(
     for axis, coordinate, s, missing in ((0, u, sigma_u, Flag.NO_U), (1, v, sigma_v, Flag.NO_V)):
         if any(met >> axis & 1 for met in at_rim):
             drop_rim(coordinate, s, flags, float(tables[axis].lines), float(tables[axis].rim), missing)
+        variance = contradiction(arrays, tables[axis], limits, sequence.image_rows)
+        if variance is not None:
+            widen(s, variance)
     misfit = None
     if options.estimate and estimable(sequence.frames):
         refined = Planes(place, sigma, image, width)

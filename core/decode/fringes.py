@@ -150,8 +150,12 @@ def _straighten(bend, j, count, turn, var):  # type: ignore[no-untyped-def]
     """Correct the phase (turns) for what the wave shows besides its first harmonic, and its variance."""
     grid = bend.shape[2]
     for i in range(count):
-        at = min(max(INT((turn[i] + HALF) * F(grid)), 0), grid - 1)
-        turn[i] += bend[j, 0, at]
+        along = (turn[i] + HALF) * F(grid) - HALF  # entries stand for the middles of their parts
+        before = INT(np.floor(along))
+        part_of = along - F(before)
+        at = before if before >= 0 else INT(grid - 1)
+        behind = INT(before + 1) if before + 1 < grid else NONE
+        turn[i] += bend[j, 0, at] + part_of * (bend[j, 0, behind] - bend[j, 0, at])
         var[i] = var[i] * bend[j, 1, at] + bend[j, 2, at]
 
 
@@ -257,23 +261,12 @@ def _choose_end(table, turns, noise, count, place, flags):  # type: ignore[no-un
 
 
 @part
-def _add_misfit(table, misfit, variance, count, weight, sigma):  # type: ignore[no-untyped-def]
-    """Add what the misfit of every period makes of the mean."""
-    for i in range(count):
-        more = F(0)
-        for j in range(len(table.period)):
-            part_of = ONE / (table.period[j] * variance[j, i] * weight[i] + TINY)
-            more += part_of * part_of * misfit * table.covariance[j, 0]
-        sigma[i] = np.sqrt(sigma[i] * sigma[i] + more)
-
-
-@part
 def weigh(table, limits, turns, variance, count, place, shift, weight, sigma, flags):  # type: ignore[no-untyped-def]
-    """Mean of the coordinates by all periods, weighted by their variances; misfit counts for sigma alone."""
-    periods, misfit = table.period, limits.misfit / (TWO_PI * TWO_PI)
+    """Mean of the coordinates by all periods, weighted by their variances; of one alone the misfit counts for sigma."""
+    periods = table.period
     if len(periods) == 1:
         var, period = variance[0], periods[0]
-        more = misfit * table.covariance[0, 0]
+        more = limits.misfit * table.covariance[0, 0] / (TWO_PI * TWO_PI)
         for i in range(count):
             sigma[i] = period * np.sqrt(var[i] + more)
     else:
@@ -291,8 +284,6 @@ def weigh(table, limits, turns, variance, count, place, shift, weight, sigma, fl
         for i in range(count):
             place[i] += shift[i] / weight[i]
             sigma[i] = np.sqrt(ONE / weight[i])
-        if misfit > F(0):
-            _add_misfit(table, misfit, variance, count, weight, sigma)
     if table.start != CODE:
         # what lies beyond the projector is a whole number of the longest beat away from where it belongs
         middle, beat = HALF * (table.lines - ONE), table.step_period[0]
