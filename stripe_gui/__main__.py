@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import ctypes
 import os
 import socket
 import sys
@@ -21,6 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     problem = display_problem(os.environ, sys.platform)
     if problem and options.patterns is not None:
         problem = problem.partition(";")[0]  # the command that does without a window has asked for one
+    problem = problem or library_problem(os.environ, sys.platform)
     if problem:
         print(f"stripe-gui: {problem}", file=sys.stderr)
         return 2
@@ -81,11 +81,19 @@ def display_problem(environment: Mapping[str, str], platform: str) -> str:
         return "there is no display (DISPLAY and WAYLAND_DISPLAY are not set)" + elsewhere
     if not _x11_answers(x11):
         return f"the display {x11!r} does not answer" + elsewhere
-    try:
-        ctypes.CDLL("libxcb-cursor.so.0")
-    except OSError:
-        return "Qt needs a library that is not here: sudo apt-get install libxcb-cursor0" + elsewhere
     return ""
+
+
+def library_problem(environment: Mapping[str, str], platform: str) -> str:
+    """Name all libraries of the system that Qt would miss, empty if there are none: Qt names one, and aborts."""
+    if not platform.startswith("linux"):
+        return ""
+    from stripe_gui.libraries import missing_libraries, packages
+
+    missing = missing_libraries(environment)
+    if not missing:
+        return ""
+    return f"Qt needs {', '.join(missing)}; on Debian and Ubuntu: sudo apt-get install {' '.join(packages(missing))}"
 
 
 def _x11_answers(display: str) -> bool:
@@ -109,10 +117,7 @@ def _x11_answers(display: str) -> bool:
 
 
 def _import_problem(error: ImportError) -> str:
-    if (error.name or "").split(".")[0] in ("PySide6", "pyqtgraph", "shiboken6") and "cannot open" not in str(error):
-        return f"{error}; install the window's packages: pip install 'stripe-workbench[gui]'"
-    libraries = "libgl1 libegl1 libxkbcommon0 libfontconfig1 libglib2.0-0 libdbus-1-3"
-    return f"{error}; on Debian and Ubuntu: sudo apt-get install {libraries}"
+    return f"{error}; install the window's packages: pip install 'stripe-workbench[gui]'"
 
 
 if __name__ == "__main__":
