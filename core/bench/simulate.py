@@ -17,7 +17,7 @@ from core.bench.scenarios import experiment
 from core.bench.truth import true_targets
 from core.errors import InputError
 from core.geometry import Pose
-from core.model import Interior, Seed
+from core.model import Interior, Seed, Subject
 from core.parallel import THREADS
 from core.patterns import Pattern, SequenceSpec
 from core.progress import SILENT, Progress
@@ -110,11 +110,8 @@ def _write_shot(
         write_picks(folder / "picks.json", seeds)
     write_capture_json(
         folder,
-        shot.role,
+        Subject(shot.role, shot.name, shot.z_mm, shot.angle_deg, shot.testfield),
         [(name, pattern) for name, pattern, _ in named],
-        testfield=shot.testfield,
-        z_mm=shot.z_mm,
-        angle_deg=shot.angle_deg,
         more=cameras if len(views) > 1 else None,
     )
 

@@ -6,7 +6,7 @@ import re
 import shutil
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -19,7 +19,7 @@ from core.capture.quality import modulation, sample_grid, saturation, summarise
 from core.capture.recognise import order_in_words, recognise
 from core.errors import InputError
 from core.fields import regular
-from core.model import DeviceSpec, Project
+from core.model import DeviceSpec, Project, Subject
 from core.patterns import Pattern, SequenceSpec, brightness, read_sequence_file
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_capture, read_image, write_image
@@ -46,16 +46,10 @@ class ImportReport:
 def import_frames(
     project: Project,
     folder: Path,
-    name: str,
-    role: str,
+    subject: Subject,
     *,
     sequence: SequenceSpec | None = None,
     order: str | None = None,
-    testfield: str | None = None,
-    z_mm: float | None = None,
-    angle_deg: float | None = None,
-    camera: str = "",
-    projector: str = "",
     confirm: Callable[[Sequence[Pattern], Sequence[Image]], str] | None = None,
     progress: Progress = SILENT,
 ) -> ImportReport:
@@ -65,10 +59,8 @@ def import_frames(
     ----------
     folder : Path
         Holds the images: PNG or TIFF of 8 or 16 bit; colour files, BMP and JPEG are converted to grey PNG.
-    name, role, testfield, z_mm, angle_deg
-        As for a capture that is taken.
-    camera, projector : str
-        Whose frames they are, in a rig of several.
+    subject : Subject
+        As of a capture that is taken; whose frames they are, in a rig of several.
     sequence : SequenceSpec, optional
         What was shown; without it the ``capture.json`` in the folder, else the project's sequence.
     order : str, optional
@@ -84,17 +76,16 @@ def import_frames(
     InputError
         Naming the file: wrong counts or sizes, the same image twice, what is no image. Nothing is written then.
     """
-    folder, target = Path(folder), project.path / "captures" / name
+    folder, target = Path(folder), project.path / "captures" / subject.name
     if not folder.is_dir():
         raise InputError(folder, "no such folder", "give the folder that holds the frames")
     if order is not None and order not in ORDERS:
         raise InputError("--order", f"{order!r}", f"use {', '.join(ORDERS)}")
-    shown_by = project.rig.projectors.get(projector, project.projector)
+    shown_by = project.rig.projectors.get(subject.projector, project.projector)
     lines = shown_by.width, shown_by.height
     spec = sequence or sequence_beside(folder, project)
     patterns = spec.patterns(lines)
-    where = {"testfield": testfield, "z_mm": z_mm, "angle_deg": angle_deg}
-    plan = make_plan(project, name, role, patterns=patterns, camera=camera, projector=projector, **where)  # type: ignore[arg-type]
+    plan = make_plan(project, subject, patterns)
     if target.exists():
         raise InputError(target, "is there already", "choose another name, or remove that capture")
     files = frames_in(folder)
@@ -103,7 +94,7 @@ def import_frames(
         files = _listed(folder, files, spec)
     _check_count(folder, files, spec, patterns, by)
     images = [image for path in progress.part(0.0, 0.4).over(files, "reading frame {}") for image in [read_image(path)]]
-    _check_images(files, images, project.rig.cameras.get(camera, project.camera))
+    _check_images(files, images, project.rig.cameras.get(subject.camera, project.camera))
     words = []
     if by == "content":
         progress(0.4, "looking what each frame shows")
@@ -122,7 +113,7 @@ def import_frames(
     progress.check()
     converted = _write(target, plan, files, images, str(folder.resolve()))
     try:
-        add_capture(project.path, f"captures/{name}")
+        add_capture(project.path, f"captures/{subject.name}")
     except BaseException:
         shutil.rmtree(target, ignore_errors=True)
         raise
@@ -227,7 +218,7 @@ def _verified(plan: Plan, images: Sequence[Image], lines: tuple[int, int]) -> tu
     """Give what the checks of a capture find: frames that do not show their patterns, light."""
     shape = images[0].shape
     at = sample_grid((shape[0], shape[1]))
-    bare = Plan(plan.name, plan.role, plan.patterns, ())
+    bare = replace(plan, guards=())
     grey = np.array([image[at[0], at[1]] for image in images], np.float64)
     sampled = summarise(bare, grey, at, (shape[0], shape[1]), 255 if images[0].itemsize == 1 else int(grey.max()))
     findings: list[Finding] = [*identity(bare, sampled, lines), modulation(bare, sampled), saturation(sampled)]
@@ -253,11 +244,8 @@ def _write(target: Path, plan: Plan, files: Sequence[Path], images: Sequence[Ima
         extra = {"imported": {"from": source, "files": [path.name for path in files]}}
         write_capture_json(
             part,
-            plan.role,
+            plan.subject,
             entries,
-            testfield=plan.testfield,
-            z_mm=plan.z_mm,
-            angle_deg=plan.angle_deg,
             extra=extra,
             more=[plan.devices] * len(entries) if plan.devices else None,
         )

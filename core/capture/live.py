@@ -14,7 +14,7 @@ from core.capture.plan import check_shown, make_plan, sequence_for
 from core.capture.run import Loop, check_sizes
 from core.capture.store import Shot, Store
 from core.devices import Camera, Image, Projector, open_devices
-from core.model import Project
+from core.model import Project, Subject
 from core.patterns import Pattern, level_of
 from core.progress import SILENT, Progress
 from core.project.images import Image as Pixels
@@ -81,7 +81,7 @@ class Continuous:
     ) -> None:
         check_sizes(project, projector, camera)
         chosen = patterns if patterns is not None else sequence_for(project, projector)
-        plan = make_plan(project, "live", "object", patterns=chosen)
+        plan = make_plan(project, Subject("object", "live"), chosen)
         # an evenly lit frame before and after tells the noise; stripes twice more would only take time
         guards = tuple(g for g in plan.guards if level_of(g) is not None and projector.refusal(g) is None)
         self.plan = replace(plan, guards=guards)

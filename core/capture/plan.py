@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
 from core.errors import InputError, PatternRefusedError
-from core.model import Project, Role
+from core.model import Project, Role, Subject
 from core.patterns import Black, Level, Pattern, White, axis_of, brightness, default_sequence, describe, level_of
 
 if TYPE_CHECKING:
@@ -27,13 +27,9 @@ class Plan:
     movement and the lamp's drift, and that are no part of the capture.
     """
 
-    name: str
-    role: Role
+    subject: Subject
     patterns: tuple[Pattern, ...]
     guards: tuple[Pattern, ...]
-    testfield: str | None = None
-    z_mm: float | None = None
-    angle_deg: float | None = None
     devices: Mapping[str, str] = field(default_factory=dict)  # "camera", "projector": where they need names
 
     @property
@@ -52,27 +48,15 @@ class Plan:
         return [(i, len(self.shots) - 1 - i) for i in range(len(self.guards))]
 
 
-def make_plan(
-    project: Project,
-    name: str,
-    role: str,
-    *,
-    patterns: Sequence[Pattern] | None = None,
-    testfield: str | None = None,
-    z_mm: float | None = None,
-    angle_deg: float | None = None,
-    camera: str = "",
-    projector: str = "",
-) -> Plan:
+def make_plan(project: Project, subject: Subject, patterns: Sequence[Pattern] | None = None) -> Plan:
     """Plan a capture of a project; by default the project's sequence, else the reference sequence of its size.
-
-    `camera` and `projector` are names in the rig, by default those meant where none is named.
 
     Raises
     ------
     InputError
         For a name that is no folder name, an unknown role or device, a depth capture without its z, an empty sequence.
     """
+    name, role, testfield = subject.name, subject.role, subject.testfield
     where = f"capture {name!r}"
     shaped = name == name.strip() and name.isprintable() and not any(c in name for c in '/\\:*?"<>|')
     size = len(os.fsencode(name))
@@ -82,9 +66,9 @@ def make_plan(
         raise InputError("capture", seen, remedy)
     if role not in get_args(Role):
         raise InputError(where, f"role {role!r}", f"use {', '.join(get_args(Role))}")
-    if role == "depth" and z_mm is None:
+    if role == "depth" and subject.z_mm is None:
         raise InputError(where, "role depth without z", "give the plate's position along its axis in mm")
-    for key, value in (("z_mm", z_mm), ("angle_deg", angle_deg)):
+    for key, value in (("z_mm", subject.z_mm), ("angle_deg", subject.angle_deg)):
         if value is not None and not np.isfinite(value):
             raise InputError(where, f"{key} is {value}", "give a finite number")
     if role in ("testfield", "depth") and testfield is None and (project.path / "testfield.csv").is_file():
@@ -92,7 +76,7 @@ def make_plan(
     if testfield is not None and not (project.path / testfield).is_file():
         raise InputError(project.path / testfield, "no such testfield", "give its path from the project's folder")
     rig = project.rig
-    chosen_devices = {"camera": camera or rig.camera_name, "projector": projector or rig.projector_name}
+    chosen_devices = {"camera": subject.camera or rig.camera_name, "projector": subject.projector or rig.projector_name}
     for kind, known in (("camera", rig.cameras), ("projector", rig.projectors)):
         if chosen_devices[kind] not in known:
             raise InputError(where, f"{kind} {chosen_devices[kind]!r}", f"use {', '.join(known)}")
@@ -105,7 +89,7 @@ def make_plan(
     devices = {kind: name for kind, name in chosen_devices.items() if name != kind}
     if not chosen:
         raise InputError(where, "no patterns", "plan at least one")
-    return Plan(name, role, chosen, guards_for(chosen, lines), testfield, z_mm, angle_deg, devices)  # type: ignore[arg-type]
+    return Plan(replace(subject, testfield=testfield), chosen, guards_for(chosen, lines), devices)
 
 
 def sequence_for(project: Project, projector: Projector) -> tuple[Pattern, ...]:

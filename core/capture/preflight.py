@@ -26,6 +26,7 @@ from core.capture.plan import Plan, guards_for, own_sequence
 from core.capture.quality import LIT, sample_grid, summarise
 from core.devices import Camera, Check, Projector, no_check, wait_until
 from core.errors import DeviceError
+from core.model import Subject
 from core.numerics import sigma_about_median
 from core.patterns import Black, Level, Pattern, Phase, White, axis_of, finest_steps
 from core.progress import SILENT, Progress
@@ -177,7 +178,7 @@ def _sequence(projector: Projector, camera: Camera, wait_s: float, progress: Pro
     """Take the projector's sequence in memory, with white and black."""
     patterns = own_sequence(projector)
     patterns = (*patterns, *(p for p in (White(), Black()) if p not in patterns))
-    plan = Plan("pre-flight", "object", patterns, guards_for(patterns, projector.size))
+    plan = Plan(Subject("object", "pre-flight"), patterns, guards_for(patterns, projector.size))
     images = [
         _image(projector, camera, plan.shots[i], wait_s, progress.check)
         for i in progress.over(range(len(plan.shots)), "pattern {}")

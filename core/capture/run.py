@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +33,7 @@ from core.capture.writer import Writer
 from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
 from core.devices.protocol import Note
 from core.errors import DeviceError, InputError, PatternRefusedError
-from core.model import Project
+from core.model import Project, Subject
 from core.patterns import Pattern, describe
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_project
@@ -67,15 +66,11 @@ class CaptureReport:
 
 def run_capture(
     project: Project,
-    name: str,
-    role: str,
+    subject: Subject,
     projector_url: str,
     camera_url: str | Mapping[str, str],
     *,
     patterns: Sequence[Pattern] | None = None,
-    z_mm: float | None = None,
-    angle_deg: float | None = None,
-    testfield: str | None = None,
     progress: Progress = SILENT,
     listen: Listen = no_listener,
     ending: str = TIFF,
@@ -87,16 +82,10 @@ def run_capture(
 
     Parameters
     ----------
-    name : str
-        The new capture's folder.
-    role : str
-        One of `core.model.Role`.
     projector_url, camera_url : str
         As `core.devices.open_projector` and `open_camera` take them; of several cameras by their names in the rig.
     patterns : sequence of Pattern, optional
         Without it what `sequence_for` chooses.
-    z_mm, angle_deg, testfield
-        As capture.json holds them; the testfield is a path from the project.
     listen : callable
         Receives every entry of the transcript, from whatever thread writes it.
     ending : str
@@ -111,11 +100,10 @@ def run_capture(
         disk and the same call goes on with it.
     """
     urls = {"": camera_url} if isinstance(camera_url, str) else camera_url
-    folder, notes = project.path / "captures" / name, list[Said]()
+    folder, notes = project.path / "captures" / subject.name, list[Said]()
 
     def planned(camera: str, chosen: Sequence[Pattern] | None) -> Plan:
-        how: dict[str, Any] = {"z_mm": z_mm, "angle_deg": angle_deg, "testfield": testfield}
-        return make_plan(project, name, role, patterns=chosen, camera=camera, **how)
+        return make_plan(project, replace(subject, camera=camera or subject.camera), chosen)
 
     def note(who: str, what: str) -> None:
         notes.append((time.monotonic(), who, what))
@@ -125,7 +113,7 @@ def run_capture(
     if is_complete(folder):
         if folder.resolve() in {path.resolve() for path in read_project(project.path).captures}:
             raise InputError(folder, "this capture is complete", "choose another name, or remove its folder first")
-        add_capture(project.path, f"captures/{name}")  # a run was interrupted at the very end
+        add_capture(project.path, f"captures/{subject.name}")  # a run was interrupted at the very end
         return stored_report(folder)
     if "" not in urls and (folder / "capture.json").exists():
         raise InputError(folder, "an interrupted capture of one camera", "go on with that one, or remove its folder")
@@ -147,7 +135,7 @@ def run_capture(
     if "" not in urls:
         list_together(folder, list(stores.values()), report.findings)
         report = replace(report, folder=folder, frames=report.frames * len(loops))
-    add_capture(project.path, f"captures/{name}")
+    add_capture(project.path, f"captures/{subject.name}")
     return report
 
 

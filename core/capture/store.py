@@ -14,7 +14,7 @@ import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from core.capture.plan import Plan
 from core.devices import Image
 from core.errors import InputError, StripeError
 from core.fields import Fields, read_document
+from core.model import Subject
 from core.patterns import pattern_from_dict, pattern_to_dict
 from core.project import read_capture, read_image, write_image
 from core.project.captures import write_capture_json
@@ -126,11 +127,8 @@ class Store:
         with _told(self.folder / "capture.json"):
             write_capture_json(
                 self.folder,
-                plan.role,
+                plan.subject,
                 frames,
-                testfield=plan.testfield,
-                z_mm=plan.z_mm,
-                angle_deg=plan.angle_deg,
                 extra={"state": state, **extra},
                 more=[plan.devices] * len(frames) if plan.devices else None,
             )
@@ -161,16 +159,16 @@ def open_store(
     document = _document(folder)
     if reopen and document.get("state") == "complete":
         store = reopen_store(folder, listen)
-        if replace(store.plan, name=plan.name, devices=plan.devices) != plan:
+        own = store.plan
+        if plan.shots != own.shots or plan.subject.facts != own.subject.facts:
             raise other
         store.plan, store.ending = plan, ending
         return store
     if document.get("state") != "taking":
         raise InputError(folder, "this capture is complete", "choose another name, or remove its folder first")
     planned = [pattern_to_dict(pattern) for pattern in plan.patterns]
-    kept = {k: document.get(k) for k in ("role", "testfield", "z_mm", "angle_deg")}
-    wanted = {"role": plan.role, "testfield": plan.testfield, "z_mm": plan.z_mm, "angle_deg": plan.angle_deg}
-    if document.get("planned") != json.loads(json.dumps(planned)) or kept != wanted:
+    wanted = plan.subject.facts
+    if document.get("planned") != json.loads(json.dumps(planned)) or {k: document.get(k) for k in wanted} != wanted:
         raise other
     for part in folder.glob(".*.part"):
         part.unlink(missing_ok=True)
@@ -203,8 +201,8 @@ def reopen_store(folder: Path, listen: Listen = no_listener) -> Store:
     guards = [(g.text("file"), pattern_from_dict(g.data.get("pattern"), g.where)) for g in kept]
     half, frames = len(guards) // 2, [(frame.path.name, frame.pattern) for frame in capture.frames]
     patterns, before = tuple(p for _, p in frames), tuple(p for _, p in guards[:half])
-    name, z_mm, angle = document.get("testfield"), capture.z_mm, capture.angle_deg
-    plan = Plan(folder.name, capture.role, patterns, before, name, z_mm, angle)
+    subject = Subject(capture.role, folder.name, capture.z_mm, capture.angle_deg, document.get("testfield"))
+    plan = Plan(subject, patterns, before)
     store = Store(folder, plan, taken=_numbers(folder), listen=listen)
     bits = Fields(document, where).integer("camera_bits", 1, 16)
     for i, (file, _) in enumerate([*guards[:half], *frames, *guards[half:]]):
@@ -220,9 +218,8 @@ def list_together(folder: Path, stores: Sequence[Store], findings: Sequence[Find
             frames.append((f"{store.folder.name}/{store.shots[i].file}", store.plan.shots[i]))
             more.append({"camera": store.folder.name, **store.plan.devices})
     plan, extra = stores[0].plan, {"state": "complete", "findings": [finding.as_dict() for finding in findings]}
-    optional = {"testfield": plan.testfield, "z_mm": plan.z_mm, "angle_deg": plan.angle_deg}
     with _told(folder / "capture.json"):
-        write_capture_json(folder, plan.role, frames, extra=extra, more=more, **optional)  # type: ignore[arg-type]
+        write_capture_json(folder, plan.subject, frames, extra=extra, more=more)
 
 
 def capture_status(folder: Path) -> Status:

@@ -20,7 +20,7 @@ from core.capture.lookup import dictionary, nearest
 from core.capture.mistakes import explanation
 from core.capture.plan import Plan
 from core.capture.quality import Sampled, summarise
-from core.model import Capture, PhaseMap
+from core.model import Capture, PhaseMap, Subject
 from core.patterns import Axis, Code, Pattern, Phase, axis_of, level_of
 
 Array = NDArray[np.float32]
@@ -79,7 +79,7 @@ def check_stored(capture: Capture, images: Sequence[NDArray], phase: PhaseMap, l
     """
     if len({(f.camera, f.projector, f.exposure_ms) for f in capture.frames}) > 1:
         return []  # frames of several devices or exposures are no one sequence
-    plan = Plan(capture.name, capture.role, tuple(f.pattern for f in capture.frames), ())
+    plan = Plan(Subject(capture.role, capture.name), tuple(f.pattern for f in capture.frames), ())
     sampled = _sample(plan, images)
     found = [*_light(sampled, phase), *_plain(plan, sampled)]
     if not any(f.check in ("light", "saturation") for f in found):

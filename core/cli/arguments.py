@@ -11,6 +11,7 @@ from core.errors import InputError
 from core.progress import Progress
 
 if TYPE_CHECKING:
+    from core.model import Subject
     from core.patterns import SequenceSpec
 
 Options = argparse.Namespace
@@ -60,6 +61,24 @@ def add_devices(parser: Parser) -> None:
     """Declare the choice of a camera and a projector."""
     parser.add_argument("--camera", default="", metavar="NAME", help="of this one, where a capture has several cameras")
     parser.add_argument("--projector", default="", metavar="NAME", help="the same of several projectors")
+
+
+def add_subject(parser: Parser) -> None:
+    """Declare what a new capture is of."""
+    parser.add_argument("name", metavar="NAME")
+    parser.add_argument("--role", required=True, choices=("testfield", "depth", "plane", "object"))
+    parser.add_argument("--testfield", metavar="CSV", help="the board, for roles testfield and depth")
+    parser.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
+    parser.add_argument("--angle-deg", type=float, help="angle of the plane-table, for role plane")
+    sequence_argument(parser)
+
+
+def chosen_subject(options: Options, camera: str = "", projector: str = "") -> Subject:
+    """Read what a new capture is of."""
+    from core.model import Subject
+
+    where = (options.z_mm, options.angle_deg, options.testfield)
+    return Subject(options.role, options.name, *where, camera, projector)
 
 
 def method_name(name: str) -> str:

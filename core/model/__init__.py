@@ -18,7 +18,7 @@ from core.model.calibration import (
     Pair,
     PhotogrammetricCalibration,
 )
-from core.model.capture import Capture, Frame, Role, Seed
+from core.model.capture import Capture, Frame, Role, Seed, Subject
 from core.model.features import Feature
 from core.model.ids import StationId, TargetId
 from core.model.network import Network, NetworkDevice, NetworkScale
@@ -65,6 +65,7 @@ __all__ = [
     "ScaleBar",
     "Seed",
     "StationId",
+    "Subject",
     "TargetId",
     "TargetSet",
     "Testfield",

@@ -42,6 +42,38 @@ class Frame:
 
 
 @dataclass(frozen=True)
+class Subject:
+    """What a new capture is of, as its capture.json says it.
+
+    Attributes
+    ----------
+    name : str
+        The capture's folder.
+    z_mm : float, optional
+        The plate's position along its axis, role depth.
+    angle_deg : float, optional
+        The plane's angle, role plane.
+    testfield : str, optional
+        The board, a path from the project.
+    camera, projector : str
+        Names in the rig, where it has several; empty for those meant where none is named.
+    """
+
+    role: Role = "testfield"
+    name: str = ""
+    z_mm: float | None = None
+    angle_deg: float | None = None
+    testfield: str | None = None
+    camera: str = ""
+    projector: str = ""
+
+    @property
+    def facts(self) -> dict[str, str | float | None]:
+        """What capture.json keeps beside the frames, by its names."""
+        return {key: getattr(self, key) for key in ("role", "testfield", "z_mm", "angle_deg")}
+
+
+@dataclass(frozen=True)
 class Capture:
     """One sequence of frames: a folder with `capture.json`."""
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.errors import InputError
-from core.model import DeviceSpec, Project, Role
+from core.model import DeviceSpec, Project, Subject
 from core.progress import SILENT, Progress
 from core.project import read_project, refuse_used_folder, write_json
 from core.project.made import FILE as MADE
@@ -82,14 +82,10 @@ def check_scenario(scenario: str, seed: int) -> None:
 
 def capture_into(
     folder: Path,
-    name: str,
-    role: Role,
+    subject: Subject,
     *,
     projector: str | None = None,
     camera: str | Mapping[str, str] | None = None,
-    testfield: str | None = None,
-    z_mm: float | None = None,
-    angle_deg: float | None = None,
     sequence: SequenceSpec | None = None,
     progress: Progress = SILENT,
     listen: Listen | None = None,
@@ -112,16 +108,13 @@ def capture_into(
         camera = {name: f"{virtual}?camera={name}" for name in project.rig.cameras}
     how: dict[str, Any] = {
         "patterns": None if sequence is None else sequence.patterns(lines),
-        "testfield": testfield,
-        "z_mm": z_mm,
-        "angle_deg": angle_deg,
         "progress": progress,
         "listen": listen or no_listener,
         "ending": PNG if png else TIFF,
     }
     if camera is None or isinstance(camera, str):
         projector, camera = devices_of(project, projector, camera)
-    return run_capture(project, name, role, projector or virtual_rig(project), camera, **how)
+    return run_capture(project, subject, projector or virtual_rig(project), camera, **how)
 
 
 def devices_of(project: Project, projector: str | None, camera: str | None) -> tuple[str, str]:

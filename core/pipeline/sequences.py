@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from core.atomic import undone_on_failure
 from core.errors import InputError
-from core.model import Project, Role
+from core.model import Project, Subject
 from core.patterns import Pattern, SequenceSpec, default_sequence, pattern_image
 from core.progress import SILENT, Progress
 from core.project import read_project, write_image
@@ -81,7 +81,7 @@ def write_patterns(
             name = f"{k:0{digits}d}.png"
             write_image(Path(out) / name, pattern_png(patterns[k], size, levels), False)
             entries.append((name, patterns[k]))
-        write_capture_json(Path(out), "object", entries)
+        write_capture_json(Path(out), Subject("object"), entries)
     return WrittenPatterns(Path(out), patterns, spec.words, linearise)
 
 
@@ -131,38 +131,19 @@ def _stale(out: Path) -> Sequence[Path]:
 def import_into(
     folder: Path,
     frames: Path,
-    name: str,
-    role: Role,
+    subject: Subject,
     *,
     sequence: SequenceSpec | None = None,
     order: str | None = None,
-    testfield: str | None = None,
-    z_mm: float | None = None,
-    angle_deg: float | None = None,
-    camera: str = "",
-    projector: str = "",
     progress: Progress = SILENT,
 ) -> ImportReport:
     """Make a capture of a project from frames that came from elsewhere, as `core.capture.importing.import_frames`."""
     from core.capture.importing import import_frames
 
     project = read_project(folder)
-    shown_by = project.rig.projectors.get(projector, project.projector)
-    return import_frames(
-        project,
-        frames,
-        name,
-        role,
-        sequence=sequence,
-        order=order,
-        testfield=testfield,
-        z_mm=z_mm,
-        angle_deg=angle_deg,
-        camera=camera,
-        projector=projector,
-        confirm=_steady(str(frames), (shown_by.width, shown_by.height)),
-        progress=progress,
-    )
+    shown_by = project.rig.projectors.get(subject.projector, project.projector)
+    confirm = _steady(str(frames), (shown_by.width, shown_by.height))
+    return import_frames(project, frames, subject, sequence=sequence, order=order, confirm=confirm, progress=progress)
 
 
 def _steady(where: str, lines: tuple[int, int]) -> Callable[[Sequence[Pattern], Sequence[Image]], str]:

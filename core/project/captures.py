@@ -14,7 +14,7 @@ import numpy as np
 from core.atomic import atomic_write, write_json
 from core.errors import InputError
 from core.fields import VERSIONS, Fields, read_document, read_table
-from core.model import Capture, DeviceSpec, Frame, Project, Rig, ScaleBar, Seed, Testfield
+from core.model import Capture, DeviceSpec, Frame, Project, Rig, ScaleBar, Seed, Subject, Testfield
 from core.patterns import (
     Pattern,
     SequenceSpec,
@@ -283,41 +283,22 @@ def write_picks(path: Path, seeds: Sequence[Seed], excluded: Sequence[tuple[int,
 
 
 def write_capture(
-    folder: Path,
-    role: str,
-    frames: Sequence[tuple[Pattern, Image]],
-    *,
-    testfield: str | None = None,
-    z_mm: float | None = None,
-    angle_deg: float | None = None,
-    seeds: Sequence[Seed] = (),
-    suffix: str = ".png",
-    durable: bool = True,
-    extra: Mapping[str, Any] | None = None,
+    folder: Path, subject: Subject, frames: Sequence[tuple[Pattern, Image]], seeds: Sequence[Seed] = ()
 ) -> None:
-    """Write a capture: the frames first, then picks.json, then capture.json, so that what it lists is there.
-
-    `testfield` is a path from the project.
-    """
+    """Write a capture: the frames first, then picks.json, then capture.json, so that what it lists is there."""
     folder = Path(folder)
-    entries = []
-    for i, (pattern, image) in enumerate(frames):
-        name = f"{i:03d}{suffix}"
-        write_image(folder / name, image, durable)
-        entries.append((name, pattern))
+    for i, (_, image) in enumerate(frames):
+        write_image(folder / f"{i:03d}.png", image)
     if seeds:
         write_picks(folder / "picks.json", seeds)
-    write_capture_json(folder, role, entries, testfield=testfield, z_mm=z_mm, angle_deg=angle_deg, extra=extra)
+    write_capture_json(folder, subject, [(f"{i:03d}.png", pattern) for i, (pattern, _) in enumerate(frames)])
 
 
 def write_capture_json(
     folder: Path,
-    role: str,
+    subject: Subject,
     frames: Sequence[tuple[str, Pattern]],
     *,
-    testfield: str | None = None,
-    z_mm: float | None = None,
-    angle_deg: float | None = None,
     extra: Mapping[str, Any] | None = None,
     more: Sequence[Mapping[str, Any]] | None = None,
 ) -> None:
@@ -325,10 +306,9 @@ def write_capture_json(
 
     `more` says of each frame what version 2 adds: "camera", "projector", "exposure_ms".
     """
-    optional = {"testfield": testfield, "z_mm": z_mm, "angle_deg": angle_deg}
     version = 2 if more or uses_version_2([pattern for _, pattern in frames]) else VERSION
-    data: dict[str, Any] = {"format": "stripe-capture", "version": version, "role": role}
-    data |= {key: value for key, value in optional.items() if value is not None}
+    data: dict[str, Any] = {"format": "stripe-capture", "version": version}
+    data |= {key: value for key, value in subject.facts.items() if value is not None}
     data["frames"] = [
         {"file": name, **keys, "pattern": pattern_to_dict(pattern)}
         for (name, pattern), keys in zip(frames, more or [{}] * len(frames), strict=True)

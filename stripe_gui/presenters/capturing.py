@@ -14,7 +14,7 @@ from core.capture import CaptureReport, Finding, capture_status, retake_frame, r
 from core.devices import Setting, parse_address, with_option
 from core.errors import InputError, StripeError
 from core.fields import read_document
-from core.model import Project, Role
+from core.model import Project, Role, Subject
 from core.patterns import Pattern
 from core.pipeline import capture_into, preflight_rig
 from core.progress import SILENT, Progress
@@ -34,17 +34,6 @@ class DeviceKind:
     title: str
     url: str
     explanation: str
-
-
-@dataclass(frozen=True)
-class Subject:
-    """What is to be recorded."""
-
-    role: Role = "testfield"
-    name: str = ""
-    z_mm: float | None = None
-    angle_deg: float | None = None
-    testfield: str | None = None
 
 
 @dataclass(frozen=True)
@@ -336,17 +325,9 @@ def connect(project: Project, rig: Rig, urls: tuple[str, str], progress: Progres
 def take(recording: Recording, subject: Subject, progress: Progress = SILENT) -> CaptureReport:
     """Run the sequence into the project; the devices that were looked through are let go first."""
     recording.rig.close()
+    projector, camera = recording.urls
     return capture_into(
-        recording.folder,
-        subject.name,
-        subject.role,
-        projector=recording.urls[0],
-        camera=recording.urls[1],
-        testfield=subject.testfield,
-        z_mm=subject.z_mm if subject.role == "depth" else None,
-        angle_deg=subject.angle_deg if subject.role == "plane" else None,
-        progress=progress,
-        listen=recording.listen,
+        recording.folder, subject, projector=projector, camera=camera, progress=progress, listen=recording.listen
     )
 
 

@@ -10,11 +10,8 @@ from PySide6.QtCore import QCoreApplication
 from core.capture.importing import ImportReport, frames_in, sequence_beside
 from core.errors import InputError
 from core.model import DeviceSpec, Project
-from core.patterns import Pattern, SequenceSpec
-from core.pipeline.sequences import import_into
-from core.progress import SILENT, Progress
+from core.patterns import Pattern
 from core.project import read_image
-from stripe_gui.presenters.capturing import Subject
 from stripe_gui.presenters.sequences import sequence_text
 from stripe_gui.presenters.words import sentence
 
@@ -62,38 +59,6 @@ def order_choices() -> tuple[tuple[str | None, str], ...]:
         (None, translate("Importing", "as the list of patterns names the files, else by name")),
         ("name", translate("Importing", "by the files' names, numbers counted")),
         ("content", translate("Importing", "found from the images themselves")),
-    )
-
-
-def import_frames(
-    project: Project,
-    frames: str,
-    subject: Subject,
-    sequence: SequenceSpec | None,
-    order: str | None,
-    pair: tuple[str, str],
-    progress: Progress = SILENT,
-) -> ImportReport:
-    """Make a capture of the images in a folder.
-
-    Raises
-    ------
-    InputError
-        Naming the file: wrong counts or sizes, an order that is not sure. Nothing is written then.
-    """
-    return import_into(
-        project.path,
-        Path(frames.strip()).expanduser(),
-        subject.name,
-        subject.role,
-        sequence=sequence,
-        order=order,
-        testfield=subject.testfield,
-        z_mm=subject.z_mm,
-        angle_deg=subject.angle_deg,
-        camera=pair[0],
-        projector=pair[1],
-        progress=progress,
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from core.model import DeviceSpec, PhaseMap, Project
+from core.model import DeviceSpec, PhaseMap, Project, Subject
 from core.patterns import reference_sequence
 from core.pipeline import decode_capture, phase_maps
 from core.project import read_capture, read_images, read_project, write_image, write_project
@@ -46,7 +46,7 @@ def _project(folder: Path, data: Frames, count: int) -> Project:
     for (file, _), image in zip(named, data.images, strict=True):
         write_image(folder / "captures/000" / Path(file).name, image, durable=False)
     for k in range(count):
-        write_capture_json(folder / f"captures/{k:03d}", "plane", named, angle_deg=0.0)
+        write_capture_json(folder / f"captures/{k:03d}", Subject("plane", angle_deg=0.0), named)
     camera = DeviceSpec(*SIZE, (0.008, 0.008), 12.0)
     projector = DeviceSpec(LINES, LINES, (0.09, 0.09), 182.0)
     write_project(folder, "batch", camera, projector, captures=[f"captures/{k:03d}" for k in range(count)])

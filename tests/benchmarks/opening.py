@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from core.model import DeviceSpec
+from core.model import DeviceSpec, Subject
 from core.patterns import reference_sequence
 from core.pipeline import project_states
 from core.project import read_capture, read_project, write_image, write_project
@@ -37,7 +37,7 @@ def _write(folder: Path, count: int) -> None:
     for k in range(count):
         place = folder / "captures" / f"{k:03d}"
         if text is None:
-            write_capture_json(place, "plane", frames, angle_deg=0.0)
+            write_capture_json(place, Subject("plane", angle_deg=0.0), frames)
             text = (place / "capture.json").read_bytes()
         else:
             place.mkdir()

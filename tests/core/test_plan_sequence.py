@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from core.cli import main
 from core.decode import decode
 from core.errors import InputError
-from core.model import DeviceSpec
+from core.model import DeviceSpec, Subject
 from core.patterns import axis_of, brightness, parse_sequence
 from core.pipeline.planning import plan_sequence
 from core.project import add_capture, create_project
@@ -41,7 +41,7 @@ def project(tmp_path: Path) -> Path:
     create_project(folder, "p", DeviceSpec(*CAMERA, (0.01, 0.01), 12.0), DeviceSpec(*LINES, (0.09, 0.09), 100.0), {})
     rng, place = np.random.default_rng(3), field()
     patterns = parse_sequence("paper:axes=x").patterns(LINES)
-    write_capture(folder / "captures" / "a", "object", [(p, render(p, place, rng)) for p in patterns])
+    write_capture(folder / "captures" / "a", Subject("object"), [(p, render(p, place, rng)) for p in patterns])
     add_capture(folder, "captures/a")
     return folder
 

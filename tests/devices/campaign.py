@@ -24,7 +24,7 @@ from core.capture.live import Continuous
 from core.devices import CAMERA_FAULTS, LINK_FAULTS, TRIGGER_FAULTS, open_devices
 from core.devices.scene import FlatScene
 from core.errors import DeviceError
-from core.model import DeviceSpec, Project
+from core.model import DeviceSpec, Project, Subject
 from core.project import read_capture, read_image, read_project, write_project
 
 PROFILES = ("stripe-lines", "stripe-frames")
@@ -43,7 +43,7 @@ def make_project(folder: Path) -> Project:
 def outcome(project: Project, name: str, projector: str, camera: str) -> str:
     """Capture, and compare every listed frame with the noise-free image of its pattern: the emulator cannot hide."""
     try:
-        folder = run_capture(project, name, "object", projector, camera).folder
+        folder = run_capture(project, Subject("object", name), projector, camera).folder
     except DeviceError:
         return "refused"
     scene = FlatScene(noise=0.0)

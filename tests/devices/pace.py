@@ -17,7 +17,7 @@ from core.devices.opening import open_camera
 from core.devices.protocol import Pixels
 from core.devices.scene import FlatScene, Lines
 from core.devices.virtual import Stage
-from core.model import DeviceSpec
+from core.model import DeviceSpec, Subject
 from core.patterns import Pattern, reference_sequence
 from core.project import read_project, write_project
 
@@ -58,7 +58,7 @@ def main() -> None:
                 stage: Stage = held.stage  # type: ignore[attr-defined]
                 stage.scene = scene
                 start = time.perf_counter()
-                report = run_capture(read_project(path), "a", "object", url, "virtual:flat")
+                report = run_capture(read_project(path), Subject("object", "a"), url, "virtual:flat")
                 whole = time.perf_counter() - start
                 held.close()
                 entries = [json.loads(line) for line in (report.folder / "transcript.jsonl").open(encoding="utf-8")]

@@ -8,7 +8,7 @@ import pytest
 from core.capture import run_capture
 from core.devices import LINK_FAULTS
 from core.errors import Cancelled
-from core.model import Project
+from core.model import Project, Subject
 from core.progress import Progress
 from core.project import read_project
 from tests.devices.campaign import COMMANDS, PROFILES, QUICK, make_project, many, outcome, single_link
@@ -36,8 +36,7 @@ def test_a_capture_is_cancelled_within_half_a_second_though_its_projector_is_sil
     with pytest.raises(Cancelled):
         run_capture(
             project,
-            "a",
-            "object",
+            Subject("object", "a"),
             projector,
             "virtual:flat",
             progress=Progress(cancelled=lambda: time.monotonic() > start + 1.0),

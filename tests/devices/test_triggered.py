@@ -12,6 +12,7 @@ from core.capture.live import Continuous
 from core.capture.triggered import matched
 from core.devices import TRIGGER_FAULTS, Image, open_devices
 from core.errors import DeviceError
+from core.model import Subject
 from tests.devices.campaign import TRIGGERED, make_project, outcome, triggered
 
 PERIOD_MS = 8  # 125 patterns a second
@@ -92,6 +93,6 @@ def test_where_triggers_are_always_lost_patterns_are_shown_step_by_step(tmp_path
     project = make_project(tmp_path)
     start = time.monotonic()
     camera = "virtual:flat?faults=lost-trigger:0.5"
-    report = run_capture(project, "a", "object", f"virtual:flat?period_ms={PERIOD_MS}", camera)
+    report = run_capture(project, Subject("object", "a"), f"virtual:flat?period_ms={PERIOD_MS}", camera)
     assert report.frames > 0
     assert time.monotonic() - start < 10

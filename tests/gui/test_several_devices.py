@@ -11,6 +11,7 @@ import pytest
 
 from core.capture.plan import make_plan
 from core.errors import InputError
+from core.model import Subject
 from core.pipeline.sequences import import_into
 from core.project import read_capture, read_image, read_project, write_image
 from stripe_gui.presenters.capture import rig_lines
@@ -111,10 +112,11 @@ def test_picks_of_one_camera_leave_those_of_the_other(window, pair_project: Path
 
 def test_frames_are_imported_for_a_camera_by_name(pair_project: Path, recorded: Path) -> None:
     source = recorded / "captures" / "plane+00"
-    import_into(pair_project, source, "again", "object", camera="right")
+    import_into(pair_project, source, Subject("object", "again", camera="right"))
     project = read_project(pair_project)
     assert read_capture(project.captures[-1], project).pairs == (("right", "projector"),)
     with pytest.raises(InputError, match="left, right"):
-        import_into(pair_project, source, "more", "object", camera="top")
-    assert make_plan(project, "x", "object").devices == {"camera": "left"}  # a capture says whose frames it has
+        import_into(pair_project, source, Subject("object", "more", camera="top"))
+    named = make_plan(project, Subject("object", "x")).devices
+    assert named == {"camera": "left"}  # a capture says whose frames it has
     assert look_at(None, Shown((64, 64))).patterns == ()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from core.cli.arguments import Commands, Options, chosen_sequence, sequence_argument
+from core.cli.arguments import Commands, Options, add_subject, chosen_sequence, chosen_subject
 from core.errors import InputError
 from core.progress import Progress
 
@@ -15,15 +15,10 @@ from core.progress import Progress
 def add(commands: Commands) -> None:
     """Declare the commands of this group."""
     sub = commands.add_on_project("capture", _capture, "run one sequence on real or virtual devices")
-    sub.add_argument("name", metavar="NAME")
-    sub.add_argument("--role", required=True, choices=("testfield", "depth", "plane", "object"))
+    add_subject(sub)
     sub.add_argument("--projector", metavar="URL", help="virtual, serial, screen, ...")
     words = "virtual, folder, replay, uvc, ...; several take each pattern together: NAME=URL, given for each"
     sub.add_argument("--camera", metavar="URL", action="append", default=[], help=words)
-    sub.add_argument("--testfield", metavar="CSV", help="the board, for roles testfield and depth")
-    sequence_argument(sub)
-    sub.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
-    sub.add_argument("--angle-deg", type=float, help="angle of the plane-table, for role plane")
     sub.add_argument("--png", action="store_true", help="store PNG: a third of the room, ten times the time")
 
     sub = commands.add(
@@ -45,13 +40,9 @@ def _capture(options: Options, progress: Progress) -> dict[str, Any]:
 
     report = capture_into(
         options.project,
-        options.name,
-        options.role,
+        chosen_subject(options),
         projector=options.projector,
         camera=_cameras(options.camera),
-        testfield=options.testfield,
-        z_mm=options.z_mm,
-        angle_deg=options.angle_deg,
         sequence=chosen_sequence(options),
         progress=progress,
         png=options.png,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from core.cli.arguments import Commands, Options, chosen_sequence, sequence_argument
+from core.cli.arguments import Commands, Options, add_subject, chosen_sequence, chosen_subject, sequence_argument
 from core.progress import Progress
 
 
@@ -19,14 +19,9 @@ def add(commands: Commands) -> None:
     sub = commands.add("import-frames", _import, "a capture from frames that came from elsewhere")
     sub.add_argument("folder", type=Path, metavar="FOLDER")
     sub.add_argument("project", type=Path, metavar="PROJECT")
-    sub.add_argument("name", metavar="NAME")
-    sub.add_argument("--role", required=True, choices=("testfield", "depth", "plane", "object"))
-    sequence_argument(sub)
+    add_subject(sub)
     orders = "by the files' names, by the list that names them, or found from the images"
     sub.add_argument("--order", choices=("name", "list", "content"), help=orders)
-    sub.add_argument("--testfield", metavar="CSV", help="the board, for roles testfield and depth")
-    sub.add_argument("--z-mm", type=float, help="position of the plate, for role depth")
-    sub.add_argument("--angle-deg", type=float, help="angle of the plane-table, for role plane")
     sub.add_argument("--camera", default="", metavar="NAME", help="whose frames they are, in a rig of several")
     sub.add_argument("--projector", default="", metavar="NAME", help="what was shown by which, in a rig of several")
 
@@ -57,15 +52,9 @@ def _import(options: Options, progress: Progress) -> dict[str, Any]:
     report = import_into(
         options.project,
         options.folder,
-        options.name,
-        options.role,
+        chosen_subject(options, options.camera, options.projector),
         sequence=chosen_sequence(options),
         order=options.order,
-        testfield=options.testfield,
-        z_mm=options.z_mm,
-        angle_deg=options.angle_deg,
-        camera=options.camera,
-        projector=options.projector,
         progress=progress,
     )
     print(report.folder)

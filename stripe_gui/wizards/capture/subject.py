@@ -7,9 +7,8 @@ from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFormLayout, QLineEdit,
 
 from core.capture.plan import make_plan
 from core.errors import StripeError
-from core.model import Project
+from core.model import Project, Subject
 from stripe_gui.presenters.capturing import (
-    Subject,
     Unfinished,
     boards,
     next_name,
@@ -83,17 +82,9 @@ class SubjectForm(QWidget):
     @property
     def wrong(self) -> str:
         """What the core says against such a capture."""
-        subject = self.subject
         try:
             assert self._project is not None
-            make_plan(
-                self._project,
-                subject.name,
-                subject.role,
-                testfield=subject.testfield,
-                z_mm=subject.z_mm,
-                angle_deg=subject.angle_deg,
-            )
+            make_plan(self._project, self.subject)
         except StripeError as error:
             return f"{sentence(error.seen)}: {error.remedy}."
         return ""

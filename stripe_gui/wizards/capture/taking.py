@@ -11,9 +11,10 @@ from PySide6.QtWidgets import QProgressBar, QWidget
 
 from core.capture import CaptureReport, capture_status
 from core.errors import StripeError
+from core.model import Subject
 from stripe_gui.jobs import Failure, Job
 from stripe_gui.presenters.capture import FrameView, load_frame
-from stripe_gui.presenters.capturing import Recording, Subject, retake, take
+from stripe_gui.presenters.capturing import Recording, retake, take
 from stripe_gui.presenters.failures import describe
 from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.finding_list import FindingList

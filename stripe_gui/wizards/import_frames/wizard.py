@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QLineEdit, QWidget
 
 from core.capture.importing import ImportReport
+from core.pipeline.sequences import import_into
 from stripe_gui.jobs import Failure, Job
 from stripe_gui.presenters.failures import describe
-from stripe_gui.presenters.importing import FrameFolder, import_frames, look_in, order_choices, report_lines
+from stripe_gui.presenters.importing import FrameFolder, look_in, order_choices, report_lines
 from stripe_gui.presenters.sequences import Shown
 from stripe_gui.presenters.words import sentence
 from stripe_gui.widgets.finding_list import FindingList
@@ -157,15 +159,16 @@ class ImportWizard(Wizard):
             return
         step.start_button.setEnabled(False)
         step.say("info", [self.tr("reading and checking the images …")])
+        camera, projector = self.session.pair
+        subject = replace(self.subject.subject, camera=camera, projector=projector)
         step.job = self.bench.jobs.run(
-            self.subject.subject.name,
-            import_frames,
-            folder.project,
-            self.frames.folder.text(),
-            self.subject.subject,
-            self.sequence.spec,
-            self.order.currentData(),
-            self.session.pair,
+            subject.name,
+            import_into,
+            folder.path,
+            Path(self.frames.folder.text().strip()).expanduser(),
+            subject,
+            sequence=self.sequence.spec,
+            order=self.order.currentData(),
             stage="capture",
             on_done=self._done,
             on_failed=self._failed,

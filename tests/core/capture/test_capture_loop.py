@@ -12,11 +12,12 @@ from core.capture import capture_status, run_capture
 from core.devices import open_camera
 from core.devices.scene import FlatScene
 from core.errors import Cancelled, DeviceError, InputError
-from core.model import Project
+from core.model import Project, Subject
 from core.patterns import Black, Level, Phase, White, gray_and_phase, parse_sequence, reference_sequence
 from core.progress import Progress
 from core.project import read_capture, read_image, read_project
 
+A = Subject("object", "a")
 FLAT = "virtual:flat"
 
 
@@ -31,7 +32,7 @@ def truly_shows(folder: Path) -> bool:
 
 def test_a_project_without_a_sequence_takes_what_the_projector_can_show(project: Project) -> None:
     """The flat scene's projector shows grey: sine fringes, by which the LCD could not measure."""
-    report = run_capture(replace(project, sequence=None), "a", "object", FLAT, FLAT)
+    report = run_capture(replace(project, sequence=None), A, FLAT, FLAT)
     capture = read_capture(report.folder)
     assert [f.pattern for f in capture.frames] == list(parse_sequence("gray-sine").patterns((64, 64)))
     assert truly_shows(report.folder)
@@ -40,14 +41,14 @@ def test_a_project_without_a_sequence_takes_what_the_projector_can_show(project:
 def test_a_capture_of_any_sequence_is_verified(project: Project) -> None:
     """A list with levels and lines of its own; what comes out is version 2."""
     patterns = [*parse_sequence("dense:frames=24").patterns((64, 64)), White(), Black(), Level(0.5)]
-    report = run_capture(project, "a", "object", FLAT, FLAT, patterns=patterns)
+    report = run_capture(project, A, FLAT, FLAT, patterns=patterns)
     assert [f.pattern for f in read_capture(report.folder).frames] == patterns
     assert truly_shows(report.folder)
     assert json.loads((report.folder / "capture.json").read_text())["version"] == 2
 
 
 def test_a_capture_holds_the_projects_sequence_in_order(project: Project) -> None:
-    report = run_capture(project, "a", "object", FLAT, FLAT)
+    report = run_capture(project, A, FLAT, FLAT)
     capture = read_capture(report.folder)
     assert [f.pattern for f in capture.frames] == reference_sequence(64, 64)
     assert truly_shows(report.folder)
@@ -60,13 +61,13 @@ def test_a_capture_holds_the_projects_sequence_in_order(project: Project) -> Non
 @pytest.mark.parametrize("shot", range(0, 24, 4))
 @pytest.mark.parametrize("fault", ["stale-frame", "torn-frame", "no-frame"])
 def test_a_camera_fault_at_any_frame_is_mended(project: Project, fault: str, shot: int) -> None:
-    report = run_capture(project, "a", "object", FLAT, f"{FLAT}?faults={fault}@{shot}")
+    report = run_capture(project, A, FLAT, f"{FLAT}?faults={fault}@{shot}")
     assert truly_shows(report.folder)
 
 
 def test_a_camera_that_always_lies_gives_an_error_and_no_frame_is_listed(project: Project) -> None:
     with pytest.raises(DeviceError, match="further tries"):
-        run_capture(project, "a", "object", FLAT, f"{FLAT}?faults=stale-frame:1")
+        run_capture(project, A, FLAT, f"{FLAT}?faults=stale-frame:1")
     assert json.loads((project.path / "captures/a/capture.json").read_text())["frames"] == []
     assert read_project(project.path).captures == ()
 
@@ -79,35 +80,35 @@ def test_an_interrupted_capture_says_what_is_missing_and_goes_on_there(project: 
         return len(calls) > 24 + 12  # once a pattern while loading, then before every image
 
     with pytest.raises(Cancelled):
-        run_capture(project, "a", "object", FLAT, FLAT, progress=Progress(cancelled=cancelled))
+        run_capture(project, A, FLAT, FLAT, progress=Progress(cancelled=cancelled))
     status = capture_status(project.path / "captures/a")
     assert 0 < status.taken < 20
     assert status.missing == tuple(range(status.taken, 20))
     assert f"{status.taken} of 20" in str(status)
     with pytest.raises(InputError, match=f"{status.taken} of 20 frames taken; missing: {status.taken}"):
         read_capture(project.path / "captures/a")
-    report = run_capture(project, "a", "object", FLAT, FLAT)
+    report = run_capture(project, A, FLAT, FLAT)
     assert report.resumed == status.taken + 2  # and the two guards before
     assert truly_shows(report.folder)
 
 
 def test_an_interrupted_capture_is_not_continued_with_another_plan(project: Project) -> None:
     with pytest.raises(DeviceError):
-        run_capture(project, "a", "object", FLAT, f"{FLAT}?faults=no-frame:1")
+        run_capture(project, A, FLAT, f"{FLAT}?faults=no-frame:1")
     with pytest.raises(InputError, match="another plan"):
-        run_capture(project, "a", "plane", FLAT, FLAT)
+        run_capture(project, Subject("plane", "a"), FLAT, FLAT)
 
 
 def test_a_complete_capture_is_never_overwritten(project: Project) -> None:
-    run_capture(project, "a", "object", FLAT, FLAT)
+    run_capture(project, A, FLAT, FLAT)
     with pytest.raises(InputError, match="complete"):
-        run_capture(project, "a", "object", FLAT, FLAT)
+        run_capture(project, A, FLAT, FLAT)
 
 
 def test_a_replayed_capture_is_the_capture(project: Project) -> None:
-    first = run_capture(project, "a", "object", FLAT, FLAT)
+    first = run_capture(project, A, FLAT, FLAT)
     url = f"replay:{first.folder}"
-    second = run_capture(project, "b", "object", url, url)
+    second = run_capture(project, Subject("object", "b"), url, url)
     for a, b in zip(read_capture(first.folder).frames, read_capture(second.folder).frames, strict=True):
         assert a.pattern == b.pattern
         assert np.array_equal(read_image(a.path), read_image(b.path))
@@ -115,14 +116,14 @@ def test_a_replayed_capture_is_the_capture(project: Project) -> None:
 
 def test_grey_patterns_and_a_sequence_of_ones_own_can_be_captured(project: Project) -> None:
     patterns = [*gray_and_phase("x", 64, cell=8, periods=[16.0, 64.0]), White()]
-    report = run_capture(project, "a", "object", FLAT, FLAT, patterns=patterns)
+    report = run_capture(project, A, FLAT, FLAT, patterns=patterns)
     assert truly_shows(report.folder)
     assert any(isinstance(f.pattern, Phase) for f in read_capture(report.folder).frames)
 
 
 def test_a_sequence_that_repeats_nothing_is_captured_with_a_warning(project: Project) -> None:
     patterns = gray_and_phase("x", 64, cell=1, periods=[])
-    report = run_capture(project, "a", "object", FLAT, FLAT, patterns=patterns)
+    report = run_capture(project, A, FLAT, FLAT, patterns=patterns)
     assert any(f.level == "warning" and "inverse frames" in f.text for f in report.findings)
 
 
@@ -138,14 +139,14 @@ def test_movement_makes_the_capture_again_and_is_reported_when_it_goes_on(projec
 
     camera.stage.scene = Drifting()
     try:
-        report = run_capture(project, "a", "object", FLAT, FLAT)
+        report = run_capture(project, A, FLAT, FLAT)
     finally:
         camera.stage.scene = still
     assert any(f.check == "movement" and f.level == "warning" and "moved" in f.text for f in report.findings)
 
 
 def test_the_transcript_tells_every_shot_with_its_time(project: Project) -> None:
-    report = run_capture(project, "a", "object", FLAT, f"{FLAT}?faults=torn-frame@9")
+    report = run_capture(project, A, FLAT, f"{FLAT}?faults=torn-frame@9")
     lines = [json.loads(line) for line in (report.folder / "transcript.jsonl").read_text().splitlines()]
     shots = [e for e in lines if e["event"] == "shot"]
     times = [e["exposed"] for e in shots]
@@ -165,7 +166,7 @@ def test_waiting_for_a_camera_that_is_silent_can_be_cancelled_within_half_a_seco
         return len(asked) > 1 and asked[-1] - asked[0] > 0.3
 
     with pytest.raises(Cancelled):
-        run_capture(project, "a", "object", FLAT, f"folder:{tmp_path}/images", progress=Progress(cancelled=cancelled))
+        run_capture(project, A, FLAT, f"folder:{tmp_path}/images", progress=Progress(cancelled=cancelled))
     assert max(np.diff(asked)) < 0.5
 
 
@@ -184,7 +185,9 @@ def test_waiting_for_a_camera_that_is_silent_can_be_cancelled_within_half_a_seco
     ],
 )
 def test_a_wrong_request_writes_nothing(project: Project, change: dict, seen: str) -> None:
-    wanted = {"name": "a", "role": "object", "projector_url": FLAT, "camera_url": FLAT, **change}
+    of = {"name": "a", "role": "object"}
+    wanted = {"projector_url": FLAT, "camera_url": FLAT, **change}
+    of |= {key: wanted.pop(key) for key in change if key in ("name", "role", "z_mm", "testfield")}
     with pytest.raises(InputError, match=seen):
-        run_capture(project, **wanted)
+        run_capture(project, Subject(**of), **wanted)
     assert not (project.path / "captures").exists()

@@ -11,6 +11,7 @@ from core.capture.identity import identity
 from core.capture.plan import Plan, guards_for
 from core.capture.quality import Sampled, sample_grid, summarise
 from core.devices import open_camera, open_projector
+from core.model import Subject
 from core.patterns import Code, reference_sequence
 
 SCENES = ["testfield-03", "plane%2B15", "object-step"]
@@ -45,7 +46,7 @@ def take(scene: str) -> Stack:
     url = f"virtual:quick?shot={scene}"
     projector, camera = open_projector(url), open_camera(url)
     chosen = tuple(reference_sequence(*projector.size))
-    plan = Plan("a", "object", chosen, guards_for(chosen, projector.size))
+    plan = Plan(Subject("object", "a"), chosen, guards_for(chosen, projector.size))
     images = []
     for pattern in plan.shots:
         projector.show(pattern)

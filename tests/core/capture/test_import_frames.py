@@ -14,11 +14,12 @@ from core.capture.importing import import_frames, natural
 from core.cli import main
 from core.decode import decode
 from core.errors import InputError
-from core.model import DeviceSpec
+from core.model import DeviceSpec, Subject
 from core.patterns import axis_of, brightness, parse_sequence, pattern_to_dict
 from core.project import create_project, read_capture, read_project
 from core.project.made import FILE as MADE
 
+A = Subject("object", "a")
 SIZE = (64, 48)  # of the projector
 CAMERA = (120, 90)
 
@@ -82,7 +83,11 @@ def test_frames_are_recognised_by_content(project: Path, tmp_path: Path, sequenc
     shuffled = np.random.default_rng(9).permutation(200)
     patterns = take(tmp_path / "in", sequence, lambda k: f"{shuffled[k]:03d}.png")
     report = import_frames(
-        read_project(project), tmp_path / "in", "c", "object", sequence=parse_sequence(sequence), order="content"
+        read_project(project),
+        tmp_path / "in",
+        Subject("object", "c"),
+        sequence=parse_sequence(sequence),
+        order="content",
     )
     assert list(report.files) == [f"{shuffled[k]:03d}.png" for k in range(len(patterns))]
     assert shown(project, "c") == patterns
@@ -93,7 +98,10 @@ def test_a_list_names_the_frames(project: Path, tmp_path: Path) -> None:
     listed = [{"file": f"{99 - k}.png", "pattern": pattern_to_dict(p)} for k, p in enumerate(patterns)]
     (tmp_path / "list.json").write_text(json.dumps({"frames": listed[::-1]}))
     report = import_frames(
-        read_project(project), tmp_path / "in", "l", "object", sequence=parse_sequence(str(tmp_path / "list.json"))
+        read_project(project),
+        tmp_path / "in",
+        Subject("object", "l"),
+        sequence=parse_sequence(str(tmp_path / "list.json")),
     )
     assert report.order == "list"
     assert shown(project, "l") == patterns[::-1]
@@ -155,7 +163,7 @@ def test_colour_files_are_converted_and_it_is_said(project: Path, tmp_path: Path
     for path in (tmp_path / "in").iterdir():
         grey = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         cv2.imwrite(str(path), cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
-    report = import_frames(read_project(project), tmp_path / "in", "a", "object", sequence=parse_sequence("gray-sine"))
+    report = import_frames(read_project(project), tmp_path / "in", A, sequence=parse_sequence("gray-sine"))
     assert report.words[0].startswith(f"{len(patterns)} of {len(patterns)} files were converted")
     stored = cv2.imread(str(project / "captures" / "a" / "000.png"), cv2.IMREAD_UNCHANGED)
     assert stored.ndim == 2
@@ -163,14 +171,14 @@ def test_colour_files_are_converted_and_it_is_said(project: Path, tmp_path: Path
 
 def test_frames_in_a_wrong_order_are_noticed(project: Path, tmp_path: Path) -> None:
     take(tmp_path / "in", "paper", lambda k: f"{(k * 7) % 22:03d}.png")
-    report = import_frames(read_project(project), tmp_path / "in", "a", "object", sequence=parse_sequence("paper"))
+    report = import_frames(read_project(project), tmp_path / "in", A, sequence=parse_sequence("paper"))
     assert any("--order content" in words for words in report.words)
 
 
 def test_without_a_sequence_the_project_must_know_one(project: Path, tmp_path: Path) -> None:
     take(tmp_path / "in", "gray-sine")
     with pytest.raises(InputError, match="gives no sequence"):
-        import_frames(read_project(project), tmp_path / "in", "a", "object")
+        import_frames(read_project(project), tmp_path / "in", A)
 
 
 def test_patterns_are_written_pixel_for_pixel(project: Path, tmp_path: Path) -> None:

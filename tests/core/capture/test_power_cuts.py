@@ -15,10 +15,11 @@ import pytest
 from core.capture import capture_status, run_capture
 from core.devices.scene import FlatScene
 from core.errors import StripeError
-from core.model import Project
+from core.model import Project, Subject
 from core.patterns import Phase, White
 from core.project import read_capture, read_image, read_project
 
+A = Subject("object", "a")
 FLAT = "virtual:flat"
 PATTERNS = [*(Phase("x", 80.0, 3, k, 2 * np.pi * k / 3) for k in range(3)), White()]
 
@@ -29,7 +30,7 @@ pytestmark = [
 
 
 def capture(project: Project) -> None:
-    run_capture(project, "a", "object", FLAT, FLAT, patterns=PATTERNS)
+    run_capture(project, A, FLAT, FLAT, patterns=PATTERNS)
 
 
 def count_writes(monkeypatch: pytest.MonkeyPatch, at_write: Callable[[int], None]) -> None:
@@ -123,7 +124,7 @@ def test_killed_again_and_again_it_comes_to_its_end(project: Project, monkeypatc
 
 def test_a_transcript_torn_anywhere_in_its_last_lines_is_no_obstacle(project: Project) -> None:
     with pytest.raises(StripeError):
-        run_capture(project, "a", "object", FLAT, f"{FLAT}?faults=no-frame@5,no-frame@6,no-frame@7", patterns=PATTERNS)
+        run_capture(project, A, FLAT, f"{FLAT}?faults=no-frame@5,no-frame@6,no-frame@7", patterns=PATTERNS)
     folder = project.path / "captures/a"
     shutil.copytree(folder, project.path / "original")
     whole = (folder / "transcript.jsonl").read_bytes()
@@ -138,7 +139,7 @@ def test_a_transcript_torn_anywhere_in_its_last_lines_is_no_obstacle(project: Pr
 
 def test_a_shot_that_was_damaged_on_disk_is_taken_again(project: Project) -> None:
     with pytest.raises(StripeError):
-        run_capture(project, "a", "object", FLAT, f"{FLAT}?faults=no-frame@6,no-frame@7,no-frame@8", patterns=PATTERNS)
+        run_capture(project, A, FLAT, f"{FLAT}?faults=no-frame@6,no-frame@7,no-frame@8", patterns=PATTERNS)
     folder = project.path / "captures/a"
     assert capture_status(folder).taken == 3
     shot = folder / "shot-0004.tif"

@@ -10,6 +10,7 @@ from core.capture.fitness import exposure, focus, linearity_of_halves, linearity
 from core.capture.preflight import measure_settle, preflight
 from core.devices.scene import FlatScene
 from core.devices.virtual import Stage, VirtualCamera, VirtualProjector
+from core.model import Subject
 from core.patterns import Black, Pattern, Phase, White
 
 
@@ -119,7 +120,7 @@ def test_the_focus_is_the_modulation_of_the_finest_stripes(blur: float, level: s
 
     scene = FlatScene(blur_lines=blur, noise=0.0)
     steps = [Phase("x", 8.0, 4, k, k * np.pi / 2) for k in range(4)]
-    plan = Plan("a", "object", (White(), Black(), *steps), ())
+    plan = Plan(Subject("object", "a"), (White(), Black(), *steps), ())
     finding = focus(plan, [scene.frame(p, 0).astype(float) for p in plan.shots])
     # a cosine of period P blurred by sigma keeps exp(-2 pi² sigma² / P²); whole lines and four steps cost up to a third
     kept = np.exp(-2 * np.pi**2 * blur**2 / 64)

@@ -10,7 +10,7 @@ from core.capture import capture_status, retake_frame, run_capture
 from core.devices import open_camera
 from core.devices.scene import FlatScene
 from core.errors import Cancelled, DeviceError, InputError
-from core.model import Project
+from core.model import Project, Subject
 from core.progress import Progress
 from core.project import read_capture, read_image, write_capture
 
@@ -20,7 +20,7 @@ FLAT = "virtual:flat"
 @pytest.fixture
 def project(project: Project) -> Project:
     """The same with one capture."""
-    run_capture(project, "a", "object", FLAT, FLAT)
+    run_capture(project, Subject("object", "a"), FLAT, FLAT)
     return project
 
 
@@ -89,14 +89,14 @@ def test_a_frame_that_is_not_there_is_refused(project: Project) -> None:
 
 def test_a_capture_of_another_program_is_not_touched(project: Project) -> None:
     frames = [(f.pattern, read_image(f.path)) for f in read_capture(project.path / "captures/a").frames]
-    write_capture(project.path / "captures/b", "object", frames)
+    write_capture(project.path / "captures/b", Subject("object"), frames)
     with pytest.raises(InputError, match="not recorded and verified"):
         retake_frame(project, "b", 3, FLAT, FLAT)
 
 
 def test_the_listener_hears_every_shot_while_it_is_taken(project: Project) -> None:
     heard: list[dict] = []
-    report = run_capture(project, "b", "object", FLAT, FLAT, listen=heard.append)
+    report = run_capture(project, Subject("object", "b"), FLAT, FLAT, listen=heard.append)
     lines = [json.loads(line) for line in (report.folder / "transcript.jsonl").read_text().splitlines()]
     assert heard == lines
     assert [e["planned"] for e in heard if e["event"] == "shot"] == list(range(24))

@@ -16,7 +16,7 @@ from core.cli import main
 from core.devices.scene import FlatScene
 from core.errors import DeviceError, InputError
 from core.geometry import project, ray_directions
-from core.model import DeviceSpec, Project
+from core.model import DeviceSpec, Project, Subject
 from core.pipeline import decode_capture
 from core.project import read_capture, read_image, read_project, write_project
 from tests.core.capture.test_power_cuts import FLAT, PATTERNS, run_and_kill
@@ -79,7 +79,7 @@ GAINS = {"left": 0.8, "right": 1.2}
 
 def take_both(project: Project, **more: object) -> None:
     urls = {name: f"{FLAT}?gain={gain}" for name, gain in GAINS.items()}
-    run_capture(project, "a", "object", FLAT, urls, **{"patterns": PATTERNS, **more})
+    run_capture(project, Subject("object", "a"), FLAT, urls, **{"patterns": PATTERNS, **more})
 
 
 @pytest.fixture

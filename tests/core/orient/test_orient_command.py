@@ -12,6 +12,7 @@ import pytest
 from core.bench.experiment import Experiment
 from core.bench.scenarios import experiment
 from core.cli import main
+from core.model import Subject
 from core.pipeline import drift_of
 from core.pipeline.report import report_data
 from core.project import read_project, write_capture
@@ -33,7 +34,7 @@ def knocked(bench: Experiment, project: Path) -> Path:
     """A plane captured after the projector was knocked."""
     folder = project / "captures" / "knocked"
     frames = bench.take(bench.shot("plane+15"), ["knocked"])
-    write_capture(folder, "plane", frames, angle_deg=15.0)
+    write_capture(folder, Subject("plane", angle_deg=15.0), frames)
     return folder
 
 

@@ -8,7 +8,7 @@ import pytest
 from core.capture import make_plan
 from core.decode import decode
 from core.errors import InputError, PatternRefusedError
-from core.model import DeviceSpec, Project, Rig
+from core.model import DeviceSpec, Project, Rig, Subject
 from core.patterns import (
     KINDS,
     Black,
@@ -110,5 +110,5 @@ RIG = Rig({"camera": DeviceSpec(9, 9, (1, 1), 1)}, {"projector": DeviceSpec(5, 5
 def test_a_kind_from_outside_is_planned(extension, tmp_path) -> None:
     ramp = extension("pattern_kind", KINDS).Ramp("x", 5)
     project = Project(tmp_path, "p", RIG, None, ())
-    plan = make_plan(project, "a", "object", patterns=[ramp])
+    plan = make_plan(project, Subject("object", "a"), [ramp])
     assert plan.guards == (White(), ramp, Black())

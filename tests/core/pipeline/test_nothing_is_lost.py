@@ -22,7 +22,7 @@ import pytest
 from core.atomic import is_leftover, part_prefix
 from core.cli import main
 from core.errors import BusyError, InputError
-from core.model import DeviceSpec, Interior, ScaleBar
+from core.model import DeviceSpec, Interior, ScaleBar, Subject
 from core.patterns import White
 from core.pipeline import CalibrateOptions, Run, current_runs, list_runs, simulate_project
 from core.pipeline.check import check_project
@@ -40,7 +40,7 @@ NAMES = ("photogrammetric.npz", "adjustment.npz", "polynomial.npz")
 def small(tmp_path: Path) -> Path:
     """A project of one tiny capture, with one kept run of which each archive holds the number 1."""
     folder = tmp_path / "small"
-    write_capture(folder / "captures" / "a", "object", [(White(), np.zeros((6, 8), np.uint8))])
+    write_capture(folder / "captures" / "a", Subject("object"), [(White(), np.zeros((6, 8), np.uint8))])
     write_project(folder, "small", SPEC, SPEC, ScaleBar((0, 0), (0, 1), 10.0, 0.1), ["captures/a"])
     keep(folder, 1)
     return folder

@@ -13,7 +13,18 @@ import pytest
 
 from core.atomic import check_place, write_json
 from core.errors import InputError
-from core.model import DeviceSpec, Network, NetworkDevice, NetworkScale, PhaseMap, ScaleBar, Seed, TargetSet, Testfield
+from core.model import (
+    DeviceSpec,
+    Network,
+    NetworkDevice,
+    NetworkScale,
+    PhaseMap,
+    ScaleBar,
+    Seed,
+    Subject,
+    TargetSet,
+    Testfield,
+)
 from core.patterns import reference_sequence
 from core.project import (
     add_capture,
@@ -53,7 +64,7 @@ def folder(tmp_path: Path) -> Path:
     write_testfield(tmp_path / "testfield.csv", FIELD, "a board")
     rng = np.random.default_rng(0)
     frames = [(p, rng.integers(0, 255, (30, 40), dtype=np.uint8)) for p in reference_sequence(64, 48)]
-    write_capture(tmp_path / "captures/tf-01", "testfield", frames, testfield="testfield.csv", seeds=SEEDS)
+    write_capture(tmp_path / "captures/tf-01", Subject("testfield", testfield="testfield.csv"), frames, SEEDS)
     write_project(tmp_path, "Prüfstand", CAMERA, PROJECTOR, SCALE, ["captures/tf-01"], reference="brenner1999")
     return tmp_path
 

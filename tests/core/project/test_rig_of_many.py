@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from core.errors import InputError
-from core.model import DeviceSpec, Interior, ScaleBar, Seed
+from core.model import DeviceSpec, Interior, ScaleBar, Seed, Subject
 from core.patterns import Black, White
 from core.project import read_capture, read_project, write_picks, write_project
 from core.project.captures import write_capture_json
@@ -107,7 +107,7 @@ def capture(folder: Path, *frames: dict[str, Any]) -> None:
     for k in range(len(frames)):
         write_image(captures / f"{k}.png", np.zeros((6, 8), np.uint8))
     patterns = [(f"{k}.png", White() if k % 2 else Black()) for k in range(len(frames))]
-    write_capture_json(captures, "object", patterns, more=frames)
+    write_capture_json(captures, Subject("object"), patterns, more=frames)
 
 
 def test_frames_name_their_devices(tmp_path: Path) -> None:
