@@ -9,7 +9,7 @@ from PySide6.QtCore import QCoreApplication, QUrl
 from PySide6.QtGui import QDesktopServices
 
 from stripe_gui import theme
-from stripe_gui.actions import Action, project_idle, project_open
+from stripe_gui.actions import Action, always, project_idle, project_open
 from stripe_gui.jobs import Failure
 from stripe_gui.presenters.stages import STAGES, stage_name
 from stripe_gui.workbench import Workbench
@@ -67,7 +67,7 @@ def _file_actions() -> list[Action]:
         Action(
             "file.folder",
             translate("Actions", "Show project &folder"),
-            lambda bench: _show_in_files(bench.session.opened.path),
+            lambda bench: QDesktopServices.openUrl(QUrl.fromLocalFile(str(bench.session.opened.path))),
             "Ctrl+Shift+F",
             "folder",
             translate("Actions", "Open the project's folder in the file manager."),
@@ -110,7 +110,7 @@ def _go_actions() -> list[Action]:
             icon,
             translate("Actions", "Open this page."),
             0 if page == "start" else 1,
-            (lambda _: True) if page == "start" else project_open,
+            always if page == "start" else project_open,
         )
         for page, text, keys, icon in pages
     ]
@@ -188,13 +188,8 @@ def make_demo(bench: Workbench) -> None:
                 "success", translate("Actions", "The demo experiment is complete; every stage shows its part.")
             )
 
-    bench.jobs.run(
-        translate("Actions", "Demo experiment"),
-        run_demo,
-        folder,
-        on_done=done,
-        on_failed=bench.report_failure,
-    )
+    title = translate("Actions", "Demo experiment")
+    bench.jobs.run(title, run_demo, folder, on_done=done, on_failed=bench.report_failure)
 
 
 def update_all(bench: Workbench) -> None:
@@ -219,7 +214,3 @@ def close_project(bench: Workbench) -> None:
     """Close the project and go to the start page."""
     bench.session.close()
     bench.show_page("start")
-
-
-def _show_in_files(folder: Path) -> None:
-    QDesktopServices.openUrl(QUrl.fromLocalFile(str(folder)))

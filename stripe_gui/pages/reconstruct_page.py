@@ -24,7 +24,8 @@ from stripe_gui.presenters.reconstruct import (
     space_of,
 )
 from stripe_gui.presenters.space import Scene
-from stripe_gui.presenters.status import method_name, methods_of
+from stripe_gui.presenters.status import methods_of
+from stripe_gui.presenters.told import told
 from stripe_gui.presenters.work import export_points
 from stripe_gui.widgets.health_strip import HealthStrip
 from stripe_gui.widgets.layout import boxed, choice, column, refill
@@ -68,7 +69,7 @@ class ReconstructPage(MapPage):
         self.captures.refresh()
         self.health.refresh()
         methods = methods_of(self.session.opened) if self.session.is_open else []
-        refill(self.method, [(method_name(m), m) for m in methods], self.method.currentData())
+        refill(self.method, [(told(m), m) for m in methods], self.method.currentData())
         self.look()
 
     def run(self) -> None:

@@ -7,5 +7,6 @@ work.py       what the stages' buttons run: pipeline functions that take a proje
 contributions.py   what every capture adds to a calibration
 runs.py       kept runs in tables, two side by side
 maps.py       levels, round numbers, and light on a surface
-start.py, capture.py, decode.py, measure.py, calibrate.py, reconstruct.py, evaluate.py, report.py   one per page
+told.py       what the core says, in the operator's language
+start.py, capture.py, decode.py, calibrate.py, reconstruct.py, evaluate.py, report.py   one per page
 """

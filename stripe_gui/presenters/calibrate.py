@@ -26,8 +26,7 @@ from core.report import ReportData, Table, tables
 from core.report.data import warnings_of
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.runs import made_at, options_words, run_title
-from stripe_gui.presenters.status import method_name
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence, told
 from stripe_gui.presenters.work import CalibrateChoice
 
 translate = QCoreApplication.translate
@@ -115,7 +114,7 @@ def _made(folder: ProjectFolder) -> str:
     lines = []
     for run in {run.number: run for run in runs.values()}.values():
         methods = [method for method, other in runs.items() if other.number == run.number]
-        names = " + ".join(map(method_name, methods))
+        names = " + ".join(map(told, methods))
         lines.append(f"{run_title(run)}, {made_at(run)}: {names}; {options_words(run.options, methods)}")
     return "\n".join(map(sentence, lines))
 

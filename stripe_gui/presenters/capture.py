@@ -17,7 +17,7 @@ from core.pipeline.guessing import lit_frame_of
 from core.progress import SILENT, Progress
 from core.project import read_image
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
-from stripe_gui.presenters.words import sentence, signed
+from stripe_gui.presenters.told import sentence, signed
 
 translate = QCoreApplication.translate
 

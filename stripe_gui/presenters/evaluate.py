@@ -12,8 +12,7 @@ from core.model import DeviceSpec, PlaneEvaluation, Verdict
 from core.progress import SILENT, Progress
 from core.report import CHAPTERS, ReportData, Table
 from stripe_gui.presenters.folder import ProjectFolder
-from stripe_gui.presenters.status import method_name
-from stripe_gui.presenters.words import signed
+from stripe_gui.presenters.told import signed, told
 
 translate = QCoreApplication.translate
 Pair = tuple[float, float]
@@ -64,7 +63,7 @@ def load_evaluation(folder: ProjectFolder, pair: tuple[str, str], progress: Prog
 def _verdicts(evaluations: tuple[PlaneEvaluation, ...]) -> dict[str, Verdict]:
     several = len({e.devices for e in evaluations}) > 1
     judged = [
-        (", ".join((plane_name(e), *(e.devices[:1] if several else ()), method_name(e.method))), e.verdict)
+        (", ".join((plane_name(e), *(e.devices[:1] if several else ()), told(e.method))), e.verdict)
         for e in evaluations
     ]
     return {name: verdict for name, verdict in judged if verdict is not None and verdict.state != "passed"}
@@ -100,7 +99,7 @@ def reading(view: EvaluationView, capture: str, u: float, v: float) -> str:
         inside = 0 <= row < height and 0 <= column < width
         value = float(e.deviation_mm[row, column]) if inside else float("nan")
         text = f"{1000 * value:+.1f} µm" if np.isfinite(value) else translate("Evaluate", "no value")
-        parts.append(f"{method_name(e.method)} {text}")
+        parts.append(f"{told(e.method)} {text}")
     return "     ".join(parts)
 
 
@@ -121,10 +120,10 @@ def profile_text(method: str, line: Profile) -> str:
     """Sum a profile up: r.m.s. and range of the deviations."""
     known = line.deviation_mm[np.isfinite(line.deviation_mm)] * 1000
     if not len(known):
-        return translate("Evaluate", "{method}: no values").format(method=method_name(method))
+        return translate("Evaluate", "{method}: no values").format(method=told(method))
     text = translate("Evaluate", "{method}: {rms:.1f} µm r.m.s., {low:+.0f} to {high:+.0f} µm")
     rms = float(np.sqrt(np.mean(known**2)))
-    return text.format(method=method_name(method), rms=rms, low=known.min(), high=known.max())
+    return text.format(method=told(method), rms=rms, low=known.min(), high=known.max())
 
 
 def distribution_text(view: EvaluationView, capture: str) -> str:
@@ -139,7 +138,7 @@ def distribution_text(view: EvaluationView, capture: str) -> str:
         normal = ", ".join(f"{share:.2f}" for share in NORMAL_SHARES)
         lines.append(
             text.format(
-                method=method_name(e.method),
+                method=told(e.method),
                 shares=shares,
                 normal=normal,
                 rms=e.rms_mm,

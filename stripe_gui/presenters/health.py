@@ -8,7 +8,7 @@ from core.errors import InputError
 from core.model import Capture, Project
 from core.pipeline import motion_words, orient_capture
 from core.progress import SILENT, Progress
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 
 
 @dataclass(frozen=True)

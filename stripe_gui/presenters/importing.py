@@ -13,7 +13,7 @@ from core.model import DeviceSpec, Project
 from core.patterns import Pattern
 from core.project import read_image
 from stripe_gui.presenters.sequences import sequence_text
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 
 translate = QCoreApplication.translate
 

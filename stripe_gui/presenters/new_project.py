@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,11 +12,10 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
-from core.fields import Fields
-from core.model import ScaleBar, Testfield
+from core.model import DeviceSpec, ScaleBar, Testfield
 from core.patterns import SequenceSpec, read_sequence
 from core.project import create_project, nominal_testfield, read_testfield, refuse_used_folder
-from core.project.rigs import read_device
+from core.project.shapes import check_fields
 from stripe_gui.presenters.rig_view import Cover, RigPlan, presets
 
 if TYPE_CHECKING:
@@ -68,6 +66,9 @@ class BoardView:
     sheet: Sheet | None
     problem: str = ""
 
+
+PARTS = {"rig": RigPlan, "camera": DeviceSpec, "projector": DeviceSpec, "board": BoardPlan, "plate": BoardPlan}
+PARTS |= {"scale": ScaleBar}
 
 # --------------------------------------------------------------------------------------------------------------- place
 
@@ -258,47 +259,19 @@ def draft_text(draft: Draft) -> str:
 def draft_from_text(text: str) -> Draft | None:
     """Read a kept draft; None where there is none that can be used."""
     try:
-        all_ = Fields.of(json.loads(text), "draft")
-        rig, scale = all_.nested("rig"), all_.nested("scale")
-        draft = Draft(
-            all_.text("name"),
-            all_.text("folder"),
-            RigPlan(
-                read_device(rig.nested("camera")),
-                read_device(rig.nested("projector")),
-                rig.real("distance_mm", above=0.0),
-                rig.real("base_mm", above=0.0),
-            ),
-            _board(all_.nested("board")),
-            all_.flag("with_plate"),
-            _board(all_.nested("plate")),
-            all_.flag("with_scale"),
-            ScaleBar(
-                _target(scale.items("start")),
-                _target(scale.items("stop")),
-                scale.real("length_mm"),
-                scale.real("sigma_mm"),
-            ),
-            all_.data.get("sequence"),
-        )
+        draft: Draft = _made(Draft, json.loads(text))
         sequence_of(draft)
         return draft
-    except (ValueError, InputError):
+    except (ValueError, TypeError, AttributeError, InputError):
         return None
 
 
-def _board(data: Fields) -> BoardPlan:
-    return BoardPlan(
-        data.integer("rows", 2),
-        data.integer("columns", 2),
-        data.real("spacing_mm", above=0.0),
-        data.real("diameter_mm", above=0.0),
-        data.text("polarity"),
-        data.flag("from_file"),
-        data.text("file"),
-    )
-
-
-def _target(ends: Sequence[Any]) -> tuple[int, int]:
-    row, col = ends
-    return int(row), int(col)
+def _made(kind: type, data: dict[str, Any]) -> Any:
+    """Make a part of a draft of its fields, and see that each has its type."""
+    values = {}
+    for key, value in data.items():
+        pair = isinstance(value, list) and key != "sequence"
+        values[key] = _made(PARTS[key], value) if key in PARTS else tuple(value) if pair else value
+    made = kind(**values)
+    check_fields(made)
+    return made

@@ -12,7 +12,7 @@ from core.model import Method
 from core.pipeline import METHODS, CalibrateOptions, Difference, Run, compare_runs
 from core.report import Number, Table
 from core.report.table import Cell
-from stripe_gui.presenters.status import method_name
+from stripe_gui.presenters.told import told
 
 translate = QCoreApplication.translate
 KNOWN = ("photogrammetric", "polynomial")  # have columns of their own
@@ -67,7 +67,7 @@ def runs_table(runs: Sequence[Run], current: Mapping[Method, int]) -> Table:
         translate("Runs", "projector [µm]"),
         translate("Runs", "points [µm]"),
         translate("Runs", "depth [mm]"),
-        *map(method_name, others),
+        *map(told, others),
         translate("Runs", "captures"),
         translate("Runs", "left out"),
         translate("Runs", "options"),
@@ -83,7 +83,7 @@ def _row(run: Run, current: Mapping[Method, int], others: Sequence[Method]) -> t
     return (
         Number(run.number, "d"),
         run.name,
-        translate("Runs", "all of it") if len(used) == len(run.methods) > 1 else ", ".join(map(method_name, used)),
+        translate("Runs", "all of it") if len(used) == len(run.methods) > 1 else ", ".join(map(told, used)),
         _number(network.get("sigma0"), ".3f"),
         _rms(network.get("camera", {}).get("residual_rms_um")),
         _rms(network.get("projector", {}).get("residual_rms_um")),

@@ -14,7 +14,7 @@ from core.fields import Fields
 from core.patterns import PRESETS, Pattern, SequenceSpec, read_sequence, shows_grey
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.capture import pattern_text
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 
 translate = QCoreApplication.translate
 CHOICES = {"axes": ("xy", "x", "y"), "code": ("gray", "binary"), "profile": ("sine", "square")}

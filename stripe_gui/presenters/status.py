@@ -29,12 +29,7 @@ def stage_statuses(folder: ProjectFolder, progress: Progress = SILENT) -> dict[s
     """Give the state of every stage, from the core."""
     folder.look_again()
     progress(0.1, folder.path.name)
-    return statuses_of(folder, states_of(folder))
-
-
-def states_of(folder: ProjectFolder) -> ProjectStates:
-    """Ask the core for the state of every stage of every capture."""
-    return graph_of(folder).states()
+    return statuses_of(folder, graph_of(folder).states())
 
 
 def graph_of(folder: ProjectFolder) -> Graph:
@@ -52,7 +47,7 @@ def statuses_of(folder: ProjectFolder, states: ProjectStates) -> dict[str, Stage
         failure = failures.get(stage) if state.state == "failed" else None
         reason = causes(state.because) or _done_words(stage, len(each))
         if stage == "calibrate" and state.state == "current":
-            reason = _methods_words(folder)
+            reason = ", ".join(map(told, methods_of(folder)))
         if state.state == "failed" and failure is None:
             failure = StageFailure(reason, "", "")
         found[stage] = StageStatus(stage, _STATES[state.state], failure.happened if failure else reason, failure)
@@ -83,10 +78,6 @@ def _done_words(stage: str, count: int) -> str:
     }.get(stage, "").format(n=count)
 
 
-def _methods_words(folder: ProjectFolder) -> str:
-    return ", ".join(map(method_name, methods_of(folder)))
-
-
 def methods_of(folder: ProjectFolder) -> list[Method]:
     """Give the methods that the project has a calibration of."""
     return [m for m in METHODS if folder.result_file(f"{m}.npz").exists()]
@@ -101,11 +92,6 @@ def _capture(folder: ProjectFolder) -> StageStatus:
     if not entries:
         return StageStatus("capture", State.TODO, translate("Stages", "no captures yet"))
     return StageStatus("capture", State.DONE, translate("Stages", "{n} captures").format(n=len(entries)))
-
-
-def method_name(method: str) -> str:
-    """Give the calibration method's name in the operator's language."""
-    return told(method)
 
 
 def device_name(device: str) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from core import pipeline
-from core.model import Calibration, Capture, Method, PhaseMap, Project
+from core.model import Capture, Method, PhaseMap, Project
 from core.pipeline import METHODS, CalibrateOptions
 from core.progress import SILENT, Progress
 
@@ -22,11 +22,6 @@ class CalibrateChoice:
 def chosen_methods(method: Method) -> list[Method]:
     """Give the methods that a choice means."""
     return list(METHODS) if method == "all" else [method]
-
-
-def calibrate(project: Project, choice: CalibrateChoice, progress: Progress = SILENT) -> dict[Method, Calibration]:
-    """Calibrate by the chosen method."""
-    return pipeline.calibrate_project(project, choice.method, choice.options, progress)
 
 
 def export_points(

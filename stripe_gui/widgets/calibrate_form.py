@@ -10,7 +10,6 @@ from PySide6.QtWidgets import QBoxLayout, QCheckBox, QGridLayout, QLabel, QVBoxL
 from core.geometry import LENSES
 from core.pipeline import METHODS, CalibrateOptions
 from core.pipeline.options import DEVICES
-from stripe_gui.presenters.status import method_name
 from stripe_gui.presenters.told import told
 from stripe_gui.presenters.work import CalibrateChoice, chosen_methods
 from stripe_gui.widgets.layout import boxed, choice, column, label, real, row
@@ -48,7 +47,7 @@ class CalibrateForm(QWidget):
         self._halves.setDirection(ways.TopToBottom if narrow else ways.LeftToRight)
 
     def _make_fields(self) -> None:
-        methods = [(self.tr("all, as far as captures allow"), "all"), *((method_name(m), m) for m in METHODS)]
+        methods = [(self.tr("all, as far as captures allow"), "all"), *((told(m), m) for m in METHODS)]
         self.method = choice("", self._change, *methods)
         self.rigid = QCheckBox(self.tr("Camera and projector rigidly joined"))
         self.reject = QCheckBox(self.tr("Reject gross errors beyond"))

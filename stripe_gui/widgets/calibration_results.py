@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QTabWidget, QWidget
 
 from core.report.adjusted import correlations, coverage, point_sigmas
 from stripe_gui.presenters.calibrate import CalibrationView
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.correlation_view import CorrelationView
 from stripe_gui.widgets.coverage_view import CoverageView
 from stripe_gui.widgets.layout import boxed, card, column, emptied, label, make, row, scrolled, tab_name

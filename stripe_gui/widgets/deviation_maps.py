@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QGridLayout, QWidget
 
 from core.model import PlaneEvaluation
 from stripe_gui.presenters.evaluate import EvaluationView, plane_name, reading
-from stripe_gui.presenters.status import method_name
+from stripe_gui.presenters.told import told
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.image_view import ARROWS, ImageView
 from stripe_gui.widgets.layout import boxed, button, column, emptied, label, real, row, scrolled
@@ -62,7 +62,7 @@ class DeviationMaps(QWidget):
         before, self._view = self._view, view
         for i, method in enumerate(view.methods):
             if not self._beside:
-                self._grid.addWidget(label(method_name(method).capitalize(), "heading"), 2 * i, 0, 1, -1)
+                self._grid.addWidget(label(told(method).capitalize(), "heading"), 2 * i, 0, 1, -1)
             for j, capture in enumerate(captures or view.captures):
                 evaluation = view.of(capture, method)
                 if evaluation is not None:
@@ -86,7 +86,7 @@ class DeviationMaps(QWidget):
                 made.canvas.box.setRange(frame, padding=0.04)
 
     def _map(self, evaluation: PlaneEvaluation) -> QWidget:
-        method = method_name(evaluation.method)
+        method = told(evaluation.method)
         name = self.tr("Deviations of {capture}, {method}").format(capture=evaluation.capture, method=method)
         made = ImageView(name, bar=False)
         made.setMinimumSize(140, 76)

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QAbstractItemView, QListWidget, QListWidgetItem
 from core.capture import Finding
 from stripe_gui.assets import icon
 from stripe_gui.presenters.findings import check_name, level_name, worst_first
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 
 SIGNS = {"good": "success", "warning": "warning", "bad": "error"}
 

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QPlainTextEdit, QStackedWidge
 
 from stripe_gui import theme
 from stripe_gui.assets import draw_icon
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.layout import MARGIN, button, column, label, row, tool
 from stripe_gui.workbench import Notice
 

@@ -21,7 +21,7 @@ from stripe_gui.presenters.sequences import (
     spec_of,
     typed,
 )
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.layout import boxed, button, card, choice, column, emptied, label, make, row
 from stripe_gui.widgets.notice import Sign
 from stripe_gui.widgets.pattern_strip import PatternStrip

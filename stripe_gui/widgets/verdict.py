@@ -6,8 +6,7 @@ from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QFrame, QWidget
 
 from core.model import Verdict
-from stripe_gui.presenters.told import told
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence, told
 from stripe_gui.widgets.layout import column, label, row
 from stripe_gui.widgets.notice import COLOURS, Sign
 

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QWidget
 
 from core.errors import StripeError
 from core.model import Method
-from core.pipeline import METHODS
+from core.pipeline import METHODS, calibrate_project
 from stripe_gui.pages.calibrate.captures import CaptureChoice
 from stripe_gui.pages.calibrate.run import RunPart
 from stripe_gui.pages.calibrate.runs import RunsPart
@@ -21,8 +21,9 @@ from stripe_gui.presenters.calibrate import calibration_view, choice_of, exclude
 from stripe_gui.presenters.contributions import Contribution, contributions
 from stripe_gui.presenters.runs import options_words
 from stripe_gui.presenters.stages import State
-from stripe_gui.presenters.status import method_name, methods_of
-from stripe_gui.presenters.work import CalibrateChoice, calibrate, chosen_methods
+from stripe_gui.presenters.status import methods_of
+from stripe_gui.presenters.told import told
+from stripe_gui.presenters.work import CalibrateChoice, chosen_methods
 from stripe_gui.widgets.calibrate_form import CalibrateForm
 from stripe_gui.widgets.calibration_results import CalibrationResults
 from stripe_gui.widgets.layout import boxed, button, card, column, label, row, scrolled
@@ -149,7 +150,8 @@ class CalibratePage(PartsPage):
         if self.captures.missing(self.form.method.currentData()):
             self.go_to("captures")
             return
-        job = self.bench.run_stage("calibrate", calibrate, self.choice(), on_done=self._done)
+        choice = self.choice()
+        job = self.bench.run_stage("calibrate", calibrate_project, choice.method, choice.options, on_done=self._done)
         if job is not None:
             self.run_part.follow(job)
             job.ended.connect(self._chosen)
@@ -166,7 +168,7 @@ class CalibratePage(PartsPage):
         used = {m: len(self.captures.used(*METHODS[m].roles)) for m in chosen_methods(choice.method)}
         methods = [m for m, count in used.items() if count]
         count = self.tr("{method} ({n} captures)")
-        parts = [count.format(method=method_name(m), n=used[m]) for m in methods]
+        parts = [count.format(method=told(m), n=used[m]) for m in methods]
         text = self.tr("{what}; {options}. Unchanged captures are not measured again.")
         words = text.format(what=" + ".join(parts), options=options_words(choice.options, methods))
         self.run_part.show_plan(words[0].upper() + words[1:] if parts else "")

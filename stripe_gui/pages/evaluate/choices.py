@@ -13,7 +13,8 @@ from core.pipeline import METHODS
 from stripe_gui.presenters.evaluate import EvaluationView, angle_text
 from stripe_gui.presenters.folder import ProjectFolder, written_ns
 from stripe_gui.presenters.stages import StageStatus, State
-from stripe_gui.presenters.status import graph_of, method_name, states_of
+from stripe_gui.presenters.status import graph_of
+from stripe_gui.presenters.told import told
 
 translate = QCoreApplication.translate
 
@@ -29,7 +30,7 @@ class Choice:
 
 def plane_choices(folder: ProjectFolder) -> list[Choice]:
     """List the plane captures with angle, date, and whether they are evaluated as they are now."""
-    states = states_of(folder).captures
+    states = graph_of(folder).states().captures
     words = {
         "current": translate("PlaneTable", "evaluated"),
         "outdated": translate("PlaneTable", "changed since it was evaluated"),
@@ -58,7 +59,7 @@ def calibration_choices(folder: ProjectFolder, statuses: Mapping[str, StageStatu
             parts.append(translate("PlaneTable", "out of date: {reason}").format(reason=status.reason))
         else:
             parts.append(translate("PlaneTable", "up to date"))
-        found.append(Choice(method, method_name(method), ", ".join(parts)))
+        found.append(Choice(method, told(method), ", ".join(parts)))
     return found
 
 

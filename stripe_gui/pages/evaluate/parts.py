@@ -18,7 +18,7 @@ from stripe_gui.presenters.evaluate import (
     profile_text,
     profiles,
 )
-from stripe_gui.presenters.status import method_name
+from stripe_gui.presenters.told import told
 from stripe_gui.widgets.deviation_maps import DeviationMaps
 from stripe_gui.widgets.histogram import Histogram
 from stripe_gui.widgets.layout import button, choice, column, label, refill, row
@@ -173,12 +173,12 @@ class HistogramPart(QWidget):
             return
         if not plane:
             ordered = sorted(view.evaluations, key=lambda e: view.captures.index(e.capture))
-            series = [(f"{e.capture}, {method_name(e.method)}", e.deviation_mm) for e in ordered]
+            series = [(f"{e.capture}, {told(e.method)}", e.deviation_mm) for e in ordered]
             self.histogram.set_values(series, view.limit_mm)
             self.shares.setText("\n".join(distribution_text(view, capture) for capture in view.captures))
             return
         own = view.by_method(plane)
-        series = [(method_name(e.method), e.deviation_mm) for e in own]
+        series = [(told(e.method), e.deviation_mm) for e in own]
         normal = [(self.tr("normal, {rms:.4f} mm").format(rms=e.rms_mm), e.rms_mm) for e in own]
         self.histogram.set_values(series, 4 * max(e.rms_mm for e in own) or 1.0, 81, normal=normal)
         self.shares.setText(distribution_text(view, plane))

@@ -17,8 +17,7 @@ from core.report import Number, Table
 from core.report.table import Cell
 from stripe_gui.pages.measure.model import Measurement, Picking, Target
 from stripe_gui.presenters.maps import round_factor
-from stripe_gui.presenters.told import told
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence, told
 
 translate = QCoreApplication.translate
 NOTHING = np.zeros((0, 2))

@@ -19,7 +19,7 @@ from stripe_gui.presenters.capturing import (
 )
 from stripe_gui.presenters.failures import describe
 from stripe_gui.presenters.looking import Rig
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 from stripe_gui.screens import screen_names
 from stripe_gui.widgets.layout import boxed, button, card, column, emptied, label, make, refill, row
 from stripe_gui.widgets.notice import Sign

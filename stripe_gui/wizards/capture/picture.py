@@ -15,7 +15,7 @@ from core.devices import Setting, with_option
 from stripe_gui import theme
 from stripe_gui.presenters.failures import describe
 from stripe_gui.presenters.looking import Look
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, button, card, choice, column, label, make, row
 from stripe_gui.wizards.capture.devices import DevicesStep

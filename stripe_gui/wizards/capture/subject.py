@@ -16,7 +16,7 @@ from stripe_gui.presenters.capturing import (
     taken_names,
     unfinished,
 )
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.layout import card, column, label, make
 
 

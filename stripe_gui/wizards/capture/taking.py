@@ -16,7 +16,7 @@ from stripe_gui.jobs import Failure, Job
 from stripe_gui.presenters.capture import FrameView, load_frame
 from stripe_gui.presenters.capturing import Recording, retake, take
 from stripe_gui.presenters.failures import describe
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.finding_list import FindingList
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, button, column, label, make, row

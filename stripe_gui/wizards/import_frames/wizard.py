@@ -14,7 +14,7 @@ from stripe_gui.jobs import Failure, Job
 from stripe_gui.presenters.failures import describe
 from stripe_gui.presenters.importing import FrameFolder, look_in, order_choices, report_lines
 from stripe_gui.presenters.sequences import Shown
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.finding_list import FindingList
 from stripe_gui.widgets.layout import boxed, button, card, choice, column, emptied, label, make, row, scrolled
 from stripe_gui.widgets.notice import Sign

@@ -71,17 +71,8 @@ def print_board(bench: Workbench, source: Path | Testfield, suggested: Path) -> 
             "NewProject", "Print at 100 %; its bars must then measure {across:g} mm across and {down:g} mm down."
         )
         across, down = sheet.bars_mm
-        bench.notify(
-            "success",
-            text.format(out=out, w=sheet.width_mm, h=sheet.height_mm),
-            advice.format(across=across, down=down),
-        )
+        said = text.format(out=out, w=sheet.width_mm, h=sheet.height_mm)
+        bench.notify("success", said, advice.format(across=across, down=down))
 
-    bench.jobs.run(
-        translate("NewProject", "Testfield to print"),
-        print_testfield,
-        source,
-        out,
-        on_done=done,
-        on_failed=bench.report_failure,
-    )
+    title = translate("NewProject", "Testfield to print")
+    bench.jobs.run(title, print_testfield, source, out, on_done=done, on_failed=bench.report_failure)

@@ -24,7 +24,7 @@ from stripe_gui.presenters.new_project import (
 )
 from stripe_gui.presenters.rig_view import RigView, rig_text
 from stripe_gui.presenters.sequences import sequence_text
-from stripe_gui.presenters.words import sentence
+from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.layout import boxed, button, card, column, form, label, make, real, row, whole
 from stripe_gui.wizards.new_project import print_board
 from stripe_gui.wizards.new_project.pictures import SheetView
