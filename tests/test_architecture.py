@@ -57,7 +57,19 @@ ALLOWED = {
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "api": GROUND | {"decode", "calibrate", "reconstruct"},
     "demo": {"errors", "progress", "model", "patterns", "figures", "project", "pipeline", "report"},
-    "cli": {"errors", "atomic", "progress", "patterns", "figures", "project", "pipeline", "report", "batch", "demo"},
+    "cli": {
+        "errors",
+        "atomic",
+        "progress",
+        "model",
+        "patterns",
+        "figures",
+        "project",
+        "pipeline",
+        "report",
+        "batch",
+        "demo",
+    },
     "__main__": {"cli"},
 }
 

@@ -21,7 +21,7 @@ from core.bench.experiment import Experiment
 from core.bench.faults import faults
 from core.bench.optics import Lcd, Lens
 from core.bench.render import Prepared, lines_of, prepare, render
-from core.bench.rig import Rig, converging_pair, look_at
+from core.bench.rig import Rig, converging_pair
 from core.bench.scenarios import experiment, plan, scenarios
 from core.bench.scene import Block, Board, Form, Scene, Sphere
 from core.bench.sensor import Sensor
@@ -44,7 +44,6 @@ __all__ = [
     "experiment",
     "faults",
     "lines_of",
-    "look_at",
     "plan",
     "prepare",
     "render",

@@ -32,20 +32,17 @@ if TYPE_CHECKING:
     from core.capture.plan import make_plan as make_plan
     from core.capture.retake import retake_frame as retake_frame
     from core.capture.run import CaptureReport as CaptureReport
-    from core.capture.run import Loop as Loop
     from core.capture.run import run_capture as run_capture
     from core.capture.run import verify as verify
-    from core.capture.store import Status as Status
     from core.capture.store import Store as Store
     from core.capture.store import capture_status as capture_status
-    from core.capture.store import open_store as open_store
 
 _HOMES = {
     "core.capture.finding": "Finding",
     "core.capture.plan": "Plan make_plan",
     "core.capture.retake": "retake_frame",
-    "core.capture.run": "CaptureReport Loop run_capture verify",
-    "core.capture.store": "Status Store capture_status open_store",
+    "core.capture.run": "CaptureReport run_capture verify",
+    "core.capture.store": "Store capture_status",
 }
 if not TYPE_CHECKING:  # else every name would be right
     __getattr__, __dir__, __all__ = attach(__name__, _HOMES)

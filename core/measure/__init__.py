@@ -29,9 +29,8 @@ kernels.py        the two loops over pixels
 
 from core.measure.eccentricity import eccentricity, recentred
 from core.measure.estimators import ESTIMATORS
-from core.measure.features import FEATURES, measure_feature
+from core.measure.features import measure_feature
 from core.measure.kinds import TARGET_KINDS, Marks, Sight, TargetKind, kind_of
-from core.measure.missing import EXCLUDED
 from core.measure.options import MeasureOptions
 from core.measure.propose import find_dots, propose_picks
 from core.measure.recognise import labellings, recognise, unmeasured
@@ -42,8 +41,6 @@ from core.measure.view import View
 
 __all__ = [
     "ESTIMATORS",
-    "EXCLUDED",
-    "FEATURES",
     "SAME",
     "TARGET_KINDS",
     "Labelling",

@@ -40,37 +40,30 @@ if TYPE_CHECKING:
     from core.pipeline.graph import project_states as project_states
     from core.pipeline.guessing import accept_guesses as accept_guesses
     from core.pipeline.guessing import guess_picks as guess_picks
-    from core.pipeline.live import Cycle as Cycle
     from core.pipeline.live import live_cycles as live_cycles
     from core.pipeline.measure import measure_project as measure_project
     from core.pipeline.methods import METHODS as METHODS
     from core.pipeline.methods import Calibrated as Calibrated
     from core.pipeline.methods import CalibrationMethod as CalibrationMethod
-    from core.pipeline.methods import Judgement as Judgement
     from core.pipeline.methods import calibration_figures as calibration_figures
     from core.pipeline.options import CalibrateOptions as CalibrateOptions
     from core.pipeline.orient import drift_of as drift_of
-    from core.pipeline.orient import kept_motion as kept_motion
     from core.pipeline.orient import orient_capture as orient_capture
     from core.pipeline.orient import orient_pairs as orient_pairs
     from core.pipeline.orient import parse_length as parse_length
     from core.pipeline.orient_words import drift_figures as drift_figures
     from core.pipeline.orient_words import drift_words as drift_words
-    from core.pipeline.orient_words import motion_figures as motion_figures
     from core.pipeline.orient_words import motion_words as motion_words
     from core.pipeline.orient_words import motions_figures as motions_figures
     from core.pipeline.preflight import preflight_rig as preflight_rig
     from core.pipeline.reconstruct import check_cloud as check_cloud
     from core.pipeline.reconstruct import reconstruct_capture as reconstruct_capture
     from core.pipeline.reconstruct import write_cloud as write_cloud
-    from core.pipeline.report import failed_verdicts as failed_verdicts
     from core.pipeline.report import load_sign_off as load_sign_off
     from core.pipeline.report import outdated_words as outdated_words
-    from core.pipeline.report import report_data as report_data
     from core.pipeline.report import report_project as report_project
     from core.pipeline.report import result_tables as result_tables
     from core.pipeline.report import save_sign_off as save_sign_off
-    from core.pipeline.report import withdraw_sign_off as withdraw_sign_off
     from core.pipeline.runs import Run as Run
     from core.pipeline.runs import current_runs as current_runs
     from core.pipeline.runs import delete_run as delete_run
@@ -108,16 +101,15 @@ _HOMES = {
     "core.pipeline.folders": "captures_of find_capture result_path",
     "core.pipeline.graph": "project_states",
     "core.pipeline.guessing": "accept_guesses guess_picks",
-    "core.pipeline.live": "Cycle live_cycles",
+    "core.pipeline.live": "live_cycles",
     "core.pipeline.measure": "measure_project",
-    "core.pipeline.methods": "METHODS Calibrated CalibrationMethod Judgement calibration_figures",
+    "core.pipeline.methods": "METHODS Calibrated CalibrationMethod calibration_figures",
     "core.pipeline.options": "CalibrateOptions",
-    "core.pipeline.orient": "drift_of kept_motion orient_capture orient_pairs parse_length",
-    "core.pipeline.orient_words": "drift_figures drift_words motion_figures motion_words motions_figures",
+    "core.pipeline.orient": "drift_of orient_capture orient_pairs parse_length",
+    "core.pipeline.orient_words": "drift_figures drift_words motion_words motions_figures",
     "core.pipeline.preflight": "preflight_rig",
     "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",
-    "core.pipeline.report": "failed_verdicts load_sign_off report_data report_project result_tables save_sign_off"
-    " outdated_words withdraw_sign_off",
+    "core.pipeline.report": "load_sign_off report_project result_tables save_sign_off outdated_words",
     "core.pipeline.runs": "Run current_runs delete_run list_runs make_current rename_run",
     "core.pipeline.signing": "sign_evaluation sign_project",
     "core.pipeline.states": "ProjectStates State",

@@ -16,12 +16,10 @@ u and v, which carry the phase noise, say how far along.
 from core.reconstruct.export import EXPORTERS, exporter_for, write_npz, write_ply
 from core.reconstruct.joint import Sight, intersect_all, merged
 from core.reconstruct.points import reconstruct
-from core.reconstruct.rays import camera_rays
 
 __all__ = [
     "EXPORTERS",
     "Sight",
-    "camera_rays",
     "exporter_for",
     "intersect_all",
     "merged",
