@@ -141,6 +141,6 @@ def test_where_one_cameras_folder_is_complete_and_the_others_not_it_goes_on(
 
 def test_an_interrupted_capture_of_one_camera_is_no_capture_of_two(two: Project) -> None:
     with pytest.raises(DeviceError):
-        run_capture(two, "a", "object", FLAT, f"{FLAT}?faults=no-frame:1", patterns=PATTERNS)
+        run_capture(two, Subject("object", "a"), FLAT, f"{FLAT}?faults=no-frame:1", patterns=PATTERNS)
     with pytest.raises(InputError, match="of one camera"):
         take_both(two)
