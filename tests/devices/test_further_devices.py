@@ -15,7 +15,7 @@ from core.devices import offer_screens, open_camera, open_projector
 from core.devices.genicam import GenicamCamera
 from core.devices.screen import ScreenProjector, screen_image
 from core.devices.uvc import UvcCamera
-from core.errors import Cancelled, DeviceError, InputError
+from core.errors import DeviceError, InputError
 from core.patterns import Code, Phase, White
 from core.project import write_image
 from tests.devices.producer import Node, Producer, delivered
@@ -265,28 +265,6 @@ def test_a_folder_camera_with_a_stated_latency_gives_nothing_older(tmp_path: Pat
     finally:
         end.set()
         thread.join()
-
-
-def test_the_simulated_camera_of_the_genicam_package() -> None:
-    genicam = pytest.importorskip("genicam")
-    pytest.importorskip("harvesters")
-    producer = Path(genicam.__file__).parent / "viky.cti"
-    camera = open_camera(f"genicam:0?producer={producer}&format=Mono8")
-    start = time.monotonic()
-    first, second = camera.grab(), camera.grab()
-    assert first.pixels.shape == second.pixels.shape == camera.size[::-1]
-    assert (first.bits, first.pixels.dtype) == (8, np.uint8)
-    assert start <= first.time_s < second.time_s <= time.monotonic()
-    with pytest.raises(Cancelled):
-        camera.grab(5.0, cancelled)
-    with pytest.raises(DeviceError, match=r"was wanted|does not take"):
-        camera.adjust(5000.0)
-    camera.close()
-    camera.close()
-
-
-def cancelled() -> None:
-    raise Cancelled
 
 
 def test_a_genicam_camera_takes_the_triggers_of_its_line() -> None:
