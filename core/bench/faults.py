@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from core.bench.rig import Rig
-from core.bench.scene import Scene
+from core.bench.scene import Detour, Scene
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector
 
@@ -55,6 +55,10 @@ def _spots(scene: Scene, rng: np.random.Generator, count: int, radius_mm: tuple[
 def _specks(scene: Scene, rng: np.random.Generator) -> Scene:
     bright = _spots(scene, rng, 60, (0.3, 1.2), 0.7)
     return _spots(bright, rng, 60, (0.3, 1.2), 0.03)
+
+
+def _detour(share: float, spread: float, mirrored: bool = False) -> Callable[[Scene, np.random.Generator], Scene]:
+    return lambda scene, rng: replace(scene, detours=(*scene.detours, Detour(share, spread, mirrored)))
 
 
 def _overexposed(rig: Rig) -> Rig:
@@ -104,6 +108,11 @@ FAULTS = {
         "the projector's light is the level to the power of 2.2",
         rig=lambda rig: replace(rig, lcd=replace(rig.lcd, exponent=2.2)),
     ),
+    "facing-wall": Fault("a facing wall throws back a quarter of its light", scene=_detour(0.25, 0.1, True)),
+    "gloss-lobe": Fault(
+        "a facing wall mirrors a tenth of its light into a narrow lobe", scene=_detour(0.1, 0.002, True)
+    ),
+    "subsurface": Fault("a third of the light goes on below the surface", scene=_detour(0.33, 0.015)),
     "lamp-drift": Fault("the lamp fades by 8 % during the sequence", lamp=lambda part: 1 - 0.08 * part),
 }
 

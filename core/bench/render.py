@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -80,6 +81,9 @@ class Prepared:
 
     def lit(self, out: Floats, lamp: float, room: float) -> Floats:
         """Make of light that passes (changed in place) the image before the camera's electronics."""
+        for detour in self.scene.detours:
+            spread = cv2.GaussianBlur(out, (0, 0), detour.spread * out.shape[1])
+            out += detour.share * (spread[:, ::-1] * self.room if detour.mirrored else spread - out)
         out *= np.float32(self.rig.sensor.white_level * lamp)
         out += self.room * np.float32(self.scene.ambient * room)
         return out

@@ -96,6 +96,20 @@ class Block:
 
 
 @dataclass(frozen=True)
+class Detour:
+    """Light that reaches the camera over other places of the scene, as parts of the image.
+
+    A `share` of what a place reflects appears up to `spread` (standard deviation, part of the image's width) beside
+    it: light that goes on below the surface. If `mirrored`, it comes in addition from the other half of the image: over
+    a facing wall, or from its gloss where the spread is small.
+    """
+
+    share: float
+    spread: float
+    mirrored: bool = False
+
+
+@dataclass(frozen=True)
 class Scene:
     """A board at its place before the camera, and what lies on it.
 
@@ -107,6 +121,7 @@ class Scene:
     spheres: tuple[Sphere, ...] = ()
     blocks: tuple[Block, ...] = ()
     ambient: float = 4.0
+    detours: tuple[Detour, ...] = ()
 
 
 def random_form(rng: np.random.Generator, half_size_mm: tuple[float, float], peak_to_valley_mm: float) -> Form:

@@ -121,3 +121,21 @@ def test_flicker_changes_from_frame_to_frame():
     lamp = [FAULTS["lamp-flicker"].lamp(k / 27) for k in range(28)]
     assert 0.02 < np.abs(np.diff(lamp)).mean() < 0.1
     assert max(np.abs(np.array(lamp) - 1)) <= 0.05
+
+
+def test_light_by_detours_is_the_light_that_there_is(small):
+    """Below the surface it is spread, not lost; a facing wall gives so much more. Fringes too fine to be spread dim."""
+    scene = small.shot("plane+00").scene
+    columns, rows = np.ones(small.rig.projector.width), np.zeros(small.rig.projector.height)
+    fine = np.arange(len(columns)) % 8 < 4.0
+
+    def light(fault, lines):
+        seen = scene if fault is None else FAULTS[fault].scene(scene, np.random.default_rng(0))
+        return prepare(small.rig, seen).light(lines, rows)[80:160, 100:220]
+
+    white, fringes = light(None, columns), light(None, fine)
+    below, wall = light("subsurface", columns), light("facing-wall", columns)
+    assert abs(below.mean() / white.mean() - 1) < 0.01
+    assert 0.2 < wall.mean() / white.mean() - 1 < 0.27
+    dimmed = [np.std(each / even) for each, even in ((light("subsurface", fine), below), (fringes, white))]
+    assert abs(dimmed[0] / dimmed[1] - 0.67) < 0.02

@@ -24,6 +24,9 @@ FAULTS = (
     "saturated",
     "blurred",
     "reflections",
+    "facing-wall",
+    "gloss-lobe",
+    "subsurface",
     "moved",
 )
 SEQUENCES = ("paper", "gray-sine")
