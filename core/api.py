@@ -196,7 +196,6 @@ def triangulate(
 
     Parameters
     ----------
-    calibration : PhotogrammetricCalibration
     camera_uv : array-like, shape (..., 2)
         px, anywhere in the image.
     projector_uv : array-like, shape (..., 2)
@@ -304,7 +303,6 @@ def project_points(device: Device, points_mm: ArrayLike, device_from_object: Pos
     points_mm : array-like, shape (..., 3)
         In the device's frame, or in the one that `device_from_object` leads from: for points in the camera's frame and
         the projector that is `calibration.projector_from_camera`.
-    device_from_object : Pose, optional
 
     Returns
     -------

@@ -222,13 +222,7 @@ class Screens:
         worker.join()
 
     def open(self, number: int) -> ScreenSurface:
-        """Open a window over screen `number`.
-
-        Raises
-        ------
-        DeviceError
-            If there is no such screen.
-        """
+        """Open a window over screen `number`."""
         return ScreenSurface(self._courier, number)
 
 

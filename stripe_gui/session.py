@@ -72,12 +72,7 @@ class Session(QObject):
         self.adopt(folder, stage_statuses(folder))
 
     def found(self, path: Path) -> ProjectFolder:
-        """Read the project.json of a folder (or of this name); nothing is opened yet.
-
-        Raises
-        ------
-        InputError
-        """
+        """Read the project.json of a folder (or of this name); nothing is opened yet."""
         from stripe_gui.presenters.folder import ProjectFolder  # what reads projects is not needed to begin with
 
         return ProjectFolder((path.parent if path.name == "project.json" else path).resolve())

@@ -68,12 +68,6 @@ def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Prog
     gives the scale. Points and stations that cannot be determined are left out and named in the warnings; the network
     of the result is the one adjusted.
 
-    Parameters
-    ----------
-    network : Network
-    options : AdjustOptions
-    progress : Progress
-
     Raises
     ------
     InputError

@@ -42,12 +42,7 @@ class Reduced:
 
 
 def reduce(problem: Problem, state: State, normals: Normals, damping: float) -> Reduced:
-    """Add constraints and damping to the reduced normals, which are overwritten, and factorise them.
-
-    Raises
-    ------
-    SingularNormalsError
-    """
+    """Add constraints and damping to the reduced normals, which are overwritten, and factorise them."""
     F, slack, h = _constraints(problem, state)
     U = len(normals.b)
     root, half = normals.root.reshape(-1, U), normals.half.ravel()

@@ -33,12 +33,7 @@ class Reduced:
 
 
 def reduce(problem: Problem, state: State, normals: Normals, damping: float) -> Reduced:
-    """Add measured distance, damping and datum to the reduced normals, which are overwritten, and factorise them.
-
-    Raises
-    ------
-    SingularNormalsError
-    """
+    """Add measured distance, damping and datum to the reduced normals, which are overwritten, and factorise them."""
     M, right, b, diagonal = normals.M, normals.right.copy(), normals.b.copy(), normals.diagonal.copy()
     G, n = problem.globals, problem.points
     for distance in problem.distances if n else ():

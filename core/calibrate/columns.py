@@ -46,8 +46,6 @@ def resect_columns(
 
     Parameters
     ----------
-    problem : Problem
-    device : int
     interior : array, shape (9,)
         Nominal; c and principal point are replaced where they come out plausible.
     rotation, shift : arrays, shape (P, 3, 3) and (P, 3)

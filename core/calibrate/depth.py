@@ -91,15 +91,12 @@ def calibrate_depth(
 
     Parameters
     ----------
-    camera : DeviceSpec
     testfield : Testfield or None
         The targets on the plate, in the plate's own frame (z = 0 on its surface).
     planes : sequence of DepthPlane
         In any order.
-    options : DepthOptions
     interior : (Interior, array), optional
         The camera's from a photogrammetric calibration, with its covariance (k, k); without it the plate's own.
-    progress : Progress
 
     Returns
     -------

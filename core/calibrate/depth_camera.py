@@ -96,7 +96,6 @@ def orient_camera(
 
     Parameters
     ----------
-    spec : DeviceSpec
     planes : sequence of TargetPlane
         Positions with fewer than 4 targets do not count.
     distance_mm : float, optional

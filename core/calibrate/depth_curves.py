@@ -47,7 +47,6 @@ def fit_polynomials(depths_mm: Array, used: Floats, measured: Floats, degree: in
         Rising.
     used, measured : arrays, shape (planes, H, W)
         The coordinates to fit, NaN where invalid, and those (unsmoothed) by which the residuals are judged.
-    degree : int
     least : int
         Pixels with fewer planes are left out.
 

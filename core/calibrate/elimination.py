@@ -20,10 +20,6 @@ def reduce(problem: Problem, state: State, damping: float = 0.0, normals: Normal
         All diagonals are multiplied by 1 + damping (Levenberg, Marquardt).
     normals : Normals, optional
         What `assemble` gives with that damping, where the caller has changed it; it is overwritten.
-
-    Raises
-    ------
-    SingularNormalsError
     """
     method = by_points if problem.by_points else by_poses
     return method.reduce(problem, state, normals or assemble(problem, state, damping), damping)

@@ -58,14 +58,12 @@ def wrong_group(
 
     Parameters
     ----------
-    network : Network
     problem : Problem
         The network's, with every device's variances multiplied by its factor.
     state : State
         Its least-squares solution.
     size : array, shape (m,)
         Sizes of the normalised residuals there.
-    factors : mapping
 
     Notes
     -----

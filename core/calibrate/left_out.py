@@ -58,7 +58,6 @@ def leave_captures_out(network: Network, progress: Progress = SILENT) -> tuple[L
     ----------
     network : Network
         As it was adjusted.
-    progress : Progress
 
     Raises
     ------

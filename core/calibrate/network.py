@@ -40,7 +40,6 @@ def network_from_targets(
 
     Parameters
     ----------
-    rig : Rig
     testfield : Testfield
         Nominal targets.
     targets : sequence of TargetSet

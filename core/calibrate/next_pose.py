@@ -56,8 +56,6 @@ def next_poses(network: Network, count: int = 3, progress: Progress = SILENT) ->
     ----------
     network : Network
         As it was adjusted.
-    count : int
-    progress : Progress
 
     Raises
     ------

@@ -66,7 +66,6 @@ def calibrate_photogrammetric(
         By default with one variance factor per device, and observations beyond six sigma rejected and counted.
     recentred : callable, optional
         Gives the targets that are adjusted in place of `targets`, once these have told the camera and its poses.
-    progress : Progress
 
     Returns
     -------

@@ -62,7 +62,6 @@ class Problem:
 
     Attributes
     ----------
-    device_names : tuple of str
     device, pose, point : arrays, shape (m,)
         Whose observation, at which pose, of which point.
     order : array, shape (m,)
@@ -73,7 +72,6 @@ class Problem:
         Pitch x, y (mm) and the pixel coordinates u, v of the middle of the image.
     r0 : array, shape (devices,)
         Zero crossing of the radial parameters, mm.
-    specs : tuple of DeviceSpec
     models : tuple of str
         Lens model of each device; K is the number of parameters of the largest.
     columns : array, shape (devices, 6 + K)
@@ -89,7 +87,6 @@ class Problem:
         Taken off all object coordinates while adjusting, so that large coordinates cost no digits.
     approximate : array, shape (n, 3)
         Approximate points less the origin: the datum.
-    distances : tuple of NetworkScale
     point_weight : array, shape (n, 3)
         1 / sigma² of coordinates known before, 0 where not.
     interior_known, interior_weight : arrays, shape (devices, K)
@@ -293,7 +290,6 @@ def problem_of(network: Network, *, by_points: bool | None = None) -> Problem:
 
     Parameters
     ----------
-    network : Network
     by_points : bool or None
         Eliminate the points, not the poses; None decides by their numbers. The results are the same.
 

@@ -24,7 +24,6 @@ def repeated_frames(captures: Sequence[Capture], lines: tuple[int, int]) -> list
 
     Parameters
     ----------
-    captures : sequence of Capture
     lines : (int, int)
         Columns and rows of the projector; patterns that are alike on all of them may share an image.
     """

@@ -44,10 +44,8 @@ def length_concerns(
 
     Parameters
     ----------
-    adjustment : Adjustment or None
     board : Testfield or None
         The nominal testfield of the adjustment.
-    scale : ScaleBar or None
     plates : Plates or None
         Seen by the calibration of this adjustment.
     same : bool

@@ -32,7 +32,6 @@ def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int
 
     Parameters
     ----------
-    adjustment : Adjustment
     rejected : mapping, optional
         By station, how many of how many observations were left out as gross errors.
     """

@@ -116,7 +116,6 @@ def intersect_targets(calibration: Pair, uv: Array, lines: Array, sigma: Array) 
 
     Parameters
     ----------
-    calibration : Pair
     uv, lines, sigma : array, shape (n, 2)
         Camera's and projector's coordinates, and the sigmas of the projector's; NaN where not decoded.
     """

@@ -54,7 +54,6 @@ def end_notes(ends: Mapping[str, Sequence[End]], projector: DeviceSpec) -> dict[
     ----------
     ends : mapping
         By capture, `light_end` of u and of v.
-    projector : DeviceSpec
     """
     notes: dict[str, str] = {}
     for axis, word, lines in ((0, "width", projector.width), (1, "height", projector.height)):

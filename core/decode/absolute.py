@@ -69,13 +69,11 @@ def decode(
         Grey values, in any order.
     lines : (int, int), optional
         Projector width and height in lines; unknown, the extent that the frames themselves tell apart.
-    options : DecodeOptions
     exposures_ms : sequence of float or None, optional
         Exposure of every image. Several exposures of a pattern are made one image, in which a sample is saturated only
         where all are; modulation and image are then in grey values of the longest.
     where : str
         What messages call the capture.
-    progress : Progress
 
     Returns
     -------

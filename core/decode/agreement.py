@@ -31,8 +31,6 @@ def contradiction(images: Sequence[Image], table: AxisTable, limits: Limits, ima
     ----------
     images : sequence of arrays (H, W)
         All frames.
-    table : AxisTable
-    limits : Limits
     image_rows : Rows
         The evenly lit image.
 

@@ -76,7 +76,6 @@ def waves(patterns: Sequence[Pattern], period: float, table: Array) -> Waves:
     ----------
     patterns : sequence of Pattern
         Phase patterns of this period; beside square waves of whole lines, whatever fits them.
-    period : float
     table : array
         Light at `LEVELS`.
 

@@ -71,7 +71,6 @@ def refine(
 
     Parameters
     ----------
-    frames : SortedFrames
     patterns : sequence of Pattern
         Of all frames.
     images : sequence of arrays (H, W)
@@ -85,7 +84,6 @@ def refine(
         Of frames that a flickering lamp lit more or less.
     planes : Planes
         Changed.
-    progress : Progress
 
     Returns
     -------

@@ -33,7 +33,6 @@ def fuse_exposures(
 
     Parameters
     ----------
-    patterns : sequence of Pattern
     images : sequence of arrays (H, W)
         One for each pattern.
     exposures_ms : sequence of float or None

@@ -43,7 +43,6 @@ def steady(
     tables : (AxisTable, AxisTable)
         Of axis x and y.
     images : sequence of arrays (H, W)
-    saturation : float
 
     Returns
     -------

@@ -139,14 +139,12 @@ def measure_bend(
 
     Parameters
     ----------
-    table : AxisTable
     waves : sequence of SquareWave
         Of `square_waves`.
     sample : float32 (frames, n)
         Grey values.
     across : int
         Pixels of the sample in a row of the image.
-    noise : Noise
     """
     if not waves:
         return table

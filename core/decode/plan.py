@@ -56,7 +56,6 @@ def plan_axis(frames: AxisFrames, lines: int | None, where: str) -> Plan:
 
     Parameters
     ----------
-    frames : AxisFrames
     lines : int, optional
         Number of projector lines; unknown, the extent that the code or the longest beat covers.
     where : str

@@ -59,12 +59,7 @@ class Link:
         self.identity = identity_of(self.place) or identity
 
     def send(self, data: bytes) -> None:
-        """Send bytes, within `_WRITE_S`.
-
-        Raises
-        ------
-        LineDownError
-        """
+        """Send bytes, within `_WRITE_S`."""
         with self._wrapped("does not take bytes"):
             self._port.write(data)
 
@@ -72,10 +67,6 @@ class Link:
         """Give what has arrived, waiting for it until a moment of `time.monotonic`; empty if nothing came.
 
         `check` is called every `_GRAIN_S` while nothing comes.
-
-        Raises
-        ------
-        LineDownError
         """
         with self._wrapped("does not deliver bytes"):
             while True:

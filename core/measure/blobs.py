@@ -103,7 +103,6 @@ def scale_and_roundness(blobs: Blobs, spot: NDArray[np.int64], ellipse: Array) -
 
     Parameters
     ----------
-    blobs : Blobs
     spot : int array, shape (...)
         Which spots.
     ellipse : array, shape (..., 2, 2) or broadcastable

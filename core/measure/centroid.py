@@ -46,7 +46,6 @@ def centroids(
         Dots bright.
     rays : Rays
         From approximate centres.
-    profile : Profiles
     light : array, shape (m, 2)
         Relative change of the light per px.
     noise : tuple of float

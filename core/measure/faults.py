@@ -38,7 +38,6 @@ def shape_faults(
         Grey values; shows where the projector's light ends.
     rays : Rays
         From the centroids.
-    profile : Profiles
     size : array, shape (m,)
         Diameter over the nominal one.
     noise : tuple of float

@@ -75,7 +75,6 @@ def measure_feature(
         Whose `image` shows the edge.
     cloud : PointCloud
         Of the same pixels.
-    camera : AdjustedDevice
     where : str
         For messages.
 

@@ -62,7 +62,6 @@ def cut_by_edge(
 
     Parameters
     ----------
-    projector : DeviceSpec
     projector_uv : array, shape (n, 2)
         Lines; an axis that is NaN says nothing.
     gradient : array, shape (n, 2, 2)

@@ -41,8 +41,6 @@ def check_picks(
 
     Parameters
     ----------
-    board : Board
-    seeds : sequence of Seed
     size : tuple of int
         Width and height of the image, px.
     where : str

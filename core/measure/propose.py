@@ -114,8 +114,6 @@ def propose_picks(
     image : array, shape (H, W)
     order : Order
         Its dots, from `find_dots`.
-    testfield : Testfield
-    camera : DeviceSpec
     known : sequence of Seed
         Picks of an image taken before or after, where the board may have been nearby.
     side : str

@@ -55,8 +55,6 @@ def measure_targets(
         Name of the capture, for the result and for messages.
     excluded : collection of (row, col)
         Targets that the operator does not want used: they end in `missing`. They still help to tell who is who.
-    options : MeasureOptions
-    progress : Progress
 
     Returns
     -------

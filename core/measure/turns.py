@@ -105,7 +105,6 @@ def solve_turns(
         Labelled somehow.
     offered : sequence of sequence of Labelling
         What each image's labels may have to be turned by; the first is kept where the image has only that.
-    field : Testfield
     picked : sequence of bool, optional
         Which images an operator labelled: the board's whole turn is that of most of them.
 

@@ -51,9 +51,6 @@ class DeviceSpec:
 
     Attributes
     ----------
-    width, height : int
-    pitch_mm : tuple of float
-    nominal_c_mm : float
     r0_mm : float or None
         Where the radial parameters shall be zero.
     interior : Interior or None

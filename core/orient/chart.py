@@ -61,7 +61,6 @@ def drift_chart(motions: Iterable[RigMotion], pair: Pair, options: OrientOptions
 
     Parameters
     ----------
-    motions : iterable of RigMotion
     pair : Pair
         As calibrated.
     options : OrientOptions

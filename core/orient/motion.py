@@ -159,15 +159,12 @@ def find_motion(
     ----------
     phase : PhaseMap
         Of any object, with columns and rows.
-    calibration : PhotogrammetricCalibration or Pair
     lengths : sequence of KnownLength
         In the scene.
     points : KnownPoints, optional
         Targets measured before.
     capture : str
         Name, for the result and for messages.
-    options : OrientOptions
-    progress : Progress
 
     Returns
     -------

@@ -71,7 +71,6 @@ def read_profiles(
 
     Parameters
     ----------
-    evaluations : sequence of PlaneEvaluation
     capture : str
         The plane.
     line : pair of (u, v), optional

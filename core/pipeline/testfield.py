@@ -35,11 +35,6 @@ def print_testfield(source: Path | Testfield, out: Path, progress: Progress = SI
         Ends in .pdf or .svg.
     name : str
         Printed on the sheet; a project's own name if empty.
-
-    Raises
-    ------
-    InputError
-        If the testfield cannot be read or printed, or `out` not be written; nothing is written then.
     """
     from core.report.board import sheet_pdf, sheet_svg
 

@@ -57,7 +57,6 @@ def difference_figures(
 
     Parameters
     ----------
-    project : Project
     other : Path or int
         Another project, or the number of a kept run of this one.
     run : int, optional

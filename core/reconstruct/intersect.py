@@ -35,7 +35,6 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -
     ----------
     phase : PhaseMap
         Shape (H, W), with u, v or both; of which camera and projector, it says itself.
-    calibration : PhotogrammetricCalibration or Pair
 
     Returns
     -------

@@ -151,12 +151,10 @@ def intersect_all(
     ----------
     phases : sequence of PhaseMap
         Of one capture, one for each camera and projector.
-    calibration : PhotogrammetricCalibration
     camera : str
         Whose pixels; it must be among `phases`.
     rays : {"all", "cameras"}
         Cameras and projectors, or cameras alone, for which the projector labels places and no more.
-    progress : Progress
 
     Returns
     -------
@@ -229,7 +227,6 @@ def merged(
         From `intersect_all`, by camera.
     images : mapping
         Grey values (H, W) of the same cameras.
-    calibration : PhotogrammetricCalibration
 
     Returns
     -------

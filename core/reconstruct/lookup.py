@@ -23,7 +23,6 @@ def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool
     ----------
     phase : PhaseMap
         Shape (H, W), with the calibrated axis.
-    calibration : DepthCalibration
     extrapolate : bool
         Also give points beyond the depths at which the pixel was calibrated: the polynomial as it goes on, or the
         table's end pieces prolonged.

@@ -23,7 +23,6 @@ def solve_rows(
 
     Parameters
     ----------
-    system : System
     first, second : tuple
         Values (H, W) in lines, their sigmas, and (k0, kx, ky) of the coordinate; `lead` names the first, "u" or "v".
 

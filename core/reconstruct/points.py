@@ -27,7 +27,6 @@ def reconstruct(
         Says which method is used.
     extrapolate : bool
         Depth look-up only: also give points beyond the calibrated depths.
-    progress : Progress
 
     Returns
     -------

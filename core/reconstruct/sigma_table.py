@@ -72,7 +72,6 @@ def make_table(devices: Devices, covariance: Array, axes: str) -> SigmaTable:
 
     Parameters
     ----------
-    devices : Devices
     covariance : array, shape (k, k)
         In the order of `Pair.covariance`.
     axes : str

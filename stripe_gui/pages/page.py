@@ -23,7 +23,6 @@ class Page(QWidget):
 
     Attributes
     ----------
-    id : str
     stage : str
         The stage it belongs to, marked in the strip; its word is also the page's help topic.
     needs_project : bool

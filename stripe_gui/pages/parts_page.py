@@ -31,7 +31,6 @@ class Part:
         A word for the program: tests and the names of pictures.
     title : str
         As the operator reads it.
-    body : QWidget
     enter : callable
         Called whenever it comes to the front.
     missing : callable

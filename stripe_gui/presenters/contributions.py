@@ -22,7 +22,6 @@ class Contribution:
 
     Attributes
     ----------
-    name, role : str
     usable : bool
         Whether it can take part.
     roll_deg, tilt_deg : float or None

@@ -59,13 +59,7 @@ def frames_key(capture: Capture) -> tuple[Any, ...]:
 
 
 class ProjectFolder:
-    """A project folder as it is now: ask again after something was written.
-
-    Raises
-    ------
-    InputError
-        If project.json cannot be used.
-    """
+    """A project folder as it is now: ask again after something was written."""
 
     def __init__(self, path: Path) -> None:
         self.path = Path(path)

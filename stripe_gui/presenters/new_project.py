@@ -231,13 +231,7 @@ def scale_words(testfield: Testfield, bar: ScaleBar) -> tuple[str, str]:
 
 
 def create(draft: Draft, field_: Testfield, plate: Testfield | None) -> Path:
-    """Write the project; nothing is left behind if that fails.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be used.
-    """
+    """Write the project; nothing is left behind if that fails."""
     folder = Path(draft.folder.strip()).expanduser()
     boards = {FIELD_FILE: field_} | ({PLATE_FILE: plate} if plate is not None else {})
     scale = draft.scale if draft.with_scale else None

@@ -85,13 +85,7 @@ def export_files(
     out: Path,
     progress: Progress = SILENT,
 ) -> list[Path]:
-    """Write what is wished for into a folder; give the files.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to.
-    """
+    """Write what is wished for into a folder; give the files."""
     files: list[Path] = []
     if wishes.report:
         paths = write_signed_report(project, sign_off, out, progress.part(0.0, 0.5))

@@ -23,7 +23,6 @@ class RigPlan:
 
     Attributes
     ----------
-    camera, projector : DeviceSpec
     distance_mm : float
         From either device to the middle of the object plane.
     base_mm : float

@@ -16,7 +16,6 @@ def write_ply(file: BinaryIO, cloud: PointCloud, image: Image | None = None) -> 
 
     Parameters
     ----------
-    file : binary file
     cloud : PointCloud
         Points (H, W, 3); their sigmas become the properties sigma_x, sigma_y, sigma_z (mm) where there are any.
     image : array, shape (H, W), optional

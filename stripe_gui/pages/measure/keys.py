@@ -19,7 +19,6 @@ class ImageKeys(QObject):
 
     Parameters
     ----------
-    canvas : QWidget
     keys : mapping
         What single keys do.
     """

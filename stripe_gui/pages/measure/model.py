@@ -70,11 +70,6 @@ class Picking:
         At least one, each with a testfield.
     pair : tuple of str
         Whose images, where captures hold those of several cameras or projectors.
-
-    Raises
-    ------
-    InputError
-        If kept picks cannot be read.
     """
 
     def __init__(self, captures: Sequence[Capture], pair: tuple[str, str] = ("", "")) -> None:
