@@ -170,6 +170,7 @@ class Loop:
         self.beside: Sequence[Loop] = ()  # those of further cameras, which look at the same patterns
         self.again_when_moved = True  # all of it, once
         self._loaded = False
+        self._by_clock, self._clock_tries = False, TRIES  # whether the last take was by the clock of a device
         self._shape: tuple[int, ...] | None = None  # of the images
 
     @property
@@ -180,6 +181,7 @@ class Loop:
     def run(self, progress: Progress = SILENT) -> CaptureReport:
         """Take what is missing, verify everything, take wrong frames again, and finish."""
         start, resumed, retakes = time.monotonic(), len(self.store.shots), 0
+        self._clock_tries = TRIES
         whole_again = not self.again_when_moved
         for attempt in range(ROUNDS + 1):
             missing = [
@@ -196,6 +198,9 @@ class Loop:
             if not wrong:
                 return self.finish(findings, start, retakes, resumed)
             reasons = "; ".join(f.text for f in findings if f.level == "bad" or f is moved)
+            if self._by_clock:  # a trigger that was missed shifts all that follow
+                self._drop(range(len(self.plan.shots)), reasons)
+                continue
             self._drop(wrong, reasons)
             self.doubt()
         raise DeviceError(
@@ -208,7 +213,8 @@ class Loop:
         """Take shots one after the other; they are on disk when this returns."""
         with ExitStack() as stack:
             writers = [stack.enter_context(Writer(loop.store)) for loop in self.together]
-            if len(shots) != len(self.plan.shots) or not self._take_all(writers, progress):
+            self._by_clock = len(shots) == len(self.plan.shots) and self._take_all(writers, progress)
+            if not self._by_clock:
                 for i in progress.over(shots, "frame {}"):
                     for writer, image in zip(writers, self._take(i, progress), strict=True):
                         writer.put(i, image)
@@ -220,7 +226,8 @@ class Loop:
         shots, cameras = self.plan.shots, [loop.camera for loop in self.together]
         if not period_of(self.projector, cameras) or self.projector.capacity < len(shots):
             return False
-        for _ in range(TRIES):
+        while self._clock_tries:
+            self._clock_tries -= 1
             try:
                 if not self._loaded:
                     self.projector.load(shots, progress.check)
