@@ -63,6 +63,13 @@ def disturbed(root: Path, number: int, what: Callable[[], None]) -> Iterator[lis
         yield calls
 
 
+def disturb(fault: str) -> None:
+    """End this process, or fail as the disk does."""
+    if fault == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    raise OSError(getattr(errno, fault), os.strerror(getattr(errno, fault)))
+
+
 class Counting:
     """A file whose writes are counted."""
 
@@ -93,13 +100,8 @@ def run(job: dict[str, Any], out: int) -> None:
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
 
-    def disturb() -> None:
-        if job["fault"] == "kill":
-            os.kill(os.getpid(), signal.SIGKILL)
-        raise OSError(getattr(errno, job["fault"]), os.strerror(getattr(errno, job["fault"])))
-
     try:
-        with disturbed(Path(job["root"]), job["number"], disturb) as calls:
+        with disturbed(Path(job["root"]), job["number"], lambda: disturb(job["fault"])) as calls:
             code = main(job["arguments"])
         sys.stdout.flush()
         sys.stderr.flush()

@@ -53,28 +53,33 @@ def nothing(folder: Path) -> None:
     pass
 
 
-# command, what is changed before, arguments after the project; {beside} is the folder that the project lies in
+BENCH = f"virtual:quick?shot={CAPTURE}"
+ON_BENCH = ["--projector", BENCH, "--camera", BENCH]
+MADE = ("simulate", "capture", "import-frames")  # do again only what is not whole yet
+
+# command, what is changed before, arguments; {beside} is the folder that the project lies in
 COMMANDS: dict[str, tuple[Callable[[Path], None], list[str]]] = {
-    "calibrate": (outdated, []),
-    "evaluate": (outdated, []),
-    "measure": (moved, []),
-    "reconstruct": (nothing, [CAPTURE, "--out", "{beside}/points.npz"]),
-    "export": (nothing, ["{beside}/calibration.yaml", "--to", "opencv"]),
-    "import-frames": (frames_beside, ["new", "--role", "object"]),
-    "orient": (nothing, [CAPTURE, "--correct"]),
-    "sign": (nothing, ["--operator", "Ann"]),
-    "patterns": (nothing, ["--out", "{beside}/images"]),
-    "report": (nothing, []),
-    "update": (outdated, []),
+    "simulate": (nothing, ["{beside}/made", "--scenario", "quick"]),
+    "capture": (nothing, ["{project}", "new", "--role", "object", *ON_BENCH]),
+    "calibrate": (outdated, ["{project}"]),
+    "evaluate": (outdated, ["{project}"]),
+    "measure": (moved, ["{project}"]),
+    "reconstruct": (nothing, ["{project}", CAPTURE, "--out", "{beside}/points.npz"]),
+    "batch": (nothing, ["{project}", CAPTURE, "--out", "{beside}/many", "--do", "decode", "--workers", "1"]),
+    "export": (nothing, ["{project}", "{beside}/calibration.yaml", "--to", "opencv"]),
+    "import-frames": (frames_beside, ["{beside}/frames", "{project}", "new", "--role", "object"]),
+    "orient": (nothing, ["{project}", CAPTURE, "--correct"]),
+    "sign": (nothing, ["{project}", "--operator", "Ann"]),
+    "patterns": (nothing, ["{project}", "--out", "{beside}/images"]),
+    "report": (nothing, ["{project}"]),
+    "update": (outdated, ["{project}"]),
 }
 BY_DEFAULT = {"kill": ("reconstruct", "import-frames", "sign"), "ENOSPC": ("export",), "EIO": ("patterns",)}
 CASES = [(fault, name) for fault, few in BY_DEFAULT.items() for name in (COMMANDS if MANY > 1 else few)]
 
 
 def arguments(command: str, folder: Path) -> list[str]:
-    rest = [text.format(beside=folder.parent) for text in COMMANDS[command][1]]
-    first = [str(folder.parent / "frames")] if command == "import-frames" else []
-    return [command, *first, str(folder), *rest]
+    return [command, *(text.format(beside=folder.parent, project=folder) for text in COMMANDS[command][1])]
 
 
 Run = Callable[..., dict[str, Any]]
@@ -126,8 +131,12 @@ def outcome(folder: Path, command: str) -> object:
         return np.load(folder.parent / "points.npz")["xyz"].tobytes()
     if command == "export":
         return (folder.parent / "calibration.yaml").read_bytes()
-    if command == "import-frames":  # capture.json says when and from where
+    if command in ("import-frames", "capture"):  # capture.json says when and from where
         return {name for name in documents(folder) if "captures/new" in name}
+    if command == "simulate":
+        return documents(folder.parent / "made")
+    if command == "batch":
+        return {name for name in documents(folder.parent / "many") if "log" not in name}
     if command == "patterns":
         return [p.read_bytes() for p in sorted((folder.parent / "images").glob("*.png"))]
     return [json.loads(p.read_text()) for p in [folder / "results" / "evaluation.json"]]
@@ -163,13 +172,13 @@ def test_a_disturbed_command_loses_nothing_and_its_repeat_succeeds(
             assert answer["code"] == 0 or answer["told"][-1].startswith("stripe-core: "), where
             assert not list(folder.parent.rglob("*.part")), where
         kept = documents(folder)
-        if command == "import-frames":  # the list of captures is its work
+        if command in MADE:  # the list of captures is its work
             given.pop("project.json")
         assert given.items() <= kept.items(), where
         assert main(["status", str(folder)]) == 0, where
         assert main(["check", str(folder), "--repair"]) == 0, where
-        # a capture that is whole and has been listed by now is not imported once more
-        if not (command == "import-frames" and (folder / "captures/new/capture.json").exists()):
+        # a capture that is whole and has been listed by now is not made once more
+        if not (command in MADE and (folder / "captures/new/capture.json").exists()):
             assert run(arguments(command, folder), folder.parent)["code"] == 0, where
         assert expected is None or outcome(folder, command) == expected, where
         assert main(["check", str(folder)]) == 0, where

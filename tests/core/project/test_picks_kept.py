@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from pathlib import Path
 
 import pytest
 
-from core.errors import InputError
+from core.errors import InputError, StripeError
 from core.model import Seed
 from core.project import keep_picks, kept_picks, read_picks, write_picks
+from tests.core.pipeline.disturbing import disturb, disturbed
 
 FOUR = tuple(Seed(r, c, 10.5 * c, 20.25 * r) for r, c in ((0, 0), (0, 8), (6, 8), (6, 0)))
 
@@ -48,3 +50,29 @@ def test_of_two_files_that_a_crash_left_the_later_one_counts(tmp_path: Path) -> 
         later = max(p.stat().st_mtime_ns for p in tmp_path.iterdir()) + 1_000_000
         os.utime(tmp_path / name, ns=(later, later))
         assert len(kept_picks(tmp_path)[0]) == count
+
+
+@pytest.mark.parametrize("fault", ["kill", "ENOSPC", "EIO"])
+@pytest.mark.parametrize(("before", "after"), [(3, 4), (4, 3), (4, 2), (2, 0), (0, 4)])
+def test_picks_disturbed_at_any_call_are_the_old_or_the_new(
+    fault: str, before: int, after: int, tmp_path: Path
+) -> None:
+    """As the window keeps them after every change; a repeat always keeps the new ones."""
+    number, reached = 0, True
+    while reached:
+        number += 1
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        keep_picks(folder, FOUR[:before])
+        if (pid := os.fork()) == 0:
+            with disturbed(folder, number, lambda: disturb(fault)) as calls, contextlib.suppress(OSError, StripeError):
+                keep_picks(folder, FOUR[:after])
+            os._exit(int(len(calls) >= number))
+        ended = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+        reached = ended != 0
+        assert kept_picks(folder)[0] in (FOUR[:before], FOUR[:after]), number
+        if not reached:
+            assert kept_picks(folder)[0] == FOUR[:after]
+        keep_picks(folder, FOUR[:after])
+        assert kept_picks(folder)[0] == FOUR[:after], number
+    assert number > 1
