@@ -57,20 +57,28 @@ def explanation(plan: Plan, sampled: Sampled, values: Array, looked: Looked, sha
     shown = [(misfit, name, j) for j, (misfit, name) in off.items() if misfit < SURE]
     if plain := [entry for entry in shown if entry[1] in PLAIN]:
         return _one(looked, min(plain)[2], min(plain)[1])
-    tried = [(contradicting(v, p, looked, FEW), text) for text, v, p in _descriptions(plan, values, looked)]
-    least = min(left for left, _ in tried)
+    tried = [(contradicting(v, p, looked, FEW), text, p) for text, v, p in _descriptions(plan, values, looked)]
+    least = min(left for left, _, _ in tried)
     room = max((p.cell << p.bits for p in looked.patterns if isinstance(p, Code)), default=0)
     wider = contradicting(looked.values, looked.patterns, replace(looked, lines=room), FEW)
     if looked.lines < room and wider <= most and wider + ALIKE < least:  # more lines allow for more
         word = "width" if looked.axis == "x" else "height"
-        return f": they fit if the projector has more than {looked.lines} lines: {word} in project.json", None
-    if least <= most:  # several may fit: the plain ones come first
-        return f": {next(text for left, text in tried if left <= least + ALIKE)}", None
+        why = f": they fit if the projector has more than {looked.lines} lines: {word} in project.json"
+        return why + (
+            "; they fit if columns and rows are exchanged: axis" if looked.lines < looked.across else ""
+        ), None
+    if least <= most:  # several may fit: of those that change the same the plain ones come first
+        plainest: dict[tuple[str, ...], str] = {}
+        for left, text, described in tried:
+            changed = {type(p).__name__ for p, own in zip(described, looked.patterns, strict=True) if p != own}
+            if left <= least + ALIKE:
+                plainest.setdefault(tuple(sorted(changed)), text)
+        return f": {'; '.join(plainest.values())}", None
     if shown:
         _, name, j = min(shown)
         twins = [k for k, p in enumerate(looked.patterns) if describe(p) == name]
-        if other := [k for k in twins if _exchanged(looked, j, k) <= most]:
-            return _exchange(looked, j, other[0])
+        if taken := [k for k in twins if _exchanged(looked, j, k) <= most]:
+            return _exchange(looked, j, taken[0])
         return _one(looked, j, name)
     if len(looked.shots) <= MOST_FRAMES:
         kinds = [type(p) for p in looked.patterns]

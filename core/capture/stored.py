@@ -58,6 +58,7 @@ class Looked:
     limit: float
     axis: Axis
     lines: int
+    across: int  # of the other axis
 
 
 def check_stored(capture: Capture, images: Sequence[NDArray], phase: PhaseMap, lines: tuple[int, int]) -> list[Finding]:
@@ -156,6 +157,7 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
             max(CONTRADICTION, PER_FRAME * len(shots)),
             axis,
             count,
+            lines[axis == "x"],
         )
         share = contradicting(looked.values, looked.patterns, looked)
         if share > SHARE:
