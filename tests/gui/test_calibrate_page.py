@@ -113,6 +113,7 @@ def test_from_a_measured_project_to_a_second_run_without_a_target(
 
 def test_a_capture_is_left_out_and_taken_in_by_keys(open_page, window, finished_project: Path, qtbot) -> None:
     page = open_page(finished_project)
+    page.form.method.setCurrentIndex(page.form.method.findData("photogrammetric"))
     page.go_to("captures")
     page.captures.table.setFocus()
     page.captures.table.setCurrentCell(2, 0)
@@ -219,9 +220,9 @@ def test_cancelling_takes_less_than_half_a_second(open_page, window, project: Pa
 
 
 def test_a_failure_is_told_on_the_page_and_the_work_can_be_started_again(
-    open_page, window, measured_project: Path, qtbot
+    open_page, window, finished_project: Path, qtbot
 ) -> None:
-    page = open_page(measured_project)
+    page = open_page(finished_project)
     page.form.degree.setCurrentIndex(page.form.degree.findData(5))  # of five plates: one too few
     with qtbot.waitActive(window):
         qtbot.keyClick(window, Qt.Key.Key_F5)
