@@ -49,7 +49,7 @@ demo: setup
 
 test: setup
 	@echo "Running all tests: about twelve minutes on two cores."
-	@$(BIN)/python -m pytest -n 2 --dist worksteal
+	@$(BIN)/python -m pytest -n 3 --dist worksteal
 
 # rooms whose tests need no rendered project, and the rules of the house
 QUICK := tests/test_architecture.py tests/core/geometry tests/core/patterns tests/core/numerics tests/core/decode \
