@@ -26,9 +26,17 @@ POSIX_CALLS = {  # of os; with what stands for it elsewhere, or the guard that k
     "statvfs": 'hasattr(os, "statvfs")',
     "sync": 'hasattr(os, "sync")',
     "ttyname": 'hasattr(os, "openpty")',
+    "symlink": 'hasattr(os, "openpty")',
     "O_CLOEXEC": 'getattr(os, "O_CLOEXEC"',
     "O_DIRECTORY": 'getattr(os, "O_DIRECTORY"',
     "O_NONBLOCK": 'getattr(os, "O_NONBLOCK"',
+}
+ELSEWHERE = {  # of other modules; select.select takes nothing but sockets on Windows
+    "socket.AF_UNIX": 'platform.startswith("linux")',
+    "select.select": ("create_server", "/dev/hidraw"),
+    **dict.fromkeys((f"select.{name}" for name in ("poll", "epoll", "kqueue")), 'hasattr(select, "'),
+    **dict.fromkeys((f"signal.{name}" for name in ("SIGKILL", "SIGHUP", "SIGUSR1", "SIGALRM")), 'hasattr(signal, "'),
+    "time.tzset": 'hasattr(time, "tzset")',
 }
 
 
@@ -52,6 +60,11 @@ def test_nothing_that_only_posix_has_stands_without_its_counterpart(room: str) -
             if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "os" and node.attr in POSIX_CALLS:
                 guard = POSIX_CALLS[node.attr]
                 assert guard in text, f"{path}:{node.lineno}: os.{node.attr} without {guard}"
+            if isinstance(node, ast.Attribute) and (guards := ELSEWHERE.get(ast.unparse(node))):
+                guards = (guards,) if isinstance(guards, str) else guards
+                assert any(guard in text for guard in guards), (
+                    f"{path}:{node.lineno}: {ast.unparse(node)} without {guards}"
+                )
             if isinstance(node, ast.Call) and ast.unparse(node.func) in ("open", "Path.open") and len(node.args) < 2:
                 assert any(k.arg in ("encoding", "mode") for k in node.keywords), f"{path}:{node.lineno}: no encoding"
 
