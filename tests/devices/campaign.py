@@ -73,8 +73,8 @@ PERIOD = "period_ms=8"  # 125 patterns a second
 TRIGGERED = {  # which device triggers the other: projector URL, camera URL
     "projector, virtual": (f"virtual:flat?{PERIOD}", "virtual:flat?"),
     "camera, virtual": ("virtual:flat", f"virtual:flat?{PERIOD}&"),
-    "projector, emulated": (f"emulated:flat?{PERIOD}&{QUICK}", "virtual:flat?"),
-    "camera, emulated": (f"emulated:flat?{QUICK}", f"virtual:flat?{PERIOD}&"),
+    "projector, emulated": (f"emulated:flat?{PERIOD}&settle_ms=1&answer_ms=2000", "virtual:flat?"),
+    "camera, emulated": ("emulated:flat?settle_ms=1&answer_ms=2000", f"virtual:flat?{PERIOD}&"),
 }
 
 
