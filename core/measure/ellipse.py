@@ -44,13 +44,12 @@ def ellipse_centres(
     profile: Profiles,
     light: Array,
     noise: tuple[float, float],
-    threshold: float,
 ) -> tuple[Array, Array]:
     """Centres (m, 2) and covariances (m, 2, 2), px, of fitted ellipses; arguments as of `centroids`.
 
     A dot that no ellipse fits keeps its centroid.
     """
-    centre, cov = centroids(image, rays, profile, light, noise, threshold)
+    centre, cov = centroids(image, rays, profile, light, noise)
     start = np.where(np.isfinite(centre), centre, rays.centre)
     shape = np.ascontiguousarray(inverse_2x2(rays.ellipse * profile.contour[:, 0, None, None]))
     background = profile.plane[:, 0] + np.sum(profile.plane[:, 1:] * (start - rays.centre), axis=1)

@@ -25,7 +25,6 @@ class Estimator(Protocol):
         profile: Profiles,
         light: Array,
         noise: tuple[float, float],
-        threshold: float,
         /,
     ) -> tuple[Array, Array]:
         """Estimate."""

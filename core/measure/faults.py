@@ -21,12 +21,11 @@ LIT = 0.45  # share of the dot's usual modulation below which a part of it count
 
 def shape_faults(
     image: Floats,
-    modulation: Floats,
     rays: Rays,
     profile: Profiles,
     size: Array,
     noise: tuple[float, float],
-    dark: bool,
+    cut: NDArray[np.bool_],
 ) -> list[str]:
     """Say for every dot why its centroid cannot be trusted; empty where it can.
 
@@ -34,16 +33,14 @@ def shape_faults(
     ----------
     image : float32, shape (H, W)
         Dots bright.
-    modulation : float32, shape (H, W)
-        Grey values; shows where the projector's light ends.
     rays : Rays
         From the centroids.
     size : array, shape (m,)
         Diameter over the nominal one.
     noise : tuple of float
         Variance of grey values, see `noise_model`.
-    dark : bool
-        Dots are darker than the board (their modulation is low; the board's around them tells).
+    cut : bool array, shape (m,)
+        Dots that are `half_lit`.
     """
     uv, minor = rays.centre, rays.minor
     with np.errstate(all="ignore"):
@@ -60,7 +57,7 @@ def shape_faults(
             faults[k] = faults[k] or text.format(*(v[k] for v in values))
 
     mark(_beyond_border(image, rays, profile.window), "cut by the image border")
-    mark(_half_lit(image, modulation, rays, profile, dark), CUT)
+    mark(cut, CUT)
     mark(~(relative < 0.2), "no contrast: {:.1f} grey values", profile.contrast)
     mark(~np.isfinite(profile.roughness), "its contour is open: covered, lit in part, or touched by something bright")
     limit = 0.07 + 0.008 * minor + 2.0 * edge_px
@@ -97,11 +94,11 @@ def _beyond_border(image: Floats, rays: Rays, window: Array) -> NDArray[np.bool_
     return ~np.all((rays.centre - half >= 0) & (rays.centre + half <= limit), axis=1)
 
 
-def _half_lit(image: Floats, modulation: Floats, rays: Rays, profile: Profiles, dark: bool) -> NDArray[np.bool_]:
+def half_lit(image: Floats, modulation: Floats, rays: Rays, profile: Profiles, dark: bool) -> NDArray[np.bool_]:
     """Whether modulation or brightness drops on one side of a dot as it does where light ends.
 
-    Looked at inside bright dots, at the foot of their edge and on the board around them; round dark ones. Captures
-    without modulation (nothing decoded) say less about the light.
+    Looked at inside bright dots, at the foot of their edge and on the board around them; round dark ones, which
+    modulate little themselves. Captures without modulation (nothing decoded) say less about the light.
     """
     around = profile.window[:, None] + np.array([0.0, 0.15, 0.3, 0.45])
     if dark:

@@ -44,49 +44,55 @@ def weighted_moments(
     image: NDArray[np.float32],
     centre: NDArray[np.float64],
     inverse: NDArray[np.float64],
-    window: NDArray[np.float64],
+    taper: NDArray[np.float64],
     plane: NDArray[np.float64],
     gradient: NDArray[np.float64],
-    level: NDArray[np.float64],
     noise: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
-    """Sums over the window of every dot with weight w = ((I - background) / light - level), where positive.
+    """Sums over the window of every dot with weight w = g (I - background) / light.
 
-    Per dot: `centre` (2) px, `inverse` (2, 2) the map from pixel offsets to the unit disc, `window` its radius in that
-    disc, `plane` (3) the background's value and slopes, `gradient` (2) the light's relative change per px, `level` the
-    threshold above the background, `noise` (2) the variance of a grey value as noise[0] + noise[1] (I - background).
-    `out` (6): sum of w, w du, w dv, then the noise's part in sum w du and w dv: variances uu, uv, vv.
+    Per dot: `centre` (2) px, `inverse` (2, 2) the map from pixel offsets to the unit disc, `taper` (2) the radii in
+    that disc between which g falls from 1 to 0, `plane` (3) the background's value and slopes, `gradient` (2) the
+    light's relative change per px, `noise` (2) the variance of a grey value as noise[0] + noise[1] (I - background).
+    `out` (9): what the sums of w du and w dv lose for each px that the centre moves, and these sums; the noise's part
+    in them, variances uu, uv, vv; sum of g du², g du dv, g dv², by which the background's slopes enter.
     """
     height, width = image.shape
     for k in range(centre.shape[0]):
         a, b, c, d = inverse[k, 0, 0], inverse[k, 0, 1], inverse[k, 1, 0], inverse[k, 1, 1]
         det = abs(a * d - b * c)
         # the half sides of the ellipse's bounding box follow from the rows of the inverse map's inverse
-        ru = window[k] * np.sqrt(d * d + b * b) / det
-        rv = window[k] * np.sqrt(a * a + c * c) / det
+        start, stop = taper[k, 0], taper[k, 1]
+        ru = stop * np.sqrt(d * d + b * b) / det
+        rv = stop * np.sqrt(a * a + c * c) / det
         u0, v0 = centre[k, 0], centre[k, 1]
-        limit = window[k] * window[k]
-        s0 = s1 = s2 = q0 = q1 = q2 = 0.0
+        s0 = s1 = s2 = q0 = q1 = q2 = a0 = a1 = a2 = 0.0
         for j in range(max(int(np.ceil(v0 - rv)), 0), min(int(np.floor(v0 + rv)), height - 1) + 1):
             dv = j - v0
             for i in range(max(int(np.ceil(u0 - ru)), 0), min(int(np.floor(u0 + ru)), width - 1) + 1):
                 du = i - u0
                 x, y = a * du + b * dv, c * du + d * dv
-                if x * x + y * y > limit:
+                rho = np.sqrt(x * x + y * y)
+                if rho >= stop:
                     continue
+                t = max((rho - start) / (stop - start), 0.0)
+                g, falls = 1.0 - t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t) / (stop - start)
                 above = image[j, i] - plane[k, 0] - plane[k, 1] * du - plane[k, 2] * dv
                 light = max(1.0 + gradient[k, 0] * du + gradient[k, 1] * dv, 0.1)
-                w = above / light - level[k]
-                if w > 0.0:
-                    s0 += w
-                    s1 += w * du
-                    s2 += w * dv
-                    var = max(noise[k, 0] + noise[k, 1] * above, 0.0) / (light * light)
-                    q0 += var * du * du
-                    q1 += var * du * dv
-                    q2 += var * dv * dv
+                w = above / light
+                s0 += w * (g - 0.5 * rho * falls)
+                s1 += g * w * du
+                s2 += g * w * dv
+                var = g * g * max(noise[k, 0] + noise[k, 1] * above, 0.0) / (light * light)
+                q0 += var * du * du
+                q1 += var * du * dv
+                q2 += var * dv * dv
+                a0 += g * du * du
+                a1 += g * du * dv
+                a2 += g * dv * dv
         out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = s0, s1, s2, q0, q1, q2
+        out[k, 6], out[k, 7], out[k, 8] = a0, a1, a2
 
 
 def in_bands(kernel: Callable[..., None], image: NDArray[np.float32], *of_dots: NDArray[Any]) -> None:

@@ -19,10 +19,7 @@ class MeasureOptions:
         From which side the camera sees the board. The nominal coordinates are right-handed, so that their Z axis
         points to the viewer ("front"); a field written with y downwards and z = 0 is seen from its "back". Picks that
         show the other side are refused as mirrored.
-    threshold : float
-        Grey weights begin at this share of the dot's contrast above the local background.
     """
 
     projector: Literal["bilinear", "plane"] = "bilinear"
     side: Literal["front", "back", "either"] = "front"
-    threshold: float = 0.05

@@ -32,6 +32,7 @@ class Profiles:
 
     plateau: Array  # (m,) grey values inside the dot
     plane: Array  # (m, 3) background: value at the centre and its slopes per px in u and v
+    slopes: Array  # (m, 2, 2) cofactors of those slopes, of uncorrelated samples
     blur: Array  # (m,) sigma of the edge
     contour: Array  # (m, 5) harmonics of the contour's radius in the unit disc
     window: Array  # (m,) radius in the unit disc that holds the whole blurred dot and no neighbour
@@ -62,7 +63,7 @@ def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
     along, minor = rays.length, rays.minor
     plateau = row_median(rays.sample(image, PLATEAU).reshape(len(minor), -1))
     far = np.clip(1.0 + 4.0 / minor, 1.0, spacing / 2)
-    plane = _background(image, rays, far, spacing, rounds=1)
+    plane, _ = _background(image, rays, far, spacing, rounds=1)
 
     offset = (3.0 + 0.15 * minor)[:, None] * np.linspace(-1, 1, STEPS)  # (m, steps) px
     radius = np.maximum(1.0 + offset[:, None, :] / along[:, :, None], 0.0)
@@ -75,7 +76,7 @@ def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
     blur = np.clip(row_median(width) / 1.683, 0.3, 4.0)
 
     window = np.minimum(contour[:, 0] + (3.0 * blur + 1.0) / minor, np.maximum(spacing / 2, 1.0 + 1.0 / minor))
-    plane = _background(image, rays, window, spacing, rounds=3)
+    plane, slopes = _background(image, rays, window, spacing, rounds=3)
     share = _share(value, radius, rays, plane, plateau)
     soft = (2.5 * blur + 0.7)[:, None, None] / along[:, :, None]
     edge = (contour @ HARMONICS.T)[:, :, None]
@@ -85,6 +86,7 @@ def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
     return Profiles(
         plateau=plateau,
         plane=plane,
+        slopes=slopes,
         blur=blur,
         contour=contour,
         window=window,
@@ -104,8 +106,8 @@ def _share(value: Floats, radius: Array, rays: Rays, plane: Array, plateau: Arra
     return np.asarray((value - below) / contrast)
 
 
-def _background(image: Floats, rays: Rays, start: Array, spacing: Array, rounds: int) -> Array:
-    """Robust plane (m, 3) through the ring between the dot's blur and that of its neighbours."""
+def _background(image: Floats, rays: Rays, start: Array, spacing: Array, rounds: int) -> tuple[Array, Array]:
+    """Robust plane (m, 3) through the ring between the dot's blur and that of its neighbours; its slopes' cofactors."""
     stop = np.maximum(np.minimum(start + np.maximum(1.0, 5.0 / rays.minor), spacing - start), start + 0.15)
     radius = start[:, None] + (stop - start)[:, None] * np.linspace(0, 1, 4)
     value = rays.sample(image, radius).reshape(len(start), -1)
@@ -114,14 +116,15 @@ def _background(image: Floats, rays: Rays, start: Array, spacing: Array, rounds:
     usable = np.isfinite(value)
     value = np.where(usable, value, 0)
     model = row_median(np.where(usable, value, np.nan))[:, None]
-    plane: Array = np.zeros((len(start), 3))
+    plane, N = np.zeros((len(start), 3)), np.zeros((len(start), 3, 3))
     for _ in range(rounds):
         off = np.where(usable, np.abs(value - model), np.nan).astype(np.float32)
         weight = usable & (off <= 3.5 / MEDIAN_OF_NORMAL * row_median(off)[:, None] + 1e-6)
         N, b = normal_equations(A, weight.astype(np.float64), value[..., None])
-        plane = np.asarray(np.linalg.solve(N + 1e-9 * np.eye(3), b)[..., 0], np.float64)
+        N += 1e-9 * np.eye(3)
+        plane = np.asarray(np.linalg.solve(N, b)[..., 0], np.float64)
         model = (A @ plane[..., None])[..., 0]
-    return plane
+    return plane, np.linalg.inv(N)[:, 1:, 1:]
 
 
 def _roughness(crossing: Array, along: Array) -> Array:

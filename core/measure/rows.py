@@ -15,12 +15,13 @@ Ints = NDArray[np.int64]
 CURVE = 3  # terms of the curve: place, lean, and the bow that uneven light and perspective give
 LEAST_ROWS = CURVE + 2
 LEAST_SHARE = 0.2  # of the widest row's weight: the middles of shorter ones are mostly noise
+LEVEL = 0.05  # of the contrast, where weights begin
 BIN_PX = 0.25
 SURE = 3.0  # sigmas above which a shift is taken for one
 
 
 def row_shift(
-    image: NDArray[np.float32], uv: Array, ellipse: Array, window: Array, plane: Array, level: Array
+    image: NDArray[np.float32], uv: Array, ellipse: Array, window: Array, plane: Array, contrast: Array
 ) -> float:
     """Estimate the standard deviation, px, of the rows' shifts along u; 0 where it is not significant.
 
@@ -34,8 +35,7 @@ def row_shift(
         Map of the unit disc to the dot, and the radius in that disc of what is weighted.
     plane : array, shape (m, 3)
         Background at the centroid and its slopes.
-    level : array, shape (m,)
-        Grey value above the background where weights begin.
+    contrast : array, shape (m,)
 
     Notes
     -----
@@ -52,7 +52,7 @@ def row_shift(
         v, u = np.mgrid[v0 : v1 + 1, u0 : u1 + 1]
         d = np.stack([u - uv[k, 0], v - uv[k, 1]])
         inside = np.hypot(*np.einsum("ij,jvu->ivu", np.linalg.inv(ellipse[k]), d)) <= window[k]
-        w = image[v, u] - plane[k, 0] - plane[k, 1] * d[0] - plane[k, 2] * d[1] - level[k]
+        w = image[v, u] - plane[k, 0] - plane[k, 1] * d[0] - plane[k, 2] * d[1] - LEVEL * contrast[k]
         w = np.where(inside, np.maximum(w, 0.0), 0.0)
         share = w.sum(axis=1)
         use = share > LEAST_SHARE * share.max(initial=0.0)

@@ -13,7 +13,7 @@ from core.measure.board import Board
 from core.measure.centroid import centroids, light_gradient, noise_model
 from core.measure.eccentricity import eccentricity, recentred
 from core.measure.estimators import ESTIMATORS
-from core.measure.faults import shape_faults
+from core.measure.faults import half_lit, shape_faults
 from core.measure.grow import Lattice
 from core.measure.identify import identify
 from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
@@ -63,7 +63,7 @@ def _diameters(board: Board, affine: Array) -> tuple[float, float]:
 
 def _measure_dots(sight: Sight, image: Floats, lattice: Lattice) -> tuple[Marks, list[str]]:
     """Profiles and centroids of all identified dots, eccentric yet; and why each must not be used, empty if it may."""
-    board, dark, threshold = lattice.board, _dark(sight.testfield), sight.options.threshold
+    board, dark = lattice.board, _dark(sight.testfield)
     target = np.flatnonzero(lattice.known)
     if not len(target):
         pairs, matrices, none = np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0)
@@ -75,20 +75,23 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice) -> tuple[Marks,
     first = profiles(image, start, spacing)
     # by now the size is known: again with rays that end where the contour is, from the centre it has
     size = np.clip(np.nan_to_num(first.contour[:, 0], nan=1.0), 0.5, 2.0)
-    moved, _ = centroids(image, start, first, np.zeros_like(centre), (0.0, 0.0), threshold)
+    moved, _ = centroids(image, start, first, np.zeros_like(centre), (0.0, 0.0))
     moved = np.where(np.isfinite(moved), moved, centre)
     rays = Rays(moved, nominal * size[:, None, None])
     profile = profiles(image, rays, spacing / size)
-    light = light_gradient(moved, profile.contrast, profile.plane if dark else None)
-    noise = noise_model(image, rays, profile)
-    uv, cov = ESTIMATORS[sight.testfield.estimator](image, rays, profile, light, noise, threshold)
-    profile = _recentred(profile, rays.ellipse, uv - moved)
     modulation = np.ascontiguousarray(sight.phase.modulation, np.float32)
-    fault = shape_faults(image, modulation, Rays(uv, rays.ellipse), profile, size, noise, dark)
+    cut = half_lit(image, modulation, rays, profile, dark)
+    light = light_gradient(moved, np.where(cut, np.nan, profile.contrast), profile.plane if dark else None)
+    noise = noise_model(image, rays, profile)
+    uv, cov = ESTIMATORS[sight.testfield.estimator](image, rays, profile, light, noise)
+    profile = _recentred(profile, rays.ellipse, uv - moved)
+    fault = shape_faults(image, Rays(uv, rays.ellipse), profile, size, noise, cut)
     scale = profile.contour[:, 0]
     ellipse = rays.ellipse * scale[:, None, None]
-    window, level = profile.window / scale, threshold * profile.contrast
-    shift = row_shift(image, *(a[[not f for f in fault]] for a in (uv, ellipse, window, profile.plane, level)))
+    window = profile.window / scale
+    shift = row_shift(
+        image, *(a[[not f for f in fault]] for a in (uv, ellipse, window, profile.plane, profile.contrast))
+    )
     return Marks(target, uv, cov, ellipse, window, profile.blur, np.zeros_like(uv), {}, row_shift_px=shift), fault
 
 

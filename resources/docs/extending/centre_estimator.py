@@ -18,7 +18,7 @@ from core.measure import ESTIMATORS, measure_targets
 from core.pipeline import captures_of, decode_capture, simulate_project
 
 
-def middle_of_contour(image, rays, profile, light, noise, threshold):
+def middle_of_contour(image, rays, profile, light, noise):
     """Give centres (m, 2) and covariances (m, 2, 2), px."""
     uv = rays.centre + np.einsum("mij,mj->mi", rays.ellipse, profile.contour[:, 1:3])
     return uv, np.broadcast_to(0.02**2 * np.eye(2), (len(uv), 2, 2))

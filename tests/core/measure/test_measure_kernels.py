@@ -29,21 +29,28 @@ def test_weighted_moments_are_the_sums_they_are_said_to_be():
     m = 5
     centre = rng.uniform(-2, 45, (m, 2))  # some windows reach out of the image
     inverse = np.linalg.inv(np.array([[4.0, 1.5], [0.5, 3.0]]) * rng.uniform(0.7, 1.3, (m, 1, 1)))
-    window, level = rng.uniform(1, 2, m), rng.uniform(5, 30, m)
+    taper = np.stack([rng.uniform(0.5, 1, m), rng.uniform(1.2, 2, m)], axis=1)
     plane = np.stack([rng.uniform(0, 20, m), *rng.normal(0, 0.5, (2, m))], axis=1)
     gradient, noise = rng.normal(0, 0.01, (m, 2)), rng.uniform(0, 1, (m, 2))
-    out = np.empty((m, 6))
-    weighted_moments(image, centre, inverse, window, plane, gradient, level, noise, out)
+    out = np.empty((m, 9))
+    weighted_moments(image, centre, inverse, taper, plane, gradient, noise, out)
     v, u = np.mgrid[0:40, 0:50]
     for k in range(m):
         du, dv = u - centre[k, 0], v - centre[k, 1]
-        inside = np.hypot(*np.einsum("ij,jab->iab", inverse[k], np.stack([du, dv]))) <= window[k]
+        rho = np.hypot(*np.einsum("ij,jab->iab", inverse[k], np.stack([du, dv])))
+
+        def g(rho, k=k):
+            t = np.clip((rho - taper[k, 0]) / (taper[k, 1] - taper[k, 0]), 0, 1)
+            return 1 - 3 * t**2 + 2 * t**3
+
+        # moved by a px, g (x - m) changes by -g - rho g' / 2, over all directions
+        lost = g(rho) + rho / 2 * (g(rho + 1e-6) - g(rho - 1e-6)) / 2e-6
         above = image - plane[k, 0] - plane[k, 1] * du - plane[k, 2] * dv
         light = 1 + gradient[k, 0] * du + gradient[k, 1] * dv
-        w = np.where(inside, np.maximum(above / light - level[k], 0), 0)
-        var = np.where(w > 0, np.maximum(noise[k, 0] + noise[k, 1] * above, 0) / light**2, 0)
-        sums = [w, w * du, w * dv, var * du * du, var * du * dv, var * dv * dv]
-        assert out[k] == pytest.approx([x.sum() for x in sums], rel=1e-6, abs=1e-6)
+        w, var = above / light, g(rho) ** 2 * np.maximum(noise[k, 0] + noise[k, 1] * above, 0) / light**2
+        squares = np.stack([du * du, du * dv, dv * dv])
+        sums = [lost * w, g(rho) * w * du, g(rho) * w * dv, *(var * squares), *(g(rho) * squares)]
+        assert out[k] == pytest.approx([x.sum() for x in sums], rel=1e-5, abs=1e-5)
 
 
 def test_small_helpers_agree_with_numpy():

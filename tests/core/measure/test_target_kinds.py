@@ -109,7 +109,7 @@ def test_an_unknown_name_is_refused_with_those_known(quick: Path, key: str) -> N
 def test_an_estimator_from_outside_gives_the_centres(bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """The middle of the contour, which the profiles hold: another estimator of the same ellipse's centre."""
 
-    def middle(image, rays, profile, light, noise, threshold):
+    def middle(image, rays, profile, light, noise):
         uv = rays.centre + np.einsum("mij,mj->mi", rays.ellipse, profile.contour[:, 1:3])
         return uv, np.broadcast_to(0.02**2 * np.eye(2), (len(uv), 2, 2))
 
