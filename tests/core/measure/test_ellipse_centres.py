@@ -43,17 +43,19 @@ def measured(image, centre, shape, estimate=ellipse_centres):
     rays = Rays(np.round(centre), np.broadcast_to(shape, (len(centre), 2, 2)).copy())
     profile = profiles(image, rays, np.full(len(centre), PITCH / 6.0))
     noise = noise_model(image, rays, profile)
-    return estimate(image, rays, profile, np.zeros_like(centre), noise, 0.05)
+    return estimate(image, rays, profile, np.zeros_like(centre), noise)
 
 
 @pytest.mark.parametrize("semi_axes", [(6.0, 5.0), (3.5, 2.2)])
 @pytest.mark.parametrize("defocus_px", [0.7, 1.6])
 def test_nothing_depends_on_where_in_its_pixel_a_dot_lies(semi_axes, defocus_px):
     image, centre, shape = discs(semi_axes, defocus_px, np.random.default_rng(1))
-    error = np.sqrt(np.mean((measured(image, centre, shape)[0] - centre) ** 2))
-    weighted = np.sqrt(np.mean((measured(image, centre, shape, centroids)[0] - centre) ** 2))
-    assert error < 0.0012  # a quarter of what noise leaves at best
-    assert error < weighted
+    for estimate, most in (
+        (ellipse_centres, 0.0012),
+        (centroids, 0.0025),
+    ):  # noise leaves 0.005
+        uv, _ = measured(image, centre, shape, estimate)
+        assert np.sqrt(np.mean((uv - centre) ** 2)) < most
 
 
 def noisy(clean, loose_px, rng):
@@ -77,13 +79,13 @@ def test_errors_are_as_large_as_their_sigmas():
 def test_shifts_of_rows_are_found_and_shared_by_the_dots_of_a_row(loose_px):
     rng, found, errors = np.random.default_rng(4), [], []
     clean, centre, shape = discs((6.0, 5.0), 0.8, rng)
-    for _ in range(8):
+    for _ in range(24):
         image = np.ascontiguousarray(noisy(clean, loose_px, rng), np.float32)
         uv, cov = measured(image, centre, shape, centroids)
         ellipse, one = np.broadcast_to(shape, (len(centre), 2, 2)), np.ones(len(centre))
-        found.append(row_shift(image, uv, ellipse, 1.5 * one, np.outer(one, [12.0, 0, 0]), 4.5 * one))
+        found.append(row_shift(image, uv, ellipse, 1.5 * one, np.outer(one, [12.0, 0, 0]), 90.0 * one))
         errors.append(uv - centre)
-    # of 8 images with some 250 products of dots in each of 77 rows: good to 3 %
+    # of 24 images with some 250 products of dots in each of 77 rows: good to 2 %
     assert np.sqrt(np.mean(np.square(found))) == pytest.approx(loose_px, rel=0.12, abs=0.002)
     none = np.full((len(centre), 2), np.nan)
     target = np.arange(len(centre))
@@ -92,8 +94,8 @@ def test_shifts_of_rows_are_found_and_shared_by_the_dots_of_a_row(loose_px):
         "", target, target, centre, cov, none, none, 0 * centre, height, row_shift_px=loose_px, height_px=height
     )
     u, v = np.mean(np.square(errors), axis=(0, 1)) - np.diagonal(cov.mean(axis=0))
-    # lines move along themselves only; 504 squares of errors of 0.004 px, with what pixels leave
-    assert u - v == pytest.approx(np.diagonal(targets.row_cov).mean(), rel=0.2, abs=1e-5)
+    # lines move along themselves only; 168 rows of dots share theirs: good to 11 %
+    assert u - v == pytest.approx(np.diagonal(targets.row_cov).mean(), rel=0.3, abs=1e-5)
     e = np.array(errors)[:, :, 0]
     beside = (np.abs(centre[:, None, 1] - centre[:, 1]) < 1) & ~np.eye(len(centre), dtype=bool)
     together = np.mean(e[:, :, None] * e[:, None, :], axis=0)
@@ -106,5 +108,5 @@ def test_a_dot_that_no_ellipse_fits_keeps_its_centroid():
     with np.errstate(all="ignore"):
         fitted, weighted = measured(image, centre, shape), measured(image, centre, shape, centroids)
     gone = centre[:, 0] < PITCH * 1.5
-    assert np.array_equal(fitted[0][gone], weighted[0][gone], equal_nan=True)
+    assert np.allclose(fitted[0][gone], weighted[0][gone], atol=1e-4, equal_nan=True)
     assert np.isfinite(fitted[0][~gone]).all()
