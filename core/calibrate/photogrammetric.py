@@ -49,14 +49,8 @@ def calibrate_photogrammetric(
     ----------
     rig : Rig
         Devices with nominal focal lengths only, or with what is known of them before.
-    testfield : Testfield
-        Nominal board; its true shape is estimated.
-    targets : sequence of TargetSet
-        One per capture of the board, camera and projector.
-    scale : ScaleBar or None
-        Measured distance on the board; without any the nominal board gives the scale.
-    lengths : sequence of ScaleBar
-        Further ones.
+    testfield, targets, scale, lengths
+        As of `network_from_targets`.
     rigid : bool
         True holds all devices fixed to the first over all captures and says so if they were not; False adjusts all
         stations freely and returns the weighted means of the captures' relative orientations.

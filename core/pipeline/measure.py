@@ -7,7 +7,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from core.errors import InputError, NotRecognisedError
 from core.figures import targets_figures
@@ -115,7 +115,7 @@ def measured_or_why(
 
     try:
         with because_of({capture.name: phase.notes}):
-            return *_measured(capture, phase, project, side), None
+            return *measured_capture(capture, phase, project, side), None
     except NotRecognisedError as error:
         assert capture.testfield is not None
         why = f"{error.seen}; {error.remedy}"
@@ -123,22 +123,25 @@ def measured_or_why(
         return nothing, (SAME,), error
 
 
-def _measured(capture: Capture, phase: PhaseMap, project: Project, side: Side) -> tuple[TargetSet, Sequence[Labelling]]:
-    """Targets of one decoded capture, from its picks or without, and the labellings that they allow."""
-    from core.measure import SAME, MeasureOptions, labellings, recognise
+def measured_capture(
+    capture: Capture, phase: PhaseMap, project: Project, side: Side
+) -> tuple[TargetSet, Sequence[Labelling]]:
+    """Measure one decoded capture, from its picks or without; give the labellings that the targets allow, too."""
+    from core.measure import MeasureOptions, labellings, measure_targets, recognise
 
-    if capture.seeds or capture.testfield is None:
-        targets = measure_capture(capture, phase, project, side)
-        return targets, labellings(capture.testfield) if capture.testfield is not None else (SAME,)
-    targets, ways = recognise(
-        phase,
-        capture.testfield,
-        project.rig.cameras[capture.camera],
-        projector=project.rig.projectors[capture.projector],
-        capture=str(capture.path),
-        excluded=capture.excluded,
-        options=MeasureOptions(side=side),
-    )
+    field, camera = capture.testfield, project.rig.cameras[capture.camera]
+    if field is None:
+        raise InputError(capture.path / "capture.json", "picks, but no testfield", 'name the board in "testfield"')
+    how: dict[str, Any] = {
+        "projector": project.rig.projectors[capture.projector],
+        "capture": str(capture.path),
+        "excluded": capture.excluded,
+        "options": MeasureOptions(side=side),
+    }
+    if capture.seeds:
+        targets, ways = measure_targets(phase, field, capture.seeds, camera, **how), labellings(field)
+    else:
+        targets, ways = recognise(phase, field, camera, **how)
     return _named(replace(targets, notes=(*phase.notes, *targets.notes)), capture), ways
 
 
@@ -216,28 +219,6 @@ def side_of(captures: list[Capture]) -> Side:
             if all((seed.row, seed.col) in known for seed in capture.seeds):
                 votes += 1 if capture.testfield.side_seen(capture.seeds) == "front" else -1
     return "front" if votes >= 0 else "back"
-
-
-def measure_capture(
-    capture: Capture, phase: PhaseMap, project: Project, side: Side, progress: Progress = SILENT
-) -> TargetSet:
-    """Measure the targets of one decoded capture."""
-    from core.measure import MeasureOptions, measure_targets
-
-    if capture.testfield is None:
-        raise InputError(capture.path / "capture.json", "picks, but no testfield", 'name the board in "testfield"')
-    targets = measure_targets(
-        phase,
-        capture.testfield,
-        capture.seeds,
-        project.rig.cameras[capture.camera],
-        projector=project.rig.projectors[capture.projector],
-        capture=str(capture.path),
-        excluded=capture.excluded,
-        progress=progress,
-        options=MeasureOptions(side=side),
-    )
-    return _named(replace(targets, notes=(*phase.notes, *targets.notes)), capture)
 
 
 def _named(targets: TargetSet, capture: Capture) -> TargetSet:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from core.errors import InputError
 from core.model import PhaseMap, Project, TargetSet
 from core.pipeline.decode import one_series, phase_maps
-from core.pipeline.measure import boards_of, kept_targets, measure_capture, save_targets, sides_of, signs_of
+from core.pipeline.measure import boards_of, kept_targets, measured_capture, save_targets, sides_of, signs_of
 from core.progress import SILENT, Progress
 
 
@@ -54,7 +54,7 @@ def measure_one(
         decoded = list(phase_maps(project, series))
     progress(0.6, f"measuring {name}")
     sign, side = signs[capture.path], sides[capture.role]
-    measured = [replace(measure_capture(one, phase, project, side), made_from=sign) for one, phase in decoded]
+    measured = [replace(measured_capture(one, phase, project, side)[0], made_from=sign) for one, phase in decoded]
     progress.check()
     anew = {(t.capture, t.camera, t.projector) for t in measured}
     kept = [t for t in current_target_sets(project) if (t.capture, t.camera, t.projector) not in anew]

@@ -1744,6 +1744,10 @@
         <source>What the checks said</source>
         <translation>Was die Prüfungen ergaben</translation>
     </message>
+    <message>
+        <source>Import the frames.</source>
+        <translation>Die Bilder einlesen.</translation>
+    </message>
 </context>
 <context>
     <name>ImportWizard</name>
@@ -1782,10 +1786,6 @@
     <message>
         <source>Import</source>
         <translation>Einlesen</translation>
-    </message>
-    <message>
-        <source>Import the frames.</source>
-        <translation>Die Bilder einlesen.</translation>
     </message>
     <message>
         <source>reading and checking the images …</source>

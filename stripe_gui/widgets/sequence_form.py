@@ -98,7 +98,6 @@ class SequenceForm(QWidget):
         except StripeError:
             return None
 
-    @property
     def missing(self) -> str:
         """What is wrong with the choice; empty if nothing is."""
         if self._wrong:

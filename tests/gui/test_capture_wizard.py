@@ -95,9 +95,9 @@ def test_one_frame_is_taken_again_by_the_keyboard(wizard, window, project: Path,
 def test_cancelled_within_half_a_second_and_gone_on_with_later(wizard, window, project: Path, qtbot) -> None:
     slow = "&exposure_ms=60"
     wizard.devices.camera.url.setText(wizard.devices.urls[1] + slow)
-    assert wizard.devices.missing
+    assert wizard.devices.missing()
     click(wizard.devices.test_button, qtbot)
-    qtbot.waitUntil(lambda: not wizard.devices.missing, timeout=60_000)
+    qtbot.waitUntil(lambda: not wizard.devices.missing(), timeout=60_000)
     go_to(wizard, "take", qtbot)
     click(wizard.taking.start_button, qtbot)
     qtbot.waitUntil(lambda: wizard.taking.strip.states.count("taken") > 3, timeout=60_000)
@@ -113,7 +113,7 @@ def test_cancelled_within_half_a_second_and_gone_on_with_later(wizard, window, p
     click(wizard.close_button, qtbot)
     # another day: the interrupted capture is offered, its frames are kept
     window.show_page("capture-wizard")
-    qtbot.waitUntil(lambda: not wizard.devices.missing, timeout=60_000)
+    qtbot.waitUntil(lambda: not wizard.devices.missing(), timeout=60_000)
     click(wizard.next_button, qtbot)
     assert wizard.subject.interrupted.count() == 1
     assert f"{status.taken} of {status.planned}" in wizard.subject.interrupted.item(0).text()
@@ -154,7 +154,7 @@ def test_the_live_picture_marks_and_counts_what_is_over_exposed(wizard, window, 
     assert step.clipped.text() == f"{100 * share:.2f} %"
     assert share == pytest.approx(np.mean(step._look.image == 255))
     assert "gain=4" in wizard.devices.urls[1]
-    assert not wizard.devices.missing
+    assert not wizard.devices.missing()
     step.light.setCurrentIndex(step.light.findData("black"))
     qtbot.waitUntil(lambda: step._look.image.mean() < 60, timeout=30_000)
     step.live.setChecked(False)
@@ -194,7 +194,7 @@ def test_devices_that_do_not_answer_are_told_in_words_and_close_the_way(wizard, 
     card.url.setText(f"folder:{tmp_path}/nowhere")
     click(wizard.devices.test_button, qtbot)
     idle(window, qtbot)
-    assert "Test the connection first." in wizard.devices.missing
+    assert "Test the connection first." in wizard.devices.missing()
     assert not wizard.next_button.isEnabled()
     card.url.setText("nonsense")
     assert "KIND:PLACE" in card.explanation.text()
@@ -205,7 +205,7 @@ def test_a_camera_of_another_size_is_told(wizard, window, qtbot) -> None:
     wizard.devices.camera.url.setText("virtual:flat")
     click(wizard.devices.test_button, qtbot)
     idle(window, qtbot)
-    assert wizard.devices.missing
+    assert wizard.devices.missing()
     texts = [
         wizard.devices.result.itemAt(i).widget().findChildren(type(wizard.heading))[-1].text()
         for i in range(wizard.devices.result.count())
@@ -224,7 +224,7 @@ def test_what_belongs_to_a_role_is_asked_and_names_are_free(wizard, qtbot) -> No
     step.role.setCurrentIndex(step.role.findData("depth"))
     assert step.board.currentText() == "plate.csv"
     step.name.setText("depth-01")
-    assert "already" in step.missing
+    assert "already" in step.missing()
     assert not wizard.next_button.isEnabled()
 
 

@@ -96,7 +96,6 @@ class DevicesStep(QWidget):
     def urls(self) -> tuple[str, str]:
         return self.projector.url.text().strip(), self.camera.url.text().strip()
 
-    @property
     def missing(self) -> str:
         if self._tested == self.urls and self.connection is not None:
             return ""
@@ -111,11 +110,11 @@ class DevicesStep(QWidget):
 
     def enter(self) -> None:
         self._list_scenes()
-        if self.missing and scene_of(self.urls[0]) and scene_of(self.urls[1]):
+        if self.missing() and scene_of(self.urls[0]) and scene_of(self.urls[1]):
             self.test()
 
     def choose_scene(self, scene: str) -> None:
-        kept = self.connection if not self.missing else None
+        kept = self.connection if not self.missing() else None
         self.projector.url.setText(in_scene(self.projector.url.text(), scene))
         self.camera.url.setText(in_scene(self.camera.url.text(), scene))
         if kept is not None:  # the same rig, looking at something else

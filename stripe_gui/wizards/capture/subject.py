@@ -71,7 +71,6 @@ class SubjectForm(QWidget):
             (self.board.currentText() or None) if role in ("testfield", "depth") else None,
         )
 
-    @property
     def missing(self) -> str:
         if self._project is None:
             return self.tr("Open a project.")
@@ -150,14 +149,13 @@ class SubjectStep(SubjectForm):
         self.interrupted.itemActivated.connect(self._go_on)
         self.interrupted.itemClicked.connect(self._go_on)
 
-    @property
     def missing(self) -> str:
         subject = self.subject
         if self._project is not None and subject == self._going_on():
             return self.wrong
         if any(u.subject.name == subject.name for u in self._unfinished):
             return self.tr("A capture of this name was interrupted: choose it in the list, or another name.")
-        return super().missing
+        return super().missing()
 
     def offer(self, project: Project) -> None:
         """Offer what suits a project: free names, boards, interrupted captures."""

@@ -67,7 +67,6 @@ class TakingStep(QWidget):
     def running(self) -> bool:
         return self._job is not None
 
-    @property
     def missing(self) -> str:
         if self.running:
             return self.tr("The sequence is being taken.")

@@ -52,36 +52,15 @@ class CaptureWizard(Wizard):
         self.picture = PictureStep(bench, self.devices)
         self.checks = ChecksStep(bench, self.devices)
         self.taking = TakingStep(bench, self.devices)
-        self.add_step(
-            "devices",
-            self.tr("Devices"),
-            scrolled(self.devices),
-            enter=self.devices.enter,
-            missing=lambda: self.devices.missing,
-        )
-        self.add_step(
-            "subject",
-            self.tr("What"),
-            scrolled(self.subject),
-            enter=self._enter_subject,
-            missing=lambda: self.subject.missing,
-        )
-        self.add_step(
-            "sequence",
-            self.tr("Sequence"),
-            scrolled(boxed(column(self.sequence, self.planned, None)), across=False),
-            enter=self._enter_sequence,
-            missing=lambda: self.sequence.missing,
-        )
+        devices, subject = scrolled(self.devices), scrolled(self.subject)
+        sequence = scrolled(boxed(column(self.sequence, self.planned, None)), across=False)
+        title = self.tr("Sequence")
+        self.add_step("devices", self.tr("Devices"), devices, enter=self.devices.enter, missing=self.devices.missing)
+        self.add_step("subject", self.tr("What"), subject, enter=self._enter_subject, missing=self.subject.missing)
+        self.add_step("sequence", title, sequence, enter=self._enter_sequence, missing=self.sequence.missing)
         self.add_step("picture", self.tr("Live picture"), self.picture, enter=self.picture.enter)
         self.add_step("checks", self.tr("Check the rig"), self.checks)
-        self.add_step(
-            "take",
-            self.tr("Take"),
-            self.taking,
-            enter=lambda: self.taking.prepare(self.subject.subject),
-            missing=lambda: self.taking.missing,
-        )
+        self.add_step("take", self.tr("Take"), self.taking, enter=self._enter_take, missing=self.taking.missing)
         for step in (self.devices, self.subject, self.picture, self.checks, self.taking):
             step.changed.connect(self.update_steps)
         self.subject.changed.connect(self._choose_scene)
@@ -139,6 +118,9 @@ class CaptureWizard(Wizard):
         if self.sequence.view is None:
             self.sequence.look()
 
+    def _enter_take(self) -> None:
+        self.taking.prepare(self.subject.subject)
+
     def _sequence_chosen(self) -> None:
         """Plan with what was chosen, and say what more is shown."""
         view, connection = self.sequence.view, self.devices.connection
@@ -156,7 +138,7 @@ class CaptureWizard(Wizard):
     def _keep_sequence(self, step: str) -> None:
         """Keep the choice in the project once the operator goes on."""
         folder = self.session.folder
-        if folder is None or step in ("devices", "subject", "sequence") or self.sequence.missing:
+        if folder is None or step in ("devices", "subject", "sequence") or self.sequence.missing():
             return
         if self.sequence.spec != folder.project.sequence:
             self.bench.guarded(choose_sequence, folder.path, self.sequence.spec)

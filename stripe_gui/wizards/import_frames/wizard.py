@@ -81,6 +81,9 @@ class ImportStep(QWidget):
         self.findings.hide()
         self.setLayout(column(frame, (self.findings, 3), None))
 
+    def missing(self) -> str:
+        return "" if self.report else self.tr("Import the frames.")
+
     def say(self, sign: str, lines: list[str]) -> None:
         emptied(self.lines)
         colour = {"success": "ok", "error": "danger", "warning": "warning"}.get(sign, "muted")
@@ -113,21 +116,11 @@ class ImportWizard(Wizard):
         order_row = row(label(which), self.order, None)
         self.add_step("frames", self.tr("Images"), self.frames, missing=lambda: self.frames.found.problem)
         what = boxed(column(self.subject, None))
-        self.add_step("subject", self.tr("What"), scrolled(what), missing=lambda: self.subject.missing)
-        self.add_step(
-            "sequence",
-            self.tr("Sequence"),
-            scrolled(boxed(column(self.sequence, order_row, None)), across=False),
-            enter=self._enter_sequence,
-            missing=self._sequence_missing,
-        )
-        self.add_step(
-            "import",
-            self.tr("Import"),
-            scrolled(self.importing),
-            enter=self._enter_import,
-            missing=lambda: "" if self.importing.report else self.tr("Import the frames."),
-        )
+        self.add_step("subject", self.tr("What"), scrolled(what), missing=self.subject.missing)
+        body, title = scrolled(boxed(column(self.sequence, order_row, None)), across=False), self.tr("Sequence")
+        self.add_step("sequence", title, body, enter=self._enter_sequence, missing=self._sequence_missing)
+        body, title = scrolled(self.importing), self.tr("Import")
+        self.add_step("import", title, body, enter=self._enter_import, missing=self.importing.missing)
         for step in (self.frames, self.subject, self.sequence, self.importing):
             step.changed.connect(self.update_steps)
         self.importing.start_button.clicked.connect(self.run)
@@ -203,9 +196,9 @@ class ImportWizard(Wizard):
             self.sequence.look()
 
     def _sequence_missing(self) -> str:
-        if self.sequence.spec is None and not self.frames.found.own and not self.sequence.missing:
+        if self.sequence.spec is None and not self.frames.found.own and not self.sequence.missing():
             return self.tr("Choose the sequence: neither the folder nor the project says which it is.")
-        return self.sequence.missing
+        return self.sequence.missing()
 
     def _enter_import(self) -> None:
         step = self.importing

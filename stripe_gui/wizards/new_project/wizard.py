@@ -49,12 +49,9 @@ class NewProjectWizard(Wizard):
             "plate", self.tr("Depth plate"), self.plate, enter=self.plate.look_again, missing=self.plate.problem
         )
         self.add_step("scale", self.tr("Scale"), self.scale, missing=self.scale.problem)
+        sequence = scrolled(boxed(column(self.sequence, None)), across=False)
         self.add_step(
-            "sequence",
-            self.tr("Sequence"),
-            scrolled(boxed(column(self.sequence, None)), across=False),
-            enter=self.sequence.look,
-            missing=lambda: self.sequence.missing,
+            "sequence", self.tr("Sequence"), sequence, enter=self.sequence.look, missing=self.sequence.missing
         )
         self.add_step("summary", self.tr("Summary"), self.summary, enter=self._show_summary)
         self.show_draft(draft_from_text(bench.settings.text(KEPT)) or self._fresh())
