@@ -24,6 +24,5 @@ space_view.py       points and lines in space
 result_table.py     a table of results, sortable and copyable
 field_map.py        the testfield in small, to choose a target
 loupe.py            a part of an image, eight times as large
-symbols.py          thin marks for points in an image
 capture_list.py     the project's captures
 """

@@ -95,8 +95,11 @@ def test_of_previews_only_the_latest_is_finished(qapp, qtbot) -> None:
     assert done == [3]
 
 
-def test_a_preview_that_was_stopped_is_not_shown_even_if_it_came_through(qapp, qtbot) -> None:
-    queue = JobQueue(latest_only=True)
+@pytest.mark.parametrize(("preview", "state", "shown"), [(True, JobState.CANCELLED, []), (False, JobState.DONE, [1])])
+def test_what_was_stopped_and_came_through_is_done_and_no_longer_shown_of_a_preview(
+    qapp, qtbot, preview: bool, state: JobState, shown: list[int]
+) -> None:
+    queue = JobQueue(latest_only=preview)
     gate, done = threading.Event(), []
 
     def deaf(progress: Progress) -> int:
@@ -108,22 +111,7 @@ def test_a_preview_that_was_stopped_is_not_shown_even_if_it_came_through(qapp, q
     queue.cancel_all()
     gate.set()
     qtbot.waitUntil(lambda: not queue.busy, timeout=3000)
-    assert (job.state, done) == (JobState.CANCELLED, [])
-
-
-def test_work_that_came_through_counts_as_done_although_it_was_to_stop(queue, qtbot) -> None:
-    gate, done = threading.Event(), []
-
-    def deaf(progress: Progress) -> int:
-        gate.wait(5)
-        return 1
-
-    job = queue.run("a", deaf, on_done=done.append)
-    qtbot.waitUntil(lambda: job.state is JobState.RUNNING)
-    queue.cancel_all()
-    gate.set()
-    qtbot.waitUntil(lambda: not queue.busy, timeout=3000)
-    assert (job.state, done) == (JobState.DONE, [1])
+    assert (job.state, done) == (state, shown)
 
 
 def test_the_remaining_time_follows_from_the_pace(queue, qtbot) -> None:

@@ -2,13 +2,35 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pyqtgraph as pg
+from PySide6.QtGui import QPainterPath
 
 from stripe_gui import theme
 from stripe_gui.pages.measure.view import Marks
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.symbols import cross_hairs, plus
+
+
+@cache
+def plus() -> QPainterPath:
+    """Two strokes across each other."""
+    path = QPainterPath()
+    for x, y in ((1, 0), (0, 1)):
+        path.moveTo(-0.5 * x, -0.5 * y)
+        path.lineTo(0.5 * x, 0.5 * y)
+    return path
+
+
+@cache
+def cross_hairs() -> QPainterPath:
+    """Four strokes that leave the middle free."""
+    path = QPainterPath()
+    for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        path.moveTo(0.18 * x, 0.18 * y)
+        path.lineTo(0.5 * x, 0.5 * y)
+    return path
 
 
 class MarksOverlay:

@@ -15,10 +15,10 @@ from core.capture.fitness import visibility
 from stripe_gui.jobs import Failure, Job
 from stripe_gui.presenters.capturing import check_rig, stripes_at
 from stripe_gui.presenters.findings import check_axes, check_name, check_picture
-from stripe_gui.widgets.curve_view import CurveView
 from stripe_gui.widgets.finding_list import FindingList
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, button, column, label, make, row
+from stripe_gui.widgets.plot import CurveView
 from stripe_gui.wizards.capture.devices import DevicesStep
 from stripe_gui.workbench import Workbench
 
