@@ -63,17 +63,6 @@ def measure_one(
     return measured[0]
 
 
-def current_targets(project: Project) -> dict[str, TargetSet]:
-    """Give the kept targets that follow from the frames, picks, boards and rig as they are now, by capture.
-
-    Where several cameras saw one, those of the first.
-    """
-    found: dict[str, TargetSet] = {}
-    for targets in current_target_sets(project):
-        found.setdefault(targets.capture, targets)
-    return found
-
-
 def current_target_sets(project: Project) -> list[TargetSet]:
     """Give the kept targets that follow from what is there now, of every camera with every projector."""
     boards = boards_of(project)

@@ -11,15 +11,19 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtTest import QTest
 
-from core.model import Seed
+from core.model import Seed, TargetSet
 from core.pipeline import measure_project
-from core.pipeline.picking import current_targets
+from core.pipeline.picking import current_target_sets
 from core.project import kept_picks, read_project
 from stripe_gui.presenters.stages import State
 from tests.copies import copied
 from tests.gui.hands import Targets, idle, rightly_named, true_targets
 
 Key, Modifier = Qt.Key, Qt.KeyboardModifier
+
+
+def measured_now(folder: Path) -> dict[str, TargetSet]:
+    return {t.capture: t for t in current_target_sets(read_project(folder))}
 
 
 class Operator:
@@ -106,7 +110,7 @@ def test_eight_images_from_scratch_by_keys_alone(operator: Operator, window, rec
     # an operator who needs a second for a key and five to look: 20 images in well under five minutes
     assert len(per_image) == 8
     assert np.mean(per_image) <= 4
-    found = current_targets(read_project(operator.folder))
+    found = measured_now(operator.folder)
     copied(recorded, tmp_path / "original")
     original = {t.capture: t for t in measure_project(read_project(tmp_path / "original"))}
     for name, targets in found.items():
@@ -220,7 +224,7 @@ def test_undo_and_redo_go_through_picks_and_exclusions(operator: Operator, windo
     operator.wait()
     assert len(model.picks_of(0).excluded) == 1
     assert len(model.picks_of(1).seeds) == 4
-    assert len(current_targets(read_project(operator.folder))["testfield-01"].row) == 62
+    assert len(measured_now(operator.folder)["testfield-01"].row) == 62
 
 
 def test_an_excluded_target_leaves_the_measured_set_and_is_restored(operator: Operator, qtbot) -> None:
@@ -232,14 +236,14 @@ def test_an_excluded_target_leaves_the_measured_set_and_is_restored(operator: Op
     target = model.target
     qtbot.mouseClick(page.image.exclude_button, Qt.MouseButton.LeftButton)
     operator.wait()
-    kept = current_targets(read_project(operator.folder))["testfield-01"]
+    kept = measured_now(operator.folder)["testfield-01"]
     assert target not in set(zip(kept.row.tolist(), kept.col.tolist(), strict=True))
     assert {(m.row, m.col): m.reason for m in kept.missing}[target] == "excluded by the operator"
     assert page.side.targets.model.table.rows[0][2] == "excluded by the operator"
     assert len(page.marks.excluded.getData()[0]) == 1
     QTest.keyClick(page.side.targets.view, Key.Key_X)
     operator.wait()
-    kept = current_targets(read_project(operator.folder))["testfield-01"]
+    kept = measured_now(operator.folder)["testfield-01"]
     assert target in set(zip(kept.row.tolist(), kept.col.tolist(), strict=True))
 
 

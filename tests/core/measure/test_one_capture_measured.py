@@ -9,7 +9,7 @@ import pytest
 
 from core.errors import InputError
 from core.pipeline import calibrate_project, measure_project
-from core.pipeline.picking import current_targets, measure_one
+from core.pipeline.picking import current_target_sets, measure_one
 from core.project import read_picks, read_project, write_picks
 
 
@@ -23,7 +23,7 @@ def test_captures_measured_one_by_one_are_those_measured_together(quick: Path) -
     (quick / "results" / "targets.npz").unlink()
     for name in ("testfield-02", "depth-03", "testfield-01"):
         measure_one(project, name)
-    kept = current_targets(project)
+    kept = {t.capture: t for t in current_target_sets(project)}
     assert list(kept) == ["testfield-01", "testfield-02", "depth-03"]
     for name, targets in kept.items():
         np.testing.assert_array_equal(targets.camera_uv, together[name].camera_uv)
@@ -36,9 +36,9 @@ def test_kept_targets_whose_picks_have_changed_are_dropped(quick: Path) -> None:
     measure_one(project, "testfield-02")
     path = picks_of(quick, "testfield-01")
     write_picks(path, read_picks(path)[0], [(3, 3)])
-    assert list(current_targets(project)) == ["testfield-02"]
+    assert [t.capture for t in current_target_sets(project)] == ["testfield-02"]
     measure_one(project, "testfield-03")
-    assert list(current_targets(project)) == ["testfield-02", "testfield-03"]
+    assert [t.capture for t in current_target_sets(project)] == ["testfield-02", "testfield-03"]
 
 
 def test_an_excluded_target_is_missing_with_its_reason_and_comes_back(quick: Path) -> None:
@@ -73,7 +73,7 @@ def test_an_unknown_excluded_target_is_refused_and_nothing_changes(quick: Path) 
     write_picks(path, read_picks(path)[0], [(3, 99)])
     with pytest.raises(InputError, match="excluded has row 3, col 99"):
         measure_one(project, "testfield-01")
-    assert list(current_targets(project)) == ["testfield-02"]
+    assert [t.capture for t in current_target_sets(project)] == ["testfield-02"]
 
 
 def test_a_capture_without_picks_is_refused(quick: Path) -> None:
