@@ -15,12 +15,12 @@ from reportlab.lib.enums import TA_RIGHT
 from reportlab.lib.pagesizes import A4
 from reportlab.lib.styles import ParagraphStyle
 from reportlab.lib.units import mm
+from reportlab.lib.utils import ImageReader
 from reportlab.pdfbase import pdfmetrics
 from reportlab.pdfbase.ttfonts import TTFont
 from reportlab.pdfgen.canvas import Canvas
 from reportlab.platypus import (
     Flowable,
-    Image,
     KeepTogether,
     ListFlowable,
     ListItem,
@@ -32,7 +32,7 @@ from reportlab.platypus import Table as PageTable
 
 from core.progress import SILENT, Progress
 from core.report.document import Document, Section
-from core.report.figures import Drawing, png_bytes
+from core.report.figures import Drawing, picture
 from core.report.figures.canvas import drawable
 from core.report.table import Table, cell_text, numeric_columns
 from core.resources import resource
@@ -178,9 +178,9 @@ def _column_widths(table: Table) -> list[float]:
 def _figure(drawing: Drawing) -> KeepTogether:
     width, height = drawing.figure.get_size_inches()
     scale = min(TEXT_WIDTH / width, (TEXT_HEIGHT - 70) / height)  # the caption needs room on the same page
-    picture = Image(BytesIO(png_bytes(drawing)), width * scale, height * scale)
+    shown = _Picture(ImageReader(picture(drawing)), width * scale, height * scale)
     caption = Paragraph(f"<b>{_escaped(drawing.title)}.</b> {_escaped(drawing.caption)}", _CAPTION)
-    return KeepTogether([Spacer(0, 8), picture, caption])
+    return KeepTogether([Spacer(0, 8), shown, caption])
 
 
 def _bullets(texts: tuple[str, ...]) -> ListFlowable:
@@ -201,6 +201,22 @@ def _register_fonts() -> None:
     for name, file in ((FONT, "DejaVuSans.ttf"), (BOLD, "DejaVuSans-Bold.ttf")):
         pdfmetrics.registerFont(TTFont(name, str(resource("fonts", file))))
     pdfmetrics.registerFontFamily(FONT, normal=FONT, bold=BOLD, italic=FONT, boldItalic=BOLD)
+
+
+class _Picture(Flowable):
+    """Pixels in the middle of the column, at a size in points; nobody encodes and decodes them on the way."""
+
+    hAlign = "CENTER"  # noqa: N815  reportlab's name
+
+    def __init__(self, pixels: ImageReader, width: float, height: float) -> None:
+        super().__init__()
+        self.pixels, self.size = pixels, (width, height)
+
+    def wrap(self, *_: float) -> tuple[float, float]:
+        return self.size
+
+    def draw(self) -> None:
+        self.canv.drawImage(self.pixels, 0, 0, *self.size)
 
 
 class _Bookmark(Flowable):

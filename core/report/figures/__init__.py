@@ -1,6 +1,6 @@
 """The drawings of the report, each with a title, a caption that says what to look at, and a text alternative.
 
-canvas.py     colours that follow the page from light to dark, the drawing surface, SVG and PNG
+canvas.py     colours that follow the page from light to dark, the drawing surface, SVG and pixels
 planes.py     deviation maps on one colour scale, histograms with the predicted normal curve
 images.py     residual vectors and coverage over each device's image
 network.py    the network from above and from the side, convergence, correlations
@@ -8,6 +8,6 @@ network.py    the network from above and from the side, convergence, correlation
 Matplotlib is used through its objects, on its Agg and SVG canvases: no pyplot, no window, no current figure.
 """
 
-from core.report.figures.canvas import Drawing, png_bytes, svg_text
+from core.report.figures.canvas import Drawing, picture, svg_text
 
-__all__ = ["Drawing", "png_bytes", "svg_text"]
+__all__ = ["Drawing", "picture", "svg_text"]

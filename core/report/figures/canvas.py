@@ -1,4 +1,4 @@
-"""The drawing surface: colours that follow the page from light to dark, SVG and PNG.
+"""The drawing surface: colours that follow the page from light to dark, SVG and pixels.
 
 Figures are drawn in the colours of the light page. In the SVG every one of them is replaced by a CSS variable of the
 page, which the style sheet sets for light, dark and print. The colours of images (deviation maps and the like) stay.
@@ -11,10 +11,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from io import BytesIO, StringIO
+from io import StringIO
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -23,6 +24,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.ft2font import FT2Font
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from PIL.Image import Image, fromarray
 
 NO_DATA = "#9aa1a9"
 WIDTH_IN = 8.4
@@ -139,17 +141,16 @@ def svg_text(drawing: Drawing, dpi: int = 200) -> str:
     return text.strip()
 
 
-def png_bytes(drawing: Drawing, dpi: int = 180) -> bytes:
-    """Give the drawing as PNG on white."""
-    out = BytesIO()
+def picture(drawing: Drawing, dpi: int = 180) -> Image:
+    """Give the drawing in RGB pixels on white."""
     with drawing_style():
         _settle(drawing.figure)
         drawing.figure.set_dpi(dpi)
         drawing.figure.set_facecolor("white")
-        fast = {"compress_level": 1}
-        FigureCanvasAgg(drawing.figure).print_png(out, metadata={"Software": None}, pil_kwargs=fast)
+        canvas = FigureCanvasAgg(drawing.figure)
+        canvas.draw()
         drawing.figure.set_facecolor("none")
-    return out.getvalue()
+    return fromarray(np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3]))
 
 
 def drawable(text: str) -> str:

@@ -11,7 +11,7 @@ from scipy.integrate import trapezoid
 from core.report import ReportData
 from core.report.adjusted import correlations
 from core.report.chapters import drawings as drawn
-from core.report.figures import png_bytes, svg_text
+from core.report.figures import picture, svg_text
 from core.report.figures.canvas import CSS_VARIABLES
 from core.report.figures.images import magnification
 from core.report.figures.planes import colour_limit_mm
@@ -183,6 +183,7 @@ def test_names_that_no_font_holds_do_not_stop_a_figure(data, evaluations):
 
 def test_drawing_leaves_the_callers_matplotlib_alone(data):
     before = dict(mpl.rcParams)
-    png = png_bytes(by_key(data)["convergence"])
-    assert png.startswith(b"\x89PNG")
+    shown = picture(by_key(data)["convergence"])
+    assert shown.mode == "RGB"
+    assert shown.getpixel((0, 0)) == (255, 255, 255)
     assert dict(mpl.rcParams) == before
