@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 
@@ -13,24 +11,27 @@ from core.checks.concern import Concern
 from core.model import Capture, Frame, TargetSet
 from core.patterns import Pattern, axis_of, brightness, level_of
 
-PIECE = 4096  # bytes at the beginning, in the middle and at the end tell files apart; files alike there are compared
 MOST_NAMED = 4
 LEAST_COMMON = 8  # targets of two captures that are compared
 SAME = 0.2  # of sigma, r.m.s.: two images of a board that stands still differ by 1.4
 
 
-def repeated_frames(captures: Sequence[Capture], lines: tuple[int, int]) -> list[Concern]:
+def repeated_frames(
+    captures: Sequence[Capture], lines: tuple[int, int], contents: Mapping[str, str | None]
+) -> list[Concern]:
     """Find frames whose bytes stand under another pattern or in another capture as well.
 
     Parameters
     ----------
     lines : (int, int)
         Columns and rows of the projector; patterns that are alike on all of them may share an image.
+    contents : mapping
+        Hash of every frame's file, by its place.
     """
-    places: dict[bytes, list[tuple[Capture, Frame]]] = {}
+    places: dict[str, list[tuple[Capture, Frame]]] = {}
     for capture in captures:
         for frame in capture.frames:
-            if (key := _glance(frame.path)) is not None:
+            if (key := contents.get(frame.place)) is not None:
                 places.setdefault(key, []).append((capture, frame))
     shared: dict[tuple[str, str], list[tuple[Frame, Frame]]] = {}
     for alike in places.values():
@@ -39,8 +40,7 @@ def repeated_frames(captures: Sequence[Capture], lines: tuple[int, int]) -> list
                 continue  # darkness may look the same twice
             if a is b and _look_alike(f.pattern, g.pattern, lines):
                 continue
-            if f.path == g.path or f.path.read_bytes() == g.path.read_bytes():
-                shared.setdefault((a.name, b.name), []).append((f, g))
+            shared.setdefault((a.name, b.name), []).append((f, g))
     frames = {c.name: len([f for f in c.frames if not _dark(f.pattern)]) for c in captures}
     return [_told(a, b, pairs, frames[a]) for (a, b), pairs in shared.items()]
 
@@ -77,20 +77,6 @@ def _told(a: str, b: str, pairs: list[tuple[Frame, Frame]], frames: int) -> Conc
         return Concern("failed", f"{b} has the same frames as {a}: one capture under two names; take one out")
     names = ", ".join(sorted({g.path.name for _, g in pairs})[:MOST_NAMED])
     return Concern("failed", f"{b}: {names} also stands in {a}: a file of another capture; record it again")
-
-
-def _glance(path: Path) -> bytes | None:
-    """Digest of a file's size and three pieces; None where it cannot be read."""
-    try:
-        size = path.stat().st_size
-        with path.open("rb") as file:
-            digest = hashlib.blake2b(str(size).encode(), digest_size=16)
-            for start in (0, max(size // 2 - PIECE // 2, 0), max(size - PIECE, 0)):
-                file.seek(start)
-                digest.update(file.read(PIECE))
-    except OSError:
-        return None
-    return digest.digest()
 
 
 def _dark(pattern: Pattern) -> bool:

@@ -12,6 +12,7 @@ from core.model import Adjustment, Calibration, Method, PlaneEvaluation, PointCl
 from core.pipeline.causes import noted
 from core.pipeline.evidence import Evidence, sound_words, warned
 from core.pipeline.methods import METHODS
+from core.project.contents import contents_of
 
 if TYPE_CHECKING:
     from core.checks import Concern
@@ -32,7 +33,8 @@ def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
     projector = evidence.project.projector
     taking_part = {c.name for chosen in evidence.used.values() for c in chosen}
     looked_at = [c for c in evidence.captures if c.name in taking_part or c.role in ("plane", "object")]
-    twice = repeated_frames(looked_at, (projector.width, projector.height))
+    contents = contents_of(evidence.project.path).learn(frame.place for c in looked_at for frame in c.frames)
+    twice = repeated_frames(looked_at, (projector.width, projector.height), contents)
     twice = twice or repeated_targets([t for t in evidence.sets if t.capture in taking_part])
     of_captures = [*twice, *code_concerns(evidence.captures, projector)]
     result: dict[Method, Any] = dict(evidence.calibrations)
