@@ -249,7 +249,7 @@ def test_a_cancelled_calibration_keeps_no_run(calibrated: Path) -> None:
     seen: list[str] = []
     progress = Progress(lambda _, message: seen.append(message), lambda: "iteration 3" in seen)
     with pytest.raises(Cancelled):
-        calibrate_project(project, progress=progress)
+        calibrate_project(project, options=CalibrateOptions(reject_beyond=7.0), progress=progress)
     assert [run.number for run in list_runs(project)] == [1]
     assert [p.name for p in (calibrated / "results" / "runs").iterdir()] == ["0001"]
 
@@ -264,9 +264,8 @@ def test_a_run_that_cannot_be_read_is_passed_over(calibrated: Path) -> None:
 
 def test_a_course_is_told_at_every_iteration(calibrated: Path) -> None:
     told: list[tuple[str, int, float]] = []
-    calibrate_project(
-        read_project(calibrated), "photogrammetric", progress=Progress(course=lambda *figure: told.append(figure))
-    )
+    progress = Progress(course=lambda *figure: told.append(figure))
+    calibrate_project(read_project(calibrated), "photogrammetric", CalibrateOptions(reject_beyond=7.0), progress)
     sigma0 = [(step, value) for name, step, value in told if name == "sigma0"]
     assert [step for step, _ in sigma0][:4] == [0, 1, 2, 3]
     assert sigma0[0][1] > 10 * sigma0[-1][1]
