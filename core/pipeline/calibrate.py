@@ -26,9 +26,10 @@ from core.pipeline.measure import save_targets, side_of
 from core.pipeline.methods import METHODS, archives_of, calibration_figures, method_of, shares
 from core.pipeline.options import CalibrateOptions, check_options
 from core.pipeline.picking import current_target_sets
-from core.pipeline.runs import Run, calibration_file, current_run, keep_run, now, run_folder
+from core.pipeline.runs import Run, calibration_file, current_run, keep_run, now, read_run, run_folder
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_network
+from core.project.contents import hash_file
 from core.project.lock import writing_results
 
 
@@ -129,10 +130,12 @@ def _kept(project: Project, method: Method, record: Record) -> tuple[dict[str, A
     run = current_run(project, method) if METHODS[method].reused else None
     if run is None or run.made_from.get(method) != record:
         return None
-    holder = run.holder(method)
+    folder, kinds = run_folder(project, run.holder(method)), archives_of(method)
+    holder = read_run(folder)
+    if holder is None or any(hash_file(folder / name) != holder.archives.get(name) for name in kinds):
+        return None  # not as they were written
     try:
-        folder, kinds = run_folder(project, holder), archives_of(method)
-        return {name: load_archive(folder / name, kind) for name, kind in kinds.items()}, holder
+        return {name: load_archive(folder / name, kind) for name, kind in kinds.items()}, holder.number
     except InputError as error:
         logging.getLogger(__name__).warning("%s: %s; calibrated anew", error.where, error.seen)
         return None
