@@ -31,7 +31,6 @@ from core.capture.store import (
 from core.capture.triggered import period_of, take_sequence
 from core.capture.writer import Writer
 from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
-from core.devices.protocol import Note
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.model import Project, Subject
 from core.patterns import Pattern, describe
@@ -130,26 +129,13 @@ def run_capture(
             check_shown(plans[camera], projector.refusal, projector.name)
         stores = {c: open_store(folder / c, plan, listen, ending, reopen=bool(c)) for c, plan in plans.items()}
         loops = [Loop(stores[camera], projector, device, notes) for camera, device in devices.items()]
-        loops[0].beside, loops[0].settle_s = loops[1:], settle_of(projector, loops[0].camera, note, progress)
+        loops[0].beside = loops[1:]
         report = loops[0].run(progress)
     if "" not in urls:
         list_together(folder, list(stores.values()), report.findings)
         report = replace(report, folder=folder, frames=report.frames * len(loops))
     add_capture(project.path, f"captures/{subject.name}")
     return report
-
-
-def settle_of(projector: Projector, camera: Camera, note: Note, progress: Progress) -> float:
-    """Give what is to be waited after a pattern is shown: measured by some flashes, where nobody has said it."""
-    if not getattr(projector, "late", False):
-        return projector.settle_s
-    try:
-        latency = measure_latency(projector, camera, FLASHES, progress.check)
-    except DeviceError as error:  # whether the camera sees the patterns is judged by the frames
-        note(projector.name, f"its latency was not found: {error}")
-        return projector.settle_s
-    note(projector.name, latency.finding.text)
-    return latency.enough_s
 
 
 def stored_report(folder: Path) -> CaptureReport:
@@ -166,6 +152,7 @@ class Loop:
         self.store, self.projector, self.camera = store, projector, camera
         self.plan: Plan = store.plan
         self.settle_s = projector.settle_s
+        self._late = getattr(projector, "late", False)  # and nobody has said by how much
         self.notes = notes if notes is not None else []
         self.beside: Sequence[Loop] = ()  # those of further cameras, which look at the same patterns
         self.again_when_moved = True  # all of it, once
@@ -211,6 +198,8 @@ class Loop:
 
     def take(self, shots: Sequence[int], progress: Progress) -> None:
         """Take shots one after the other; they are on disk when this returns."""
+        if self._late:
+            self._measure_latency(progress)
         with ExitStack() as stack:
             writers = [stack.enter_context(Writer(loop.store)) for loop in self.together]
             self._by_clock = len(shots) == len(self.plan.shots) and self._take_all(writers, progress)
@@ -243,6 +232,16 @@ class Loop:
                     writer.put(planned, image)
             return True
         return False  # step by step instead, which is slower and surer
+
+    def _measure_latency(self, progress: Progress) -> None:
+        """Find by some flashes what is to be waited after a pattern is shown, once."""
+        self._late = False
+        try:
+            latency = measure_latency(self.projector, self.camera, FLASHES, progress.check)
+            self.settle_s, told = latency.enough_s, latency.finding.text
+        except DeviceError as error:  # whether the camera sees the patterns is judged by the frames
+            told = f"its latency was not found: {error}"
+        self.notes.append((time.monotonic(), self.projector.name, told))
 
     def doubt(self) -> None:
         """Wait longer from now on, perhaps the light was not steady; load again, perhaps the device is out of step."""
