@@ -154,12 +154,13 @@ def tab_name(tabs: QTabWidget, index: int) -> str:
     return widget.objectName() if widget is not None else ""
 
 
-def choice(name: str, changed: Callable[[], object], *entries: tuple[str, Any], **properties: Any) -> QComboBox:
+def choice(name: str, changed: Callable[[], object] | None, *entries: tuple[str, Any], **properties: Any) -> QComboBox:
     """Give a field that chooses among entries (text, value)."""
     made = make(QComboBox, accessibleName=name, **properties)
     for text, value in entries:
         made.addItem(text, value)
-    made.currentIndexChanged.connect(lambda: changed())
+    if changed is not None:
+        made.currentIndexChanged.connect(lambda: changed())
     return made
 
 

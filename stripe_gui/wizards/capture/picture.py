@@ -56,7 +56,7 @@ class PictureStep(QWidget):
         self.marks.setZValue(5)
         self.view.add_item(self.marks)
         lights = (self.tr("White"), "white"), (self.tr("Finest stripes"), "stripes"), (self.tr("Black"), "black")
-        self.light = choice(self.tr("Light"), lambda: None, *lights)
+        self.light = choice(self.tr("Light"), None, *lights)
         self.live = QCheckBox(self.tr("Live"))
         self.live.setChecked(True)
         self.live.toggled.connect(self._again)

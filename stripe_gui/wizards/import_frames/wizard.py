@@ -112,7 +112,7 @@ class ImportWizard(Wizard):
         self.frames, self.subject, self.importing = FramesStep(bench), SubjectForm(), ImportStep()
         self.sequence = SequenceForm(bench, self.tr("As the folder says, else the project's"))
         which = self.tr("Which image shows which pattern")
-        self.order = choice(which, lambda: None, *((text, order) for order, text in order_choices()))
+        self.order = choice(which, None, *((text, order) for order, text in order_choices()))
         order_row = row(label(which), self.order, None)
         self.add_step("frames", self.tr("Images"), self.frames, missing=lambda: self.frames.found.problem)
         what = boxed(column(self.subject, None))
