@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
 
 from core.errors import InputError, StripeError
@@ -312,6 +313,7 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Client]:
     A worker has `CAPTURES_IN_HAND`: one decodes while the other loads or is written.
     """
     try:
+        import dask.config
         from distributed import Client, LocalCluster, Security
     except ImportError as error:
         raise InputError(
@@ -321,6 +323,8 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Client]:
         # what reaches a scheduler's port runs code: only workers that hold the keys made for this run are let in
         security = _keys_of_this_run(Security)
         with (
+            TemporaryDirectory(prefix="stripe-batch-") as scratch,
+            dask.config.set(temporary_directory=scratch),  # Dask's own place would stay
             LocalCluster(
                 n_workers=workers,
                 threads_per_worker=CAPTURES_IN_HAND,

@@ -33,13 +33,15 @@ def summary(out: Path) -> dict[str, dict[str, Any]]:
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A Dask scheduler with one worker, each a process of its own, as on a cluster."""
     place = tmp_path_factory.mktemp("scheduler")
-    address_file, folder = place / "scheduler.json", place / "dask"
+    address_file, there = place / "scheduler.json", {**os.environ, "DASK_TEMPORARY_DIRECTORY": str(place)}
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
     worker = [sys.executable, "-m", "distributed.cli.dask_worker"]
     address = ["--scheduler-file", str(address_file)]
     started = [
-        subprocess.Popen([*dask, "--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0", *address]),
-        subprocess.Popen([*worker, "--nthreads", "2", "--no-dashboard", "--local-directory", str(folder), *address]),
+        subprocess.Popen(
+            [*dask, "--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0", *address], env=there
+        ),
+        subprocess.Popen([*worker, "--nthreads", "2", "--no-dashboard", *address], env=there),
     ]
     try:
         until = time.monotonic() + 60
