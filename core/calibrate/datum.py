@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.problem import Problem, State, movements
+from core.geometry import similarity
 
 Array = NDArray[np.float64]
 
@@ -49,26 +50,18 @@ def aligned(problem: Problem, state: State) -> State:
     """Lay a state onto the approximate points: the similarity (with measured distance: movement) of least squares.
 
     Where points are known before, it stays where they put it.
-
-    Source: Umeyama, *Least-squares estimation of transformation parameters*, IEEE PAMI 13 (1991).
     """
     if problem.point_weight.any():
         return state
-    target_mean, mean = problem.approximate.mean(axis=0), state.xyz.mean(axis=0)
-    target, xyz = problem.approximate - target_mean, state.xyz - mean
-    U, S, Vt = np.linalg.svd(target.T @ xyz)
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
-    R = (U * signs) @ Vt
-    scale = float(np.sum(S * signs) / np.sum(xyz * xyz)) if problem.defect == 7 else 1.0
-    # X_new = scale R (X - mean) + target_mean; the poses see the same rays as before
+    scale, R, shift = similarity(state.xyz, problem.approximate, scaled=problem.defect == 7)
+    # the poses see the same rays as before
     pose_rotation = state.pose_rotation @ R.T
-    shift = scale * np.einsum("pij,j->pi", state.pose_rotation, mean)
-    pose_shift = scale * state.pose_shift + shift - np.einsum("pij,j->pi", pose_rotation, target_mean)
+    pose_shift = scale * state.pose_shift - np.einsum("pij,j->pi", pose_rotation, shift)
     return State(
         state.interior,
         state.relative_rotation,
         scale * state.relative_shift,
         pose_rotation,
         pose_shift,
-        scale * xyz @ R.T + target_mean,
+        scale * state.xyz @ R.T + shift,
     )

@@ -408,7 +408,7 @@ def moved(problem: Problem, state: State, step: Step) -> State:
         if columns[0] >= 0:
             relative_rotation[d] = matrix_from_rotation_vector(step.z[columns[:3]]) @ relative_rotation[d]
             relative_shift[d] += np.where(columns[3:6] >= 0, step.z[columns[3:6]], 0.0)
-    turns = _matrices(step.pose[:, :3])
+    turns = matrix_from_rotation_vector(step.pose[:, :3])
     xyz = state.xyz + step.xyz if problem.points_free else state.xyz
     return State(
         interior,
@@ -418,16 +418,6 @@ def moved(problem: Problem, state: State, step: Step) -> State:
         state.pose_shift + step.pose[:, 3:],
         xyz,
     )
-
-
-def _matrices(vectors: Array) -> Array:
-    """Rotation matrices, shape (k, 3, 3), of rotation vectors, shape (k, 3): Rodrigues' formula for many."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
-    # sin(a)/a and (1 - cos a)/a² through sinc, which knows its limit at 0
-    return np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (K @ K)
 
 
 def reweighted(problem: Problem, factor: Array) -> Problem:

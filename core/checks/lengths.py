@@ -14,6 +14,7 @@ import numpy as np
 
 from core.checks.concern import LEVEL, Concern
 from core.checks.plates import Plates
+from core.geometry import similarity
 from core.model import Adjustment, Array, ScaleBar, Testfield
 from core.numerics import chi_square_limit, sigma_by_median
 
@@ -116,23 +117,14 @@ def nominal_of(adjustment: Adjustment, board: Testfield) -> Array:
     return np.where(np.array(rows)[:, None] >= 0, board.xyz_mm[rows], np.nan)
 
 
-def similarity(source: Array, target: Array) -> tuple[float, Array]:
-    """Scale of the similarity that takes points (n, 3) onto others, and what it leaves, (n, 3) (Umeyama 1991)."""
-    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
-    U, s, Vt = np.linalg.svd(b.T @ a)
-    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
-    R = U @ sign @ Vt
-    scale = float(np.sum(s * np.diag(sign)) / np.sum(a**2))
-    return scale, b - scale * a @ R.T
-
-
 def _shape(nominal: Array, found: Array, file: str) -> tuple[float, list[Concern]]:
     """Scale of the found points over the nominal ones, and whether the nominal ones have the right shape."""
     use = np.isfinite(nominal).all(axis=1) & np.isfinite(found).all(axis=1)
     if use.sum() < 4:
         return float("nan"), []
     nominal, found = nominal[use], found[use]
-    scale, rest = similarity(nominal, found)
+    scale, R, shift = similarity(nominal, found)
+    rest = found - scale * nominal @ R.T - shift
     size = float(np.linalg.norm(np.ptp(found, axis=0)))
     off = float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))
     stretch, stretched_off = _stretch(nominal, found)
@@ -238,10 +230,8 @@ def _movement(plates: Plates) -> tuple[Array, Array, float]:
 
 def _centre_of(nominal: Array, found: Array) -> Array:
     use = np.isfinite(found).all(axis=1)
-    a, b = nominal[use], found[use]
-    U, _, Vt = np.linalg.svd((b - b.mean(axis=0)).T @ (a - a.mean(axis=0)))
-    R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
-    return np.asarray(b.mean(axis=0) + R @ (nominal.mean(axis=0) - a.mean(axis=0)))
+    _, R, shift = similarity(nominal[use], found[use], scaled=False)
+    return np.asarray(R @ nominal.mean(axis=0) + shift)
 
 
 def _odd_one(lengths: list[Length], scale: ScaleBar | None, board: Testfield | None) -> list[Concern]:

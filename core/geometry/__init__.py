@@ -18,6 +18,7 @@ from core.geometry.rotation import (
     matrix_from_axis_angle,
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
+    similarity,
 )
 
 __all__ = [
@@ -44,5 +45,6 @@ __all__ = [
     "ray_directions",
     "regular",
     "rotation_vector_from_matrix",
+    "similarity",
     "undistort",
 ]

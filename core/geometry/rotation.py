@@ -17,16 +17,16 @@ def cross_matrix(vector: ArrayLike) -> Array:
 
 
 def matrix_from_rotation_vector(vector: ArrayLike) -> Array:
-    """Rotation matrix of a rotation vector (axis times angle), by Rodrigues' formula.
+    """Rotation matrices of rotation vectors (axis times angle), by Rodrigues' formula.
 
     Parameters
     ----------
-    vector : array-like, shape (3,)
+    vector : array-like, shape (..., 3)
         Rotation axis scaled by the angle, rad.
 
     Returns
     -------
-    matrix : array, shape (3, 3)
+    matrix : array, shape (..., 3, 3)
 
     Examples
     --------
@@ -34,11 +34,34 @@ def matrix_from_rotation_vector(vector: ArrayLike) -> Array:
     array([0., 1., 0.])
     """
     v = np.asarray(vector, dtype=np.float64)
-    angle = float(np.linalg.norm(v))
-    K = cross_matrix(v)
-    if angle < 1e-8:  # the series: the closed form divides by the angle
-        return np.eye(3) + K + 0.5 * K @ K
-    return np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * K @ K
+    angle = np.linalg.norm(v, axis=-1)[..., None, None]
+    x, y, z = np.moveaxis(v, -1, 0)
+    zero = np.zeros_like(x)
+    K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*v.shape, 3)
+    # sin(a)/a and (1 - cos a)/a² through sinc, which knows its limit at 0
+    return np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (K @ K)
+
+
+def similarity(source: Array, target: Array, *, scaled: bool = True) -> tuple[float, Array, Array]:
+    """Scale, rotation and shift that lay points (n, 3) onto others best: ``target = scale * R @ source + shift``.
+
+    Without `scaled` the scale is 1. Source: Umeyama, *Least-squares estimation of transformation parameters*, IEEE
+    PAMI 13 (1991).
+
+    Examples
+    --------
+    >>> source = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    >>> scale, R, shift = similarity(source, 2 * source @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]] + [5, 6, 7])
+    >>> round(scale, 6), np.round(shift, 6)
+    (2.0, array([5., 6., 7.]))
+    """
+    middle, target_middle = source.mean(axis=0), target.mean(axis=0)
+    a, b = source - middle, target - target_middle
+    U, s, Vt = np.linalg.svd(b.T @ a)
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
+    R = (U * signs) @ Vt
+    scale = float(np.sum(s * signs) / np.sum(a * a)) if scaled else 1.0
+    return scale, R, target_middle - scale * R @ middle
 
 
 def matrix_from_axis_angle(axis: ArrayLike, angle_rad: float) -> Array:

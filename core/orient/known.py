@@ -9,7 +9,7 @@ import numpy as np
 
 from core.errors import InputError
 from core.evaluate import fit_sphere
-from core.geometry import project_with_derivatives
+from core.geometry import project_with_derivatives, similarity
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap
 from core.orient.residuals import Sight, epipolar_residuals, pixels_within
 
@@ -105,7 +105,9 @@ def observed_points(known: KnownPoints, pair: Pair) -> Observed:
     """What points say whose coordinates are known in a frame of their own, wherever it stands."""
     uv, lines = known.seen[:, :2], known.seen[:, 2:]
     sight = Sight(np.zeros((len(uv), 2), np.int64), uv, lines, np.ones_like(uv), np.zeros_like(uv))
-    R, shift = _laid_onto(known.xyz_mm, epipolar_residuals(sight, pair).xyz_mm)
+    if len(known.xyz_mm) < FEWEST:
+        raise InputError("the known points", f"{len(known.xyz_mm)} are seen", f"show at least {FEWEST}")
+    _, R, shift = similarity(known.xyz_mm, epipolar_residuals(sight, pair).xyz_mm, scaled=False)
     X = known.xyz_mm @ R.T + shift
     camera, projector = pair.camera, pair.projector
     one = project_with_derivatives(camera.spec, camera.interior, X)
@@ -123,16 +125,6 @@ def observed_points(known: KnownPoints, pair: Pair) -> Observed:
     r, A, free = ((whiten @ a).reshape(4 * n, -1) for a in (rest[..., None], A, free))
     Q = np.linalg.qr(free)[0]  # where they stand is not known: what a movement of all would explain drops out
     return Observed((r - Q @ (Q.T @ r))[:, 0], A - Q @ (Q.T @ A), "one of the known points")
-
-
-def _laid_onto(source: Array, target: Array) -> tuple[Array, Array]:
-    """Rotation and shift that lay points (n, 3) onto others best."""
-    if len(source) < FEWEST:
-        raise InputError("the known points", f"{len(source)} are seen", f"show at least {FEWEST}")
-    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
-    U, _, Vt = np.linalg.svd(b.T @ a)
-    R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
-    return R, target.mean(axis=0) - R @ source.mean(axis=0)
 
 
 def lines_at(phase: PhaseMap, u: float, v: float, radius_px: float = 2.0) -> tuple[Array, Array]:
