@@ -210,7 +210,7 @@ def brighter(images: Images) -> Images:
 
 
 def darker(images: Images) -> Images:
-    return [i // 50 for i in images]
+    return [i // (50 * (full(i) + 1) // 256) for i in images]
 
 
 def moved(px: float) -> Callable[[Images], Images]:
