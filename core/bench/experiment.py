@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from core.bench.faults import displaced, fault
 from core.bench.render import Exposure, Prepared, expose, prepare
 from core.bench.rig import Rig
-from core.bench.scene import BLACK, Block, Board, Scene, Sphere, board_as_made, random_form
+from core.bench.scene import BLACK, Block, Board, Form, Scene, Sphere, board_as_made, random_form
 from core.bench.truth import operator_picks, true_targets
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_axis_angle
@@ -64,6 +64,8 @@ class Plan:
         Of the testfield as made: bend from lowest to highest place; sigma of its targets' places in x, y, z.
     plate_flat_mm, table_flat_mm : float
         Form error from lowest to highest place.
+    objects, shadow : bool
+        Captures of a sphere and a step; of a painted, bent board in whose middle something shadows the projector.
     camera_name : str
         Of the rig's camera.
     ending : str
@@ -84,6 +86,7 @@ class Plan:
     angles_deg: Sequence[float]
     sequence: Callable[[Role], list[Pattern]]
     objects: bool = True
+    shadow: bool = False
     reference: str | None = None
     bend_mm: float = 0.3
     offset_sigma_mm: tuple[float, float, float] = (0.1, 0.1, 0.05)
@@ -198,6 +201,7 @@ def build(plan: Plan, seed: int) -> Experiment:
     fields = _field_shots(plan, made, rng)
     depths, depth_true_mm = _depth_shots(plan, plate, rng)
     shots = [*fields, *depths, *_plane_shots(plan, table, rng), *(_object_shots(plan) if plan.objects else [])]
+    shots += [_shadow_shot(plan, seed)] if plan.shadow else []
     return Experiment(
         plan,
         seed,
@@ -269,6 +273,25 @@ def _object_shots(plan: Plan) -> list[Shot]:
     sphere = Scene(base, pose, spheres=(Sphere((0.0, 0.0, 30.0), 30.0),))
     step = Scene(replace(base, albedo=1.0), pose, blocks=(Block((0.0, -50.0, 0.0), (60.0, 50.0, 20.0)),))
     return [_shot(plan, "object-sphere", "object", sphere), _shot(plan, "object-step", "object", step)]
+
+
+def _shadow_shot(plan: Plan, seed: int) -> Shot:
+    """A board with random spots; a ball near the projector, which no camera sees, shadows its middle."""
+    rng = np.random.default_rng([seed, 2])
+    half, count = np.array([140.0, 110.0]), 1600
+    x, y = rng.uniform(-half, half, (count, 2)).T
+    spots = np.column_stack([x, y, np.zeros(count), rng.uniform(1.2, 3.5, count), rng.uniform(0.15, 0.8, count)])
+    board = Board(
+        (half[0], half[1]),
+        Form(np.array([[0.0, 0.0, 3.0], [0.0, 0.0, 0.0], [-4.0, 0.0, 0.0]]), 100.0),
+        0.6,
+        spots=spots,
+    )
+    volume_from_board = Pose(matrix_from_axis_angle([0.3, 1.0, 0.0], np.deg2rad(12.0)), np.array([0.0, 0.0, -10.0]))
+    volume_from_projector = (plan.rig.projector_from_camera @ plan.rig.camera_from_volume).inverse()
+    ball = volume_from_board.inverse().apply(0.75 * volume_from_projector.translation_mm)
+    scene = Scene(board, plan.rig.camera_from_volume @ volume_from_board, (Sphere(tuple(ball), 10.0),), ambient=24.0)
+    return _shot(plan, "object-shadow", "object", scene)
 
 
 def _shot(plan: Plan, name: str, role: Role, scene: Scene, **more: Any) -> Shot:

@@ -141,6 +141,7 @@ def _stereo() -> Plan:
         title="A small rig with two cameras",
         depths_mm=(),
         objects=False,
+        shadow=True,
         camera_name="left",
         others={"right": other},
     )

@@ -22,6 +22,7 @@ class PointCloud:
     sigma_depth_mm: Floats | None = None  # (H, W) of the camera's Z, phase noise alone; both methods
     sight: NDArray[np.uint8] | None = None  # (H, W), how many saw it: `core.reconstruct.Sight`; several cameras only
     source: NDArray[np.uint8] | None = None  # (H, W), by which of the cameras a joined cloud has it
+    object_px: int | None = None  # that the object takes in the first camera's image, where its holes were filled
     by_depth: bool = False  # from the depth method: its sigma leaves out the errors of the plate's places
 
 

@@ -86,6 +86,7 @@ if TYPE_CHECKING:
     from core.pipeline.update import keep_points as keep_points
     from core.pipeline.update import points_file as points_file
     from core.pipeline.update import update_project as update_project
+    from core.pipeline.views import coverage as coverage
     from core.pipeline.views import reconstruct_views as reconstruct_views
     from core.pipeline.views import seen_by_several as seen_by_several
 
@@ -117,7 +118,7 @@ _HOMES = {
     " read_profiles",
     "core.pipeline.testfield": "print_testfield",
     "core.pipeline.update": "Update decode_project keep_points points_file update_project",
-    "core.pipeline.views": "reconstruct_views seen_by_several",
+    "core.pipeline.views": "coverage reconstruct_views seen_by_several",
 }
 if not TYPE_CHECKING:  # else every name would be right
     __getattr__, __dir__, __all__ = attach(__name__, _HOMES)

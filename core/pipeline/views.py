@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
-from core.model import Floats, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
+import numpy as np
+
+from core.model import Capture, Figures, Floats, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import find_capture
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import current_runs
 from core.progress import SILENT, Progress
+from core.project import iterate_images
 
 
 def seen_by_several(project: Project, name: str) -> bool:
@@ -26,6 +29,7 @@ def reconstruct_views(
     *,
     camera: str = "",
     rays: Literal["all", "cameras"] = "all",
+    fill: bool = False,
     progress: Progress = SILENT,
 ) -> tuple[Floats, PointCloud]:
     """Reconstruct a capture by the photogrammetric calibration from all cameras and projectors, or cameras alone.
@@ -38,25 +42,63 @@ def reconstruct_views(
         Give this camera's points in its raster and frame; unsaid, those of all cameras, each once, in the frame of the
         first one.
     rays : {"all", "cameras"}
+    fill : bool
+        Where nothing was decoded, match the texture that two cameras see.
 
     Returns
     -------
     image : array, (H, W) or (1, n)
         Grey values of the points.
     cloud : PointCloud
-        With `sight`.
+        With `sight`; filled, also with the number of pixels that the object takes in the (first) camera's image.
     """
-    from core.reconstruct import merged
+    from core.reconstruct import fill_by_texture, merged
 
     calibration = photogrammetric_calibration(project)
     capture = find_capture(project, name)
     phases = [phase for _, phase in phase_maps(project, [capture], progress.part(0.0, 0.5))]
-    clouds = joint_clouds(phases, calibration, camera=camera, rays=rays, progress=progress.part(0.5, 1.0))
+    clouds = joint_clouds(
+        phases, calibration, camera="" if fill else camera, rays=rays, progress=progress.part(0.5, 0.8)
+    )
+    if fill:
+        first = camera or next(iter(clouds))
+        means = {name: _mean_image(project, capture, name) for name in clouds}
+        others = {name: cloud for name, cloud in clouds.items() if name != first}
+        clouds[first] = fill_by_texture(
+            clouds[first], others, means, calibration, first, progress=progress.part(0.8, 1.0)
+        )
     images = {phase.camera: phase.image for phase in phases}
     if camera:
         return images[camera], clouds[camera]
     cloud, image = merged(clouds, images, calibration)
     return image, cloud
+
+
+def coverage(cloud: PointCloud) -> Figures:
+    """Share of the object that has points in the first camera: by code, and filled; empty if none was filled."""
+    from core.reconstruct import Sight
+
+    if cloud.object_px is None or cloud.sight is None:
+        return {}
+    sight = cloud.sight if cloud.source is None else cloud.sight[cloud.source == 0]
+    coded, matched = (
+        int(np.count_nonzero(w)) for w in ((sight != Sight.NONE) & (sight != Sight.TEXTURE), sight == Sight.TEXTURE)
+    )
+    whole = cloud.object_px
+    return {"object_px": whole, "by_code": coded / whole, "filled": (coded + matched) / whole}
+
+
+def _mean_image(project: Project, capture: Capture, camera: str) -> Floats:
+    """Mean of all frames of a camera, NaN where half of them are saturated: in a shadow all are alike."""
+    total: Any = 0.0
+    burnt: Any = 0
+    frames = [s for s in capture.series if s.camera == camera]
+    for series in frames:
+        for image in iterate_images(series, project.rig.cameras[camera]):
+            total = total + image.astype(np.float32)
+            burnt = burnt + (image == np.iinfo(image.dtype).max)
+    count = sum(len(series.frames) for series in frames)
+    return np.where(burnt > count / 2, np.float32(np.nan), total / count).astype(np.float32)
 
 
 def joint_clouds(

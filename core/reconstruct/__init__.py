@@ -3,6 +3,7 @@
 * `points` dispatches: `reconstruct` is the stage;
 * `intersect` forward intersection by the photogrammetric calibration, from 4 or 3 observations;
 * `joint` intersection from all cameras and projectors that saw a point;
+* `texture` points without code, matched in the images of two cameras; its kernels in `matching`;
 * `system` what of a photogrammetric calibration is prepared once: camera rays and projection along a ray;
 * `sigma_table` what the calibration's covariance does to a point;
 * `lookup` depth by the polynomial or the table of every pixel;
@@ -16,11 +17,13 @@ u and v, which carry the phase noise, say how far along.
 from core.reconstruct.export import EXPORTERS, exporter_for, write_npz, write_ply
 from core.reconstruct.joint import Sight, intersect_all, merged
 from core.reconstruct.points import reconstruct
+from core.reconstruct.texture import fill_by_texture
 
 __all__ = [
     "EXPORTERS",
     "Sight",
     "exporter_for",
+    "fill_by_texture",
     "intersect_all",
     "merged",
     "reconstruct",

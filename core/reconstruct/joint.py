@@ -49,10 +49,11 @@ class Sight(IntEnum):
     JOINT = 2  # by other cameras too
     HIDDEN = 3  # another camera sees something else where the point should appear; made without the others
     DISAGREE = 4  # others see it, but the rays miss one another; made without the others
+    TEXTURE = 5  # not decoded; matched in the images of two cameras
 
 
 @dataclass(frozen=True)
-class _View:
+class View:
     """The coordinates that a camera decoded of a projector."""
 
     camera: str
@@ -61,7 +62,7 @@ class _View:
 
 
 @dataclass(frozen=True)
-class _Terms:
+class Terms:
     """Residuals r, slopes J and weights w of some pixels, each (n, 2 views)."""
 
     r: Array
@@ -71,15 +72,15 @@ class _Terms:
 
 
 @dataclass(frozen=True)
-class _Scene:
+class Scene:
     """The devices, what was decoded, and whose pixels are asked for."""
 
     devices: Mapping[str, Device]
-    views: Sequence[_View]
+    views: Sequence[View]
     camera: str
     rays: Rays
 
-    def directions(self, at: Array) -> Array:
+    def directions(self, at: NDArray) -> Array:
         """Directions (n, 3) in which pixels (n, 2) look."""
         device = self.devices[self.camera]
         return ray_directions(device.spec, device.interior, at)
@@ -94,7 +95,7 @@ class _Scene:
         )
         return here, (beside - here) / (q * SLIGHT)[:, None]
 
-    def terms(self, at: NDArray, directions: Array, q: Array) -> _Terms:
+    def terms(self, at: NDArray, directions: Array, q: Array) -> Terms:
         """Compare what was decoded with what pixels (n, 2) should see at inverse depths q (n,)."""
         own = {v.projector: v.labels.at_pixels(at) for v in self.views if v.camera == self.camera}
         views = [v for v in self.views if self.rays == "all" or (v.camera != self.camera and v.projector in own)]
@@ -121,7 +122,7 @@ class _Scene:
                 away = np.where(known, np.abs(rest) / np.linalg.norm(gradient, axis=2), np.nan)
                 off.append(np.fmax(away[:, 0], away[:, 1]))
         r, J, w = (np.concatenate(column, axis=1) for column in zip(*parts, strict=True))
-        return _Terms(r, J, w, np.fmax.reduce(off))
+        return Terms(r, J, w, np.fmax.reduce(off))
 
     def solve(self, at: NDArray, directions: Array, q: Array) -> tuple[Array, Array, Array, Array, NDArray]:
         """Give inverse depths, their variances by noise, weighted squares, numbers of observations, and sight."""
@@ -166,14 +167,14 @@ def intersect_all(
     InputError
         If `phases` lack the camera, or cameras alone are wanted and there is but one.
     """
-    views = [_View(p.camera, p.projector, labels_of(p)) for p in phases]
+    views = [View(p.camera, p.projector, labels_of(p)) for p in phases]
     own = [phase for phase in phases if phase.camera == camera]
     if not own:
         known = ", ".join(sorted({p.camera for p in phases}))
         raise InputError("the capture", f"holds nothing decoded of {camera}", f"choose one of {known}")
     if rays == "cameras" and len(own) == len(phases):
         raise InputError("the capture", "was seen by one camera alone", "use rays from the projector too")
-    scene, alone = _Scene(placed(calibration), views, camera, rays), [intersect(phase, calibration) for phase in own]
+    scene, alone = Scene(placed(calibration), views, camera, rays), [intersect(phase, calibration) for phase in own]
     plane = camera_rays(scene.devices[camera].spec, scene.devices[camera].interior)  # `intersect` has made them
     directions = np.concatenate([plane, np.full_like(plane[..., :1], -1.0)], axis=-1, dtype=np.float64)
     progress(0.3, "intersecting all rays")
@@ -186,7 +187,7 @@ def intersect_all(
     sight = np.where(np.isfinite(q), np.uint8(Sight.OWN), np.uint8(Sight.NONE))
     rss, count, noise = np.zeros(q.shape), np.zeros(q.shape, int), np.full(q.shape, np.nan)
 
-    def solve(scene: _Scene, which: NDArray) -> None:
+    def solve(scene: Scene, which: NDArray) -> None:
         def band(first: int, last: int) -> None:
             progress.check()
             rows, columns = np.nonzero(which[first:last])
@@ -209,7 +210,7 @@ def intersect_all(
     sigma_depth = np.sqrt(noise) / q**2
     variance = (directions * sigma_depth[..., None]) ** 2
     for which, by in ((told == Sight.JOINT, scene), ((told != Sight.JOINT) & (told != Sight.NONE), by_itself)):
-        variance[which] += _by_calibration(by, calibration, which, q)
+        variance[which] += by_calibration(by, calibration, which, q)
     progress(1.0, "points are reconstructed")
     with np.errstate(over="ignore"):  # where rays are all but parallel to the light
         xyz, sigma, depth = (a.astype(np.float32) for a in (directions / q[..., None], np.sqrt(variance), sigma_depth))
@@ -231,8 +232,8 @@ def merged(
     Returns
     -------
     cloud : PointCloud
-        Shape (1, n, 3), with `source`. A joint point is taken from the first camera; sigmas stay along the axes of
-        the camera whose point it is.
+        Shape (1, n, 3), with `source`. A joint or matched point is taken from the first camera; sigmas stay along
+        the axes of the camera whose point it is.
     image : array, shape (1, n)
     """
     devices, parts = placed(calibration), []
@@ -240,13 +241,15 @@ def merged(
         assert cloud.sight is not None
         assert cloud.sigma_mm is not None
         assert cloud.sigma_depth_mm is not None
-        keep = np.isfinite(cloud.xyz_mm[..., 2]) & ((cloud.sight != Sight.JOINT) | (i == 0))
+        twice = (cloud.sight == Sight.JOINT) | (cloud.sight == Sight.TEXTURE)
+        keep = np.isfinite(cloud.xyz_mm[..., 2]) & ~(twice & (i > 0))
         xyz = devices[name].from_base.inverse().apply(cloud.xyz_mm[keep]).astype(np.float32)
         source = np.full(keep.shape, i, np.uint8)
         own = (cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight, source, images[name])
         parts.append((xyz, *(values[keep] for values in own)))
     xyz, sigma, depth, sight, source, image = (np.concatenate(column)[None] for column in zip(*parts, strict=True))
-    return PointCloud(xyz, sigma, depth, sight, source), image
+    pixels = next(iter(clouds.values())).object_px
+    return PointCloud(xyz, sigma, depth, sight, source, pixels), image
 
 
 def _tell_disagreeing(sight: NDArray, rss: Array, count: NDArray) -> None:
@@ -259,7 +262,7 @@ def _tell_disagreeing(sight: NDArray, rss: Array, count: NDArray) -> None:
             sight[alike & (rss > usual * chi_square_limit(int(n) - 1, BEYOND))] = Sight.DISAGREE
 
 
-def _by_calibration(scene: _Scene, calibration: PhotogrammetricCalibration, which: NDArray, q: Array) -> Array:
+def by_calibration(scene: Scene, calibration: PhotogrammetricCalibration, which: NDArray, q: Array) -> Array:
     """Variances (n, 3), mm², of some points by the calibration's covariance.
 
     They are worked out for points spread over the image, and fitted as smooth functions of pixel and inverse depth.

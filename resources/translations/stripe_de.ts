@@ -2730,6 +2730,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <source>rays disagree</source>
         <translation>Strahlen widersprechen sich</translation>
     </message>
+    <message>
+        <source>by texture</source>
+        <translation>nach der Textur</translation>
+    </message>
 </context>
 <context>
     <name>ReconstructPage</name>

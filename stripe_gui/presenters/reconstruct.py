@@ -156,4 +156,5 @@ def sight_words() -> dict[int, str]:
         Sight.JOINT: translate("Reconstruct", "by several"),
         Sight.HIDDEN: translate("Reconstruct", "hidden from others"),
         Sight.DISAGREE: translate("Reconstruct", "rays disagree"),
+        Sight.TEXTURE: translate("Reconstruct", "by texture"),
     }

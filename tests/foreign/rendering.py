@@ -36,7 +36,9 @@ class Seen:
         towards = projector.place.origin - world
         far = np.linalg.norm(towards, axis=-1)
         cosine = np.clip((towards * normal).sum(axis=-1) / far, 0, None)
-        bright = (light.grey * albedo * cosine * (np.median(far) / far) ** 2).astype(np.float32)
+        own = self.surface.place.to_own(world)
+        shone = albedo * self.surface.light(own[..., 0], own[..., 1])
+        bright = (light.grey * shone * cosine * (np.median(far) / far) ** 2).astype(np.float32)
         ambient = (light.ambient * albedo).astype(np.float32)
         places = [
             np.clip(((lines[..., axis] + 8.5) * FINE).astype(np.int32), 0, (count + 16) * FINE - 1)

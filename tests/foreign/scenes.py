@@ -23,12 +23,13 @@ def evenly(x: Array, y: Array) -> Array:
 
 @dataclass(frozen=True)
 class Surface:
-    """z = height(x, y) in its own frame, whose z points away from the sensor; albedo over (x, y)."""
+    """z = height(x, y) in its own frame, whose z points away from the sensor; albedo over (x, y), and light's share."""
 
     place: Placed
     half: tuple[float, float]
     height: Callable[[Array, Array], Array] = flat
     albedo: Callable[[Array, Array], Array] = evenly
+    light: Callable[[Array, Array], Array] = np.ones_like
 
     def met_by(self, origin: Array, directions: Array) -> tuple[Array, Array, Array]:
         """Points in the world, their albedo (0 beyond the rim), and the unit normal towards the sensor."""

@@ -51,6 +51,11 @@ def add(commands: Commands) -> None:
         help="what points are intersected from: every device that saw them (the default where"
         " there are several), cameras alone, or one camera and one projector",
     )
+    sub.add_argument(
+        "--fill",
+        choices=("texture",),
+        help="where the code fails, match the texture that two cameras see",
+    )
     sub.add_argument("--extrapolate", action="store_true", help="polynomial: beyond the calibrated depths too")
     add_devices(sub)
     sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="npz ply stl obj glb pcd xyz e57 las")
@@ -140,18 +145,29 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import METHODS, check_cloud, reconstruct_capture, reconstruct_views, seen_by_several, write_cloud
+    from core.pipeline import (
+        METHODS,
+        check_cloud,
+        coverage,
+        reconstruct_capture,
+        reconstruct_views,
+        seen_by_several,
+        write_cloud,
+    )
     from core.project import read_project
 
     check_cloud(options.out)
     project = read_project(options.project)
     one_pair = options.orient or options.projector or (options.method and not METHODS[options.method].joint)
     rays: Any = options.rays or ("all" if not one_pair and seen_by_several(project, options.capture) else "pair")
+    if options.fill and rays == "pair":
+        raise InputError("--fill texture", "matches between cameras", "give a capture by several cameras, and all rays")
     if rays != "pair":
         if one_pair:
             other = f"--method {options.method}" if options.method else "--orient or --projector"
             raise InputError("--rays", f"{rays} does not go with {other}", "leave one of the two out")
-        image, cloud = reconstruct_views(project, options.capture, camera=options.camera, rays=rays, progress=progress)
+        named = {"camera": options.camera, "rays": rays, "fill": bool(options.fill)}
+        image, cloud = reconstruct_views(project, options.capture, **named, progress=progress)
     else:
         phase, cloud = reconstruct_capture(
             project,
@@ -166,8 +182,14 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
         image = phase.image
     points = write_cloud(options.out, image, cloud)
     print(f"{options.out}: {points} points")
+    figures: dict[str, Any] = {"points": points, "out": str(options.out)}
+    if covered := coverage(cloud):
+        print(
+            "of the {object_px} pixels of the object {by_code:.1%} by code, {filled:.1%} with texture".format(**covered)
+        )
+        figures["covered"] = covered
     _tell_outdated(options)
-    return {"points": points, "out": str(options.out)}
+    return figures
 
 
 def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
