@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -93,13 +93,18 @@ def phase_maps(
             images.append(image)
         return decode_images(capture, images, project, progress.quiet())
 
-    with ThreadPoolExecutor(1) as pool:
+    pool = ThreadPoolExecutor(1)
+    try:
         ahead = [pool.submit(decoded, capture) for capture in waiting[:1]]
         for i, capture in enumerate(waiting):
             progress(i / len(waiting), f"decoding {capture.name}")
-            phase = ahead.pop().result()
+            phase = ahead.pop()
+            while wait([phase], timeout=0.05).not_done:
+                progress.check()
             ahead = [pool.submit(decoded, following) for following in waiting[i + 1 : i + 2]]
-            yield capture, phase
+            yield capture, phase.result()
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)  # who stops waits for no other capture
 
 
 def write_phase(out: Path, phase: PhaseMap) -> None:
