@@ -40,6 +40,7 @@ def _calibrate(
     earlier: Mapping[str, Any],
 ) -> Calibrated:
     from core.calibrate import DepthOptions, DepthPlane, calibrate_depth
+    from core.measure import kind_of
 
     side, named = side_of(captures), [c for c in captures if c.testfield is not None]
     field = common_testfield(named) if named else None
@@ -73,6 +74,7 @@ def _calibrate(
             planes,
             options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
             interior=interior,
+            recentred=kind_of(field).recentred if field is not None else None,
             progress=progress.part(0.7, 1.0),
         )
     except AdjustmentError as error:
