@@ -29,7 +29,7 @@ class Surface:
     half: tuple[float, float]
     height: Callable[[Array, Array], Array] = flat
     albedo: Callable[[Array, Array], Array] = evenly
-    light: Callable[[Array, Array], Array] = np.ones_like
+    light: Callable[[Array, Array], Array] = lambda x, y: np.ones_like(x)
 
     def met_by(self, origin: Array, directions: Array) -> tuple[Array, Array, Array]:
         """Points in the world, their albedo (0 beyond the rim), and the unit normal towards the sensor."""
