@@ -77,15 +77,14 @@ def test_diameters_are_those_of_the_projected_circles(bench):
 
 
 def test_where_in_its_pixel_a_dot_lies_hardly_matters(bench):
-    """Discs drawn by their areas, blurred, without noise: what is left is the pixels' doing, and the drawing's."""
-    truth = bench.scene(bench.look(0, 0, 7), field=bench.grid(7, 9), blur=0.5, samples=12)
-    found = measure_targets(
-        truth.phase(bits=False), truth.field, truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2))), truth.spec
-    )
+    """Sharp discs without noise: what is left is the pixels' doing, and the drawing's."""
+    truth = bench.scene(bench.look(30, 0, 7), field=bench.grid(7, 9), blur=0.35, samples=10)
+    seeds = truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2)))
+    found = measure_targets(truth.phase(bits=False), truth.field, seeds, truth.spec)
     found = recentred(found, truth.field, truth.spec, truth.interior, truth.pose)
     _, error = bench.compare(found, truth)
-    # 0.01 px² per px of diameter is stated, 0.0008 px; weights cut at 5 % of the contrast leave 0.0025 px
-    assert np.sqrt(np.mean(error**2)) < 0.0012
+    # 0.01 px² per px of diameter is stated, 0.0008 px; weights cut at 5 % of the contrast leave 0.0026 px
+    assert np.sqrt(np.mean(error**2)) < 0.0015
 
 
 def _inside(truth, margin):
