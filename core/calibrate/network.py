@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -108,7 +108,7 @@ def network_from_targets(
     )
 
 
-def _points_of(targets: TargetSet, index: dict[tuple[int, int], int]) -> np.ndarray:
+def _points_of(targets: TargetSet, index: Mapping[tuple[int, int], int]) -> np.ndarray:
     """Position in the testfield of every target of a capture."""
     keys = [(int(r), int(c)) for r, c in zip(targets.row, targets.col, strict=True)]
     for key in keys:
@@ -120,7 +120,7 @@ def _points_of(targets: TargetSet, index: dict[tuple[int, int], int]) -> np.ndar
     return np.array([index[key] for key in keys], dtype=np.int64)
 
 
-def _distance(scale: ScaleBar, index: dict[tuple[int, int], int], used: dict[int, int]) -> NetworkScale:
+def _distance(scale: ScaleBar, index: Mapping[tuple[int, int], int], used: dict[int, int]) -> NetworkScale:
     ends = []
     for end in (scale.start, scale.stop):
         if end not in index:

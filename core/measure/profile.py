@@ -124,7 +124,7 @@ def _background(image: Floats, rays: Rays, start: Array, spacing: Array, rounds:
         N += 1e-9 * np.eye(3)
         plane = np.asarray(np.linalg.solve(N, b)[..., 0], np.float64)
         model = (A @ plane[..., None])[..., 0]
-    return plane, np.linalg.inv(N)[:, 1:, 1:]
+    return plane, np.asarray(np.linalg.inv(N)[:, 1:, 1:], np.float64)
 
 
 def _roughness(crossing: Array, along: Array) -> Array:
