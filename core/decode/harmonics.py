@@ -196,8 +196,7 @@ def _weights(
     """How likely every blur of the family is somewhere in the image, each part of which tells for itself.
 
     By phases (turns) and the amplitudes' logarithms, which are `absolute` or not. What no blur explains - scenes have
-    some phases more often, and textures of their own - makes both count less. Where there
-    are a few phases alone, as where pixels and lines are in step, neither tells the blur.
+    some phases more often, and textures of their own - makes both count less.
     """
     density, amplitude = binned
     at = np.minimum(((seen + np.float32(0.5)) * BINS).astype(np.intp), BINS - 1) + BINS * block
@@ -216,7 +215,7 @@ def _weights(
     light = (weight * mean**2).sum(axis=1) - 2 * _times(weight * mean, amplitude) + _times(weight, amplitude**2)
     light -= level**2 / (weight.sum(axis=1) + (1 / CONTRAST**2 if absolute else 1e-9))
     uneven, own = (np.maximum(each.min(axis=0) / BINS, 1.0) for each in (crowd, light))
-    likelihood = -0.5 * (crowd / uneven + light / own) * (uneven < UNEVEN)
+    likelihood = -0.5 * (crowd / uneven * (uneven < UNEVEN) + light / own)
     likely = prior[:, None] * np.exp(likelihood - likelihood.max(axis=0))
     return np.asarray((likely / likely.sum(axis=0)) @ total)
 
