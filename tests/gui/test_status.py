@@ -16,6 +16,7 @@ from stripe_gui.presenters.failures import clear_failure, describe, keep_failure
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.stages import STAGES, State
 from stripe_gui.presenters.status import stage_statuses
+from tests.copies import own
 
 
 def states(folder: Path) -> dict[str, State]:
@@ -25,7 +26,7 @@ def states(folder: Path) -> dict[str, State]:
 def touch(path: Path) -> None:
     """Make a file newer than everything else, its content the same."""
     later = time.time_ns() + 5_000_000_000
-    os.utime(path, ns=(later, later))
+    os.utime(own(path), ns=(later, later))
 
 
 def pick_again(folder: Path) -> None:
