@@ -1,8 +1,8 @@
-"""Devices at the other end of a pseudo-terminal, written from their manuals alone: nothing of the program is imported.
+"""Devices at the other end of a pseudo-terminal, written from what is public: nothing of the program is imported.
 
 optoma      RS232 Protocol Function List of the HD66, ES515 and Pro160S
 modbus      MODBUS Application Protocol V1.1b3, MODBUS over Serial Line V1.02 (CRC of its appendix B)
-dlpc350     DLPC350 Programmer's Guide, DLPU010; over I2C: SC18IM700 data sheet, section 7
+dlpc350     TI's published programs, passages of DLPU010; the bridge SC18IM700 from memory of its data sheet
 prompting   a controller with an echo, a prompt, numbers from 1 in three digits, and a checksum in hexadecimal
 """
 
