@@ -2,13 +2,14 @@
 
 import json
 import re
+import sys
 from pathlib import Path
 
 import pytest
 
 from core.capture.rigcheck import check_rig
 from core.cli import main
-from core.devices import offer_screens
+from core.devices import offer_screens, screen
 from core.devices.opening import at_depth
 from core.errors import Cancelled, DeviceError, InputError
 from core.model import Project
@@ -82,10 +83,14 @@ def test_the_command_refuses_a_device_that_is_none(project: Project, tmp_path: P
     assert "laser" in capsys.readouterr().err
 
 
-def test_a_screen_without_a_window_is_told_where_to_find_one(project: Project, capsys) -> None:
+def test_a_screen_without_a_window_is_told_where_to_find_one(
+    project: Project, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
     offer_screens(None)  # as without the desktop program
+    missing = [sys.executable, "-c", "import no_such_window"]
+    monkeypatch.setattr(screen, "_window_program", lambda: missing)
     command = ["capture", str(project.path), "a", "--role", "object", "--projector", "screen:1", "--camera", FLAT]
     assert main(command) == 1
     error = capsys.readouterr().err
-    assert "desktop program" in error
+    assert "pip install 'stripe-workbench[gui]'" in error
     assert len(error.splitlines()) == 1

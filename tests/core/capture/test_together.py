@@ -112,7 +112,7 @@ def test_two_cameras_killed_at_many_writes_go_on(two: Project, monkeypatch: pyte
         if not read_project(two.path).captures:
             take_both(two)
         check_both(two)
-        number += 29  # before and after in turn
+        number += 59  # before and after in turn
     assert number > 150
 
 
