@@ -74,8 +74,12 @@ bundle: $(BUNDLE)/.ready
 	@echo "Putting the bundle together, then trying it: about five minutes."
 	@$(BUNDLE)/bin/python packaging/bundle.py
 
+$(VENV)/.docs: $(VENV)/.ready
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[docs]"
+	@touch $@
+
 # the copy takes what Sphinx writes beside its sources; a warning is an error
-docs: setup
+docs: setup $(VENV)/.docs
 	@rm -rf build/docs build/docs-source && mkdir -p build && cp -r resources/docs build/docs-source
 	@MPLBACKEND=agg $(BIN)/sphinx-build -W --keep-going -q build/docs-source build/docs
 	@echo "build/docs/index.html"
