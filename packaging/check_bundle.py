@@ -234,9 +234,9 @@ def check_licences(bundle: Bundle) -> str:
     modules = CArchiveReader(str(bundle.folder / "stripe-core")).open_embedded_archive("PYZ.pyz").toc
     parts = {name.split(".")[0] for name in modules} | {path.name.split(".py")[0] for path in internal.iterdir()}
     missing = sorted(part for part in parts if part in owners and owners[part] not in listed)
-    # the libraries beside them are Debian's, but for Python's
+    # the libraries beside them are Debian's, but for Python's and for modules, which are parts
     libraries = {path.name for path in internal.glob("*.so*") if not path.is_symlink()}
-    for library in sorted(name for name in libraries if not name.startswith("libpython")):
+    for library in sorted(name for name in libraries - owners.keys() if not name.startswith("libpython")):
         told = subprocess.run(["dpkg-query", "-S", f"*/{library}"], capture_output=True, text=True, check=False).stdout
         packages = {line.split(":")[0] for line in told.splitlines()}
         missing += [] if packages & listed else [library]
