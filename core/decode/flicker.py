@@ -162,12 +162,15 @@ def _look(grey: Singles, solution: Array, block: NDArray[np.intp]) -> tuple[Arra
     turn = z / np.maximum(np.abs(z), 1e-6)
     part = np.abs(z) / m
     slopes = ((turn.conj() * both[:, None]).real - part * solution[0][:, None]) * g / m
-    radial, seen = _without_mean(slopes, block), _without_mean(part[None], block)[0]
-    design, observed = [radial], [seen]
+    weight = np.minimum(m / np.percentile(m, 90), 1)  # noise is of grey values, not of parts of the mean
+    radial, seen, even = (weight * _without_mean(each, block) for each in (slopes, part[None], 1 / m[None]))
+    # light that all frames hold alike, ambient or of the sensor, makes fringes on dark surface weaker
+    radial, seen = (each - np.outer(each @ even[0] / (even[0] @ even[0] + 1e-12), even[0]) for each in (radial, seen))
+    design, observed = [radial], [seen[0]]
     shift = np.array([solution[1], solution[2], np.ones(len(g))])
     for contrast in np.linalg.svd(shift)[2][np.linalg.matrix_rank(shift) :]:
-        design.append(contrast[:, None] * g / m)
-        observed.append(contrast @ g / m)
+        design.append(weight * contrast[:, None] * g / m)
+        observed.append(weight * (contrast @ g) / m)
     free = np.linalg.svd(np.ones((1, len(g))))[2][1:]  # a factor common to all frames shows nowhere
     size = len(free)
     normal, right, prior = np.zeros((size, size)), np.zeros(size), np.eye(size) / PRIOR**2
@@ -178,9 +181,9 @@ def _look(grey: Singles, solution: Array, block: NDArray[np.intp]) -> tuple[Arra
             own = np.linalg.solve(a[:, keep] @ a[:, keep].T + 1e-6 * prior, a[:, keep] @ y[keep])
             left = y - own @ a
             keep = np.abs(left) < OUTLIER * 1.4826 * np.median(np.abs(left[keep])) + 1e-9
-        weight = 1 / max(float(np.mean(left[keep] ** 2)), 1e-9)
-        normal += weight * a[:, keep] @ a[:, keep].T
-        right += weight * a[:, keep] @ y[keep]
+        per = 1 / max(float(np.mean(left[keep] ** 2)), 1e-9)
+        normal += per * a[:, keep] @ a[:, keep].T
+        right += per * a[:, keep] @ y[keep]
     own = np.linalg.solve(normal + prior, right)
     change, chance = own @ free, size + SIGNIFICANT * np.sqrt(2 * size)
     return change, bool(own @ normal @ own > chance and np.abs(change).max() > SLIGHT)
