@@ -19,7 +19,6 @@ mistakes.py  ... and how people describe patterns wrongly
 rigcheck.py  all checks of a rig that two URLs name
 preflight.py the checks before the first calibration: the settle time, and the images for all others
 fitness.py   ... what these images tell: linearity, exposure, focus, order, orientation, working depth
-finding.py   what a check found, in words and figures
 """
 
 from typing import TYPE_CHECKING
@@ -27,7 +26,6 @@ from typing import TYPE_CHECKING
 from core.lazy import attach
 
 if TYPE_CHECKING:
-    from core.capture.finding import Finding as Finding
     from core.capture.plan import Plan as Plan
     from core.capture.plan import make_plan as make_plan
     from core.capture.retake import retake_frame as retake_frame
@@ -38,7 +36,6 @@ if TYPE_CHECKING:
     from core.capture.store import capture_status as capture_status
 
 _HOMES = {
-    "core.capture.finding": "Finding",
     "core.capture.plan": "Plan make_plan",
     "core.capture.retake": "retake_frame",
     "core.capture.run": "CaptureReport run_capture verify",

@@ -8,10 +8,10 @@ from math import atan2, degrees
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.finding import Finding
 from core.capture.identity import coordinates, identity
 from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
+from core.model.finding import Finding
 from core.patterns import axis_of, finest_steps, level_of
 
 Array = NDArray[np.float64]

@@ -14,10 +14,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.finding import Finding
 from core.capture.lookup import CONTRADICTION, LEAST, Fit, as_blurred, dictionary, leave_one_out, nearest, some
 from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
+from core.model.finding import Finding
 from core.patterns import Axis, Pattern, axis_of, describe, level_of, use_of
 
 Array = NDArray[np.float32]

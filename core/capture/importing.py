@@ -12,7 +12,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from core.capture.finding import Finding
 from core.capture.identity import identity
 from core.capture.plan import Plan, make_plan
 from core.capture.quality import modulation, sample_grid, saturation, summarise
@@ -20,6 +19,7 @@ from core.capture.recognise import order_in_words, recognise
 from core.errors import InputError
 from core.fields import regular
 from core.model import DeviceSpec, Project, Subject
+from core.model.finding import Finding
 from core.patterns import Pattern, SequenceSpec, brightness, read_sequence_file
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_capture, read_image, write_image

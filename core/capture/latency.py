@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.capture.finding import Finding
 from core.capture.preflight import linearity
 from core.devices import Camera, Check, Projector, no_check, open_devices, wait_until
 from core.errors import DeviceError
+from core.model.finding import Finding
 from core.patterns import Black, Pattern, White
 from core.progress import SILENT, Progress
 

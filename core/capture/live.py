@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from core.capture.finding import Finding
 from core.capture.plan import check_shown, make_plan, sequence_for
 from core.capture.run import Loop, check_sizes
 from core.capture.store import Shot, Store
 from core.devices import Camera, Image, Projector, open_devices
 from core.model import Project, Subject
+from core.model.finding import Finding
 from core.patterns import Pattern, level_of
 from core.progress import SILENT, Progress
 from core.project.images import Image as Pixels

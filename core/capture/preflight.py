@@ -12,7 +12,6 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.finding import Finding
 from core.capture.fitness import (
     exposure,
     focus,
@@ -27,6 +26,7 @@ from core.capture.quality import LIT, sample_grid, summarise
 from core.devices import Camera, Check, Projector, no_check, wait_until
 from core.errors import DeviceError
 from core.model import Subject
+from core.model.finding import Finding
 from core.numerics import sigma_about_median
 from core.patterns import Black, Level, Pattern, Phase, White, axis_of, finest_steps
 from core.progress import SILENT, Progress

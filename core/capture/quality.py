@@ -8,8 +8,8 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.finding import Finding, Level
 from core.capture.plan import Plan
+from core.model.finding import Finding, Level
 from core.numerics import sigma_about_median
 from core.patterns import cycle_lines, finest_steps, level_of
 

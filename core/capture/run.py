@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.finding import Finding
 from core.capture.identity import identity
 from core.capture.latency import measure_latency
 from core.capture.plan import Plan, check_shown, make_plan, sequence_for
@@ -33,6 +32,7 @@ from core.capture.writer import Writer
 from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.model import Project, Subject
+from core.model.finding import Finding
 from core.patterns import Pattern, describe
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_project

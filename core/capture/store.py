@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from core.capture.finding import Finding
 from core.capture.plan import Plan
 from core.devices import Image
 from core.errors import InputError, StripeError
 from core.fields import Fields, read_document
 from core.model import Subject
+from core.model.finding import Finding
 from core.patterns import pattern_from_dict, pattern_to_dict
 from core.project import read_capture, read_image, write_image
 from core.project.captures import write_capture_json

@@ -15,12 +15,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.finding import Finding
 from core.capture.lookup import dictionary, nearest
 from core.capture.mistakes import explanation
 from core.capture.plan import Plan
 from core.capture.quality import Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
+from core.model.finding import Finding
 from core.patterns import Axis, Code, Pattern, Phase, axis_of, level_of
 
 Array = NDArray[np.float32]

@@ -20,6 +20,7 @@ from core.model.calibration import (
 )
 from core.model.capture import Capture, Frame, Role, Seed, Subject
 from core.model.features import Feature
+from core.model.finding import Finding
 from core.model.ids import StationId, TargetId
 from core.model.network import Network, NetworkDevice, NetworkScale
 from core.model.orientation import DriftPoint, KnownLength, KnownPoints, RigMotion
@@ -40,6 +41,7 @@ __all__ = [
     "DriftPoint",
     "Feature",
     "Figures",
+    "Finding",
     "Floats",
     "Frame",
     "Interior",

@@ -3,60 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from core.atomic import atomic_write
+from core.model import Finding
 from core.report.figures import Drawing
 from core.report.figures.canvas import CAMERA, colour_bar, drawing_style, new_figure, plain_axes
 from core.report.html import set_page
 
-Array = NDArray[np.float64]
 HEIGHT_IN = 3.0
 
 
-@dataclass(frozen=True)
-class Check:
-    """One check's result as it is printed.
-
-    Attributes
-    ----------
-    level : {"good", "warning", "bad"}
-    text : str
-        The sentence.
-    picture : array, shape (h, w), optional
-        Over the camera's image, NaN where nothing is to be shown; `picture_label` says what its values are.
-    curve : sequence of (x, y)
-        `axes` names x and y, units included.
-    """
-
-    title: str
-    level: str
-    text: str
-    picture: Array | None = None
-    picture_label: str = ""
-    curve: tuple[tuple[float, float], ...] = ()
-    axes: tuple[str, str] = ("", "")
-
-
-def write_checks(checks: Sequence[Check], title: str, out: Path) -> Path:
+def write_checks(checks: Sequence[Finding], title: str, out: Path) -> Path:
     """Write ``preflight.html`` into a folder, whole or not at all; give its path."""
     drawings = [drawing for i, check in enumerate(checks) if (drawing := _drawing(f"check-{i}", check)) is not None]
-    text = set_page("checks.html.j2", drawings, title=title, checks=list(enumerate(checks)), words=_WORDS)
+    text = set_page("checks.html.j2", drawings, title=title, checks=list(enumerate(checks)))
     path = Path(out) / "preflight.html"
     with atomic_write(path) as file:
         file.write(text.encode())
     return path
 
 
-_WORDS = {"good": "good", "warning": "could be better", "bad": "wrong"}
-
-
-def _drawing(key: str, check: Check) -> Drawing | None:
+def _drawing(key: str, check: Finding) -> Drawing | None:
     with drawing_style():
         if check.curve:
             figure, seen = _curve(check), f"{check.axes[1]} against {check.axes[0]}"
@@ -64,10 +35,11 @@ def _drawing(key: str, check: Check) -> Drawing | None:
             figure, seen = _picture(check), f"{check.picture_label} over the camera's image"
         else:
             return None
-    return Drawing(key, "checks", check.title, seen, f"{check.title}: {seen}.", figure)
+    title = check.title.capitalize()
+    return Drawing(key, "checks", title, seen, f"{title}: {seen}.", figure)
 
 
-def _curve(check: Check) -> Figure:
+def _curve(check: Finding) -> Figure:
     figure = new_figure(HEIGHT_IN)
     axes = figure.add_subplot()
     x, y = np.array(check.curve).T
@@ -79,7 +51,7 @@ def _curve(check: Check) -> Figure:
     return figure
 
 
-def _picture(check: Check) -> Figure:
+def _picture(check: Finding) -> Figure:
     assert check.picture is not None
     figure = new_figure(HEIGHT_IN)
     axes = figure.add_subplot()

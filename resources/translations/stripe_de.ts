@@ -600,46 +600,6 @@
         <source>projector, {w} × {h} lines, {c:g} mm</source>
         <translation>Projektor, {w} × {h} Linien, {c:g} mm</translation>
     </message>
-    <message>
-        <source>level {value:g}</source>
-        <translation>Stufe {value:g}</translation>
-    </message>
-    <message>
-        <source>word {axis} {shown}</source>
-        <translation>Wort {axis} {shown}</translation>
-    </message>
-    <message>
-        <source>white</source>
-        <translation>weiß</translation>
-    </message>
-    <message>
-        <source>black</source>
-        <translation>schwarz</translation>
-    </message>
-    <message>
-        <source>Gray code</source>
-        <translation>Gray-Code</translation>
-    </message>
-    <message>
-        <source>binary code</source>
-        <translation>Binärcode</translation>
-    </message>
-    <message>
-        <source>, inverse</source>
-        <translation>, invers</translation>
-    </message>
-    <message>
-        <source>{name} {axis}, bit {bit} of {bits}{inverse}</source>
-        <translation>{name} {axis}, Bit {bit} von {bits}{inverse}</translation>
-    </message>
-    <message>
-        <source>phase {axis}, period {period:g}, step {step} of {steps}</source>
-        <translation>Phase {axis}, Per. {period:g}, {step} von {steps}</translation>
-    </message>
-    <message>
-        <source>line {axis} {index}</source>
-        <translation>Linie {axis} {index}</translation>
-    </message>
 </context>
 <context>
     <name>CaptureChoice</name>
@@ -914,110 +874,6 @@
     <message>
         <source>Both have the sizes of this project.</source>
         <translation>Beide haben die Größen dieses Projekts.</translation>
-    </message>
-    <message>
-        <source>Patterns</source>
-        <translation>Muster</translation>
-    </message>
-    <message>
-        <source>Stripes</source>
-        <translation>Streifen</translation>
-    </message>
-    <message>
-        <source>Saturation</source>
-        <translation>Sättigung</translation>
-    </message>
-    <message>
-        <source>Lamp</source>
-        <translation>Lampe</translation>
-    </message>
-    <message>
-        <source>Movement</source>
-        <translation>Bewegung</translation>
-    </message>
-    <message>
-        <source>Exposure</source>
-        <translation>Belichtung</translation>
-    </message>
-    <message>
-        <source>Settle time</source>
-        <translation>Einschwingzeit</translation>
-    </message>
-    <message>
-        <source>Linearity</source>
-        <translation>Linearität</translation>
-    </message>
-    <message>
-        <source>Focus</source>
-        <translation>Schärfe</translation>
-    </message>
-    <message>
-        <source>Order</source>
-        <translation>Reihenfolge</translation>
-    </message>
-    <message>
-        <source>Orientation</source>
-        <translation>Ausrichtung</translation>
-    </message>
-    <message>
-        <source>Working depth</source>
-        <translation>Arbeitstiefe</translation>
-    </message>
-    <message>
-        <source>white, as a share of the range</source>
-        <translation>Weiß, als Anteil des Bereichs</translation>
-    </message>
-    <message>
-        <source>what half the light is seen as</source>
-        <translation>wie das halbe Licht gesehen wird</translation>
-    </message>
-    <message>
-        <source>modulation of the finest stripes, 1 is sharp</source>
-        <translation>Modulation der feinsten Streifen, 1 ist scharf</translation>
-    </message>
-    <message>
-        <source>contradiction between frames, 0 is none</source>
-        <translation>Widerspruch zwischen Bildern, 0 ist keiner</translation>
-    </message>
-    <message>
-        <source>the projector&apos;s column</source>
-        <translation>die Spalte des Projektors</translation>
-    </message>
-    <message>
-        <source>delay after the acknowledgement [ms]</source>
-        <translation>Wartezeit nach der Quittung [ms]</translation>
-    </message>
-    <message>
-        <source>light, white is 1</source>
-        <translation>Licht, Weiß ist 1</translation>
-    </message>
-    <message>
-        <source>light meant</source>
-        <translation>Licht, gemeint</translation>
-    </message>
-    <message>
-        <source>light seen</source>
-        <translation>Licht, gesehen</translation>
-    </message>
-    <message>
-        <source>position of the plate [mm]</source>
-        <translation>Stellung der Platte [mm]</translation>
-    </message>
-    <message>
-        <source>modulation [grey values]</source>
-        <translation>Modulation [Grauwerte]</translation>
-    </message>
-    <message>
-        <source>good</source>
-        <translation>gut</translation>
-    </message>
-    <message>
-        <source>could be better</source>
-        <translation>könnte besser sein</translation>
-    </message>
-    <message>
-        <source>wrong</source>
-        <translation>falsch</translation>
     </message>
 </context>
 <context>
@@ -3466,30 +3322,6 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
 </context>
 <context>
     <name>Sequence</name>
-    <message>
-        <source>Gray code and four square steps of period 4, as in 1999</source>
-        <translation>Graycode und vier Rechteckschritte der Periode 4, wie 1999</translation>
-    </message>
-    <message>
-        <source>Gray code and sine steps</source>
-        <translation>Graycode und Sinusschritte</translation>
-    </message>
-    <message>
-        <source>Gray code with inverse frames, and sine steps</source>
-        <translation>Graycode mit inversen Bildern, und Sinusschritte</translation>
-    </message>
-    <message>
-        <source>sine steps of ever longer periods</source>
-        <translation>Sinusschritte immer längerer Perioden</translation>
-    </message>
-    <message>
-        <source>sine steps of two neighbouring periods</source>
-        <translation>Sinusschritte zweier benachbarter Perioden</translation>
-    </message>
-    <message>
-        <source>words in which half the frames switch at every line</source>
-        <translation>Wörter, in denen an jeder Linie die Hälfte der Bilder wechselt</translation>
-    </message>
     <message>
         <source>Axes</source>
         <translation>Achsen</translation>

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication
 
 from core.model import Capture, Rig
-from core.patterns import Code, Level, Line, Lines, Pattern, Phase, describe
+from core.patterns import Pattern, describe
 from core.pipeline.guessing import lit_frame_of
 from core.progress import SILENT, Progress
 from core.project import read_image
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
-from stripe_gui.presenters.told import sentence, signed
+from stripe_gui.presenters.told import sentence, signed, told
 
 translate = QCoreApplication.translate
 
@@ -86,47 +84,8 @@ def rig_lines(rig: Rig) -> list[str]:
 
 
 def pattern_text(pattern: Pattern) -> str:
-    """Say in a few words what the projector showed; a kind without words here is told in the core's."""
-    words = _WORDS.get(pattern.kind)
-    return words(pattern) if words else describe(pattern)
-
-
-def _code(pattern: Code) -> str:
-    name = translate("Capture", "Gray code") if pattern.kind == "gray" else translate("Capture", "binary code")
-    inverse = translate("Capture", ", inverse") if pattern.inverse else ""
-    text = translate("Capture", "{name} {axis}, bit {bit} of {bits}{inverse}")
-    return text.format(name=name, axis=pattern.axis, bit=pattern.bit + 1, bits=pattern.bits, inverse=inverse)
-
-
-def _phase(pattern: Phase) -> str:
-    text = translate("Capture", "phase {axis}, period {period:g}, step {step} of {steps}")
-    return text.format(axis=pattern.axis, period=pattern.period, step=pattern.step + 1, steps=pattern.steps)
-
-
-def _line(pattern: Line) -> str:
-    return translate("Capture", "line {axis} {index}").format(axis=pattern.axis, index=pattern.index)
-
-
-def _level(pattern: Level) -> str:
-    return translate("Capture", "level {value:g}").format(value=pattern.value)
-
-
-def _lines(pattern: Lines) -> str:
-    values = pattern.values if isinstance(pattern.values, str) else "".join(str(round(v)) for v in pattern.values)
-    shown = values[:12] + ("…" if len(values) > 12 else "")
-    return translate("Capture", "word {axis} {shown}").format(axis=pattern.axis, shown=shown)
-
-
-_WORDS: dict[str, Callable[[Any], str]] = {
-    "white": lambda pattern: translate("Capture", "white"),
-    "black": lambda pattern: translate("Capture", "black"),
-    "gray": _code,
-    "binary": _code,
-    "phase": _phase,
-    "line": _line,
-    "level": _level,
-    "lines": _lines,
-}
+    """Say in a few words what the projector showed."""
+    return told(describe(pattern))
 
 
 def lit_frame(capture: Capture, progress: Progress = SILENT) -> FrameView:

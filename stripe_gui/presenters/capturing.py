@@ -10,11 +10,11 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
-from core.capture import CaptureReport, Finding, capture_status, retake_frame, rigcheck
+from core.capture import CaptureReport, capture_status, retake_frame, rigcheck
 from core.devices import Setting, parse_address, with_option
 from core.errors import InputError, StripeError
 from core.fields import read_document
-from core.model import Project, Role, Subject
+from core.model import Finding, Project, Role, Subject
 from core.patterns import Pattern
 from core.pipeline import capture_into, preflight_rig
 from core.progress import SILENT, Progress

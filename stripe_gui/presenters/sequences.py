@@ -14,7 +14,7 @@ from core.fields import Fields
 from core.patterns import PRESETS, Pattern, SequenceSpec, read_sequence, shows_grey
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.capture import pattern_text
-from stripe_gui.presenters.told import sentence
+from stripe_gui.presenters.told import sentence, told
 
 translate = QCoreApplication.translate
 CHOICES = {"axes": ("xy", "x", "y"), "code": ("gray", "binary"), "profile": ("sine", "square")}
@@ -58,15 +58,7 @@ class SequenceView:
 
 def preset_title(name: str) -> str:
     """Name a preset, with what it is in words."""
-    words = {
-        "paper": translate("Sequence", "Gray code and four square steps of period 4, as in 1999"),
-        "gray-sine": translate("Sequence", "Gray code and sine steps"),
-        "gray-inverse": translate("Sequence", "Gray code with inverse frames, and sine steps"),
-        "multi-frequency": translate("Sequence", "sine steps of ever longer periods"),
-        "two-period": translate("Sequence", "sine steps of two neighbouring periods"),
-        "dense": translate("Sequence", "words in which half the frames switch at every line"),
-    }
-    return f"{name}: {words.get(name, PRESETS[name].words)}"
+    return f"{name}: {told(PRESETS[name].words)}"
 
 
 def options_of(preset: str) -> tuple[Option, ...]:
@@ -148,7 +140,7 @@ def look_at(spec: SequenceSpec | None, shown: Shown, progress: Progress = SILENT
     if refused:
         text = translate("Sequence", "This projector cannot show {n} of {of} patterns, such as “{pattern}”: {why}.")
         first, why = refused[0]
-        refusal = text.format(n=len(refused), of=len(patterns), pattern=pattern_text(first), why=why)
+        refusal = text.format(n=len(refused), of=len(patterns), pattern=pattern_text(first), why=told(why))
     elif shown.refusal is not None:
         words.append(translate("Sequence", "This projector can show it."))
     return SequenceView(patterns, " ".join(words), refusal=refusal)

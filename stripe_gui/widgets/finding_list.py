@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from PySide6.QtCore import QSize, Qt, Signal
 from PySide6.QtWidgets import QAbstractItemView, QListWidget, QListWidgetItem
 
-from core.capture import Finding
+from core.model import Finding
+from core.model.finding import LEVELS
 from stripe_gui.assets import icon
-from stripe_gui.presenters.findings import check_name, level_name, worst_first
-from stripe_gui.presenters.told import sentence
+from stripe_gui.presenters.told import sentence, told
 
 SIGNS = {"good": "success", "warning": "warning", "bad": "error"}
 
@@ -32,12 +32,12 @@ class FindingList(QListWidget):
         self.currentRowChanged.connect(self._choose)
 
     def show_findings(self, findings: Iterable[Finding]) -> None:
-        self.findings = worst_first(findings)
+        self.findings = sorted(findings, key=lambda finding: [*LEVELS].index(finding.level))
         self.clear()
         policy = Qt.ScrollBarPolicy  # a bar that appears while texts are laid out would cut them
         self.setVerticalScrollBarPolicy(policy.ScrollBarAlwaysOn if self.findings else policy.ScrollBarAlwaysOff)
         for finding in self.findings:
-            head = f"{check_name(finding.check)} – {level_name(finding.level)}"
+            head = f"{sentence(finding.title)} – {told(finding.level_words)}"
             text = f"{sentence(finding.text)}."
             item = QListWidgetItem(icon(SIGNS[finding.level]), f"{head}\n{text}")
             item.setData(Qt.ItemDataRole.AccessibleTextRole, f"{head}. {text}")

@@ -11,10 +11,11 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox
 
-from core.patterns import Level, Lines, SequenceSpec, grey_reason, pattern_to_dict
+from core.patterns import Code, Level, Lines, Phase, SequenceSpec, grey_reason, pattern_to_dict
 from core.project import choose_sequence, read_capture, read_project
 from stripe_gui.presenters.capture import pattern_text
 from stripe_gui.presenters.sequences import Shown, look_at, options_of, typed
+from stripe_gui.presenters.told import speak
 from tests.gui.hands import click, idle
 
 CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -99,9 +100,13 @@ def test_what_a_sequence_is_to_a_projector() -> None:
     assert {o.key for o in options_of("dense")} >= {"frames", "axes", "seed"}
 
 
-def test_every_kind_of_pattern_has_words_of_the_window() -> None:
-    assert pattern_text(Level(0.25)) == "level 0.25"
-    assert pattern_text(Lines("x", "01" * 10)) == "word x 010101010101…"
+def test_patterns_are_told_in_the_operators_language() -> None:
+    assert pattern_text(Lines("x", "01" * 10)) == "word 010101010101… across columns"
+    speak("de")
+    assert pattern_text(Level(0.25)) == "Stufe 0.25"
+    assert pattern_text(Code("gray", "y", 3, 9, 2, True)) == "inverser Gray-Code, Bit 3 von 9 über die Zeilen"
+    assert pattern_text(Phase("x", 16, 4, 1, 0.0)) == "Sinus, Schritt 1 von 4, Periode 16 über die Spalten"
+    speak("en")
 
 
 def test_a_chosen_sequence_leaves_all_else_in_place(project: Path, edit_json) -> None:

@@ -24,13 +24,13 @@ pipeline/methods/*
 calibrate/adjust calibrate/columns calibrate/depth calibrate/depth_camera calibrate/groups calibrate/photogrammetric
 calibrate/rigid calibrate/selection calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/*
 measure/kinds/* orient/motion capture/fitness capture/quality capture/identity capture/mistakes capture/preflight
-report/words report/numbers report/chapters report/sign_off
+report/words report/numbers report/chapters report/sign_off model/finding patterns/kinds/* patterns/presets
 """
 # calls that show no reason
 REFUSED = re.compile(r"Error$|^(_refuse|progress|picked|re\.compile|getLogger)|warning$|\.over$|\.part$")
 NOT_TOLD = {
     *("not rigid", "look like gross errors", "left out, fewer than"),  # are looked for in what others say
-    *("{} is {}: {}", "{} corner{}"),  # of every stage, of one and several, on its own
+    *("{} is {}: {}", "{}: line {}", "{} corner{}"),  # of every stage, of one and several, on its own
     # by the command alone
     "no capture shows both projector coordinates of enough pixels",
     "{} against {}: drift from what earlier captures led to expect, and its sigma",

@@ -58,7 +58,7 @@ def _light(pattern: Lines, i: Numbers) -> Array:
 
 def _words(pattern: Lines, along: str) -> str:
     shown = pattern.values if isinstance(pattern.values, str) else "".join(str(round(v)) for v in pattern.values)
-    return f"{len(shown)} {along} {shown[:12]}{'...' if len(shown) > 12 else ''}"
+    return f"word {shown[:12]}{'…' * (len(shown) > 12)} across {along}"
 
 
 def _grey(pattern: Lines) -> str | None:

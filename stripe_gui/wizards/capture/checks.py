@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QStackedWidget, QWidget
 
-from core.capture import Finding
 from core.capture.fitness import visibility
+from core.model import Finding
 from stripe_gui.jobs import Failure, Job
 from stripe_gui.presenters.capturing import check_rig, stripes_at
-from stripe_gui.presenters.findings import check_axes, check_name, check_picture
+from stripe_gui.presenters.told import sentence, told
 from stripe_gui.widgets.finding_list import FindingList
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, button, column, label, make, row
@@ -141,13 +141,13 @@ class ChecksStep(QWidget):
         self._update()
 
     def _show(self, finding: Finding) -> None:
-        self.heading.setText(check_name(finding.check))
+        self.heading.setText(sentence(finding.title))
         if finding.curve:
-            self.curve.set_curve(finding.curve, *check_axes(finding.check))
+            self.curve.set_curve(finding.curve, *map(told, finding.axes))
             self.stack.setCurrentWidget(self.curve)
         elif finding.picture is not None and np.isfinite(finding.picture).any():
             low, high = float(np.nanmin(finding.picture)), float(np.nanmax(finding.picture))
-            self.heading.setText(f"{check_name(finding.check)}: {check_picture(finding.check)}")
+            self.heading.setText(f"{sentence(finding.title)}: {told(finding.picture_label)}")
             scale = (min(low, 0.0), high if high > low else low + 1.0)
             self.view.set_image(finding.picture, scale, scale="map", digits=2)
             self.stack.setCurrentWidget(self.view)

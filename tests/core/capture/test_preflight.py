@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from core.capture.finding import Finding
 from core.capture.fitness import exposure, focus, linearity_of_halves, linearity_of_levels, visibility
 from core.capture.preflight import measure_settle, preflight
 from core.devices.scene import FlatScene
 from core.devices.virtual import Stage, VirtualCamera, VirtualProjector
-from core.model import Subject
+from core.model import Finding, Subject
 from core.patterns import Black, Pattern, Phase, White
 
 
