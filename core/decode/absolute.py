@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.agreement import contradiction, widen
+from core.decode.agreement import contradiction, refuse_open_orders, widen
 from core.decode.curves import LEVELS
 from core.decode.estimate import Planes, estimable, refine
 from core.decode.exposures import DEEPEST, fuse_exposures
@@ -132,6 +132,7 @@ def decode(
     addresses = np.array([array.ctypes.data for array in arrays], np.uint64)
 
     at_rim: list[int] = []
+    refused: list[float] = []
     block = max(16, BLOCK // (width * len(arrays)))
     for top in progress.over(range(0, height, block), "decoding from row {}"):
 
@@ -151,9 +152,11 @@ def decode(
     for axis, coordinate, s, missing in ((0, u, sigma_u, Flag.NO_U), (1, v, sigma_v, Flag.NO_V)):
         if any(met >> axis & 1 for met in at_rim):
             drop_rim(coordinate, s, flags, float(tables[axis].lines), float(tables[axis].rim), missing)
-        variance = contradiction(arrays, tables[axis], limits, sequence.image_rows)
-        if variance is not None:
-            widen(s, variance)
+        apart = contradiction(arrays, tables[axis], limits, sequence.image_rows)
+        if apart is not None:
+            widen(s, apart.lines)
+            mine = coordinate, s, flags, missing
+            refused.append(refuse_open_orders(arrays, tables[axis], limits, sequence.image_rows, apart.turns, mine))
     misfit = None
     if options.estimate and estimable(sequence.frames):
         refined = Planes(place, sigma, image, width)
@@ -162,7 +165,7 @@ def decode(
         )
     taken = spread(shape)
     late = late_frames(patterns, sample, range(*taken[0].indices(height)), (u[taken].ravel(), v[taken].ravel()), limits)
-    notes = (*late, *notes_on(arrays, sample, flags[taken].ravel(), limits, tables))
+    notes = (*late, *notes_on(arrays, sample, flags[taken].ravel(), limits, tables, max(refused, default=0.0)))
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]
     return PhaseMap(
         u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags, curve, misfit, notes

@@ -1,31 +1,54 @@
-"""How far the periods of an axis contradict each other, and what that makes of a coordinate's sigma.
+"""How far the periods of an axis contradict each other: what that adds to sigma, and where it leaves the order open.
 
 Every period tells the coordinate by itself. By what two differ beyond their noise, both are wrong: through light that
 is reflected twice, a response that is not the same everywhere, a lens that blurs unlike the model. It differs from
 place to place, so tiles of the image tell it each for themselves. Errors that all periods share stay unseen.
+
+Where there is no code, the periods' differences also tell the order of the fringe. A contradiction far beyond the noise
+leaves that open, and then tells less than there is: a whole fringe too many looks like none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from core.decode.compiled import HALF, TILE
 from core.decode.frames import Image
+from core.decode.fringes import orders_stand
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.noise import MEDIAN_OF_SQUARE
-from core.decode.tables import SWEEP, Array, AxisTable, Limits, Rows, Singles, no_axis
+from core.decode.options import Flag
+from core.decode.tables import PHASES, SWEEP, Array, AxisTable, Limits, Rows, Singles, no_axis
+from core.numerics import row_median
 
 TILES = 16  # of the image, in either direction
 PIXELS, PART = 128, 0.03  # of a tile that are looked at, or such a part of them
 FEWEST = 24  # that tell it; the variance is then known to a third
 SHOWN = 1.2  # times what noise alone makes of the median square, from which there is anything to tell
+SEVERE = 6.0  # times so much: noise alone does that to one tile of `FEWEST` in a million
+REACH = (
+    5  # tiles: a severe contradiction counts for those around it, whose own may look small where fringes are miscounted
+)
+ROWS = 64  # of the image that are judged at once
 
 
-def contradiction(images: Sequence[Image], table: AxisTable, limits: Limits, image_rows: Rows) -> Singles | None:
-    """Variance of the coordinate by what the two finest periods contradict each other beyond their noise.
+class Contradiction(NamedTuple):
+    """Of tiles of the image, float32 (TILES, TILES): variances beyond noise.
+
+    `lines` is that of the coordinate (lines²). `turns` is that of a phase (turns²) within `REACH` of a tile where it is
+    severe, and 0 elsewhere.
+    """
+
+    lines: Singles
+    turns: Singles
+
+
+def contradiction(images: Sequence[Image], table: AxisTable, limits: Limits, image_rows: Rows) -> Contradiction | None:
+    """Find by what the two finest periods contradict each other beyond their noise; None where they agree.
 
     Parameters
     ----------
@@ -33,11 +56,6 @@ def contradiction(images: Sequence[Image], table: AxisTable, limits: Limits, ima
         All frames.
     image_rows : Rows
         The evenly lit image.
-
-    Returns
-    -------
-    variance : float32 (TILES, TILES), optional
-        In lines², of tiles of the image; None where the periods agree, or there is but one.
     """
     if table.start == SWEEP or len(table.period) < 2:
         return None
@@ -57,16 +75,25 @@ def contradiction(images: Sequence[Image], table: AxisTable, limits: Limits, ima
     finest = np.argsort(table.period)[:2]
     square, noise = np.diff(apart[finest], axis=0)[0] ** 2, spread[finest].sum(axis=0)
     weight = 1 / spread / np.sum(1 / spread, axis=0)
-    share = np.sum((weight * period) ** 2, axis=0) / np.sum(period[finest] ** 2)  # if all are as wrong, in turns
+    of_both = np.sum(period[finest] ** 2)
+    share = np.sum((weight * period) ** 2, axis=0) / of_both  # if all are as wrong, in turns
     seen = np.where(np.isfinite(place), np.array([square / noise, square, noise, share]), np.nan)
-    whole = _medians(seen)
-    if not whole[0] > SHOWN * MEDIAN_OF_SQUARE:
+    tiles = seen.reshape(4, TILES, down, TILES, across).transpose(0, 1, 3, 2, 4).reshape(4 * TILES**2, -1)
+    count = np.isfinite(tiles).sum(axis=1).reshape(4, TILES, TILES)[0]
+    medians = row_median(tiles).reshape(4, TILES, TILES)
+    severe = (medians[0] > SEVERE * MEDIAN_OF_SQUARE) & (count >= FEWEST)
+    whole = row_median(seen)
+    if not whole[0] > SHOWN * MEDIAN_OF_SQUARE and not severe.any():
         return None
-    tiles = seen.reshape(4, TILES, down, TILES, across).transpose(0, 1, 3, 2, 4)
-    found = np.full((TILES + 2, TILES + 2), np.nan)
-    found[1:-1, 1:-1] = _beyond(_medians(tiles.reshape(4, TILES, TILES, -1), FEWEST))
-    beside = np.lib.stride_tricks.sliding_window_view(found, (3, 3))
-    return np.nan_to_num(_medians(beside.reshape(TILES, TILES, 9)), nan=float(_beyond(whole))).astype(np.float32)
+    beyond = _beyond(medians)
+    found = np.pad(np.where(count < FEWEST, np.nan, beyond * medians[3]), 1, constant_values=np.nan)
+    beside = np.lib.stride_tricks.sliding_window_view(found, (3, 3)).reshape(-1, 9)
+    lines = np.nan_to_num(row_median(beside), nan=float(_beyond(whole) * whole[3])).reshape(TILES, TILES)
+    if not whole[0] > SHOWN * MEDIAN_OF_SQUARE:
+        lines = np.where(severe, lines, 0.0)
+    turned = np.where(severe & (table.start == PHASES), beyond / of_both, 0.0).astype(np.float32)
+    around = np.asarray(cv2.dilate(turned, np.ones((REACH, REACH), np.uint8)), np.float32)
+    return Contradiction(lines.astype(np.float32), around)
 
 
 def widen(sigma: Singles, variance: Singles) -> None:
@@ -75,17 +102,53 @@ def widen(sigma: Singles, variance: Singles) -> None:
     np.sqrt(sigma * sigma + more, out=sigma)
 
 
+def refuse_open_orders(
+    images: Sequence[Image],
+    table: AxisTable,
+    limits: Limits,
+    image_rows: Rows,
+    turns: Singles,
+    axis: tuple[Singles, Singles, np.ndarray, Flag],
+) -> float:
+    """Invalidate, in place, coordinates whose order a severe contradiction of the periods leaves open.
+
+    Parameters
+    ----------
+    images : sequence of arrays (H, W)
+        All frames.
+    turns : float32 (TILES, TILES)
+        Of a `Contradiction`.
+    axis : (place, sigma, flags, missing)
+        Coordinates and sigmas in lines and flags, each (H, W), and `Flag.NO_U` or `Flag.NO_V`.
+
+    Returns
+    -------
+    share : float
+        Of the coordinates that were refused.
+    """
+    place, sigma, flags, missing = axis
+    height, width = place.shape
+    valid, lost = int(np.isfinite(place).sum()), 0
+    more = cv2.resize(turns, (width, height), interpolation=cv2.INTER_NEAREST)
+    for top in range(0, height, ROWS):
+        band = slice(top, min(top + ROWS, height))
+        row, column = np.nonzero((more[band] > 0) & np.isfinite(place[band]))
+        if len(row) == 0:
+            continue
+        row += top
+        found, phases, variance = _decoded([image[row, column] for image in images], table, limits, image_rows)
+        stand = np.empty(len(row), np.bool_)
+        orders_stand(table, phases, variance, more[row, column], found, stand)
+        row, column = row[~stand], column[~stand]
+        place[row, column] = sigma[row, column] = np.nan
+        flags[row, column] |= int(Flag.DISAGREEMENT | missing)
+        lost += len(row)
+    return lost / max(valid, 1)
+
+
 def _beyond(medians: Array) -> Array:
-    """Variance (lines²) from medians of squared contradictions, of their variance by noise, and of the share of it."""
-    _, square, noise, share = medians
-    return np.asarray(np.maximum(square / MEDIAN_OF_SQUARE - noise, 0) * share)
-
-
-def _medians(values: Array, fewest: int = 1) -> Array:
-    """Medians over the last axis of what is no NaN; NaN where that is fewer than some."""
-    count = np.isfinite(values).sum(axis=-1, keepdims=True)
-    middle = np.take_along_axis(np.sort(values, axis=-1), count // 2 % values.shape[-1], axis=-1)
-    return np.asarray(np.where(count < fewest, np.nan, middle)[..., 0])
+    """Variance (lines²) of a difference beyond that by noise, from medians of its square and of that by noise."""
+    return np.asarray(np.maximum(medians[1] / MEDIAN_OF_SQUARE - medians[2], 0))
 
 
 def _decoded(

@@ -7,7 +7,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import HALF, INT, NONE, ONE, TILE, TINY, F, angle, fill, grey_of, part, three_sums, turn_of
+from core.decode.compiled import (
+    HALF,
+    INT,
+    NONE,
+    ONE,
+    TILE,
+    TINY,
+    F,
+    angle,
+    fast,
+    fill,
+    grey_of,
+    part,
+    three_sums,
+    turn_of,
+)
 from core.decode.options import Flag
 from core.decode.tables import CODE
 
@@ -191,12 +206,16 @@ def unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ig
     if table.start != CODE and len(table.period) > 1:
         for i in range(count):
             if flags[i] != NONE and flags[i] & ~(UNSURE | DISAGREEMENT) == NONE:
-                place[i], flags[i] = _search(table, turns, variance, i, place[i], flags[i])
+                found, clear = _search(table, turns, variance, F(0), i, place[i])
+                place[i], flags[i] = (found, NONE) if clear else (place[i], flags[i])
 
 
 @part
-def _search(table, turns, variance, i, place, flag):  # type: ignore[no-untyped-def]
-    """The likeliest place of one pixel on the projector, of all that its surest phase allows; and if it clearly is."""
+def _search(table, turns, variance, more, i, place):  # type: ignore[no-untyped-def]
+    """The likeliest place of one pixel on the projector, of all that its surest phase allows; and if it clearly is.
+
+    `more` is added to the variances (turns²) of all phases.
+    """
     periods, lines = table.period, table.lines
     surest, least = 0, F(np.inf)
     for j in range(len(periods)):
@@ -210,7 +229,7 @@ def _search(table, turns, variance, i, place, flag):  # type: ignore[no-untyped-
         square, moment, weights = F(0), F(0), TINY
         for j in range(len(periods)):
             d = periods[j] * turn_of(turns[j, i] - (u + HALF) / periods[j])
-            weight = ONE / (periods[j] * periods[j] * variance[j, i] + TINY)
+            weight = ONE / (periods[j] * periods[j] * (variance[j, i] + more) + TINY)
             square += weight * d * d
             moment += weight * d
             weights += weight
@@ -219,8 +238,26 @@ def _search(table, turns, variance, i, place, flag):  # type: ignore[no-untyped-
         if u + shift >= -HALF and u + shift <= lines - HALF:
             second = min(second, max(cost, best))
             best, found = (cost, u + shift) if cost < best else (best, found)
-    clear = best < FITTING and second - best > EVIDENCE
-    return (found, NONE) if clear else (place, flag)
+    return found, best < FITTING and second - best > EVIDENCE
+
+
+@fast
+def orders_stand(table, turns, variance, more, place, stand):  # type: ignore[no-untyped-def]
+    """Whether the orders of pixels' fringes are as clear where all phases are less sure than by noise alone.
+
+    Parameters
+    ----------
+    turns, variance : float32 (periods, n)
+    more : float32 (n,)
+        Variance (turns²) besides that by noise.
+    place : float32 (n,)
+        Coordinates as decoded.
+    stand : bool (n,)
+        Written.
+    """
+    for i in range(len(place)):
+        found, clear = _search(table, turns, variance, more[i], i, place[i])
+        stand[i] = clear and abs(found - place[i]) < HALF * table.period[0]
 
 
 @part

@@ -21,6 +21,10 @@ MIXED = (
     "A frame may be missing, in the wrong place or of another scene, capture.json may not list the patterns that were "
     "shown, or the object moved. Take the capture again."
 )
+DETOUR = (
+    "the periods contradict each other too much to count fringes: light reaches the surface by a second way, by gloss "
+    "or from a facing wall. Dull the surface, show more periods or add a code."
+)
 LARGER = "Compare its width and height in project.json with those that the patterns were made for."
 ORDER = int(Flag.DISAGREEMENT | Flag.UNSURE)
 HALF = 0.5
@@ -33,6 +37,7 @@ def notes_on(
     flags: NDArray[np.uint8],
     limits: Limits,
     tables: tuple[AxisTable, AxisTable],
+    refused: float = 0.0,
 ) -> tuple[str, ...]:
     """Say in sentences why far fewer pixels of a capture decode than are lit; nothing where all is well.
 
@@ -48,6 +53,8 @@ def notes_on(
         Noise and full scale.
     tables : (AxisTable, AxisTable)
         Of axis x and y.
+    refused : float
+        Part of the coordinates whose order the periods' contradiction left open.
     """
     wanted = [flag for flag, table in zip((Flag.NO_U, Flag.NO_V), tables, strict=True) if table.start != NOTHING]
     missing = flags & np.uint8(sum(int(flag) for flag in wanted)) != 0
@@ -68,7 +75,7 @@ def notes_on(
     if lost.mean() <= 1 - PROMISED:
         return ()
     head = f"Only {1 - lost.mean():.0%} of the pixels that the projector lights decode"
-    first, *others = _causes(seen[lost], len(seen), limits, grain, tables) or [""]
+    first, *others = _causes(seen[lost], len(seen), limits, grain, tables, refused > HALF) or [""]
     return (f"{head}: {first}" if first else f"{head}.", *(f"{text[0].upper()}{text[1:]}" for text in others))
 
 
@@ -80,7 +87,12 @@ def _grain(images: Sequence[Image]) -> float:
 
 
 def _causes(
-    lost: NDArray[np.uint8], lit: int, limits: Limits, grain: float, tables: tuple[AxisTable, AxisTable]
+    lost: NDArray[np.uint8],
+    lit: int,
+    limits: Limits,
+    grain: float,
+    tables: tuple[AxisTable, AxisTable],
+    detour: bool,
 ) -> list[str]:
     """The causes, the most frequent first; flags of the pixels that are lost, and how many are lit."""
     told = any(len(table.period) > 1 or len(table.sign) for table in tables)
@@ -96,6 +108,7 @@ def _causes(
     if open_order and noise <= APART * grain and all(table.start in (NOTHING, PHASES) for table in tables):
         more = "Expose longer, show more steps, or add a code or a longer period."
         contrary = f"the noise of {noise:.1f} grey values leaves the order of the fringe open. {more}"
+    contrary = DETOUR if detour else contrary
     kinds = {
         int(Flag.SATURATED): f"too many steps are at full scale ({full:.0f}). Expose shorter or stop the lens down.",
         int(Flag.LOW_MODULATION): weak,
