@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ import numpy as np
 FINE = 2  # samples a pixel along each axis
 BESIDE = 4  # px rendered beside the image, which blur draws from
 CUT = slice(FINE * BESIDE, -FINE * BESIDE)
+PARTS = (-0.375, -0.125, 0.125, 0.375)  # of a sample at a dot's rim, along each axis
 TABLE = 16  # samples a line
 MARGIN = 6  # px and lines: targets nearer to an edge are not wanted
 
@@ -150,7 +152,15 @@ def render(look: Look, pose: tuple[Array, Array], dots: Array | None, radius: Ar
         which = np.where(inside, nearest[np.clip(at[:, 0], 0, count[0]), np.clip(at[:, 1], 0, count[1])], -1)
         near = np.flatnonzero(which >= 0)
         d = radius[which[near]] - np.hypot(*(on_board[near, :2] - dots[which[near]]).T)
-        cover = np.clip(0.5 + d / span[near], 0, 1)
+        cover = (d > 0).astype(float)
+        rim = np.abs(d) < 1.5 * span[near]
+        at = near[rim]
+        over = (on_board[at] - on_board[at - 1], on_board[at] - on_board[at - wide])  # the way to the next samples
+        cover[rim] = 0
+        for a, b in product(PARTS, PARTS):
+            to = (on_board[at] + a * over[0] + b * over[1])[:, :2] - dots[which[at]]
+            d = radius[which[at]] - np.hypot(*to.T)
+            cover[rim] += np.clip(0.5 + d / span[at] * len(PARTS), 0, 1) / len(PARTS) ** 2
         albedo[near] += cover * (other - albedo[near])
     seen = pro.see(points @ look.R.T + look.t_mm)
     r2 = (u - cam.width / 2) ** 2 + (v - cam.height / 2) ** 2
