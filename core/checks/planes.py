@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations, pairwise
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from core.checks.concern import Concern
 from core.model import Array, Floats, PlaneEvaluation
 from core.numerics import sigma_by_median
 
 WINDOW = 40.0  # the low pass's standard deviation is the image's larger side over this
-LEAST_COVERED = 0.6  # share of the low pass's weight that must lie on the plane
+LEAST_COVERED, LEAST_SEEN = 0.6, 0.2  # share of the low pass's weight that must lie on the plane; at rims
+DEGREE, FITTED = 4, 4000  # of the surface that calibrations bend a plane to; pixels that tell it
 DOUBTFUL_RATIO, FAILED_RATIO = 1.5, 3.0  # r.m.s. over what the noise predicts
 GROSS = 6.0  # predicted sigmas beyond which a deviation is no noise
 CORE, BEYOND_CORE = 2.0, 0.0455  # sigmas, and the share of noise beyond them
@@ -22,37 +25,60 @@ APART = 0.01  # distance between the planes of two methods, over their distance 
 MOST_APART = 0.05
 
 
-def form_of(deviation_mm: Floats) -> tuple[float | None, float]:
-    """Low-pass the deviations from a plane: peak to valley of what is left, µm, and its r.m.s., mm.
+class Form(NamedTuple):
+    """What the low pass leaves of the deviations: peak to valley, µm, r.m.s., mm; and the r.m.s. of the rest, mm.
 
-    Parameters
-    ----------
-    deviation_mm : array, shape (H, W)
-        NaN where there is no point.
-
-    Returns
-    -------
-    form_pv_um : float or None
-        None where no window is covered well enough.
-    form_rms_mm : float
+    Nothing where no window is covered well enough.
     """
+
+    pv_um: float | None
+    rms_mm: float
+    rest_mm: float
+
+
+def form_of(deviation_mm: Floats) -> Form:
+    """Low-pass the deviations from a plane, shape (H, W), NaN where there is no point."""
     valid = np.isfinite(deviation_mm)
+    rows, cols = (np.flatnonzero(valid.any(axis=axis)) for axis in (1, 0))
     if valid.sum() < 50:
-        return None, 0.0
-    rows, cols = np.flatnonzero(valid.any(axis=1)), np.flatnonzero(valid.any(axis=0))
+        return Form(None, 0.0, float(np.sqrt(np.mean(deviation_mm[valid] ** 2))) if len(rows) else 0.0)
     part = deviation_mm[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
     valid = np.isfinite(part)
     sigma = low_pass_px(deviation_mm.shape)
-    # single gross errors are not form
-    middle = sigma_by_median(part[valid])
-    capped = np.clip(np.where(valid, part, 0.0), -8 * middle, 8 * middle).astype(np.float32)
-    weight = cv2.GaussianBlur(valid.astype(np.float32), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
-    low = cv2.GaussianBlur(capped, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+    weight = _blurred(valid.astype(np.float32), sigma)
+    # towards the rim a mean over the window lags behind what rises there: that is not scatter
+    left = part - _surface(part, valid)
+    low = _blurred(_capped(left, valid), sigma) / np.maximum(weight, LEAST_SEEN)
+    rest = float(np.sqrt(np.mean(np.square((left - np.where(weight > LEAST_SEEN, low, 0))[valid]))))
     use = valid & (weight > LEAST_COVERED)
     if not use.any():
-        return None, 0.0
-    form = low[use] / weight[use]
-    return float(1e3 * np.ptp(form)), float(np.sqrt(np.mean(form**2)))
+        return Form(None, 0.0, rest)
+    form = _blurred(_capped(part, valid), sigma)[use] / weight[use]
+    return Form(float(1e3 * np.ptp(form)), float(np.sqrt(np.mean(form**2))), rest)
+
+
+def _blurred(values: Floats, sigma: float) -> Array:
+    return np.asarray(cv2.GaussianBlur(values, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))
+
+
+def _capped(values: NDArray[np.floating], valid: NDArray[np.bool_]) -> Floats:
+    """Values, 0 where there are none: single gross errors are not form."""
+    most = 8 * sigma_by_median(values[valid])
+    return np.clip(np.where(valid, values, 0.0), -most, most).astype(np.float32)
+
+
+def _surface(values: Floats, valid: NDArray[np.bool_]) -> Floats:
+    """Polynomial of the fourth degree through values, shape (H, W)."""
+    y, x = (np.linspace(-1, 1, n)[:, None] ** np.arange(DEGREE + 1) for n in values.shape)
+    i, k = np.nonzero(np.add.outer(np.arange(DEGREE + 1), np.arange(DEGREE + 1)) <= DEGREE)
+    row, col = (at[:: max(1, len(at) // FITTED)] for at in np.nonzero(valid))
+    A, seen = y[row][:, i] * x[col][:, k], values[row, col]
+    fitted, terms = np.zeros(len(seen)), np.zeros((DEGREE + 1, DEGREE + 1))
+    for _ in range(4):
+        fitted = fitted + _capped(seen - fitted, np.ones(len(seen), bool))
+        terms[i, k] = np.linalg.lstsq(A, fitted, rcond=None)[0]
+        fitted = A @ terms[i, k]
+    return (y @ terms @ x.T).astype(np.float32)
 
 
 def low_pass_px(shape: tuple[int, ...]) -> float:
@@ -60,7 +86,7 @@ def low_pass_px(shape: tuple[int, ...]) -> float:
     return max(shape[:2]) / WINDOW
 
 
-def plane_concerns(e: PlaneEvaluation, form_rms_mm: float, calibration_rms_mm: float = 0.0) -> list[Concern]:
+def plane_concerns(e: PlaneEvaluation, form: Form, calibration_rms_mm: float = 0.0) -> list[Concern]:
     """Hold the deviations of one plane against what their noise and the calibration's sigma predict.
 
     Noise of independent pixels passes the low pass by ``1 / (2 σ √π)``; ten times as much, for neighbouring pixels
@@ -71,20 +97,20 @@ def plane_concerns(e: PlaneEvaluation, form_rms_mm: float, calibration_rms_mm: f
     where = f"{e.capture}, {e.method}"
     told = f"{where}: deviations are {e.rms_mm / e.predicted_rms_mm:.3g} times what the noise predicts"
     told += f" ({e.rms_mm:.3g} mm r.m.s.)"
-    form = f"{1e3 * form_rms_mm:.0f} µm r.m.s. of it is form, {e.form_pv_um or 0:.0f} µm peak to valley"
+    shape = f"{1e3 * form.rms_mm:.0f} µm r.m.s. of it is form, {form.pv_um or 0:.0f} µm peak to valley"
     # what the low pass takes away is no matter of the calibration, however uncertain that is
-    scatter = float(np.sqrt(max(e.rms_mm**2 - form_rms_mm**2, 0.0))) / e.predicted_rms_mm
+    scatter = form.rest_mm / e.predicted_rms_mm
     excess = e.rms_mm / float(np.hypot(DOUBTFUL_RATIO * e.predicted_rms_mm, 3 * calibration_rms_mm))
     if max(excess, scatter / DOUBTFUL_RATIO) > 1:
         cause = "the calibration does not hold for this capture (rig moved, patterns or rig described wrongly)"
-        if form_rms_mm < 0.5 * e.rms_mm:
+        if form.rms_mm < 0.5 * e.rms_mm:
             cause = _scattered(e)
         failed = max(excess, scatter / DOUBTFUL_RATIO) > FAILED_RATIO / DOUBTFUL_RATIO
-        return [Concern("failed" if failed else "doubtful", f"{told}; {form}: {cause}")]
+        return [Concern("failed" if failed else "doubtful", f"{told}; {shape}: {cause}")]
     passed = 10 * e.predicted_rms_mm / (2 * np.sqrt(np.pi) * low_pass_px(e.deviation_mm.shape))
     limit = max(0.6 * e.predicted_rms_mm, float(np.hypot(passed, 3 * calibration_rms_mm)))
-    if form_rms_mm > limit:
-        return [Concern("doubtful", f"{where}: {form}, more than noise and calibration explain: is the plane flat?")]
+    if form.rms_mm > limit:
+        return [Concern("doubtful", f"{where}: {shape}, more than noise and calibration explain: is the plane flat?")]
     return []
 
 

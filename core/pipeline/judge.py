@@ -74,9 +74,9 @@ def judge_planes(
     starts = tuple(f"{e.capture}:" for e in evaluations)
     judged = []
     for e in evaluations:
-        form_pv_um, form_rms_mm = form_of(e.deviation_mm)
-        e = replace(e, form_pv_um=form_pv_um)
-        concerns = plane_concerns(e, form_rms_mm, calibration_rms_mm.get((e.capture, e.method, *e.devices), 0.0))
+        form = form_of(e.deviation_mm)
+        e = replace(e, form_pv_um=form.pv_um)
+        concerns = plane_concerns(e, form, calibration_rms_mm.get((e.capture, e.method, *e.devices), 0.0))
         sound: list[str] = []
         if e.predicted_rms_mm:
             ratio = e.rms_mm / e.predicted_rms_mm
