@@ -19,7 +19,7 @@ SEEN = 0.4  # part of that which it may still do
 KNOWN = 0.25  # part of full light by which all other frames may be off where a place is taken as known
 WITNESSES = 30  # pixels that can tell, at the least
 MOST = 0.6  # of the rows; where more are alike, all tell where they look
-FEWEST = 100  # pixels that tell where the others look
+FEWEST, ENOUGH = 100, 800  # pixels that tell where the others look
 DOUBT, FARTHER = 1.0, 3.0  # lines, by which that surface may be off there, at least; times the median outside
 TRIMMED = 0.5  # of them that lie farthest from a smooth surface do not count
 USUAL = 2 / np.sqrt(np.pi)  # mean difference of two normal deviates
@@ -82,7 +82,8 @@ def _unchanged(n: int, patterns: Sequence[Pattern], seen: Array, place: Sequence
     telling = expected > CHANGED
     if np.count_nonzero(telling) < WITNESSES:
         return False
-    off = np.abs(np.delete(_light(patterns, place) - seen, (n - 1, n), axis=0))
+    others = [k for k in range(len(patterns)) if k not in (n - 1, n)]
+    off = np.abs(_light([patterns[k] for k in others], place) - seen[others])
     telling &= np.nansum(off, axis=0) < KNOWN * np.isfinite(off).sum(axis=0)
     if np.count_nonzero(telling) < WITNESSES:
         return False
@@ -94,27 +95,38 @@ class _Surface:
 
     def __init__(self, place: Singles, outside: NDArray[np.bool_], some: NDArray[np.bool_]) -> None:
         self.place, self.outside, self.some = place, outside, some
+        self._lines: dict[float, Array] = {}
 
     @cached_property
     def fitted(self) -> tuple[Array, float]:
         """Coordinate at the pixels, and by how much it may be off; NaN where too few are known outside."""
-        known = np.isfinite(self.place) & self.outside
-        if known.sum() < FEWEST:
+        known = np.flatnonzero(np.isfinite(self.place) & self.outside)
+        if len(known) < FEWEST:
             return np.full(np.count_nonzero(self.some), np.nan), np.nan
-        design, values = _quadratic(known), np.asarray(self.place[known], float)
-        away = np.zeros(len(values))
+        known = known[:: max(1, len(known) // ENOUGH)]
+        design, values = _quadratic(known, self.some.shape), self.place.ravel()[known].astype(float)
+        away, rank = np.zeros(len(known)), int((1 - TRIMMED) * (len(known) - 1))
         for _ in range(4):
-            kept = away <= np.quantile(away, 1 - TRIMMED)
-            half = design[kept].T
-            terms = np.linalg.lstsq(half @ half.T, half @ values[kept], rcond=None)[0]
-            away = np.abs(values - design @ terms)
+            kept = away <= np.partition(away, rank)[rank]
+            half = design[:, kept]
+            ridge = 1e-9 * half.shape[1] * np.eye(len(half))  # of one row alone there is no slope
+            terms = np.linalg.solve(half @ half.T + ridge, half @ values[kept])
+            away = np.abs(values - terms @ design)
         farther = 1.0 if self.outside.all() else FARTHER
-        return _quadratic(self.some) @ terms, max(DOUBT, farther * float(np.median(away)))
+        here = _quadratic(np.flatnonzero(self.some), self.some.shape)
+        return terms @ here, max(DOUBT, farther * float(np.median(away)))
+
+    def lines(self, doubts: float) -> Array:
+        """Whole lines at the pixels, off by some doubts; NaN where they are not known."""
+        if doubts not in self._lines:
+            at, doubt = self.fitted
+            self._lines[doubts] = np.rint(at + doubts * doubt)
+        return self._lines[doubts]
 
 
-def _quadratic(some: NDArray[np.bool_]) -> Array:
-    y, x = (2 * each / size - 1 for each, size in zip(np.nonzero(some), some.shape, strict=True))
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+def _quadratic(pixels: NDArray[np.intp], shape: tuple[int, ...]) -> Array:
+    y, x = (2 * each / size - 1 for each, size in zip(np.divmod(pixels, shape[1]), shape, strict=True))
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
 
 
 def _light(patterns: Sequence[Pattern], place: Sequence[_Surface], doubts: float = 0) -> Array:
@@ -125,7 +137,8 @@ def _light(patterns: Sequence[Pattern], place: Sequence[_Surface], doubts: float
         if axis is None:
             levels.append(np.full(np.count_nonzero(place[0].some), float(level_of(pattern) or 0)))
         else:
-            at, doubt = place[axis == "y"].fitted
-            lines = np.rint(np.nan_to_num(at + doubts * doubt))
-            levels.append(np.where(np.isfinite(at), brightness(pattern, lines), np.nan))
+            lines = place[axis == "y"].lines(doubts)
+            known = np.isfinite(lines)
+            shown = brightness(pattern, lines if known.all() else np.where(known, lines, 0.0))
+            levels.append(np.where(known, shown, np.nan))
     return np.stack(levels)
