@@ -45,7 +45,7 @@ class RigMotion:
     if nothing has moved. `pair` is camera and projector as they stand now, with the covariance that follows.
 
     `shown` (5,) is the same for comparison among captures, with no prior on drifts: rotation, and two shifts across
-    the base; `noise` (5, 5) is its covariance by noise alone, from the scatter of so many `tiles`, and
+    the base; `noise` (5, 5) is its covariance by noise alone, from a scatter as of so many independent `tiles`, and
     `by_calibration` (5, k) what it makes of the calibration's errors, which are the same in every capture.
     """
 

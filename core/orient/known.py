@@ -104,7 +104,9 @@ def observed_length(known: KnownLength, phase: PhaseMap, pair: Pair) -> Observed
 def observed_points(known: KnownPoints, pair: Pair) -> Observed:
     """What points say whose coordinates are known in a frame of their own, wherever it stands."""
     uv, lines = known.seen[:, :2], known.seen[:, 2:]
-    sight = Sight(np.zeros((len(uv), 2), np.int64), uv, lines, np.ones_like(uv), np.zeros_like(uv))
+    sight = Sight(
+        np.zeros((len(uv), 2), np.int64), uv, lines, np.ones_like(uv), np.zeros((len(uv), 2, 2)), np.zeros_like(uv)
+    )
     if len(known.xyz_mm) < FEWEST:
         raise InputError("the known points", f"{len(known.xyz_mm)} are seen", f"show at least {FEWEST}")
     _, R, shift = similarity(known.xyz_mm, epipolar_residuals(sight, pair).xyz_mm, scaled=False)

@@ -13,13 +13,13 @@ from core.geometry import cross_matrix, pair_for, perturbed
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
 from core.numerics import fisher_above, sigma_by_median
 from core.orient.known import Observed, measured_length, observed_length, observed_points
-from core.orient.residuals import Residuals, Sight, blocks_of, epipolar_residuals
+from core.orient.residuals import Residuals, Sight, blocks_of, epipolar_residuals, of_middles
 from core.progress import SILENT, Progress
 
 HUBER = 2.0  # standard deviations beyond which a residual counts less
 GROSS = 25.0  # and beyond which it is no measurement: a wrong word, or two surfaces in one pixel
 TILES = 250  # lie on the object: residuals of one, and of neighbours, may hang together
-ALIKE = 2  # tiles that tell as much of the scatter as one that is independent: squares of 2 by 2 overlap
+CLEAR = 2.0  # of Politis' rule for how far neighbours agree, doi:10.1081/ETR-120021582
 FEWEST_TILES, FEWEST_PIXELS = 30, 500
 FOOTPRINT_PX2 = 0.2  # about what lenses and pixels have
 FREE = 1e-6
@@ -74,25 +74,36 @@ class _Estimate:
     rest: Array  # (n,), what remains of the residuals
 
 
-class _Tiles:
-    """The tiles of the image in which places lie."""
+@dataclass(frozen=True)
+class _Places:
+    """How places lie in the image: their rows and columns (n, 2) in a grid, of whose steps a tile has so many."""
 
-    def __init__(self, tile: NDArray[np.int64]) -> None:
-        low = tile.min(axis=0)
-        self.shape = tuple(tile.max(axis=0) - low + 1)
-        self._at = (tile - low) @ [self.shape[1], 1]
-        self.count = len(np.unique(self._at))
+    at: NDArray[np.int64]
+    tile: float
 
-    def together(self, residuals: Array, used: float) -> float:
-        """By how much the sum of residuals (n,) varies more than if they were independent of one another.
+    def together(self, residuals: Array, used: float) -> tuple[float, int]:
+        """By how much the sum of residuals (n,) varies more than if they were independent, and its degrees of freedom.
 
-        From the sums of all squares of 2 by 2 tiles (Bartlett's kernel over a tile's distance); a fit has used up so
-        many of what these sums show.
+        From their autocovariance by Bartlett's kernel over two tiles, but with a flat top as far as neighbours clearly
+        agree (Politis and Romano, doi:10.1111/j.1467-9892.1995.tb00223.x): it would take too little of what they share.
+        A fit has used up so many of what these sums show.
         """
-        grid = np.pad(np.bincount(self._at, residuals, self.shape[0] * self.shape[1]).reshape(self.shape), 1)
-        squares = grid[1:, 1:] + grid[:-1, 1:] + grid[1:, :-1] + grid[:-1, :-1]
-        left = max(1 - 4 * used / self.count, 0.1)
-        return float(np.sum(squares**2) / 4 / np.sum(residuals**2) / left)
+        n, reach = len(residuals), int(np.ceil(2 * self.tile))
+        at = self.at - self.at.min(axis=0)
+        grid = np.zeros(at.max(axis=0) + 1)
+        grid[at[:, 0], at[:, 1]] = residuals
+        padded = [max(size, reach + 1) + reach for size in grid.shape]
+        products = np.fft.irfft2(np.abs(np.fft.rfft2(grid, padded)) ** 2, padded)
+        lag = np.arange(-reach, reach + 1)
+        agreement = products[np.ix_(lag, lag)] / products[0, 0]
+        fall = np.maximum(1 - np.abs(lag) / (2 * self.tile), 0.0)
+        ring = np.rint(np.hypot(lag, lag[:, None])).astype(int)
+        members = np.bincount(ring.ravel())[:reach]
+        clear = np.bincount(ring.ravel(), agreement.ravel())[:reach] > CLEAR * np.sqrt(2 * members * np.log10(n) / n)
+        flat = int(np.argmin(clear)) if not clear.all() else reach
+        kernel = np.where(ring < flat, 1.0, fall * fall[:, None])
+        left = max(1 - used * float(kernel.sum()) / n, 0.1)
+        return max(float(np.sum(kernel * agreement)), 0.1) / left, int(n / np.sum(kernel**2))
 
 
 @dataclass(frozen=True)
@@ -102,7 +113,7 @@ class _Equations:
     e: Array
     A: Array  # (n, k)
     pulled: Array
-    tiles: _Tiles
+    places: _Places
     known: Sequence[Observed]
 
     def solved(self, free: Freedom, prior: Array, weight: Array, noise: Array) -> _Estimate:
@@ -128,8 +139,8 @@ class _Equations:
         scatter[f, f] += whole[f, f]
         return _Estimate(x[:f], (inverse @ scatter @ inverse)[:f, :f], inverse[:f] @ H, rest)
 
-    def noise(self, changes: Array, weight: Array) -> Array:
-        """Noise (n,): what remains of the residuals where all parameters may change, (k, m) by a sigma each.
+    def noise(self, changes: Array, weight: Array) -> tuple[Array, int]:
+        """Noise (n,) and its degrees of freedom: what remains where all parameters may change, (k, m) by a sigma each.
 
         Errors of the calibration leave patterns that no movement explains; they are the same in every capture, and
         accounted for as such. It is larger by what hangs together among neighbours.
@@ -140,7 +151,8 @@ class _Equations:
         inverse = np.linalg.inv(N + np.eye(len(N)))
         used = float(np.trace(inverse @ N))
         rest = self.e - Z @ (inverse @ (weighted.T @ self.e))
-        return rest * np.sqrt(self.tiles.together(weight * rest, used))
+        factor, freedom = self.places.together(weight * rest, used)
+        return rest * np.sqrt(factor), freedom
 
 
 def find_motion(
@@ -188,9 +200,10 @@ def find_motion(
     five, on the estimate without the drifts.
     """
     pair = pair_for(phase, calibration)
-    sight, side = blocks_of(phase, options.most_places, TILES)
-    sight, start = _checked(sight, epipolar_residuals(sight, pair), side, phase, capture)
-    tiles = _Tiles(sight.tile)
+    sight, side, tile = blocks_of(phase, options.most_places, TILES)
+    sight = of_middles(sight, side, pair)
+    sight, start = _checked(sight, epipolar_residuals(sight, pair), (side, tile), phase, capture)
+    places = _Places(sight.at, tile)
     five = orientation_freedom(pair, options)
     free = _everything(pair, options) if lengths or points is not None else five
     prior = np.diag(free.drift**-2.0)
@@ -198,7 +211,7 @@ def find_motion(
     for i in range(options.rounds):
         progress(0.2 + 0.6 * i / options.rounds, "turning the projector")
         progress.check()
-        equations = _equations(now, pair, change, phase, lengths, points, tiles)
+        equations = _equations(now, pair, change, phase, lengths, points, places)
         if i == 0:
             _refuse_contradictions(equations.known, pair, free, capture)
         estimate, weight = _robust(equations, free, prior)
@@ -208,11 +221,13 @@ def find_motion(
         if not equations.known and np.abs(now.e - expected).max() < LINEAR:
             break
     C = pair.covariance
-    noise = equations.noise(np.column_stack([np.diag(np.sqrt(np.diagonal(C))), free.directions * free.drift]), weight)
+    noise, freedom = equations.noise(
+        np.column_stack([np.diag(np.sqrt(np.diagonal(C))), free.directions * free.drift]), weight
+    )
     estimate = equations.solved(free, prior, weight, noise)
     shown = replace(equations, known=()).solved(five, FREE * np.diag(five.drift**-2.0), weight, noise)
     of_shown = shown.noise + shown.carried @ C @ shown.carried.T
-    p = significance_of(shown.x, of_shown, tiles.count // ALIKE)
+    p = significance_of(shown.x, of_shown, freedom)
     left = np.eye(len(C)) - free.directions @ estimate.carried
     drifted = C + free.directions @ np.diag(free.drift**2) @ free.directions.T
     by_noise = free.directions @ estimate.noise @ free.directions.T
@@ -230,7 +245,7 @@ def find_motion(
         covariance=free.moves @ spread @ free.moves.T,
         depth_change_mm=float(np.median(start.xyz_mm[:, 2] - now.xyz_mm[:, 2])),
         depth_sigma_mm=float(np.sqrt(by_depth @ corrected.covariance @ by_depth)),
-        pixels=len(sight.tile) * side**2,
+        pixels=len(sight.at) * side**2,
         residual_rms=_of_pixels(start.e, side),
         corrected_rms=_of_pixels(estimate.rest, side),
         pair=corrected,
@@ -238,7 +253,7 @@ def find_motion(
         shown=shown.x,
         noise=shown.noise,
         by_calibration=shown.carried,
-        tiles=tiles.count // ALIKE,
+        tiles=freedom,
         lengths=tuple(lengths),
         lengths_mm=tuple(
             (measured_length(known, phase, pair)[0], measured_length(known, phase, corrected)[0]) for known in lengths
@@ -250,14 +265,17 @@ def find_motion(
     )
 
 
-def _checked(sight: Sight, found: Residuals, side: int, phase: PhaseMap, capture: str) -> tuple[Sight, Residuals]:
+def _checked(
+    sight: Sight, found: Residuals, sides: tuple[int, float], phase: PhaseMap, capture: str
+) -> tuple[Sight, Residuals]:
     """Leave out what is no measurement, and see that enough is left."""
-    if len(sight.tile):
+    if len(sight.at):
         with np.errstate(invalid="ignore"):
             kept = np.abs(found.e - np.nanmedian(found.e)) < GROSS * max(float(np.nanstd(found.e)) / 5, 1.0)
             kept &= found.xyz_mm[:, 2] < 0
         sight, found = sight.only(kept), found.only(kept)
-    if len(sight.tile) * side**2 < FEWEST_PIXELS or len(np.unique(sight.tile, axis=0)) < FEWEST_TILES:
+    side, tile = sides
+    if len(sight.at) * side**2 < FEWEST_PIXELS or len(np.unique(sight.at // tile, axis=0)) < FEWEST_TILES:
         both = int(np.count_nonzero(np.isfinite(phase.u) & np.isfinite(phase.v)))
         raise InputError(
             capture,
@@ -328,14 +346,14 @@ def _equations(
     phase: PhaseMap,
     lengths: Sequence[KnownLength],
     points: KnownPoints | None,
-    tiles: _Tiles,
+    places: _Places,
 ) -> _Equations:
     """Refer residuals after a change of the parameters to the calibration."""
     there = perturbed(pair, change)
     known = [observed_length(length, phase, there) for length in lengths]
     known += [] if points is None else [observed_points(points, there)]
     referred = [replace(each, rest=each.rest + each.A @ change) for each in known]
-    return _Equations(now.e + now.A @ change, now.A, now.pulled, tiles, referred)
+    return _Equations(now.e + now.A @ change, now.A, now.pulled, places, referred)
 
 
 def _robust(equations: _Equations, free: Freedom, prior: Array) -> tuple[_Estimate, Array]:
@@ -372,8 +390,8 @@ def _unobserved(pair: Pair, corrected: Pair, options: OrientOptions) -> tuple[st
     return tuple(name for name, left, drift in named if left > SHRUNK * drift)
 
 
-def significance_of(x: Array, covariance: Array, tiles: int) -> float:
-    """Probability of an estimate this far from zero by chance: Hotelling's test, with the scatter of so many tiles."""
+def significance_of(x: Array, covariance: Array, scatter: int) -> float:
+    """Probability of an estimate this far from zero by chance: Hotelling's test, `scatter` degrees of freedom."""
     t2 = float(x @ np.linalg.solve(covariance, x))
-    rank, freedom = len(x), tiles - len(x)
+    rank, freedom = len(x), max(scatter, 2 * len(x))
     return fisher_above(rank, freedom - rank + 1, t2 * (freedom - rank + 1) / (freedom * rank))

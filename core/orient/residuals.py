@@ -7,7 +7,7 @@ depth. What remains, across it, is the epipolar residual, in units of its standa
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import cv2
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.geometry import project_with_derivatives, ray_directions
-from core.model import Array, Floats, Pair, PhaseMap
+from core.model import AdjustedDevice, Array, Floats, Pair, PhaseMap
 from core.numerics import inverse_2x2
 
 LEAST_SIGMA = 1e-3  # lines; what a sigma is at least
@@ -40,21 +40,24 @@ class Sight(_Columns):
 
     Attributes
     ----------
-    tile : array of int, shape (n, 2)
-        Row and column of the tile of the image that a place lies in.
+    at : array of int, shape (n, 2)
+        Row and column of a place in the grid of blocks.
     pixels : array, shape (n, 2)
         Where they are in the camera's image, px.
     uv, sigma : array, shape (n, 2)
         Projector coordinates in lines.
+    slopes : array, shape (n, 2, 2)
+        How u and v change along rows and columns of a block, lines/px.
     pull : array, shape (n, 2)
         Where reflectance changes within a pixel's footprint its coordinate is drawn to the brighter side: by this, in
         lines, for a footprint of 1 px² (variance).
     """
 
-    tile: NDArray[np.int64]
+    at: NDArray[np.int64]
     pixels: Array
     uv: Array
     sigma: Array
+    slopes: Array
     pull: Array
 
 
@@ -84,11 +87,13 @@ class Residuals(_Columns):
     sigma_log: Array
 
 
-def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int]:
-    """Average pixels with both coordinates over square blocks, about `most` of them, and give the blocks' side in px.
+def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float]:
+    """Average pixels with both coordinates over square blocks, about `most` of them.
 
-    The epipolar condition is linear over a block, so that means keep it, with less noise. Blocks that lack a pixel or
-    hold more than one smooth surface are left out: an edge, a wrong word.
+    Also given are the blocks' side, px, and in blocks that of squares of which so many `tiles` hold the pixels.
+
+    The epipolar condition is nearly linear over a block (see `of_middles`), so that means keep it, with less noise.
+    Blocks that lack a pixel or hold more than one smooth surface are left out: an edge, a wrong word.
     """
     whole = np.isfinite(phase.u) & np.isfinite(phase.v) & np.isfinite(phase.sigma_u) & np.isfinite(phase.sigma_v)
     count = int(np.count_nonzero(whole))
@@ -123,12 +128,12 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int]:
     with np.errstate(invalid="ignore", divide="ignore"):
         brighter = slopes / grey[:, :1]
         pull = np.stack([np.sum(slopes[:, 1:] * brighter, axis=1) for slopes in (u, v)], axis=1)
-    size = max(np.sqrt(count / tiles), 1.0)
+    tile = max(float(np.sqrt(count / tiles)) / side, 1.0)
     pixels = np.stack([columns, rows], axis=1).astype(np.float64) * side + (side - 1) / 2
-    tile = (pixels[:, ::-1] // size).astype(np.int64)
     uv = np.stack([u[:, 0], v[:, 0]], axis=1)
-    sight = Sight(tile, pixels, uv, np.sqrt(variance) / side, np.nan_to_num(pull, posinf=0, neginf=0))
-    return sight.only(np.asarray(smooth)), side
+    slopes, pull = np.stack([u[:, 1:], v[:, 1:]], axis=1), np.nan_to_num(pull, posinf=0, neginf=0)
+    sight = Sight(np.stack([rows, columns], axis=1), pixels, uv, np.sqrt(variance) / side, slopes, pull)
+    return sight.only(np.asarray(smooth)), side, tile
 
 
 def _slopes(sharp: Array, smooth: Array, off: Array, side: int, square: float) -> Array:
@@ -156,8 +161,37 @@ def pixels_within(phase: PhaseMap, u: float, v: float, radius_px: float) -> Sigh
         for a, b in ((phase.u, phase.v), (phase.sigma_u, phase.sigma_v))
     )
     pixels = np.stack([columns, rows], axis=1).astype(np.float64)
-    found = Sight(np.zeros((len(rows), 2), np.int64), pixels, uv, sigma, np.zeros_like(uv))
+    found = Sight(np.zeros((len(rows), 2), np.int64), pixels, uv, sigma, np.zeros((len(uv), 2, 2)), np.zeros_like(uv))
     return found.only(np.asarray(np.isfinite(uv + sigma).all(axis=1)))
+
+
+def of_middles(sight: Sight, side: int, pair: Pair) -> Sight:
+    """Take from the means over blocks by what they miss the epipolar lines of the blocks' middles.
+
+    The condition ``b · (t × R d) = 0`` of directions b and d is bilinear: the mean of a block's pixels differs from the
+    condition on the means by the covariance of b and d within the block, and the means of b and d by what lenses bend.
+    """
+    camera, projector, pose = pair.camera, pair.projector, pair.projector_from_camera
+    spread = (side**2 - 1) / 12
+
+    def seen(device: AdjustedDevice, at: Array) -> tuple[Array, Array, Array]:
+        """Directions (n, 3), and their first and second derivatives (n, 2, 3) by u and v."""
+        here, *beside = (
+            ray_directions(device.spec, device.interior, at + side / 2 * np.array(step))
+            for step in ((0, 0), (1, 0), (0, 1), (-1, 0), (0, -1))
+        )
+        up, down = np.stack(beside[:2], axis=1), np.stack(beside[2:], axis=1)
+        return here, (up - down) / side, (up + down - 2 * here[:, None]) * (4 / side**2)
+
+    d, by_pixel, bent = (np.cross(pose.translation_mm, a @ pose.rotation.T) for a in seen(camera, sight.pixels))
+    b, by_line, curved = seen(projector, sight.uv)
+    excess = spread * np.einsum("nij,nki,nkj->n", by_pixel, sight.slopes, by_line)
+    excess += spread / 2 * np.einsum("nij,nj->n", bent, b)
+    excess += spread / 2 * np.einsum("nkj,nki,nj->n", curved, sight.slopes**2, d)
+    across = np.einsum("nkj,nj->nk", by_line, d)
+    turned = sight.sigma**2 * across
+    share = excess / np.maximum(np.einsum("nk,nk->n", across, turned), np.finfo(float).tiny)
+    return replace(sight, uv=sight.uv + share[:, None] * turned)
 
 
 def epipolar_residuals(sight: Sight, pair: Pair) -> Residuals:

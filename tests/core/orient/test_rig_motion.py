@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector, perturbed, project, ray_directions
 from core.model import AdjustedDevice, DeviceSpec, Interior, KnownLength, KnownPoints, Pair, PhaseMap
 from core.orient import OrientOptions, drift_chart, expectation_of, find_motion, judged
-from core.orient.residuals import blocks_of
+from core.orient.residuals import blocks_of, epipolar_residuals, of_middles
 
 Array = NDArray[np.float64]
 
@@ -109,6 +110,34 @@ def test_an_unmoved_rig_is_called_moved_as_rarely_as_stated() -> None:
     # the p-values of a true hypothesis are uniform: binomial counts at three levels, four standard deviations wide
     for level in (0.05, 0.2, 0.5):
         assert abs(np.mean(p < level) - level) < 4 * np.sqrt(level * (1 - level) / len(p))
+
+
+@pytest.mark.parametrize("blur_px", [2.0, 4.0])  # 21 % and 35 % were called moved at 0.05 by Bartlett's kernel alone
+def test_noise_that_neighbours_share_moves_nothing(blur_px: float) -> None:
+    rng = np.random.default_rng(12)
+    still = captured(TRUE, rng, 1e-9)
+    sigma = np.where(np.isfinite(still.u), np.float32(SIGMA), np.float32(np.nan))
+    shared = 2 * np.sqrt(np.pi) * blur_px * SIGMA  # white noise passes a Gaussian by the inverse of its width
+
+    def noise() -> NDArray[np.float32]:
+        white = rng.normal(0, shared, (still.u.shape[0] + 40, still.u.shape[1] + 40))
+        return cv2.GaussianBlur(white, (0, 0), blur_px)[20:-20, 20:-20].astype(np.float32)
+
+    few = OrientOptions(rounds=1)
+    maps = [replace(still, u=still.u + noise(), v=still.v + noise(), sigma_u=sigma, sigma_v=sigma) for _ in range(50)]
+    p = np.array([find_motion(phase, TRUE, options=few).p for phase in maps])
+    for level in (0.05, 0.2, 0.5):  # not more often than stated, by three standard deviations of counts
+        assert np.mean(p < level) - level < 3 * np.sqrt(level * (1 - level) / len(p))
+    assert np.mean(p < 0.5) > 0.2  # and the sigmas are not put up without need
+
+
+def test_means_over_blocks_keep_the_epipolar_lines_of_their_middles() -> None:
+    sight, side, _ = blocks_of(captured(TRUE, np.random.default_rng(13), 1e-3), 400, 250)
+    assert side == 7
+    means, middles = (epipolar_residuals(s, TRUE).e * 1e-3 for s in (sight, of_middles(sight, side, TRUE)))
+    # in lines, for no sigma counts as less than a thousandth; a block's noise is SIGMA / 7, that of all a twentieth
+    assert np.std(means) > 0.3 * SIGMA / 7
+    assert np.std(middles) < 0.05 * SIGMA / 7
 
 
 def test_the_corrected_orientation_is_as_good_as_its_covariance_says() -> None:
@@ -277,7 +306,7 @@ def test_edges_draw_coordinates_aside_as_sharply_as_they_are() -> None:
         np.float32(120 * soft),
         np.zeros(x.shape, np.uint8),
     )
-    sight, side = blocks_of(phase, 4000, 250)
+    sight, side, _ = blocks_of(phase, 4000, 250)
     assert side == 2
     block = (120 * soft).reshape(60, 2, 60, 2).swapaxes(1, 2)
     slope = (block[..., 0, 1] + block[..., 1, 1] - block[..., 0, 0] - block[..., 1, 0]) / 2 / block.mean(axis=(2, 3))
