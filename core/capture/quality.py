@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.capture.plan import Plan
 from core.model.finding import Finding, Level
-from core.numerics import sigma_about_median
+from core.numerics import quantiles, sigma_about_median
 from core.patterns import cycle_lines, finest_steps, level_of
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, i
     """
     shots = plan.shots
     own = grey[list(plan.own)]
-    high, low = np.quantile(own, [0.9, 0.1], axis=0)
+    high, low = quantiles(own, 0.9, 0.1)
     whites = [grey[i] for i, pattern in enumerate(shots) if level_of(pattern) == 1]
     blacks = [grey[i] for i, pattern in enumerate(shots) if level_of(pattern) == 0]
     white = np.median([*whites, high], axis=0) if whites else high

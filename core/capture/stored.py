@@ -21,6 +21,7 @@ from core.capture.plan import Plan
 from core.capture.quality import Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
 from core.model.finding import Finding
+from core.numerics import quantiles
 from core.patterns import Axis, Code, Pattern, Phase, axis_of, level_of
 
 Array = NDArray[np.float32]
@@ -93,13 +94,12 @@ def check_stored(capture: Capture, images: Sequence[NDArray], phase: PhaseMap, l
 def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
     height, width = images[0].shape
     stride = max(1, round((height * width / GRID) ** 0.5))
-    rows, cols = np.arange(stride // 2, height, stride), np.arange(stride // 2, width, stride)
-    at = np.stack([a.ravel() for a in np.meshgrid(rows, cols, indexing="ij")])
-    grey = np.array([image[at[0], at[1]] for image in images], np.float64)
+    at = np.mgrid[stride // 2 : height : stride, stride // 2 : width : stride].reshape(2, -1)
+    grey = np.array([image[stride // 2 :: stride, stride // 2 :: stride].ravel() for image in images], np.float64)
     full = 255 if images[0].dtype == np.uint8 else 2 ** max(8, int(max(i.max() for i in images)).bit_length()) - 1
     found = summarise(plan, grey, at, (height, width), full)
     # a frame that only claims to be white is no measure of brightness
-    return replace(found, white=np.maximum(found.white, np.quantile(grey, 0.9, axis=0)))
+    return replace(found, white=np.maximum(found.white, *quantiles(grey, 0.9)))
 
 
 def _light(sampled: Sampled, phase: PhaseMap) -> list[Finding]:
@@ -119,7 +119,7 @@ def _light(sampled: Sampled, phase: PhaseMap) -> list[Finding]:
 
 def _plain(plan: Plan, sampled: Sampled) -> list[Finding]:
     """White frames must be bright and black ones dark, where the others vary."""
-    bright, dark = (np.quantile(sampled.grey, q, axis=0) for q in (0.85, 0.1))
+    bright, dark = quantiles(sampled.grey, 0.85, 0.1)
     contrast = bright - dark
     chosen = contrast > max(0.05 * sampled.full, float(np.quantile(contrast, 0.8)))
     if chosen.sum() < LEAST_LIT:
@@ -189,6 +189,12 @@ def looks(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> tuple[Array,
     return dictionary(list(patterns), axis, lines)
 
 
+@lru_cache(maxsize=96)
+def _words(codes: tuple[Code, ...], axis: Axis, lines: int) -> int:
+    """How many lines or cells code frames tell apart."""
+    return len({column.tobytes() for column in (looks(codes, axis, lines)[0] > 0.5).T})
+
+
 def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> NDArray[np.bool_]:
     """Where phase steps make no wave, or a phase that the code's cell does not have (fine waves are faint)."""
     bad = np.zeros(seen.shape[1], bool)
@@ -198,7 +204,7 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
         codes = tuple(patterns[k] for k in coded)
         possible, at = looks(codes, looked.axis, looked.lines)
         cell = min(p.cell for p in codes if isinstance(p, Code))
-        if np.unique(possible > 0.5, axis=1).shape[1] * cell < looked.lines:
+        if _words(codes, looked.axis, looked.lines) * cell < looked.lines:
             cell = 0  # a frame was left out for a trial: the others do not tell all cells apart
         number = np.floor((at[nearest(seen[coded], possible)[1]] + 0.25) / max(cell, 1))
     for period in {p.period for p in patterns if isinstance(p, Phase)}:
@@ -292,7 +298,8 @@ def _off_projective(x: NDArray, y: NDArray, u: NDArray) -> NDArray:
             continue
         with np.errstate(divide="ignore", invalid="ignore"):
             off = np.abs((p[0] + p[1] * x + p[2] * y) / (1 + p[3] * x + p[4] * y) - u)
-        if (middle := float(np.median(off))) < least:
+        # where fewer are below, the median is not
+        if np.count_nonzero(off < least) >= len(off) // 2 and (middle := float(np.median(off))) < least:
             best, least = off, middle
     for _ in range(3):  # least squares over those that agree, for distortion bends the map a little
         near = best <= max(2.5 * float(np.median(best)), 0.5)

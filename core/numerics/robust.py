@@ -28,6 +28,20 @@ def sigma_about_median(values: ArrayLike) -> float:
     return sigma_by_median(given - np.nanmedian(given))
 
 
+def quantiles(values: Array, *shares: float) -> list[Array]:
+    """Quantiles (n,) of each column of finite values (k, n), as `numpy.quantile` interpolates; sorted once for all.
+
+    Examples
+    --------
+    >>> quantiles(np.array([[4.0, 0.0], [0.0, 10.0], [1.0, 5.0]]), 0.5, 0.75)
+    [array([1., 5.]), array([2.5, 7.5])]
+    """
+    ordered = np.sort(values, axis=0)
+    last = len(ordered) - 1
+    places = [share * last for share in shares]
+    return [(1 - at % 1) * ordered[int(at)] + at % 1 * ordered[min(int(at) + 1, last)] for at in places]
+
+
 def row_median(values: Array | Floats) -> Array:
     """Medians (m,) along the last axis of (m, k) that ignore NaN; NaN where a row has nothing else.
 
