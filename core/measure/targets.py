@@ -145,7 +145,7 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
     dark, the board round it.
     """
     phase, (centre, ellipse, window) = sight.phase, (marks.uv, marks.ellipse, marks.window)
-    ground = np.minimum(window, marks.code - BESIDE_CODE)
+    ground, dark = np.minimum(window, marks.code - BESIDE_CODE), sight.testfield.polarity == "black-on-white"
     coordinate, sigma = np.full((len(centre), 2), np.nan), np.full((len(centre), 2), np.nan)
     for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
         if sight.options.projector == "plane":
@@ -155,12 +155,11 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
         found[refuse_jumps(values, centre, ellipse, found, error)] = np.nan
         lost = ~np.isfinite(found)
         lit = decoded_inside(values, centre, ellipse)
-        for which, fit, to in ((lost & lit, inside_dot, window), (lost & ~lit, around_dot, ground)):
-            found[which], error[which] = fit(values, spread, centre[which], ellipse[which], to[which])
-        if sight.testfield.polarity == "black-on-white":
-            around, its_error = around_dot(values, spread, centre, ellipse, ground)
-            better = np.isfinite(around)
-            found[better], error[better] = around[better], its_error[better]
+        for which, fit, to in ((lost & lit, inside_dot, window), (dark | (lost & ~lit), around_dot, ground)):
+            value, its_error = fit(values, spread, centre[which], ellipse[which], to[which])
+            valid = np.isfinite(value)
+            better = np.flatnonzero(which)[valid]
+            found[better], error[better] = value[valid], its_error[valid]
         error[~np.isfinite(found)] = np.nan
         coordinate[:, axis], sigma[:, axis] = found, error
     return coordinate, sigma

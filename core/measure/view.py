@@ -140,8 +140,9 @@ def _gradients(view: View, p: Array) -> tuple[Array, Array, Array]:
     with np.errstate(all="ignore"):
         z = np.where(p[:, 2] < 0, p[:, 2], np.nan)
         x, y = -c * p[:, 0] / z, -c * p[:, 1] / z
-        r2, zero = x * x + y * y, np.zeros_like(z)
-        gx, gy = np.stack([-c / z, zero, -x / z], axis=1), np.stack([zero, -c / z, -y / z], axis=1)
-        dx = (1 + a * (r2 + 2 * x * x))[:, None] * gx + (2 * a * x * y)[:, None] * gy
-        dy = (2 * a * x * y)[:, None] * gx + (1 + a * (r2 + 2 * y * y))[:, None] * gy
+        r2, per_z = x * x + y * y, -1 / z
+        xx, xy, yy = 1 + a * (r2 + 2 * x * x), 2 * a * x * y, 1 + a * (r2 + 2 * y * y)
+        by_xy = c * per_z * np.stack([xx, xy, yy])  # by the point's own x and y
+        dx = np.stack([by_xy[0], by_xy[1], (xx * x + xy * y) * per_z], axis=1)
+        dy = np.stack([by_xy[1], by_xy[2], (xy * x + yy * y) * per_z], axis=1)
     return np.stack([x, y], axis=1), dx, dy
