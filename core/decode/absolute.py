@@ -26,6 +26,7 @@ from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
 from core.decode.response import Response, Wave, sine_waves, straighten
 from core.decode.rim import drop_rim
+from core.decode.ripple import take_ripple_out
 from core.decode.sample import (
     check_duplicates,
     full_scale,
@@ -147,11 +148,14 @@ def decode(
 
         run_in_bands(band, min(block, height - top))
     shape = (height, width)
+    sines = {wave.axis for wave in sequence.waves} - {a for a, squares in enumerate(sequence.squares) if squares}
     u, v, sigma_u, sigma_v = (a.reshape(shape) for a in (*place, *sigma))
     flags = flags.reshape(shape)
     for axis, coordinate, s, missing in ((0, u, sigma_u, Flag.NO_U), (1, v, sigma_v, Flag.NO_V)):
         if any(met >> axis & 1 for met in at_rim):
             drop_rim(coordinate, s, flags, float(tables[axis].lines), float(tables[axis].rim), missing)
+        if axis in sines:
+            take_ripple_out(coordinate, s)
         apart = contradiction(arrays, tables[axis], limits, sequence.image_rows)
         if apart is not None:
             widen(s, apart.lines)
