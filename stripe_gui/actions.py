@@ -1,6 +1,6 @@
 """Actions as records: menus, shortcuts and the command palette are all made from them.
 
-To add one, put an `Action` into the list that `commands.program_actions` or a wizard's `actions()` returns.
+To add one, put an `Action` into the list that `commands.program_actions` returns.
 """
 
 from __future__ import annotations

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Sequence
 from types import TracebackType
 
 from PySide6.QtCore import QLibraryInfo, QLocale, QObject, Qt, QTranslator
@@ -20,10 +19,10 @@ from stripe_gui.workbench import Workbench
 FONT_PT = 9.5
 
 
-def make_application(arguments: Sequence[str] = ("stripe-gui",)) -> QApplication:
+def make_application() -> QApplication:
     """Give the QApplication with its style, font and icon."""
     made = QApplication.instance()
-    app = made if isinstance(made, QApplication) else QApplication(list(arguments))
+    app = made if isinstance(made, QApplication) else QApplication(["stripe-gui"])
     app.setApplicationName("stripe-gui")
     app.setApplicationDisplayName("")
     app.setOrganizationName("stripe-workbench")

@@ -1,9 +1,10 @@
-"""The program's own actions; wizards bring theirs."""
+"""What the operator can do besides the work of a page: the menus and their actions."""
 
 from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QCoreApplication, QUrl
 from PySide6.QtGui import QDesktopServices
@@ -13,6 +14,10 @@ from stripe_gui.actions import Action, always, project_idle, project_open
 from stripe_gui.jobs import Failure
 from stripe_gui.presenters.stages import STAGES, stage_name
 from stripe_gui.workbench import Workbench
+
+if TYPE_CHECKING:
+    from core.model import Testfield
+    from core.report.board import Sheet
 
 translate = QCoreApplication.translate
 
@@ -42,7 +47,7 @@ def program_actions() -> list[Action]:
         0,
         project_idle,
     )
-    return [*_file_actions(), *_go_actions(), update, *_view_actions()]
+    return [*_file_actions(), *_go_actions(), update, *_capture_actions(), *_view_actions()]
 
 
 def _file_actions() -> list[Action]:
@@ -65,6 +70,14 @@ def _file_actions() -> list[Action]:
             enabled_when=lambda bench: not bench.jobs.busy,
         ),
         Action(
+            "file.new",
+            translate("Actions", "&New project…"),
+            lambda bench: bench.show_page("new-project"),
+            "Ctrl+N",
+            "new",
+            translate("Actions", "Describe camera, projector and testfield; begin with an empty project."),
+        ),
+        Action(
             "file.folder",
             translate("Actions", "Show project &folder"),
             lambda bench: QDesktopServices.openUrl(QUrl.fromLocalFile(str(bench.session.opened.path))),
@@ -81,6 +94,16 @@ def _file_actions() -> list[Action]:
             "Ctrl+R",
             "refresh",
             translate("Actions", "Read the project's files again."),
+            1,
+            project_open,
+        ),
+        Action(
+            "file.testfield",
+            translate("Actions", "&Print testfield…"),
+            print_project_testfield,
+            "Ctrl+P",
+            "print",
+            translate("Actions", "Write the project's testfield as PDF or SVG at true size."),
             1,
             project_open,
         ),
@@ -113,6 +136,29 @@ def _go_actions() -> list[Action]:
             always if page == "start" else project_open,
         )
         for page, text, keys, icon in pages
+    ]
+
+
+def _capture_actions() -> list[Action]:
+    return [
+        Action(
+            "capture.new",
+            translate("Actions", "&New capture…"),
+            lambda bench: bench.show_page("capture-wizard"),
+            "Ctrl+T",
+            "capture",
+            translate("Actions", "Connect projector and camera, check the rig, and record a sequence."),
+            enabled_when=project_idle,
+        ),
+        Action(
+            "capture.import",
+            translate("Actions", "&Import frames…"),
+            lambda bench: bench.show_page("import-wizard"),
+            "Ctrl+I",
+            "open",
+            translate("Actions", "Make a capture of images that another program or projector has made."),
+            enabled_when=project_idle,
+        ),
     ]
 
 
@@ -214,3 +260,34 @@ def close_project(bench: Workbench) -> None:
     """Close the project and go to the start page."""
     bench.session.close()
     bench.show_page("start")
+
+
+def print_project_testfield(bench: Workbench) -> None:
+    """Print the open project's testfield."""
+    from stripe_gui.presenters.new_project import FIELD_FILE
+
+    folder = bench.session.opened
+    print_board(bench, folder.path, folder.path / Path(FIELD_FILE).with_suffix(".pdf"))
+
+
+def print_board(bench: Workbench, source: Path | Testfield, suggested: Path) -> None:
+    """Ask where to, and write a board as a sheet to print."""
+    from core.pipeline import print_testfield
+
+    title = translate("NewProject", "Write the testfield at true size")
+    out = bench.dialogs.save_file(None, title, "PDF (*.pdf);;SVG (*.svg)", suggested)
+    if out is None:
+        return
+    out = out if out.suffix else out.with_suffix(".pdf")
+
+    def done(sheet: Sheet) -> None:
+        text = translate("NewProject", "{out}: a page of {w:.0f} × {h:.0f} mm.")
+        advice = translate(
+            "NewProject", "Print at 100 %; its bars must then measure {across:g} mm across and {down:g} mm down."
+        )
+        across, down = sheet.bars_mm
+        said = text.format(out=out, w=sheet.width_mm, h=sheet.height_mm)
+        bench.notify("success", said, advice.format(across=across, down=down))
+
+    title = translate("NewProject", "Testfield to print")
+    bench.jobs.run(title, print_testfield, source, out, on_done=done, on_failed=bench.report_failure)

@@ -19,7 +19,6 @@ from stripe_gui.widgets.help_panel import HelpPanel
 from stripe_gui.widgets.job_bar import JobBar
 from stripe_gui.widgets.notice import NoticeArea
 from stripe_gui.widgets.stage_strip import StageStrip
-from stripe_gui.wizards import wizard_actions
 from stripe_gui.workbench import Workbench
 
 translate = QCoreApplication.translate
@@ -49,7 +48,7 @@ class MainWindow(QMainWindow):
         self.statusBar().addPermanentWidget(self.job_bar)
         self.statusBar().setSizeGripEnabled(False)
         self.page_of("start")
-        self.actions_ = ActionSet([*program_actions(), *wizard_actions(), *self._own_actions()], bench, self)
+        self.actions_ = ActionSet([*program_actions(), *self._own_actions()], bench, self)
         self.actions_.fill(self.menuBar(), menu_titles())
         self._add_buttons(self.page)
         self._connect()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QObject, Signal
 
 from core.errors import StripeError
-from stripe_gui.dialogs import Dialogs, QtDialogs
+from stripe_gui.dialogs import Dialogs
 from stripe_gui.jobs import Failure, Job, JobQueue
 from stripe_gui.presenters.stages import stage_name
 from stripe_gui.session import Session
@@ -59,7 +59,7 @@ class Workbench(QObject):
     def __init__(self, settings: Settings | None = None, dialogs: Dialogs | None = None) -> None:
         super().__init__()
         self.settings = settings or Settings()
-        self.dialogs: Dialogs = dialogs or QtDialogs()
+        self.dialogs = dialogs or Dialogs()
         self.session = Session(self.settings, self)
         self.jobs = JobQueue(self)
         self.views = JobQueue(self, latest_only=True)
@@ -144,7 +144,8 @@ class Workbench(QObject):
         ``function(project, *arguments, progress=..., **keywords)`` is called with the project. Its failure is told and
         kept as the stage's state until it succeeds; the window is refreshed at the end.
         """
-        from stripe_gui.presenters.failures import clear_failure, describe, keep_failure
+        from core.pipeline.failures import clear_failure
+        from stripe_gui.presenters.failures import describe, keep_failure
 
         folder = self.session.folder
         if folder is None or any(job.stage == stage for job in (self.jobs.running, *self.jobs.waiting) if job):

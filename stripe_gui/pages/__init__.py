@@ -23,7 +23,7 @@ PAGES = {
     "evaluate": ("pages.evaluate.page", "EvaluatePage"),
     "report": ("pages.report_page", "ReportPage"),
     "rig": ("pages.rig_page", "RigPage"),
-    "import-wizard": ("wizards.import_frames.wizard", "ImportWizard"),
+    "import-wizard": ("wizards.import_frames", "ImportWizard"),
     "capture-wizard": ("wizards.capture.wizard", "CaptureWizard"),
 }  # id of the page -> module below stripe_gui, class
 

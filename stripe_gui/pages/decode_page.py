@@ -8,7 +8,7 @@ from typing import Any
 from core.model import Capture, PhaseMap
 from core.pipeline import decode_project
 from stripe_gui.pages.map_page import MapPage
-from stripe_gui.presenters.decode import PhaseCache, figures_table, kind_name, kinds_of, map_view, pixel_text
+from stripe_gui.presenters.decode import figures_table, kind_name, kinds_of, map_view, pixel_text, recent_phases
 from stripe_gui.presenters.folder import frames_key
 from stripe_gui.presenters.work import decode_one
 from stripe_gui.widgets.layout import boxed, column, label
@@ -29,7 +29,7 @@ class DecodePage(MapPage):
             self.tr("Which projector line lit each pixel, how surely, and where that cannot be told."),
             self.tr("Map of the decoded capture"),
         )
-        self.cache = PhaseCache()
+        self.cache = recent_phases()
         self._shown: tuple[Any, ...] | None = None  # of which frames
         self._phase: PhaseMap | None = None
         self.figures = ResultTable(self.tr("Figures of the decoded capture"), titled=False)

@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QPushButton, QTabWidget, QWidget
 
-from stripe_gui.widgets.layout import MARGIN, SPACE, button, column, label, row, tab_name
+from stripe_gui.widgets.layout import MARGIN, SPACE, action_button, button, column, label, row, tab_name
 from stripe_gui.widgets.pair_choice import PairChoice
 from stripe_gui.workbench import Workbench
 
@@ -67,15 +67,9 @@ class Page(QWidget):
         self._buttons.addWidget(made)
         return made
 
-    def add_action_button(self, action: QAction, icon: str = "") -> QPushButton:
-        """Add a button that runs an action and follows its state; the window calls it for each of `action_ids`."""
-        made = button(action.text().replace("&", ""), action.trigger, icon or "run")
-        made.setIcon(action.icon())
-        made.setToolTip(action.toolTip())
-        made.setEnabled(action.isEnabled())
-        action.enabledChanged.connect(made.setEnabled)
-        self._buttons.insertWidget(1 if self.by_pair else 0, made)
-        return made
+    def add_action_button(self, action: QAction) -> None:
+        """Add a button for an action; the window calls it for each of `action_ids`."""
+        self._buttons.insertWidget(1 if self.by_pair else 0, action_button(action))
 
     def look_for(
         self,

@@ -8,8 +8,9 @@ from PySide6.QtWidgets import QSizePolicy
 from core.errors import StripeError
 from core.model import Adjustment, DriftPoint, PhotogrammetricCalibration
 from core.pipeline import drift_of
+from core.pipeline.orient_words import ACTION
 from stripe_gui.pages.parts_page import PartsPage
-from stripe_gui.presenters.drift import ACTION, drift_curves, drift_table
+from stripe_gui.presenters.drift import drift_curves, drift_table
 from stripe_gui.presenters.rig_space import board_places, depths_of, rig_scene, rig_table, stands_of
 from stripe_gui.presenters.space import Scene
 from stripe_gui.widgets.layout import boxed, button, choice, column, label, refill, row

@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QListWidget,
     QListWidgetItem,
-    QPushButton,
     QStyle,
     QStyledItemDelegate,
     QStyleOptionViewItem,
@@ -20,7 +19,7 @@ from stripe_gui import theme
 from stripe_gui.assets import draw_icon
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.start import RecentProject, recent_projects
-from stripe_gui.widgets.layout import button, card, label, row
+from stripe_gui.widgets.layout import action_button, card, label, row
 from stripe_gui.workbench import Workbench
 
 PROJECT = Qt.ItemDataRole.UserRole
@@ -65,16 +64,12 @@ class StartPage(Page):
         self.body.addStretch(0)
         self.bench.session.project_changed.connect(self.refresh)
 
-    def add_action_button(self, action: QAction, icon_name: str = "") -> QPushButton:
+    def add_action_button(self, action: QAction) -> None:
         """Give an action a card with its shortcut and its explanation."""
         frame, layout = card()
-        made = button(action.text().replace("&", "").rstrip(". …"), action.trigger, "run")
-        made.setIcon(action.icon())
+        made = action_button(action, action.text().rstrip(". …"))
         made.setIconSize(QSize(22, 22))
         made.setMinimumHeight(30)
-        made.setToolTip(action.toolTip())
-        made.setEnabled(action.isEnabled())
-        action.enabledChanged.connect(made.setEnabled)
         keys = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
         layout.addWidget(made)
         text = label(action.statusTip(), "muted", wrap=True)
@@ -82,7 +77,6 @@ class StartPage(Page):
         layout.addWidget(text, 1)
         layout.addWidget(label(keys, "muted"))
         self._choices.addWidget(frame, 0, self._choices.count())
-        return made
 
     def refresh(self) -> None:
         self.recent.clear()

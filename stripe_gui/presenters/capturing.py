@@ -259,11 +259,10 @@ def boards(project: Project) -> list[str]:
     return sorted(names, key=lambda name: name != "testfield.csv")
 
 
-def unfinished(project: Project, progress: Progress = SILENT) -> tuple[Unfinished, ...]:
+def unfinished(project: Project) -> tuple[Unfinished, ...]:
     """Find the captures that were interrupted."""
     found, listed = [], {path.name for path in project.captures}
     for name in taken_names(project):
-        progress.check()
         folder = project.path / "captures" / name
         if name in listed or not (folder / "capture.json").is_file():
             continue

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from typing import Any
-
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.decode import Flag
-from core.model import Capture, DeviceSpec, PhaseMap
+from core.model import DeviceSpec, PhaseMap
 from core.report import Number, Table
-from stripe_gui.presenters.folder import frames_key
+from stripe_gui.presenters.folder import Recent
 from stripe_gui.presenters.maps import MapView, percentile, round_up
 
 translate = QCoreApplication.translate
@@ -100,27 +97,11 @@ def figures_table(phase: PhaseMap) -> Table:
     return Table("", (translate("Decode", "quantity"), translate("Decode", "value")), tuple(rows), phase.notes)
 
 
-class PhaseCache:
-    """The maps looked at last, up to a limit of memory."""
-
-    def __init__(self, limit_bytes: int = 400_000_000) -> None:
-        self._limit = limit_bytes
-        self._kept: OrderedDict[tuple[Any, ...], PhaseMap] = OrderedDict()
-
-    def get(self, capture: Capture) -> PhaseMap | None:
-        """Give a capture's maps if they are here and its frames have not changed."""
-        key = frames_key(capture)
-        if key in self._kept:
-            self._kept.move_to_end(key)
-        return self._kept.get(key)
-
-    def put(self, capture: Capture, phase: PhaseMap) -> None:
-        """Keep a capture's maps; the ones not looked at for longest go."""
-        self._kept[frames_key(capture)] = phase
-        while len(self._kept) > 1 and sum(map(_size, self._kept.values())) > self._limit:
-            self._kept.popitem(last=False)
+def recent_phases() -> Recent[PhaseMap]:
+    """Give room for the maps looked at last, 400 MB of them."""
+    return Recent(400e6, _bytes)
 
 
-def _size(phase: PhaseMap) -> int:
+def _bytes(phase: PhaseMap) -> int:
     maps = (phase.u, phase.v, phase.sigma_u, phase.sigma_v, phase.modulation, phase.image, phase.flags)
     return sum(m.nbytes for m in maps)

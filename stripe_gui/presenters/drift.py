@@ -8,12 +8,12 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.model import DriftPoint
+from core.pipeline.orient_words import ACTION, WARNING
 from core.report import Number, Table
 from core.report.table import Cell
 from stripe_gui.widgets.plot import Curve
 
 translate = QCoreApplication.translate
-WARNING, ACTION = 1.96, 3.29  # sigmas of one element: passed by one in 20 and by one in 1000 at rest
 SCALE = 1e6 * np.array([1, 1, 1, 1e-3, 1e-3])  # to µrad and µm
 
 

@@ -8,13 +8,12 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication
 
 from core.errors import StripeError
-from core.pipeline.failures import StageFailure, clear_failure, read_failures
-from core.pipeline.failures import keep_failure as keep
+from core.pipeline import failures
+from core.pipeline.failures import StageFailure
 from core.pipeline.graph import sign_of
 from core.project import read_project
 from stripe_gui.presenters.told import told
 
-__all__ = ["StageFailure", "clear_failure", "describe", "keep_failure", "read_failures"]
 translate = QCoreApplication.translate
 
 
@@ -37,4 +36,4 @@ def describe(error: BaseException, trace: str = "") -> StageFailure:
 
 def keep_failure(folder: Path, stage: str, failure: StageFailure) -> None:
     """Remember that a stage failed, until it succeeds or what the stages read changes."""
-    keep(folder, stage, replace(failure, read=sign_of(read_project(folder))))
+    failures.keep_failure(folder, stage, replace(failure, read=sign_of(read_project(folder))))

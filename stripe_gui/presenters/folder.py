@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from core.errors import StripeError
 from core.model import Capture, Project, Seed
@@ -146,3 +148,24 @@ def written_ns(path: Path) -> int | None:
     """When a file was written; None where there is none."""
     found = version(path)
     return found[0] if found else None
+
+
+class Recent(Generic[T]):
+    """What was made of captures, those asked for last, up to a limit on the sum of their sizes."""
+
+    def __init__(self, limit: float, size: Callable[[T], float]) -> None:
+        self._limit, self._size = limit, size
+        self._kept: OrderedDict[tuple[Any, ...], T] = OrderedDict()
+
+    def get(self, capture: Capture) -> T | None:
+        """Give what was made of a capture if it is here and the frames have not changed."""
+        key = frames_key(capture)
+        if key in self._kept:
+            self._kept.move_to_end(key)
+        return self._kept.get(key)
+
+    def put(self, capture: Capture, made: T) -> None:
+        """Keep what was made of a capture; what was not asked for longest goes."""
+        self._kept[frames_key(capture)] = made
+        while len(self._kept) > 1 and sum(map(self._size, self._kept.values())) > self._limit:
+            self._kept.popitem(last=False)

@@ -13,9 +13,9 @@ from PySide6.QtCore import QCoreApplication
 
 from core.model import Method
 from core.pipeline import METHODS, ProjectStates
+from core.pipeline.failures import StageFailure, read_failures
 from core.pipeline.graph import Graph
 from core.progress import SILENT, Progress
-from stripe_gui.presenters.failures import StageFailure, read_failures
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.stages import StageStatus, State
 from stripe_gui.presenters.told import told

@@ -15,9 +15,9 @@ SIGNS = {"testfield": "measure", "depth": "runall", "plane": "evaluate", "object
 class CaptureList(QListWidget):
     """One line per capture: its name, what it is, and what is wrong with it."""
 
-    def __init__(self, session: Session, roles: tuple[str, ...] = ()) -> None:
+    def __init__(self, session: Session) -> None:
         super().__init__()
-        self._session, self._roles = session, roles
+        self._session = session
         self.setAccessibleName(self.tr("Captures"))
         self.setIconSize(QSize(20, 20))
         self.setUniformItemSizes(True)  # or thousands are measured one by one
@@ -38,8 +38,6 @@ class CaptureList(QListWidget):
         self.blockSignals(True)
         self.clear()
         for row in rows:
-            if self._roles and row.role not in self._roles:
-                continue
             sign = "error" if row.problem else SIGNS.get(row.role, "capture")
             item = QListWidgetItem(icon(sign), f"{row.name}\n{row.summary}")
             item.setData(Qt.ItemDataRole.UserRole, row.name)

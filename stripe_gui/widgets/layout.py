@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 from PySide6.QtCore import QCoreApplication, QSignalBlocker, QSize, Qt
+from PySide6.QtGui import QAction
 from PySide6.QtWidgets import (
     QComboBox,
     QDoubleSpinBox,
@@ -67,6 +68,16 @@ def button(
     if icon_name:
         made.setIcon(icon(icon_name, on_accent=primary))
     made.clicked.connect(lambda: slot())
+    return made
+
+
+def action_button(action: QAction, text: str = "") -> QPushButton:
+    """Give a button that runs an action and follows its state."""
+    made = button((text or action.text()).replace("&", ""), action.trigger, "run")
+    made.setIcon(action.icon())
+    made.setToolTip(action.toolTip())
+    made.setEnabled(action.isEnabled())
+    action.enabledChanged.connect(made.setEnabled)
     return made
 
 

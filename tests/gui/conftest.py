@@ -14,13 +14,14 @@ from PySide6.QtCore import QCoreApplication, QEvent
 from PySide6.QtWidgets import QApplication
 
 from stripe_gui.app import Program, make_application
+from stripe_gui.dialogs import Dialogs
 from stripe_gui.main_window import MainWindow
 from stripe_gui.settings import Settings
 from stripe_gui.workbench import Notice, Workbench
 from tests.copies import copied
 
 
-class Answers:
+class Answers(Dialogs):
     """Dialogs that answer by themselves; what was asked is kept."""
 
     def __init__(self) -> None:

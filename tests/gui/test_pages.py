@@ -58,7 +58,7 @@ def test_no_part_of_a_page_flashes_up_as_a_window_of_its_own(window, qapp, finis
 def test_the_capture_page_shows_captures_frames_and_the_frame(open_window, window, recorded: Path, qtbot) -> None:
     page = open_window(recorded, "capture")
     assert page.captures.count() == len(window.bench.session.folder.captures())
-    assert "Gray code x, bit 1" in page.frames.item(0).text()
+    assert "gray bit 0 of 7 across columns" in page.frames.item(0).text()
     assert page.view.image is not None
     first = page.view.image.copy()
     qtbot.keyClick(page.frames, Qt.Key.Key_Down)

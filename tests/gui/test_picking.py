@@ -326,7 +326,7 @@ def test_changing_a_large_image_stays_fluid(operator: Operator, monkeypatch: pyt
     rng = np.random.default_rng(1)
     for capture in page.model.captures[:2]:
         image = rng.integers(0, 200, (2048, 2448), dtype=np.uint8)
-        page.kept.keep_frame(capture, FrameView(image, 255.0, 200.0, 0.0, 100.0))
+        page.kept.frames.put(capture, FrameView(image, 255.0, 200.0, 0.0, 100.0))
     took = []
     for step in (1, -1, 1, -1, 1, -1):
         start = time.perf_counter()

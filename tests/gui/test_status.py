@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from core.errors import InputError
+from core.pipeline.failures import clear_failure, read_failures
 from core.project import read_image, write_image
-from stripe_gui.presenters.failures import clear_failure, describe, keep_failure, read_failures
+from stripe_gui.presenters.failures import describe, keep_failure
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.stages import STAGES, State
 from stripe_gui.presenters.status import stage_statuses

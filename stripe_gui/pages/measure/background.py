@@ -109,7 +109,7 @@ class Background(QObject):
             # the guess for the next image waits for this one's picks, which it may be near to
             settled = image == model.image or model.complete
             guess = settled and not model.has_guesses(image) and not model.picks_of(image).seeds
-            if guess or self._kept.frame(capture) is None:
+            if guess or self._kept.frames.get(capture) is None:
                 camera = self._project.rig.cameras[capture.camera]
                 board = (camera, model.neighbour(image), model.side(), guess)
                 return self._run(image, look_at, self._have_looked, *board)
@@ -130,7 +130,7 @@ class Background(QObject):
         job.ended.connect(self.prepare)
 
     def _have_looked(self, image: int, capture: Capture, look: Look) -> None:
-        self._kept.keep_frame(capture, look.frame)
+        self._kept.frames.put(capture, look.frame)
         self._model.find(image, look.dots)
         if look.guesses is not None:
             self._model.suggest(image, look.guesses)

@@ -147,7 +147,7 @@ class MeasurePage(Page):
             return
         capture = model.captures[model.image]
         self.session.choose_capture(capture.name)
-        frame = self.kept.frame(capture)
+        frame = self.kept.frames.get(capture)
         if frame is not None:
             self._show_frame(capture, frame)
         else:
@@ -156,7 +156,7 @@ class MeasurePage(Page):
         self.background.prepare()
 
     def _show_frame(self, capture: Capture, frame: FrameView) -> None:
-        self.kept.keep_frame(capture, frame)
+        self.kept.frames.put(capture, frame)
         if self.model is not None and self.model.captures[self.model.image] == capture:
             self.image.show_frame(frame)
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +13,8 @@ from core.pipeline.guessing import look_for_picks
 from core.pipeline.measure import Side
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.capture import FrameView, lit_frame
-from stripe_gui.presenters.decode import PhaseCache
-from stripe_gui.presenters.folder import CaptureEntry, frames_key, written_ns
+from stripe_gui.presenters.decode import recent_phases
+from stripe_gui.presenters.folder import CaptureEntry, Recent, written_ns
 
 FRAMES_KEPT = 6
 
@@ -54,23 +52,11 @@ def snapped(image: NDArray, field: Testfield, at: tuple[float, float], reach_px:
 
 
 class Kept:
-    """Frames and maps of the images worked on last, by capture and only while its frames are the same."""
+    """Frames and maps of the images worked on last."""
 
     def __init__(self) -> None:
-        self._frames: OrderedDict[tuple[Any, ...], FrameView] = OrderedDict()
-        self.phases = PhaseCache()
-
-    def frame(self, capture: Capture) -> FrameView | None:
-        """Give the evenly lit image, None where it is not here."""
-        key = frames_key(capture)
-        if key in self._frames:
-            self._frames.move_to_end(key)
-        return self._frames.get(key)
-
-    def keep_frame(self, capture: Capture, frame: FrameView) -> None:
-        self._frames[frames_key(capture)] = frame
-        while len(self._frames) > FRAMES_KEPT:
-            self._frames.popitem(last=False)
+        self.frames: Recent[FrameView] = Recent(FRAMES_KEPT, lambda _: 1)
+        self.phases = recent_phases()
 
 
 def boards(entries: list[CaptureEntry]) -> list[Capture]:

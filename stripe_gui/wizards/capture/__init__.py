@@ -7,26 +7,3 @@ picture.py   the live picture, over-exposed pixels marked
 checks.py    the checks before the first calibration
 taking.py    the sequence run: progress, cancel, findings, one frame again
 """
-
-from __future__ import annotations
-
-from PySide6.QtCore import QCoreApplication
-
-from stripe_gui.actions import Action, project_idle
-
-translate = QCoreApplication.translate
-
-
-def actions() -> list[Action]:
-    """Give the wizard's action."""
-    return [
-        Action(
-            "capture.new",
-            translate("Actions", "&New capture…"),
-            lambda bench: bench.show_page("capture-wizard"),
-            "Ctrl+T",
-            "capture",
-            translate("Actions", "Connect projector and camera, check the rig, and record a sequence."),
-            enabled_when=project_idle,
-        )
-    ]

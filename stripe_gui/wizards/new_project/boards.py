@@ -9,6 +9,7 @@ from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QGridLayout, QLineEdit, QRadioButton, QWidget
 
 from core.model import ScaleBar, Testfield
+from stripe_gui.commands import print_board
 from stripe_gui.presenters.new_project import (
     FIELD_FILE,
     PLATE_FILE,
@@ -26,7 +27,6 @@ from stripe_gui.presenters.rig_view import RigView, rig_text
 from stripe_gui.presenters.sequences import sequence_text
 from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.layout import boxed, button, card, column, form, label, make, real, row, whole
-from stripe_gui.wizards.new_project import print_board
 from stripe_gui.wizards.new_project.pictures import SheetView
 from stripe_gui.wizards.new_project.steps import FORM_WIDTH
 from stripe_gui.workbench import Workbench
