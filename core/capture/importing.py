@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -60,7 +60,7 @@ def import_frames(
     folder : Path
         Holds the images: PNG or TIFF of 8 or 16 bit; colour files, BMP and JPEG are converted to grey PNG.
     subject : Subject
-        As of a capture that is taken; whose frames they are, in a rig of several.
+        As of a capture that is taken; whose frames they are, in a rig of several where the sequence does not name them.
     sequence : SequenceSpec, optional
         What was shown; without it the ``capture.json`` in the folder, else the project's sequence.
     order : str, optional
@@ -81,24 +81,102 @@ def import_frames(
         raise InputError(folder, "no such folder", "give the folder that holds the frames")
     if order is not None and order not in ORDERS:
         raise InputError("--order", f"{order!r}", f"use {', '.join(ORDERS)}")
-    shown_by = project.rig.projectors.get(subject.projector, project.projector)
-    lines = shown_by.width, shown_by.height
     spec = sequence or sequence_beside(folder, project)
+    by = order or ("list" if spec.files else "name")
+    parts = _by_devices(project, subject, spec, by)
+    lines = _lines(project, parts[0][0])
     patterns = spec.patterns(lines)
-    plan = make_plan(project, subject, patterns)
+    plans = [make_plan(project, whose, [patterns[k] for k in own or range(len(patterns))]) for whose, own in parts]
     if target.exists():
         raise InputError(target, "is there already", "choose another name, or remove that capture")
     files = frames_in(folder)
-    by = order or ("list" if spec.files else "name")
     if by == "list":
         files = _listed(folder, files, spec)
     _check_count(folder, files, spec, patterns, by)
+    series = []
+    for i, (plan, (whose, own)) in enumerate(zip(plans, parts, strict=True)):
+        part = progress.part(0.9 * i / len(plans), 0.9 * (i + 1) / len(plans))
+        series.append(_read(project, plan, whose, [files[k] for k in own or range(len(files))], by, confirm, part))
+    progress.check()
+    converted = _write(target, series, str(folder.resolve()))
+    try:
+        add_capture(project.path, f"captures/{subject.name}")
+    except BaseException:
+        shutil.rmtree(target, ignore_errors=True)
+        raise
+    words = []
+    for (whose, own), one in zip(parts, series, strict=True):
+        words += [f"{whose.camera} with {whose.projector}: {told}" if own else told for told in one.words]
+    names = tuple(f.name for one in series for f in one.files)
+    if converted:
+        words.insert(0, f"{converted} of {len(names)} files were converted to grey PNG (colour, or another format)")
+    progress(1.0, "imported")
+    return ImportReport(target, len(names), by, names, tuple(words), tuple(f for one in series for f in one.findings))
+
+
+@dataclass(frozen=True)
+class _Series:
+    """The frames of one camera under one projector."""
+
+    plan: Plan
+    files: Sequence[Path]
+    images: Sequence[Image]
+    words: Sequence[str]
+    findings: Sequence[Finding]
+
+
+def _by_devices(project: Project, subject: Subject, spec: SequenceSpec, by: str) -> list[tuple[Subject, Sequence[int]]]:
+    """Say whose frames they are, by the list, else the subject, and which those are; none of them stands for all.
+
+    A rig of one camera and one projector takes frames of one of each under any names.
+    """
+    rig = project.rig
+    pairs = [
+        (c or subject.camera or rig.camera_name, p or subject.projector or rig.projector_name) for c, p in spec.devices
+    ]
+    if not any(map(any, spec.devices)) or (rig.is_pair and len(set(pairs)) == 1):
+        for kind, known, given in (
+            ("camera", rig.cameras, subject.camera),
+            ("projector", rig.projectors, subject.projector),
+        ):
+            if len(known) > 1 and not given:
+                raise InputError(
+                    f"--{kind}", f"is not given, the rig has {', '.join(known)}", "say whose frames they are"
+                )
+        return [(subject, ())]
+    if by == "content":
+        raise InputError("--order content", "the list names whose frame each is", "leave it out, or import them apart")
+    wanted = dict.fromkeys(p for p in pairs if subject.camera in ("", p[0]) and subject.projector in ("", p[1]))
+    if not wanted:
+        told = ", ".join(f"{c} with {p}" for c, p in dict.fromkeys(pairs))
+        raise InputError("--camera or --projector", f"none of the frames that are listed: {told}", "name one of these")
+    return [
+        (replace(subject, camera=c, projector=p), [k for k, pair in enumerate(pairs) if pair == (c, p)])
+        for c, p in wanted
+    ]
+
+
+def _lines(project: Project, subject: Subject) -> tuple[int, int]:
+    shown_by = project.rig.projectors.get(subject.projector, project.projector)
+    return shown_by.width, shown_by.height
+
+
+def _read(
+    project: Project,
+    plan: Plan,
+    subject: Subject,
+    files: list[Path],
+    by: str,
+    confirm: Callable[[Sequence[Pattern], Sequence[Image]], str] | None,
+    progress: Progress,
+) -> _Series:
+    """Read the frames of a series and see whether they are what they should be."""
+    lines, patterns, words = _lines(project, subject), plan.patterns, []
     images = [image for path in progress.part(0.0, 0.4).over(files, "reading frame {}") for image in [read_image(path)]]
     _check_images(files, images, project.rig.cameras.get(subject.camera, project.camera))
-    words = []
     if by == "content":
         progress(0.4, "looking what each frame shows")
-        found = recognise(images, patterns, lines, str(folder), progress)
+        found = recognise(images, patterns, lines, str(files[0].parent), progress)
         words.append(order_in_words([f.name for f in files], patterns, found))
         files, images = [files[k] for k in found], [images[k] for k in found]
         if confirm is not None:
@@ -110,17 +188,7 @@ def import_frames(
         named = f" [{', '.join(files[k].name for k in finding.shots)}]" if 0 < len(finding.shots) <= 3 else ""
         hint = "; see whether --order content finds another order" if finding.level == "bad" else ""
         words.append(f"{finding.text}{named}{hint}")
-    progress.check()
-    converted = _write(target, plan, files, images, str(folder.resolve()))
-    try:
-        add_capture(project.path, f"captures/{subject.name}")
-    except BaseException:
-        shutil.rmtree(target, ignore_errors=True)
-        raise
-    if converted:
-        words.insert(0, f"{converted} of {len(files)} files were converted to grey PNG (colour, or another format)")
-    progress(1.0, "imported")
-    return ImportReport(target, len(files), by, tuple(f.name for f in files), tuple(words), findings)
+    return _Series(plan, files, images, words, findings)
 
 
 def frames_in(folder: Path) -> list[Path]:
@@ -146,7 +214,7 @@ def sequence_of(project: Project) -> SequenceSpec:
         return project.sequence
     for path in reversed(project.captures):
         try:
-            return SequenceSpec(listed=tuple(frame.pattern for frame in read_capture(path, project).frames))
+            return SequenceSpec(listed=tuple(frame.pattern for frame in read_capture(path, project).series[0].frames))
         except InputError:
             continue
     seen = "gives no sequence, and there is no capture to take it from"
@@ -225,14 +293,17 @@ def _verified(plan: Plan, images: Sequence[Image], lines: tuple[int, int]) -> tu
     return tuple(sorted(findings, key=lambda f: f.level != "bad"))
 
 
-def _write(target: Path, plan: Plan, files: Sequence[Path], images: Sequence[Image], source: str) -> int:
+def _write(target: Path, series: Sequence[_Series], source: str) -> int:
     """Write the frames into a folder beside, then move it to its place; give how many were converted."""
     part = target.with_name(f".{target.name}.part")
     shutil.rmtree(part, ignore_errors=True)
-    entries, converted = [], 0
+    entries: list[tuple[str, Pattern]] = []
+    more: list[Mapping[str, str]] = []
+    converted = 0
+    frames = [frame for one in series for frame in zip(one.files, one.images, one.plan.patterns, strict=True)]
     try:
         part.mkdir(parents=True)
-        for k, (path, image, pattern) in enumerate(zip(files, images, plan.patterns, strict=True)):
+        for k, (path, image, pattern) in enumerate(frames):
             grey = path.suffix.lower() in KEPT and _is_grey(path)
             entry = f"{k:03d}{path.suffix.lower() if grey else '.png'}"
             if grey:
@@ -241,14 +312,10 @@ def _write(target: Path, plan: Plan, files: Sequence[Path], images: Sequence[Ima
                 write_image(part / entry, image)
                 converted += 1
             entries.append((entry, pattern))
-        extra = {"imported": {"from": source, "files": [path.name for path in files]}}
-        write_capture_json(
-            part,
-            plan.subject,
-            entries,
-            extra=extra,
-            more=[plan.devices] * len(entries) if plan.devices else None,
-        )
+        for one in series:
+            more += [one.plan.devices] * len(one.files)
+        extra = {"imported": {"from": source, "files": [path.name for path, *_ in frames]}}
+        write_capture_json(part, series[0].plan.subject, entries, extra=extra, more=more if any(more) else None)
         part.rename(target)
     except OSError as error:
         raise InputError(

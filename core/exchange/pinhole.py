@@ -65,15 +65,17 @@ class Pair:
     covariance: Array | None = None
 
 
-def fit_pair(calibration: PhotogrammetricCalibration, free: Sequence[str]) -> Pair:
-    """Say a calibration in this model with the distortion parameters that a format has.
+def fit_pair(
+    calibration: PhotogrammetricCalibration, free: Sequence[str], camera: str = "", projector: str = ""
+) -> Pair:
+    """Say a camera and a projector (the first, if unnamed) in this model with a format's distortion parameters.
 
     Raises
     ------
     InputError
         If the model cannot hold a device to `LIMIT_PX`.
     """
-    pair = pair_of(calibration)
+    pair = pair_of(calibration, camera, projector)
     pose = pair.projector_from_camera
     own = pair.camera, pair.projector
     found = [fit_device(n, d.spec, d.interior, free) for n, d in zip(("camera", "projector"), own, strict=True)]

@@ -32,12 +32,15 @@ class SequenceSpec:
         Of a list.
     files : tuple of str
         The frames' names where a capture.json was read that gives them.
+    devices : tuple of (str, str)
+        Whose these frames are, camera and projector; empty where it does not say.
     """
 
     preset: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     listed: tuple[Pattern, ...] = ()
     files: tuple[str, ...] = ()
+    devices: tuple[tuple[str, str], ...] = ()
 
     def patterns(self, lines: Size, where: str = "sequence") -> tuple[Pattern, ...]:
         """Give the patterns for a projector of so many columns and rows.
@@ -169,7 +172,8 @@ def read_sequence_file(path: Path) -> SequenceSpec:
         names = tuple(e.text("file") for e in entries if e.data.get("file") is not None)
         if not listed:
             raise InputError(path, "lists no frames", "give a capture.json with frames")
-        return SequenceSpec(listed=listed, files=names if len(names) == len(listed) else ())
+        devices = tuple((e.text("camera", default=""), e.text("projector", default="")) for e in entries)
+        return SequenceSpec(listed=listed, files=names if len(names) == len(listed) else (), devices=devices)
     if isinstance(data, dict) and "sequence" in data:
         return read_sequence(data["sequence"], f"{path}: sequence")
     return read_sequence(data, str(path))

@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from core.exchange import Format
 
 
-def export_calibration(project: Project, name: str, path: Path) -> tuple[list[Path], dict[str, float]]:
-    """Write the photogrammetric calibration in use for another program.
+def export_calibration(
+    project: Project, name: str, path: Path, camera: str = "", projector: str = ""
+) -> tuple[list[Path], dict[str, float]]:
+    """Write the calibration of a camera and a projector, the first if none is named, for another program.
 
     Returns
     -------
@@ -37,7 +39,7 @@ def export_calibration(project: Project, name: str, path: Path) -> tuple[list[Pa
 
     form = _format(name)
     check_place(path)
-    pair = fit_pair(photogrammetric_calibration(project), form.free)
+    pair = fit_pair(photogrammetric_calibration(project), form.free, camera, projector)
     return form.write(pair, path), {p.name: p.rms_px for p in (pair.camera, pair.projector)}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -13,9 +14,11 @@ from core.bench.truth import truth_maps
 from core.cli import main
 from core.errors import InputError
 from core.geometry import pair_of
+from core.geometry import project as project_points
 from core.model import PhotogrammetricCalibration, Project
 from core.pipeline import load_calibrations, reconstruct_capture, seen_by_several, simulate_project
 from core.pipeline.decode import decode_capture
+from core.pipeline.exchange import export_calibration
 from core.pipeline.measure import kept_targets
 from core.project import read_capture, read_project
 from core.reconstruct import Sight
@@ -102,6 +105,21 @@ def test_whose_frames_must_be_said(project: Project) -> None:
     assert decode_capture(folder, camera="right").camera == "right"
     with pytest.raises(InputError, match="no frames of top"):
         reconstruct_capture(project, "plane+00", camera="top")
+
+
+def test_other_programs_get_the_camera_that_is_named(project: Project, tmp_path: Path) -> None:
+    found = load_calibrations(project)["photogrammetric"]
+    assert isinstance(found, PhotogrammetricCalibration)
+    for name in ("left", "right"):
+        export_calibration(project, "opencv", tmp_path / f"{name}.yml", camera=name)
+        told = cv2.FileStorage(str(tmp_path / f"{name}.yml"), cv2.FILE_STORAGE_READ)
+        pair, point = pair_of(found, name, "projector"), np.array([[20.0, 10.0, -600.0]])
+        lens = (told.getNode(key).mat() for key in ("camera_matrix", "distortion_coefficients"))
+        seen = cv2.projectPoints(point * (1, -1, -1), np.zeros(3), np.zeros(3), *lens)[0][0]
+        device = pair.camera
+        assert np.allclose(seen, project_points(device.spec, device.interior, point), atol=0.02)  # two lens models
+        shift = pair.projector_from_camera.translation_mm * (1, -1, -1)
+        assert np.allclose(told.getNode("T").mat().ravel(), shift, atol=1e-6)
 
 
 def test_a_command_says_it_too(project: Project, tmp_path: Path) -> None:

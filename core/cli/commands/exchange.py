@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from core.cli.arguments import Commands, Options
+from core.cli.arguments import Commands, Options, add_devices
 from core.progress import Progress
 
 
@@ -15,6 +15,7 @@ def add(commands: Commands) -> None:
     sub = commands.add_on_project("export", _export, "write the calibration for another program")
     sub.add_argument("--to", required=True, metavar="FORMAT", help=known)
     sub.add_argument("file", type=Path, metavar="FILE")
+    add_devices(sub)
 
     sub = commands.add("import", _import, "take another program's calibration of the project's devices")
     sub.add_argument("file", type=Path, metavar="FILE")
@@ -26,11 +27,15 @@ def _export(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline.exchange import export_calibration
     from core.project import read_project
 
-    files, residuals = export_calibration(read_project(options.project), options.to, options.file)
+    project, names = read_project(options.project), (options.camera, options.projector)
+    files, residuals = export_calibration(project, options.to, options.file, *names)
     for file in files:
         print(file)
     for name, rms in residuals.items():
         print(f"{name}: the fit leaves {rms:.4f} px r.m.s.")
+    if not (project.rig.is_pair or any(names)):
+        rig = project.rig
+        print(f"of {rig.camera_name} with {rig.projector_name}; --camera and --projector choose others")
     return {"files": [str(file) for file in files], "residual_rms_px": residuals}
 
 

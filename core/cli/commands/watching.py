@@ -81,7 +81,9 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
         for line in motion_words(motion):
             print(line)
     if options.correct:
-        print(f"kept: `stripe-core reconstruct {project.path} {motions[0].capture} --orient` uses it")
+        for m in motions:
+            of = "" if project.rig.is_pair else f" --camera {m.camera} --projector {m.projector}"
+            print(f"kept: `stripe-core reconstruct {project.path} {m.capture} --orient{of}` uses it")
     return motions_figures(motions)
 
 

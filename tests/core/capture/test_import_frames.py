@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from core.capture.importing import import_frames, natural
+from core.capture.importing import import_frames, natural, sequence_of
 from core.cli import main
 from core.decode import decode
 from core.errors import InputError
@@ -156,6 +156,39 @@ def test_wrong_frames_are_told_in_one_line_and_nothing_is_written(
     assert message.count("\n") == 1
     assert (project / "project.json").read_bytes() == before
     assert not list((project / "captures").glob("*")) if (project / "captures").exists() else True
+
+
+def test_frames_of_several_cameras_stay_theirs(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    document = json.loads((project / "project.json").read_text())
+    camera = document.pop("camera")
+    document |= {"version": 2, "cameras": {"left": camera, "right": camera}}
+    (project / "project.json").write_text(json.dumps(document))
+    patterns = take(tmp_path / "in", "gray-sine")
+    entries = []
+    for k, pattern in enumerate(patterns):
+        own = tmp_path / "in" / f"img{k}.png"
+        image = cv2.imread(str(own), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(tmp_path / "in" / f"right{k}.png"), image[:, ::-1])
+        entries += [
+            {"file": name, "camera": camera, "pattern": pattern_to_dict(pattern)}
+            for name, camera in ((own.name, "left"), (f"right{k}.png", "right"))
+        ]
+    words = ["import-frames", str(tmp_path / "in"), str(project), "both", "--role", "object"]
+    (tmp_path / "list.json").write_text(json.dumps([entry["pattern"] for entry in entries[::2]]))
+    assert main([*words, "--sequence", str(tmp_path / "list.json")]) == 2  # whose are they?
+    assert "the rig has left, right" in capsys.readouterr().err
+    (tmp_path / "in" / "capture.json").write_text(json.dumps({"frames": entries}))
+    assert main(words) == 0
+    assert "left with projector: white and black frames are what they claim" in capsys.readouterr().out
+    series = read_capture(project / "captures" / "both", read_project(project)).series
+    assert [(s.camera, [f.pattern for f in s.frames]) for s in series] == [("left", patterns), ("right", patterns)]
+    left, right = (cv2.imread(str(s.frames[5].path), cv2.IMREAD_UNCHANGED) for s in series)
+    assert np.array_equal(left, right[:, ::-1])
+    words[3] = "one"
+    assert main([*words, "--camera", "right"]) == 0
+    assert read_capture(project / "captures" / "one", read_project(project)).pairs == (("right", "projector"),)
+    # without a list, the sequence that one camera saw last
+    assert len(sequence_of(read_project(project)).listed) == len(patterns)
 
 
 def test_colour_files_are_converted_and_it_is_said(project: Path, tmp_path: Path) -> None:
