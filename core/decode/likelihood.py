@@ -230,8 +230,8 @@ def _measure(book: Book, images: Sequence[Image], full: float) -> tuple[NDArray[
     level = values[3][:, None] + values[2][:, None] * book.fine[mine, entry]
     good = squares <= 4 * np.median(squares) + 1
     # of all residuals of a pixel three are spent on its unknowns; their mean square is the noise, by level
-    step = 1.0 if images[0].itemsize == 1 else max(1.0, quantum(grey))
-    return blur, _noise(squares[good] / (k - 3), level[good].mean(axis=1), step)
+    apart = 1.0 if images[0].itemsize == 1 else max(1.0, quantum(grey))
+    return blur, _noise(squares[good] / (k - 3), level[good].mean(axis=1), apart)
 
 
 def _noise(square: NDArray[Any], level: NDArray[Any], step: float) -> Noise:
