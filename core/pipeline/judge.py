@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from core.model import Adjustment, Calibration, Method, PlaneEvaluation, PointCloud, Verdict
+from core.parallel import run_in_bands
 from core.pipeline.causes import noted
 from core.pipeline.evidence import Evidence, sound_words, warned
 from core.pipeline.methods import METHODS
@@ -16,6 +17,7 @@ from core.project.contents import contents_of
 
 if TYPE_CHECKING:
     from core.checks import Concern
+    from core.checks.planes import Form
 
 
 def judge_adjustment(adjustment: Adjustment) -> Adjustment:
@@ -73,8 +75,14 @@ def judge_planes(
         common += pair_concerns([e for e in evaluations if e.devices == devices])
     starts = tuple(f"{e.capture}:" for e in evaluations)
     judged = []
-    for e in evaluations:
-        form = form_of(e.deviation_mm)
+    forms: dict[int, Form] = {}
+
+    def find_forms(start: int, stop: int) -> None:
+        forms.update((k, form_of(evaluations[k].deviation_mm)) for k in range(start, stop))
+
+    run_in_bands(find_forms, len(evaluations), least=1)
+    for k, e in enumerate(evaluations):
+        form = forms[k]
         e = replace(e, form_pv_um=form.pv_um)
         concerns = plane_concerns(e, form, calibration_rms_mm.get((e.capture, e.method, *e.devices), 0.0))
         sound: list[str] = []

@@ -51,19 +51,17 @@ def _coefficients(calibration: DepthCalibration, height: int, width: int) -> Flo
     sigma = np.sqrt(np.maximum(np.diag(calibration.covariance), 0))
     size = np.where(sigma > 0, STEP * sigma, 1.0)
     scaled = calibration.covariance / np.outer(size, size)
-    variances = []
-    for z in (-far, 0.0, far):
-        moves = size * np.eye(len(size))
-        J = np.stack([(_points(calibration, uv, z, m) - _points(calibration, uv, z, -m)) / 2 for m in moves], axis=-1)
-        variances.append(np.einsum("vuip,pq,vuiq->ivu", J, scaled, J))
-    low, middle, high = variances
+    at_z = np.array([-far, 0.0, far])
+    moves = size * np.eye(len(size))
+    J = np.stack([(_points(calibration, uv, at_z, m) - _points(calibration, uv, at_z, -m)) / 2 for m in moves], axis=-1)
+    low, middle, high = (np.einsum("vuip,pq,vuiq->ivu", j, scaled, j) for j in J)
     return np.stack([middle, (high - low) / (2 * far), (high + low - 2 * middle) / (2 * far**2)], axis=1).astype(
         np.float32
     )
 
 
-def _points(calibration: DepthCalibration, uv: Array, z: float, change: Array) -> Array:
-    """Where the rays of pixels meet the plate at z, with the parameters changed."""
+def _points(calibration: DepthCalibration, uv: Array, z: Array, change: Array) -> Array:
+    """Where the rays of pixels (..., 2) meet the plate at each z (k,), with the parameters changed: (k, ..., 3)."""
     start, pose, axis = calibration.camera, calibration.camera_from_plate, calibration.axis_direction
     interior = start.changed(change[:-8])
     R = matrix_from_rotation_vector(rotation_vector_from_matrix(pose.rotation) + change[-8:-5])
@@ -71,5 +69,6 @@ def _points(calibration: DepthCalibration, uv: Array, z: float, change: Array) -
     direction = np.sign(axis[2]) * np.array([*slopes, 1.0]) / np.sqrt(1 + slopes @ slopes)
     rays = ray_directions(calibration.camera_spec, interior, uv)
     normal = R[:, 2]
-    reach = (normal @ (pose.translation_mm + change[-5:-2]) + normal @ R @ direction * z) / (rays @ normal)
+    along = normal @ R @ direction * z[:, None, None]
+    reach = (normal @ (pose.translation_mm + change[-5:-2]) + along) / (rays @ normal)
     return np.asarray(rays * reach[..., None])
