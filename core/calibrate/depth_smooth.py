@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from core.model import Array, Floats
 from core.numerics import sigma_by_median
+from core.parallel import run_in_bands
 from core.progress import SILENT, Progress
 
 TREND_DEGREES = (1, 2, 4)  # one after the other: the higher ones start from what the lower ones took for the plate
@@ -56,8 +57,14 @@ def smooth_maps(
         return maps, maps
     smoothed, undisturbed = np.empty(maps.shape, np.float32), np.empty(maps.shape, np.float32)
     moving = _moving(maps)
-    for i in progress.over(range(len(maps)), "smoothing plane {}"):
-        smoothed[i], undisturbed[i] = _smooth(maps[i], modulations[i], moving, sigma_px)
+
+    def smooth(start: int, stop: int) -> None:
+        for i in range(start, stop):
+            progress.check()
+            smoothed[i], undisturbed[i] = _smooth(maps[i], modulations[i], moving, sigma_px)
+
+    progress(0.0, "smoothing planes")
+    run_in_bands(smooth, len(maps), least=1)
     return smoothed, undisturbed
 
 

@@ -115,7 +115,7 @@ def fit_view(start: View, xyz_mm: Array, uv: Array, *, radial: bool, iterations:
         N[6, 6] += prior**2
         b = J.T @ r
         b[6] -= prior**2 * view.a1
-        N[np.diag_indices(7)] *= 1 + damping
+        N.flat[::8] *= 1 + damping
         step = np.asarray(np.linalg.solve(N, b), np.float64)
     return view
 

@@ -184,4 +184,5 @@ def _cells(axes: Axes, found: Coverage) -> None:
             opacity = 0.08 + 0.5 * count / top
             axes.add_patch(Rectangle((u, v), width, height, facecolor=CAMERA, alpha=opacity, linewidth=0))
         colour = INK if count else MUTED
-        axes.text(u + width / 2, v + height / 2, f"{count}", ha="center", va="center", fontsize=6.5, color=colour)
+        at = u + width / 2, v + height / 2
+        axes.text(*at, f"{count}", ha="center", va="center", fontsize=6.5, color=colour, in_layout=False)

@@ -138,7 +138,7 @@ def _correlations(found: Correlations) -> Drawing:
     for i, j in zip(*np.nonzero(lower), strict=True):
         text = f"{100 * correlation[i, j]:.0f}"
 
-        axes.text(j, i, text, ha="center", va="center", fontsize=size * 0.85, color="#ffffff")
+        axes.text(j, i, text, ha="center", va="center", fontsize=size * 0.85, color="#ffffff", in_layout=False)
     colour_bar(figure, image, axes, "correlation", shrink=0.7, aspect=30)
 
     strong = [(abs(correlation[i, j]), i, j) for i, j in zip(*np.nonzero(lower), strict=True)]
