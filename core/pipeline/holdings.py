@@ -18,7 +18,7 @@ from core.pipeline.methods import METHODS
 from core.pipeline.runs import Run, calibration_file, calibration_hashes, current_run
 from core.project import read_capture
 from core.project.archive import read_head
-from core.project.contents import Look, contents_of
+from core.project.contents import Look, contents_of, hash_value
 
 UNKNOWN = "it does not say what it was made from: an earlier version of the program made it"
 
@@ -133,6 +133,8 @@ def reported_now(project: Project, contents: Look | None = None) -> Record:
     }
     hashes = {name: contents.of(path) for name, path in files.items() if path is not None and path.exists()}
     hashes |= {"sign-off": signed} if (signed := signed_state(project)) else {}
+    drift = {path.name: contents.of(path) for path in sorted(result_path(project, "drift").glob("*.npz"))}
+    hashes |= {"drift chart": hash_value(drift)} if len(drift) > 1 else {}
     return reported_from(project, {**calibration_hashes(project), **hashes})
 
 

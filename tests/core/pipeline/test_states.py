@@ -20,6 +20,7 @@ from core.pipeline import (
     calibrate_project,
     load_calibrations,
     load_evaluation,
+    orient_capture,
     project_states,
     report_project,
     save_sign_off,
@@ -213,6 +214,11 @@ def archive_damaged(folder: Path) -> None:
     path.write_bytes(data)
 
 
+def watched(folder: Path) -> None:
+    for name in ("plane+00", "plane+15"):
+        orient_capture(read_project(folder), name)
+
+
 def report_edited(folder: Path) -> None:
     path = folder / "results/report/report.html"
     path.write_text(path.read_text().replace("0.0", "0.1", 1))
@@ -237,6 +243,7 @@ ROWS = [
     (calibrated_otherwise, "evaluate report", "evaluate", "the polynomial calibration is another one now"),
     (capture_left_out, "calibrate reconstruct evaluate report", "calibrate", "testfield-04 has no part any more"),
     (archive_damaged, "calibrate reconstruct evaluate report", "calibrate", "photogrammetric.npz is not as it was"),
+    (watched, "report", "report", "the drift chart is new"),
     (report_edited, "report", "report", "report.html is not as it was written"),
 ]
 
