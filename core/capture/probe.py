@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 from core.devices.dialogue import Dialogue
 from core.devices.link import LineDownError
-from core.devices.profile import Profile, read_profile
+from core.devices.profile import Profile
+from core.devices.profiles import read_profile
 from core.devices.rs232 import described, load_values
 from core.devices.template import Value
 from core.errors import DeviceError

@@ -6,7 +6,8 @@ opening.py   from a URL to a device
 scene.py     what virtual devices look at
 benchscene.py  ... of the virtual bench
 virtual.py   a projector and a camera that share such a scene
-profile.py   how a given serial projector is spoken to: a data file in resources/profiles
+profile.py   how a given serial projector is spoken to
+profiles.py, entries.py, wrapping.py  ... read from a data file in resources/profiles
 template.py  its commands and answers, filled in and recognised
 framing.py, sums.py  lines of text and binary frames, and their check values
 link.py, ports.py, hid.py  a serial line that always comes back in time; which ports there are; HID reports

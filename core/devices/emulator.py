@@ -38,7 +38,7 @@ class Emulator:
 
     Examples
     --------
-    >>> from core.devices.profile import read_profile
+    >>> from core.devices.profiles import read_profile
     >>> from core.devices.scene import FlatScene
     >>> emulator = Emulator(read_profile("stripe-lines", 64, 64), Stage(FlatScene()))
     >>> emulator.feed(b"1 ID?\\r\\n")

@@ -11,7 +11,8 @@ from weakref import WeakValueDictionary
 
 from core.devices.address import Address, parse_address, with_option
 from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, TRIGGER_FAULTS, parse_faults
-from core.devices.profile import Profile, read_profile
+from core.devices.profile import Profile
+from core.devices.profiles import read_profile
 from core.devices.protocol import Camera, Check, Note, Projector, no_check, no_note
 from core.devices.scene import FlatScene, Scene
 from core.devices.stored import FolderCamera, ReplayScene

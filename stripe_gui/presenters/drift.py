@@ -10,11 +10,12 @@ from PySide6.QtCore import QCoreApplication
 from core.model import DriftPoint
 from core.pipeline.orient_words import ACTION, WARNING
 from core.report import Number, Table
+from core.report.numbers import DRIFT_ELEMENTS
 from core.report.table import Cell
 from stripe_gui.widgets.plot import Curve
 
 translate = QCoreApplication.translate
-SCALE = 1e6 * np.array([1, 1, 1, 1e-3, 1e-3])  # to µrad and µm
+SCALE = np.array([scale for *_, scale in DRIFT_ELEMENTS])  # to µrad and µm
 
 
 def element_names() -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from core.cli import main
 from core.devices import link, offer_screens, open_projector, ports
 from core.devices.dialogue import Dialogue
 from core.devices.framing import unwrap, wrap
-from core.devices.profile import profile_names, read_profile
+from core.devices.profiles import profile_names, read_profile
 from core.devices.sums import CHECKS, CheckSum
 from core.errors import DeviceError, InputError
 from core.patterns import Black, Code, Level, Line, Phase, White, parse_sequence
@@ -352,6 +352,7 @@ def test_frames_are_the_bytes_written_by_hand(own, entries: str, wire: str) -> N
         ("modbus", ('check = "crc16-modbus"', ""), "end cannot be told"),
         ("modbus", ('sequence = "paper"', 'sequence = "papre"'), "papre"),
         ("lightcrafter4500", ('"40 {tag:u8} | 24', '"{tag:u8} | 24'), "heads of several lengths"),
+        ("lightcrafter4500-i2c", ('"F0"', '"F0 {slto:u8}"'), r"line \d+: commands.expect: field 'slto'.*write slot"),
     ],
 )
 def test_a_wrong_entry_is_named_with_its_line(own, profile: str, change: tuple[str, str], seen: str) -> None:

@@ -13,7 +13,8 @@ from core.devices import LINK_FAULTS, open_camera, open_projector
 from core.devices.emulator import Emulator
 from core.devices.framing import unwrap, wrap
 from core.devices.link import Link
-from core.devices.profile import Port, profile_names, read_profile
+from core.devices.profile import Port
+from core.devices.profiles import profile_names, read_profile
 from core.devices.rs232 import SerialProjector
 from core.devices.scene import FlatScene
 from core.devices.server import EmulatedLine

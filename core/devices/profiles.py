@@ -1,0 +1,235 @@
+"""Command profiles as files: those in resources/profiles, and one's own."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+
+from core.devices.entries import Entries, key_lines
+from core.devices.profile import COMMANDS, MEANINGS, SHOWN, TOLD, Command, Port, Profile, Step
+from core.devices.sums import CHECKS
+from core.devices.template import Template, Value, Words, make_template
+from core.devices.wrapping import read_framings
+from core.errors import InputError
+from core.patterns import Pattern, parse_sequence, pattern_from_dict
+from core.resources import resource
+
+
+def profile_names() -> list[str]:
+    """Names of the profiles that come with the program."""
+    return sorted(p.name.removesuffix(".toml") for p in resource("profiles").iterdir() if p.name.endswith(".toml"))
+
+
+def read_profile(name: str, columns: int = 0, rows: int = 0) -> Profile:
+    """Read a profile by its name, or a file of one's own by its path; for other numbers of lines if these are given.
+
+    Raises
+    ------
+    InputError
+        Naming the file, the line, the entry and what is allowed.
+    """
+    if name.endswith(".toml"):
+        path, where = Path(name), name
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+            raise InputError(path, f"cannot be read ({reason})", "give the path of a command profile") from error
+    else:
+        if name not in profile_names():
+            raise InputError("profile", f"{name!r}", f"use {', '.join(profile_names())}, or the path of a .toml file")
+        where = f"{name}.toml"
+        text = resource("profiles", where).read_text(encoding="utf-8")
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(where, f"not TOML ({error})", "mend the file") from error
+    return _profile(Entries(data, where, key_lines(text), "", where), Path(where).stem, columns, rows)
+
+
+def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
+    top.text("format", among=("stripe-projector-profile",))
+    top.integer("version", 1, 1)
+    device, lines, timing = top.table("device"), top.table("lines"), top.table("timing")
+    if "framing" not in top.data:
+        raise InputError(top.where, "no table [framing]", "say how commands are wrapped")
+    own = device.integer("columns", 1), device.integer("rows", 1)
+    columns, rows = columns or own[0], rows or own[1]
+    frames = top.table("framing")
+    kind = frames.text("kind", among=("text", "frame"))
+    plates = tuple(device.items("plates")) if "plates" in device.data else ("C", "R")
+    axis = device.text("axis", default="x", among=("x", "y"))
+    if not 1 <= len(plates) <= 2 or len(set(plates)) != len(plates):
+        raise device.refuse("plates", list(plates), "name the column plate and the row plate, or the only one")
+    bits = lines.integer("bits", 1, 8, default=1)
+    if bits not in (1, 8):
+        raise lines.refuse("bits", bits, "use 1 (on or off) or 8 (a grey value in a byte)")
+    sizes = {axis_: -(-count * bits // 8) for axis_, count in (("column", columns), ("row", rows))}
+    lengths = {"column_lines": sizes["column"], "row_lines": sizes["row"]}
+    if len(plates) == 1:
+        lengths["lines"] = sizes["column" if axis == "x" else "row"]
+    elif columns == rows:
+        lengths["lines"] = sizes["column"]
+    words = _words(top.table("words"))
+    answer_s = timing.real("answer_ms", above=0.0) / 1000
+    load_s = timing.real("load_ms", above=0.0, default=1000 * answer_s) / 1000
+    commands = _commands(top.table("commands"), kind, lengths, words)
+    told = top.table("refusal")
+    refusal = _template(told, "expect", kind, lengths, words, TOLD) if "expect" in told.data else None
+    codes = told.table("codes")
+    meanings = {codes.integer(m, 0): m for m in MEANINGS if m in codes.data}
+    codes.finish(MEANINGS)
+    lines.text("as", default=None, among=("hex",) if kind == "text" else ("bytes",))
+    sending, answers = read_framings(frames, kind, commands, refusal)
+    stored = top.table("stored")
+    per_image = stored.integer("per_image", 1, default=1)
+    two_swapped = stored.text("two_images", default="in order", among=("in order", "swapped")) == "swapped"
+    profile = Profile(
+        name,
+        top.text("title", default=name),
+        _port(top.table("port")),
+        sending,
+        answers,
+        frames.flag("echo"),
+        columns,
+        rows,
+        device.integer("slots", 1, default=1),
+        device.integer("first_slot", 0, default=0),
+        tuple(map(str, plates)),
+        axis,
+        lines.text("first", default="high", among=("high", "low")),
+        bits,
+        lines.text("check", default="crc16", among=tuple(CHECKS)),
+        answer_s,
+        load_s,
+        timing.real("gap_ms", above=0.0, default=30.0) / 1000,
+        timing.real("settle_ms", least=0.0) / 1000,
+        timing.real("period_ms", least=0.0, default=0.0) / 1000,
+        timing.integer("retries", 0, 20, default=3),
+        commands,
+        refusal,
+        meanings,
+        _stored(stored, (columns, rows)),
+        per_image,
+        two_swapped,
+    )
+    for table in (top, device, lines, timing, frames, told):
+        table.finish()
+    _check_whole(top, profile)
+    return profile
+
+
+def _check_whole(top: Entries, profile: Profile) -> None:
+    """See that patterns can be shown by what there is."""
+    where, commands = f"{top.where}: commands", profile.commands
+    selects = "select" in commands or {"rewind", "step"} <= commands.keys()
+    if "load" in commands and not selects:
+        raise InputError(where, "neither select nor rewind with step", "say how a stored pattern is shown")
+    if selects and "load" not in commands and not profile.stored:
+        raise InputError(
+            where, "no command 'load'", "say how a pattern is stored, or in [stored] what is there already"
+        )
+    sent = profile.loaded_fields
+    plain = {"slot", "lines"} <= sent and (profile.by_axis or "plate" in sent)
+    if sent and not (plain or {"slot", "column_lines", "row_lines"} <= sent):
+        raise InputError(
+            f"{where}.load",
+            f"fields {sorted(sent)}",
+            "use slot, plate and lines, or slot, column_lines and row_lines",
+        )
+    if profile.level_bits == 8 and sent and not profile.by_axis:
+        raise InputError(f"{where}.load", "grey values on two plates", "send {axis} and {lines}, or name one plate")
+    query = {f for step in commands.get("query", ()) if step.expect for f in step.expect.fields}
+    if query and not {"slot", "loaded"} <= query:
+        raise InputError(f"{where}.query", "no slot or loaded in the answer", "the state must tell both")
+
+
+def _port(port: Entries) -> Port:
+    made = Port(
+        port.integer("baud", 1, default=9600),
+        port.integer("bits", 5, 8, default=8),
+        port.text("parity", default="none", among=("none", "even", "odd", "mark", "space")),
+        port.real("stop", default=1.0),
+        port.text("flow", default="none", among=("none", "rtscts", "xonxoff", "dsrdtr")),
+    )
+    port.finish()
+    return made
+
+
+def _words(table: Entries) -> Words:
+    words: dict[str, dict[str, Value]] = {}
+    for name in table.data:
+        of = table.table(name)
+        words[name] = {{"false": "0", "true": "1"}.get(key, key): word for key, word in of.data.items()}
+        if strange := [w for w in words[name].values() if isinstance(w, bool) or not isinstance(w, int | str)]:
+            raise of.refuse(next(k for k, w in of.data.items() if w is strange[0]), strange[0], "give a number or text")
+    table.finish({*SHOWN, "level", "slot", "plate", "on"})
+    return words
+
+
+def _stored(table: Entries, lines: tuple[int, int]) -> dict[Pattern, int]:
+    """Read which patterns stand in the device beforehand, and where."""
+    stored: dict[Pattern, int] = {}
+    first = table.integer("first_slot", 0, default=0)
+    if (text := table.text("sequence", default=None)) is not None:
+        for slot, pattern in enumerate(parse_sequence(text).patterns(lines, table.place("sequence")), first):
+            stored.setdefault(pattern, slot)
+    for entry in table.tables("patterns"):
+        slot = entry.integer("slot", 0)
+        stored[pattern_from_dict({k: v for k, v in entry.data.items() if k != "slot"}, entry.where)] = slot
+    table.finish()
+    return stored
+
+
+def _template(
+    table: Entries, key: str, kind: str, lengths: Mapping[str, int], words: Words, fields: Iterable[str]
+) -> Template:
+    made = make_template(table.text(key), kind, lengths, table.place(key), words)
+    for name in made.fields:
+        if name not in fields and not (key == "expect" and name.startswith("_")):
+            near = get_close_matches(name, list(fields), 1, 0.6)
+            allowed = f"write {near[0]}, or use " if near else "use "
+            raise InputError(table.place(key), f"field {name!r}", allowed + ", ".join(sorted(fields)))
+    return made
+
+
+def _commands(table: Entries, kind: str, lengths: Mapping[str, int], words: Words) -> dict[str, Command]:
+    commands: dict[str, Command] = {}
+    for name, sendable in COMMANDS.items():
+        if name not in table.data:
+            continue
+        steps = table.tables(name)
+        commands[name] = tuple(_step(entry, table, kind, lengths, words, sendable | {"tag"}) for entry in steps)
+    table.finish({*COMMANDS, "expect"})
+    return commands
+
+
+def _step(
+    entry: Entries, every: Entries, kind: str, lengths: Mapping[str, int], words: Words, sendable: set[str]
+) -> Step:
+    until: dict[str, tuple[Value, ...]] = {}
+    for key, value in entry.table("until").data.items():
+        until[key] = tuple(value) if isinstance(value, list) else (value,)
+    waited = {re.split(r"\W", key)[0] for key in until}
+    expect, answered = None, entry if "expect" in entry.data else every
+    if answered.data.get("expect"):
+        expect = _template(answered, "expect", kind, lengths, words, sendable | TOLD | waited)
+    asked = set(expect.fields) if expect else set()
+    entry.asked.add("expect")
+    if missing := sorted(waited - asked):
+        raise InputError(entry.place("until"), f"{missing[0]!r}", "wait for what the answer tells")
+    answer_ms = entry.real("answer_ms", above=0.0, default=None)
+    step = Step(
+        _template(entry, "send", kind, lengths, words, sendable),
+        expect,
+        None if answer_ms is None else answer_ms / 1000,
+        until,
+        entry.real("every_ms", above=0.0, default=200.0) / 1000,
+        entry.real("within_ms", above=0.0, default=10_000.0) / 1000,
+        entry.real("pause_ms", least=0.0, default=0.0) / 1000,
+    )
+    entry.finish()
+    return step

@@ -1,0 +1,123 @@
+"""How a profile wraps what is sent and what comes back: its table [framing]."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from core.devices.entries import Entries
+from core.devices.framing import PARTS, Framing
+from core.devices.profile import Command
+from core.devices.sums import CHECKS, CheckSum
+from core.devices.template import Template
+from core.errors import InputError
+
+LENGTHS = {
+    "none": (0, "big"),
+    "u8": (1, "big"),
+    "u16": (2, "big"),
+    "u16le": (2, "little"),
+    "u32": (4, "big"),
+    "u32le": (4, "little"),
+}
+
+
+def read_framings(
+    table: Entries, kind: str, commands: Mapping[str, Command], refusal: Template | None
+) -> tuple[Framing, Framing]:
+    """Read how what is sent and what comes back is wrapped."""
+    sent = [step.send for steps in commands.values() for step in steps]
+    back = [step.expect for steps in commands.values() for step in steps if step.expect] + [refusal] * bool(refusal)
+    return _framing(table, kind, "", sent), _framing(table, kind, "answer_", [t for t in back if t])
+
+
+def _framing(table: Entries, kind: str, side: str, templates: list[Template]) -> Framing:
+    """Read one direction: entries of the answers stand in for those of both where they are given."""
+
+    def key(name: str) -> str:
+        table.asked.update((name, f"answer_{name}"))
+        return side + name if side + name in table.data else name
+
+    check = _check(table, key("check"))
+    order = "little" if table.text(key("check_order"), default="high", among=("high", "low")) == "low" else "big"
+    prompt = table.text("prompt", default="").encode("ascii") if side or kind == "frame" else b""
+    table.asked.add("prompt")
+    if kind == "text":
+        ending = table.text(key("ending"), default="\r\n")
+        if not ending:
+            raise table.refuse(key("ending"), ending, "give the characters that end a line")
+        start = table.text(key("start"), default="").encode("ascii")
+        over = _parts(table, key("check_over"), ("body",), ("start", "body", "mark"))
+        mark = table.text("check_mark", default="").encode("ascii")
+        return Framing(
+            "text",
+            ("start", "body", "mark", "check", "end"),
+            start,
+            ending.encode("ascii"),
+            mark,
+            check=check,
+            check_over=over,
+            check_text=True,
+            prompt=prompt,
+        )
+    start, end = _bytes(table, key("start")), _bytes(table, key("end"))
+    length, byte_order = LENGTHS[table.text(key("length"), default="none", among=tuple(LENGTHS))]
+    heads = {t.sizes[0] for t in templates} or {0}
+    if len(heads) != 1 or None in heads:
+        raise InputError(table.where, "heads of several lengths", "put the bar | behind as many bytes everywhere")
+    given = [
+        p for p, there in zip(PARTS, (start, heads != {0}, length, True, False, check.bits, end), strict=True) if there
+    ]
+    parts = _parts(table, key("layout"), tuple(given), tuple(given))
+    if set(parts) != set(given):
+        raise table.refuse(key("layout"), " ".join(parts), f"name each of {', '.join(given)} once")
+    sizes = {t.sizes[1] for t in templates}
+    if not length and not end and (None in sizes or (not check.bits and len(sizes) > 1)):
+        remedy = "give a length, an end or a check value, and a fixed length to every field"
+        raise InputError(table.where, "frames whose end cannot be told", remedy)
+    return Framing(
+        "frame",
+        parts,
+        start,
+        end,
+        b"",
+        next(iter(heads)) or 0,
+        length,
+        byte_order,  # type: ignore[arg-type]
+        _parts(table, key("length_over"), ("body",), PARTS),
+        table.integer(key("length_add"), default=0),
+        check,
+        _parts(table, key("check_over"), tuple(p for p in ("head", "body") if p in parts), PARTS),
+        order,  # type: ignore[arg-type]
+        table.text("check_as", default="bytes", among=("bytes", "hex")) == "hex",
+        table.integer(key("pad"), 0, default=0),
+        () if length or end else tuple(templates),
+    )
+
+
+def _parts(table: Entries, key: str, default: tuple[str, ...], among: tuple[str, ...]) -> tuple[str, ...]:
+    parts = tuple(table.text(key, default=" ".join(default)).split())
+    if strange := [p for p in parts if p not in among]:
+        raise table.refuse(key, strange[0], f"name parts among {', '.join(among)}")
+    return parts
+
+
+def _bytes(table: Entries, key: str) -> bytes:
+    try:
+        return bytes.fromhex(table.text(key, default=""))
+    except ValueError as error:
+        raise table.refuse(key, table.data[key], "write bytes as two hexadecimal digits") from error
+
+
+def _check(table: Entries, key: str) -> CheckSum:
+    """Read a check value: by its name, or a CRC by its parameters."""
+    if not isinstance(table.data.get(key), Mapping):
+        return CHECKS[table.text(key, default="none", among=tuple(CHECKS))]
+    crc = table.table(key)
+    bits = crc.integer("bits", 8, 32)
+    if bits % 8:
+        raise crc.refuse("bits", bits, "use 8, 16, 24 or 32")
+    most = (1 << bits) - 1
+    poly, init, xor = (crc.integer(k, 0, most, default=0) for k in ("poly", "init", "xor"))
+    made = CheckSum("crc", bits, poly, init, crc.flag("reflect"), xor)
+    crc.finish()
+    return made
