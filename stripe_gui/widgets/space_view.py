@@ -175,10 +175,10 @@ class SpaceView(QWidget):
     def __init__(self, name: str) -> None:
         super().__init__()
         self.space = _Space(name)
-        hint = label(self.tr("Drag to turn, wheel to come closer, Ctrl and drag to move."), "muted")
+        hint = label(self.tr("Drag to turn, wheel to come closer, Ctrl and drag to move."), "muted", wrap=True)
         camera = button(self.tr("From the camera"), lambda: self.space.look(*FROM_CAMERA), flat=True)
         beside = button(self.tr("From beside"), lambda: self.space.look(*FROM_BESIDE), flat=True)
-        self.setLayout(column((self.space, 1), row(hint, None, camera, beside), spacing=4))
+        self.setLayout(column((self.space, 1), row((hint, 1), camera, beside), spacing=4))
 
     def show_scene(self, scene: Scene) -> None:
         """Show a scene; the direction of view stays."""
