@@ -141,7 +141,10 @@ def _target_set_figures(t: TargetSet) -> Figures:
         for i in range(len(t.row))
     ]
     missing = [picked(m, "row col reason") for m in t.missing]
-    return {**picked(t, "capture camera projector notes row_shift_px"), "targets": measured, "missing": missing}
+    told = picked(t, "capture camera projector notes row_shift_px")
+    if t.response is not None:
+        told["response"] = t.response.tolist()
+    return {**told, "targets": measured, "missing": missing}
 
 
 def phase_figures(phase: PhaseMap) -> Figures:
@@ -159,7 +162,7 @@ def phase_figures(phase: PhaseMap) -> Figures:
     lit = np.isfinite(phase.u) | np.isfinite(phase.v)
     figures["median_modulation"] = plain(float(np.median(phase.modulation[lit]))) if lit.any() else None
     if phase.response is not None:
-        figures["response"] = [[plain(level), plain(light)] for level, light in phase.response.tolist()]
+        figures["response"] = phase.response.tolist()
     figures["notes"] = list(phase.notes)
     return figures
 

@@ -142,7 +142,8 @@ def measured_capture(
         targets, ways = measure_targets(phase, field, capture.seeds, camera, **how), labellings(field)
     else:
         targets, ways = recognise(phase, field, camera, **how)
-    return _named(replace(targets, notes=(*phase.notes, *targets.notes)), capture), ways
+    told = replace(targets, notes=(*phase.notes, *targets.notes), response=phase.response)
+    return _named(told, capture), ways
 
 
 def turned_together(

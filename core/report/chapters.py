@@ -27,6 +27,7 @@ from core.report.numbers import (
     interior_tables,
     plane_table,
     published_of,
+    response_table,
     volume_table,
 )
 from core.report.sign_off import sign_off_table
@@ -83,6 +84,12 @@ def _drift_drawings(data: ReportData) -> Sequence[Drawing]:
     return [drift_drawing(chart) for chart in data.drift]
 
 
+def _response_drawings(data: ReportData) -> Sequence[Drawing]:
+    from core.report.figures.response import response_drawing
+
+    return [response_drawing(name, curves) for name, curves in data.responses.items()]
+
+
 def _other_tables(data: ReportData) -> list[Table]:
     """What further methods tell in single numbers."""
     told = {
@@ -101,6 +108,11 @@ CHAPTERS: dict[str, Chapter] = {
         "Plane-table",
         lambda data: [plane_table(data.evaluations, published_of(data))] if data.evaluations else [],
         _plane_drawings,
+    ),
+    "response": Chapter(
+        "Response of the projector",
+        lambda data: [response_table(name, curves) for name, curves in data.responses.items()],
+        _response_drawings,
     ),
     "drift": Chapter("Drift of the rig", lambda data: [drift_table(chart) for chart in data.drift], _drift_drawings),
     "sign-off": Chapter(

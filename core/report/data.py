@@ -73,6 +73,8 @@ class ReportData:
         Figures and maps of the photogrammetric calibration's uncertainty over the working volume.
     drift : tuple
         The control charts of the pairs of devices whose captures `orient` has looked at.
+    responses : mapping
+        By projector and capture, the curves (k, 2) of level and light (0 to 1) that measuring has found.
     """
 
     project: Project
@@ -89,6 +91,7 @@ class ReportData:
     others: Mapping[str, Calibration] = field(default_factory=dict)
     volume: tuple[Mapping[str, Any], Mapping[str, Array]] | None = None
     drift: tuple[tuple[DriftPoint, ...], ...] = ()
+    responses: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

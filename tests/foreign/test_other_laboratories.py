@@ -22,6 +22,10 @@ def test_whole_road_under_a_gamma(tmp_path: Path) -> None:
     laboratory = consumer(gamma=1.8, scale=0.5)
     laboratory = replace(laboratory, views=6, board=Board(soft_mm=0.3))
     found = score(laboratory, laboratory.write(tmp_path / "project", planes=(10.0,)))
+    curves = [t.response for t in kept_targets(read_project(tmp_path / "project"))]
+    half = [np.interp(0.5, *curve.T) for curve in curves if curve is not None]
+    assert len(half) == len(curves) == laboratory.views
+    assert abs(np.median(half) - 0.5**1.8) < 0.07  # to four steps, blur and curve look much alike
     assert found.verdict != "failed"
     assert max(found.parameters.values()) < 2, found
     assert found.base_mm < 0.3

@@ -11,6 +11,7 @@ from scipy.integrate import trapezoid
 from core.report import ReportData
 from core.report.adjusted import correlations
 from core.report.chapters import drawings as drawn
+from core.report.chapters import tables
 from core.report.figures import picture, svg_text
 from core.report.figures.canvas import CSS_VARIABLES
 from core.report.figures.images import magnification
@@ -35,6 +36,18 @@ def test_every_figure_is_drawn_with_caption_and_alternative(data):
     result = drawings(data)
     assert [d.key for d in result] == ALL
     assert all(len(d.caption) > 80 and len(d.alternative) > 20 and d.title for d in result)
+
+
+def test_the_response_is_drawn_and_told_by_its_power(data):
+    level = np.linspace(0, 1, 65)
+    curves = {name: np.column_stack([level, level**power]) for name, power in (("a", 2.2), ("b", 2.0), ("c", 2.1))}
+    data = dataclasses.replace(data, responses={"projector": curves})
+    (drawing,) = drawn(data)["response"]
+    lines = drawing.figure.axes[0].get_lines()
+    assert np.allclose(lines[-1].get_ydata(), level**2.1)
+    (table,) = [t for t in tables(data) if t.title == "Response of projector"]
+    assert [row[-1].text for row in table.rows] == ["2.20", "2.00", "2.10"]
+    assert [cell.text for cell in table.rows[1][1:4]] == ["0.062", "0.250", "0.562"]
 
 
 def test_figures_need_their_data(data):
