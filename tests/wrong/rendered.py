@@ -21,6 +21,7 @@ FINE = 2  # samples a pixel along each axis
 BESIDE = 4  # px rendered beside the image, which blur draws from
 CUT = slice(FINE * BESIDE, -FINE * BESIDE)
 PARTS = (-0.375, -0.125, 0.125, 0.375)  # of a sample at a dot's rim, along each axis
+MORE = 100  # number of the sound project from which sequences, responses and directions vary more
 TABLE = 16  # samples a line
 MARGIN = 6  # px and lines: targets nearer to an edge are not wanted
 
@@ -78,6 +79,7 @@ class Look:
     exposure: float  # grey value of white paper, of 255
     bits: int
     polarity: str
+    gamma: float = 1.0  # light of a projector's level, as its power
 
 
 def turn(axis: int, degrees: float) -> Array:
@@ -119,10 +121,10 @@ def sequence(
     return [*found, {"kind": "white"}, {"kind": "black"}]
 
 
-def cells(pattern: Pattern, lines: int, blur: float) -> Array:
+def cells(pattern: Pattern, lines: int, blur: float, gamma: float) -> Array:
     """A table of brightness along lines, from half a line before the first to half a line after the last."""
     wide = 8
-    on = brightness(pattern, np.arange(lines))
+    on = brightness(pattern, np.arange(lines)) ** gamma
     table = np.pad(np.repeat(on, TABLE), wide * TABLE)
     return cv2.GaussianBlur(table[None].astype(np.float32), (0, 0), blur * TABLE, borderType=cv2.BORDER_REPLICATE)[0]
 
@@ -171,7 +173,7 @@ def render(look: Look, pose: tuple[Array, Array], dots: Array | None, radius: Ar
     part = [np.float32(each - low) for each, low in zip(place, index, strict=True)]
 
     def lit(p: Pattern, a: int, n: int) -> Array:
-        table = cells(p, n, look.blur_lines)
+        table = cells(p, n, look.blur_lines, look.gamma)
         return table[index[a]] + part[a] * np.diff(table)[index[a]]
 
     frame = [lit({"kind": "white"}, a, n) for a, n in lines.values()]
@@ -329,6 +331,16 @@ def unlike(folder: Path) -> None:
     project(folder, look, 5, grid=(7, 9), poses=9, plates=5, span_mm=60.0, picks=True)
 
 
+def waves(size: tuple[int, int], periods: Callable[[int], list[float]], steps: int) -> list[Pattern]:
+    """Phase steps of several periods along both axes, and nothing else."""
+    return [
+        {"kind": "phase", "axis": axis, "period": p, "steps": steps, "step": k, "profile": "sine", "shift_rad": s}
+        for axis, lines in zip("xy", size, strict=True)
+        for p in periods(lines)
+        for k, s in enumerate(2 * np.pi * np.arange(steps) / steps)
+    ]
+
+
 SEQUENCES: dict[str, Callable[[tuple[int, int]], list[Pattern]]] = {
     "square 4, period 4": lambda size: sequence(size, 2, 4, 4.0, "square"),
     "sine 4, period 8": lambda size: sequence(size, 4, 4, 8.0, "sine"),
@@ -336,6 +348,15 @@ SEQUENCES: dict[str, Callable[[tuple[int, int]], list[Pattern]]] = {
     "sine 8, period 16": lambda size: sequence(size, 8, 8, 16.0, "sine"),
     "sine 4 with inverse code": lambda size: sequence(size, 8, 4, 16.0, "sine", True),
     "sine 5, period 20": lambda size: sequence(size, 10, 5, 20.0, "sine"),
+}
+OTHER_SEQUENCES = {
+    "three periods": lambda size: waves(size, lambda n: [float(n), n / 5, n / 25], 4),
+    "two periods that beat": lambda size: waves(size, lambda n: [16.0, 16 * n / (n - 16)], 5),
+    "binary code": lambda size: [
+        {**p, "kind": "binary"} if p["kind"] == "gray" else p for p in sequence(size, 6, 4, 12.0, "sine")
+    ],
+    "no white, no black": lambda size: sequence(size, 8, 4, 16.0, "sine")[:-2],
+    "square 4, period 8": lambda size: sequence(size, 4, 4, 8.0, "square"),
 }
 
 
@@ -365,15 +386,22 @@ def varied(folder: Path, seed: int) -> str:
     projector = Optics(
         *lines, own, c_projector, c_projector * rng.uniform(0.97, 1.03), *rng.normal(0, 0.01 * lines[0] * own, 2), 0.0
     )
-    kind = list(SEQUENCES)[rng.integers(len(SEQUENCES))]
+    kind, gamma = list(SEQUENCES)[rng.integers(len(SEQUENCES))], 1.0
     angle, about = float(rng.uniform(14, 28) * rng.choice([-1, 1])), float(rng.normal(0, 5))
+    shown = SEQUENCES | OTHER_SEQUENCES
+    if seed >= MORE:
+        more = np.random.default_rng([seed, 2])
+        kind = list(shown)[more.integers(len(shown))]
+        about += float(more.choice([0, 0, 90, 45]))
+        gamma = float(more.choice([1.0, more.uniform(1.1, 2.2)]))
     look = placed(
         camera,
         projector,
         distance,
         angle,
         about,
-        patterns=SEQUENCES[kind](lines),
+        patterns=shown[kind](lines),
+        gamma=gamma,
         noise=float(rng.uniform(0.6, 2.2)),
         blur_px=float(rng.uniform(0.4, 0.8)),
         blur_lines=float(rng.uniform(0.25, 0.5)),
@@ -388,5 +416,6 @@ def varied(folder: Path, seed: int) -> str:
     return (
         f"{width}x{height}, {lines[0]}x{lines[1]} lines, {kind}, {distance:.0f} mm, {angle:+.0f}°, "
         f"noise {look.noise:.1f}, blur {look.blur_px:.2f} px {look.blur_lines:.2f} lines, {look.bits} bits, "
-        f"{look.polarity}, board {grid[0]}x{grid[1]}, {poses} poses, {plates} plates{'' if picks else ', no picks'}"
+        f"gamma {gamma:.1f}, {about:+.0f}° about, {look.polarity}, "
+        f"board {grid[0]}x{grid[1]}, {poses} poses, {plates} plates{'' if picks else ', no picks'}"
     )
