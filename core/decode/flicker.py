@@ -168,9 +168,11 @@ def _look(grey: Singles, solution: Array, block: NDArray[np.intp]) -> tuple[Arra
     radial, seen = (each - np.outer(each @ even[0] / (even[0] @ even[0] + 1e-12), even[0]) for each in (radial, seen))
     design, observed = [radial], [seen[0]]
     shift = np.array([solution[1], solution[2], np.ones(len(g))])
-    for contrast in np.linalg.svd(shift)[2][np.linalg.matrix_rank(shift) :]:
-        design.append(weight * contrast[:, None] * g / m)
-        observed.append(weight * (contrast @ g) / m)
+    contrasts = np.linalg.svd(shift)[2][np.linalg.matrix_rank(shift) :]
+    if len(contrasts):  # as one: what noise makes of each differs from frame to frame, of all together it does not
+        shown = weight * g / m
+        design.append((contrasts[:, :, None] * shown).transpose(1, 0, 2).reshape(len(g), -1))
+        observed.append((contrasts @ shown).ravel())
     free = np.linalg.svd(np.ones((1, len(g))))[2][1:]  # a factor common to all frames shows nowhere
     size = len(free)
     normal, right, prior = np.zeros((size, size)), np.zeros(size), np.eye(size) / PRIOR**2
