@@ -304,6 +304,17 @@ def test_errors_that_targets_share_are_in_the_covariance(measured):
     assert np.abs((plain - true) / np.outer(unit, unit)).max() > 0.05  # what is shared counts
 
 
+def test_covariances_stay_positive_where_what_is_shared_was_given_too_large(measured):
+    """Sigmas of the camera twice too large, u and v said to err nearly alike: residuals show that they do not."""
+    _, rig, field, sets, bar = measured
+    alike = 4 * np.array([[1.0, 0.95], [0.95, 1.0]])
+    sets = [replace(t, camera_cov=alike * t.camera_cov[:, :1, :1]) for t in sets]
+    calibration, adjustment = calibrate_photogrammetric(rig, field, sets, scale=bar)
+    assert adjustment.variance_factors["camera"] < 0.3
+    unit = np.sqrt(np.diagonal(calibration.covariance[:18, :18]))
+    assert np.linalg.eigvalsh(calibration.covariance[:18, :18] / np.outer(unit, unit)).min() > 0
+
+
 def residuals_of_a_placed_board(t, points, adjusted, start, sigma):
     """Observed less predicted of a capture by devices and points as adjusted, its board where it fits best."""
 
