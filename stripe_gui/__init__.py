@@ -6,7 +6,7 @@ workbench.py     what every page, wizard and action is given: session, jobs, dia
 session.py       the one object that owns the open project
 jobs.py          runs a core function in a thread: progress, cancel, result, the whole traceback on failure
 actions.py       actions as records; menus, shortcuts and the command palette are made from them
-commands.py      the program's own actions
+commands.py      what the operator can do besides the work of a page
 main_window.py   menus, stage strip, pages, help, progress
 dialogs.py       every question to the operator, so that tests can answer it
 settings.py      what is remembered between two starts

@@ -33,7 +33,7 @@ ALLOWED = {
     "numerics": set(),
     "lazy": set(),
     "resources": set(),
-    "compiling": {"errors", "atomic", "progress"},
+    "compiling": {"atomic", "progress"},
     "model": {"geometry", "patterns"},  # for type annotations only: see below
     "geometry": {"errors", "model"},
     "patterns": {"errors", "fields"},
@@ -56,7 +56,7 @@ ALLOWED = {
     | {"lazy", "checks", "exchange", "orient"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "api": GROUND | {"decode", "calibrate", "reconstruct"},
-    "demo": {"errors", "progress", "model", "patterns", "figures", "project", "pipeline", "report"},
+    "demo": {"progress", "model", "patterns", "figures", "project", "pipeline", "report"},
     "cli": {
         "errors",
         "atomic",

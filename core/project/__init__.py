@@ -4,8 +4,11 @@ images.py    frames: single-channel PNG and TIFF of 8 or 16 bit; a truncated fil
 captures.py  project.json, testfield.csv, capture.json and picks.json, read and written
 boards.py    regular testfields, and a new project without captures
 drafts.py    picks at work: finished or not, nothing is lost
+rigs.py      the rig in project.json
+unfinished.py a capture that was interrupted
 networks.py  a network folder, read and written
-archive.py   the program's own results (targets, calibrations, evaluations), one file each
+archive.py   the program's own results (targets, calibrations, evaluations), one file each; shapes.py their checks
+contents.py  hashes of files, remembered; lock.py one writer at a time; made.py what may be replaced
 """
 
 from core.atomic import atomic_write, write_json

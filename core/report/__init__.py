@@ -1,6 +1,6 @@
 """The report: what was calibrated and how well it measures, in numbers, figures and words.
 
-Reads `core.model` alone and computes nothing that a stage before it should have computed.
+Reads `core.model` and `core.geometry` alone and computes nothing that a stage before it should have computed.
 
 data.py        what a report is made of, and where it is written
 published.py   the printed results of an experiment that the rig repeats
@@ -12,8 +12,11 @@ chapters.py    what stands in the report, in order: a registry
 csv_files.py   tables and measured values as CSV
 words.py       the summary: sentences with the figures in them, what was warned of, what is missing
 figures/       the drawings, one room of their own
+document.py    what stands where, for HTML and PDF alike
 html.py        one self-contained HTML file
 pdf.py         the same content on A4 pages
+seal.py        who signed a report, and whether it was changed since
+checks.py      the checks before the first calibration as one HTML file
 board.py       a testfield to print at true size, PDF and SVG
 write.py       both files, written whole or not at all
 

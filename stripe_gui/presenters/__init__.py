@@ -5,8 +5,13 @@ status.py     the seven stages: done, out of date, to do, failed with the reason
 failures.py   what a stage failed with, kept in the project until it succeeds
 work.py       what the stages' buttons run: pipeline functions that take a project and a progress
 contributions.py   what every capture adds to a calibration
+stages.py     names and states of the stages, without the core
 runs.py       kept runs in tables, two side by side
 maps.py       levels, round numbers, and light on a surface
 told.py       what the core says, in the operator's language
+rig_view.py   how camera and projector stand and what they cover; rig_space.py in space, space.py what is drawn of it
+drift.py      the control chart of the rig; health.py whether it still stands, by one capture
+sequences.py  presets with their options, and what a sequence is to a projector
+capturing.py, importing.py, looking.py, new_project.py   what the wizards know
 start.py, capture.py, decode.py, calibrate.py, reconstruct.py, evaluate.py, report.py   one per page
 """

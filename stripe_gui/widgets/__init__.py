@@ -7,7 +7,7 @@ job_bar.py          progress of the running job, time left, cancel
 help_panel.py       help beside the work
 command_palette.py  every action, searchable
 image_view.py       an image or a map with fixed levels, kept zoom and a read-out
-colour_bar.py       its colours and what they mean
+colour_bar.py       its colours (colours.py) and what they mean
 residual_plot.py    residual vectors of a device
 residual_view.py    those of all devices by capture, and what to do about one
 coverage_view.py    where in the images there are points
@@ -24,5 +24,9 @@ space_view.py       points and lines in space
 result_table.py     a table of results, sortable and copyable
 field_map.py        the testfield in small, to choose a target
 loupe.py            a part of an image, eight times as large
-capture_list.py     the project's captures
+capture_list.py     the project's captures; pair_choice.py whose frames of them
+health_strip.py     whether the rig still stands as it was calibrated
+verdict.py          what is to be thought of a result; finding_list.py what checks found
+sequence_form.py    the choice of a sequence; pattern_strip.py its patterns
+sign_off.py         who signs, against which tolerance
 """
