@@ -2622,6 +2622,14 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Die gewählte Aufnahme rekonstruieren (F5).</translation>
     </message>
     <message>
+        <source>Texture too</source>
+        <translation>Auch Textur</translation>
+    </message>
+    <message>
+        <source>Where the code fails, match the texture that two cameras see.</source>
+        <translation>Wo der Code versagt, die Textur zuordnen, die zwei Kameras sehen.</translation>
+    </message>
+    <message>
         <source>Point clouds (*.ply *.xyz *.npz)</source>
         <translation>Punktwolken (*.ply *.xyz *.npz)</translation>
     </message>
@@ -2652,6 +2660,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>   Out of date: reconstruct it again.</source>
         <translation>   Veraltet: neu rekonstruieren.</translation>
+    </message>
+    <message>
+        <source>Of the object {by_code:.1%} by code, {filled:.1%} with texture.</source>
+        <translation>Vom Objekt {by_code:.1%} durch Code, {filled:.1%} mit Textur.</translation>
     </message>
     <message>
         <source>Reconstructed: {name}.</source>

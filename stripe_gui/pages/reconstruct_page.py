@@ -5,16 +5,17 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtWidgets import QComboBox, QStackedWidget
+from PySide6.QtWidgets import QCheckBox, QComboBox, QStackedWidget
 
 from core.model import Floats, PointCloud
-from core.pipeline import keep_points, reconstruct_views, seen_by_several
+from core.pipeline import coverage, keep_points, reconstruct_views, seen_by_several
 from stripe_gui.pages.map_page import MapPage
 from stripe_gui.presenters.maps import MapView
 from stripe_gui.presenters.reconstruct import (
     JOINT_KINDS,
     KINDS,
     Points,
+    cameras_of,
     devices_of,
     joint_scene,
     kind_name,
@@ -55,14 +56,18 @@ class ReconstructPage(MapPage):
         self.export_button.setToolTip(self.tr("Write the points as PLY, XYZ or NPZ."))
         self.run_button = self.add_button(self.tr("Reconstruct"), self.run, "run", primary=True)
         self.run_button.setToolTip(self.tr("Reconstruct the chosen capture (F5)."))
-        self._joint: tuple[str, PointCloud] | None = None  # of which capture
+        self._joint: tuple[tuple[str, bool], PointCloud] | None = None  # of which capture, and whether filled
+        self.fill = QCheckBox(self.tr("Texture too"))
+        self.fill.hide()
+        self.fill.setToolTip(self.tr("Where the code fails, match the texture that two cameras see."))
+        self.fill.toggled.connect(self.choose)
         self.stack = QStackedWidget()
         self.stack.addWidget(self.view)
         self.space = SpaceView(self.tr("Points in space"))
         self.stack.addWidget(self.space)
         self.health = HealthStrip(bench)
         self.body.addWidget(self.health)
-        self.lay_out(boxed(column(self.state, self.stack, spacing=8)), before=(self.method,))
+        self.lay_out(boxed(column(self.state, self.stack, spacing=8)), before=(self.method, self.fill))
         self.offer(KINDS, kind_name)
 
     def refresh(self) -> None:
@@ -100,6 +105,7 @@ class ReconstructPage(MapPage):
                 method,
                 out,
                 self._devices(),
+                self._filled,
                 on_done=lambda count: self.bench.notify("success", done.format(n=count, path=out)),
             )
 
@@ -107,6 +113,11 @@ class ReconstructPage(MapPage):
     def _of_all(self) -> bool:
         """Whether the points of all cameras are looked at."""
         return self.kind.currentData() in JOINT_KINDS
+
+    @property
+    def _filled(self) -> bool:
+        """Whether texture is matched where the code fails."""
+        return self._of_all and self.fill.isChecked() and not self.fill.isHidden()
 
     def _devices(self) -> dict[str, str]:
         if self._of_all:
@@ -137,6 +148,7 @@ class ReconstructPage(MapPage):
 
     def choose(self) -> None:
         kind, name = self.kind.currentData(), self.session.capture_name
+        self.fill.setVisible(kind in JOINT_KINDS and len(cameras_of(self.session.opened.entry(name))) > 1)
         if kind in JOINT_KINDS:
             self._choose_joint(name)
             return
@@ -148,23 +160,26 @@ class ReconstructPage(MapPage):
 
     def _choose_joint(self, name: str) -> None:
         """Show the points of all cameras, intersected now if they were not."""
-        if self._joint is not None and self._joint[0] == name:
-            self._show_joint(name, (None, self._joint[1]))
+        wanted = name, self._filled
+        if self._joint is not None and self._joint[0] == wanted:
+            self._show_joint(wanted, (None, self._joint[1]))
             return
         self._clear(self.tr("intersecting the rays of all cameras …"))
-        project = self.session.opened.project
-        self.look_for(name, partial(self._show_joint, name), self._clear, reconstruct_views, project, name)
+        work = partial(reconstruct_views, fill=self._filled), self.session.opened.project, name
+        self.look_for(name, partial(self._show_joint, wanted), self._clear, *work)
 
-    def _show_joint(self, name: str, made: tuple[Floats | None, PointCloud]) -> None:
-        if name != self.session.capture_name or not self._of_all:
+    def _show_joint(self, wanted: tuple[str, bool], made: tuple[Floats | None, PointCloud]) -> None:
+        name = wanted[0]
+        if wanted != (self.session.capture_name, self._filled) or not self._of_all:
             return
-        entry = self.session.opened.entry(name)
-        if entry is None or entry.capture is None:
+        if not (cameras := cameras_of(self.session.opened.entry(name))):
             return
-        cameras = dict.fromkeys(camera for camera, _ in entry.capture.pairs)
-        self._joint = name, made[1]
-        scene, words = joint_scene(made[1], self.kind.currentData(), list(cameras))
-        self.say(self.tr("{n} points.").format(n=made[1].xyz_mm.shape[1]) + "   " + words)
+        self._joint = wanted, made[1]
+        scene, words = joint_scene(made[1], self.kind.currentData(), cameras)
+        said = self.tr("{n} points.").format(n=made[1].xyz_mm.shape[1])
+        if covered := coverage(made[1]):
+            said += "   " + self.tr("Of the object {by_code:.1%} by code, {filled:.1%} with texture.").format(**covered)
+        self.say(f"{said}   {words}")
         self.space.show_scene(scene)
         self.stack.setCurrentWidget(self.space)
 

@@ -19,7 +19,7 @@ from core.pipeline.differences import differences
 from core.pipeline.inputs import reconstructed_from
 from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
-from stripe_gui.presenters.folder import ProjectFolder
+from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
 from stripe_gui.presenters.maps import MapView, hill_shade, lit_colours, percentile, round_up
 from stripe_gui.presenters.space import Scene, seen
 from stripe_gui.presenters.status import graph_of
@@ -79,6 +79,12 @@ def points_of(folder: ProjectFolder, capture: str, method: Method, pair: tuple[s
 def devices_of(capture: Capture | None) -> dict[str, str]:
     """Name the camera and the projector of a series, as the core wants them."""
     return {"camera": capture.camera, "projector": capture.projector} if capture is not None else {}
+
+
+def cameras_of(entry: CaptureEntry | None) -> list[str]:
+    """Name the cameras that took a capture."""
+    whole = None if entry is None else entry.capture
+    return [] if whole is None else list(dict.fromkeys(camera for camera, _ in whole.pairs))
 
 
 def load_points(path: Path, progress: Progress = SILENT) -> Points:

@@ -25,12 +25,18 @@ def chosen_methods(method: Method) -> list[Method]:
 
 
 def export_points(
-    project: Project, capture: str, method: Method, out: Path, devices: dict[str, str], progress: Progress = SILENT
+    project: Project,
+    capture: str,
+    method: Method,
+    out: Path,
+    devices: dict[str, str],
+    fill: bool = False,
+    progress: Progress = SILENT,
 ) -> int:
     """Write the points of a capture for another program, by the name's ending; give their number."""
     pipeline.check_cloud(out)
     if not devices:  # of all cameras
-        image, cloud = pipeline.reconstruct_views(project, capture, progress=progress)
+        image, cloud = pipeline.reconstruct_views(project, capture, fill=fill, progress=progress)
     else:
         phase, cloud = pipeline.reconstruct_capture(project, capture, method, progress=progress, **devices)  # type: ignore[arg-type]
         image = phase.image

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PySide6.QtGui import QColor
@@ -98,7 +100,13 @@ def test_a_capture_by_several_cameras_offers_the_points_of_all(
     ones = np.ones((1, 500), np.uint8)
     cloud = PointCloud(xyz, np.full((1, 500, 3), 0.02, np.float32), None, ones, 0 * ones)
     monkeypatch.setattr(reconstruct_page, "seen_by_several", lambda project, name: True)
-    monkeypatch.setattr(reconstruct_page, "reconstruct_views", lambda project, name, progress: (ones, cloud))
+    filled = replace(cloud, sight=np.where(np.arange(500) < 100, 5, ones).astype(np.uint8), object_px=1000)
+
+    def views(project, name, progress, fill=False):
+        return ones, filled if fill else cloud
+
+    monkeypatch.setattr(reconstruct_page, "reconstruct_views", views)
+    monkeypatch.setattr(reconstruct_page, "cameras_of", lambda entry: ["left", "right"])
     window.open_path(finished_project)
     window.show_page("reconstruct")
     page = window.page
@@ -106,10 +114,15 @@ def test_a_capture_by_several_cameras_offers_the_points_of_all(
     page.kind.setCurrentIndex(page.kind.findData("joint-sight"))
     idle(window, qtbot)
     assert page.stack.currentWidget() is page.space
-    assert page.state.text().startswith("500 points.")
+    assert page.state.text().startswith("500 points.   <")
+    page.fill.setChecked(True)
+    idle(window, qtbot)
+    assert "Of the object 40.0% by code, 50.0% with texture." in page.state.text()
+    assert "by texture 100" in page.state.text()
     page.kind.setCurrentIndex(page.kind.findData("shaded"))
     idle(window, qtbot)
     assert page.stack.currentWidget() is page.view
+    assert page.fill.isHidden()  # it is of all cameras' points
     window.show_page("rig")
     assert page.bench.session.opened.project.rig.is_pair
     assert [page.text for page in window.page.space.space.scene.names][:2] == ["camera", "projector"]
