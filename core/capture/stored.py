@@ -190,9 +190,10 @@ def looks(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> tuple[Array,
 
 
 @lru_cache(maxsize=96)
-def _words(codes: tuple[Code, ...], axis: Axis, lines: int) -> int:
-    """How many lines or cells code frames tell apart."""
-    return len({column.tobytes() for column in (looks(codes, axis, lines)[0] > 0.5).T})
+def _words(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> int:
+    """How many lines or cells the code frames among patterns tell apart."""
+    coded = [isinstance(p, Code) for p in patterns]
+    return len({column.tobytes() for column in (looks(patterns, axis, lines)[0][coded] > 0.5).T})
 
 
 def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> NDArray[np.bool_]:
@@ -201,12 +202,11 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
     coded = [k for k, p in enumerate(patterns) if isinstance(p, Code)]
     number, cell = None, 0
     if coded:
-        codes = tuple(patterns[k] for k in coded)
-        possible, at = looks(codes, looked.axis, looked.lines)
-        cell = min(p.cell for p in codes if isinstance(p, Code))
-        if _words(codes, looked.axis, looked.lines) * cell < looked.lines:
+        possible, at = looks(tuple(patterns), looked.axis, looked.lines)
+        cell = min(p.cell for p in patterns if isinstance(p, Code))
+        if _words(tuple(patterns), looked.axis, looked.lines) * cell < looked.lines:
             cell = 0  # a frame was left out for a trial: the others do not tell all cells apart
-        number = np.floor((at[nearest(seen[coded], possible)[1]] + 0.25) / max(cell, 1))
+        number = np.floor((at[nearest(seen[coded], possible[coded])[1]] + 0.25) / max(cell, 1))
     for period in {p.period for p in patterns if isinstance(p, Phase)}:
         steps = [k for k, p in enumerate(patterns) if isinstance(p, Phase) and p.period == period]
         shifts = np.array([p.shift_rad for p in patterns if isinstance(p, Phase) and p.period == period])
