@@ -10,6 +10,7 @@ plates.py    ... where the plates stood, seen by camera and projector
 volume.py    how sure a calibration is over the working volume, and how far two differ in it
 planes.py    deviations from planes: form apart from noise, angles, one method against the other
 sequences.py what captures say they show: code and the light's end against projector lines
+sizes.py     dots' diameters as seen and as given
 files.py     the same frames twice
 left_out.py  points and captures that had no part, with the reasons
 """
@@ -22,6 +23,7 @@ from core.checks.network import adjustment_concerns, nominal_concerns, variance_
 from core.checks.planes import DOUBTFUL_RATIO, form_of, pair_concerns, plane_concerns
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end
+from core.checks.sizes import size_concerns
 
 __all__ = [
     "DOUBTFUL_RATIO",
@@ -42,6 +44,7 @@ __all__ = [
     "repeated_frames",
     "repeated_targets",
     "see_plates",
+    "size_concerns",
     "variance_ratios",
     "verdict_of",
 ]

@@ -11,7 +11,7 @@ import numpy as np
 from core.geometry import pair_of, perturbed, project, ray_directions
 from core.model import Array, DeviceSpec, Interior, Pair, PhotogrammetricCalibration, TargetSet, Testfield
 
-START = 50.0  # focal lengths: where the search for a point on a ray begins
+STARTS = 12.5 * 2.0 ** np.arange(9)  # focal lengths: from the best of these the search for a point on a ray begins
 STEPS = 25
 LEAST = 4  # targets that make a plate
 LEAST_EPIPOLAR = 6
@@ -122,10 +122,12 @@ def intersect_targets(calibration: Pair, uv: Array, lines: Array, sigma: Array) 
     spec, interior = calibration.camera.spec, calibration.camera.interior
     rays = ray_directions(spec, interior, uv)
     other = calibration.projector.spec, calibration.projector.interior
-    depth = np.full(len(rays), START * spec.nominal_c_mm)
     weight = 1.0 / np.maximum(sigma, 1e-4) ** 2
     weight = np.asarray(np.where(np.isfinite(lines) & np.isfinite(weight), weight, 0.0))
     seen = np.where(weight > 0, lines, 0.0)
+    starts = STARTS[:, None] * np.full(len(rays), spec.nominal_c_mm)
+    off = [np.sum(weight * (seen - _along(calibration, other, rays, start)[0]) ** 2, axis=1) for start in starts]
+    depth = starts[np.argmin(np.nan_to_num(off, nan=np.inf), axis=0), np.arange(len(rays))]
     for _ in range(STEPS):
         at, slope = _along(calibration, other, rays, depth)
         rest = np.where(weight > 0, seen - at, 0.0)

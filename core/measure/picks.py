@@ -122,7 +122,11 @@ def snap(board: Board, picks: Picks, blobs: Blobs) -> tuple[NDArray[np.int64], t
         if best < 0 or not np.isfinite(score[best]):
             seen = f"{picks.name(board, k)} has no dot of the expected size within {reach:.0f} px"
             if notes or len(picks.target) <= FEWEST:
-                raise NotRecognisedError(picks.where, seen, "pick the middle of a dot, or correct its row and column")
+                raise NotRecognisedError(
+                    picks.where,
+                    seen,
+                    "pick the middle of a dot, or correct its row, column or the board's polarity",
+                )
             notes.append(f"{seen}: not used, the other picks tell")
             chosen.append(-1)
             continue

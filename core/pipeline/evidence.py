@@ -95,7 +95,7 @@ class Evidence:
 
     def said(self, method: Method) -> list[Concern]:
         """What the captures of a method say of themselves, and those of which nothing was measured."""
-        from core.checks import Concern
+        from core.checks import Concern, size_concerns
 
         empty = [
             Concern("doubtful", f"{t.capture}: none of its targets was measured: {t.missing[0].reason}")
@@ -103,7 +103,8 @@ class Evidence:
             if not len(t.row) and t.missing
         ]
         own = {c.name: self.kept[c.name].notes for c in self.used[method] if c.name in self.kept}
-        return [*noted(own), *empty]
+        sizes = size_concerns(self.targets(method), {c.name: c.testfield for c in self.used[method]})
+        return [*noted(own), *empty, *sizes]
 
     def left_out(self, method: Method, rejected: Mapping[str, tuple[int, int]] | None = None) -> tuple[LeftOut, ...]:
         """List targets and captures without a part in a method's result; `rejected` is by station, of how many."""

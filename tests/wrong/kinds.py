@@ -194,6 +194,14 @@ def swapped(i: int, k: int) -> Callable[[list[Any]], list[Any]]:
     return change
 
 
+def polarity(folder: Path) -> None:
+    """White dots called black, or the other way round."""
+    path = folder / "testfield.csv"
+    white, black = "white-on-black", "black-on-white"
+    text = path.read_text()
+    path.write_text(text.replace(white, black) if white in text else text.replace(black, white))
+
+
 def exchange_picks(folder: Path) -> None:
     a, b = (folder / "captures" / name / "picks.json" for name in ("testfield-01", "testfield-02"))
     first, second = a.read_bytes(), b.read_bytes()
@@ -320,6 +328,9 @@ KINDS: dict[str, tuple[Change, str]] = {
     "both boards x1.05": (both(all_times("testfield.csv", 1.05), all_times("plate.csv", 1.05)), "known lengths"),
     "both boards in cm": (both(all_times("testfield.csv", 0.1), all_times("plate.csv", 0.1)), "known lengths.*cm"),
     "rows and columns of the board exchanged": (exchanged("testfield.csv", "row", "col"), "testfield|mirror|pick"),
+    "testfield's diameters are radii": (times("testfield.csv", diameter_mm=0.5), "diameter_mm.*radius"),
+    "testfield's diameters x1.5": (times("testfield.csv", diameter_mm=1.5), "diameter_mm"),
+    "testfield's polarity reversed": (polarity, "polarity"),
     "a wrong board's file": (captures("testfield", lambda d: d.update(testfield="plate.csv")), "plate.csv|pick"),
     "one capture names the other board": (
         captures("testfield-03", lambda d: d.update(testfield="plate.csv")),

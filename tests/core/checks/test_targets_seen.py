@@ -1,0 +1,52 @@
+"""What targets show by themselves: where a pair of devices sees them, and how large."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.checks.plates import intersect_targets
+from core.checks.sizes import size_concerns
+from core.geometry import Pose, calibration_of_pair, matrix_from_axis_angle, pair_of, project
+from core.model import AdjustedDevice, DeviceSpec, Interior, TargetSet, Testfield
+
+
+def test_targets_far_away_in_focal_lengths_are_found_on_the_board_that_they_were_projected_from() -> None:
+    """A camera of 2.65 mm with pixels of 4 µm; the projector's polynomial turns round far outside."""
+    specs = DeviceSpec(300, 300, (0.004076, 0.004076), 2.6346), DeviceSpec(240, 200, (0.19113, 0.19113), 62.12)
+    interiors = (
+        Interior(2.647, -0.008, -0.0208, (0.048, 0, 0, 0, 0, 0)),
+        Interior(63.604, 0.513, 0.085, (1.8e-6, -1.15e-8, 0, 0, 0, 0), 19.9),
+    )
+    devices = [AdjustedDevice(s, i, np.zeros(9), (0.1, 0.1), 9) for s, i in zip(specs, interiors, strict=True)]
+    pose = Pose(matrix_from_axis_angle([0.174, 0.2057, 0.0], np.deg2rad(15.64)), np.array([130.27, -110.22, -23.42]))
+    pair = pair_of(calibration_of_pair(*devices, pose, np.zeros((24, 24))))
+    x, y = np.meshgrid(np.linspace(-119, 119, 7), np.linspace(-80, 80, 5))
+    for depth in (-684.0, -658.5, -633.3, -607.9):
+        points = np.stack([x.ravel(), y.ravel(), np.full(x.size, depth)], axis=1)
+        uv, lines = project(specs[0], interiors[0], points), project(specs[1], interiors[1], points, pose)
+        found, off, _ = intersect_targets(pair, uv, lines, np.full(lines.shape, 0.007))
+        np.testing.assert_allclose(found, points, atol=1e-4)
+        assert np.abs(off).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("given", "told"), [(10.0, None), (8.5, None), (5.0, "2.00 times.*radius"), (15.0, "0.67 times")]
+)
+def test_diameters_that_the_dots_do_not_have_are_told(given: float, told: str | None) -> None:
+    """A board tilted by 40 degrees and rolled: dots of 10 mm, whose images have the area that the view gives them."""
+    r, c = (a.ravel() for a in np.mgrid[:6, :8])
+    board = Testfield(r, c, np.stack([20.0 * c, -20.0 * r, 0.0 * r], axis=1), np.full(len(r), given))
+    J = np.array([[1.2, 0.3], [-0.3, 1.2]]) @ np.diag([np.cos(np.deg2rad(40)), 1.0])
+    uv, n = board.xyz_mm[:, :2] @ J.T + 200, len(r)
+    diameter = np.full(n, 10.0 * np.sqrt(np.linalg.det(J)))
+    nothing = np.zeros((n, 2, 2)), np.full((n, 2), np.nan), np.full((n, 2), np.nan), np.zeros((n, 2))
+    t = TargetSet("testfield-01", r, c, uv, *nothing, diameter)
+    both = [t, replace(t, capture="testfield-02")]
+    concerns = size_concerns(both, {"testfield-01": board, "testfield-02": board})
+    assert len(concerns) == (told is not None)
+    if told is not None:
+        assert re.match(f"testfield-01 and 1 more: .*{told}", concerns[0].text)
