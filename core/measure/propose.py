@@ -75,7 +75,7 @@ def find_dots(image: NDArray, *, dark: bool) -> Order:
     blobs = bright_spots(-grey if dark else grey)
     use = _alike(blobs, LEAST * _factor(grey))
     uv = blobs.uv[use]
-    cell, which = _in_order(uv)
+    cell, which = _in_order(uv @ _rounded(blobs.cov_px2[use]))
     return Order(cell, uv[which], blobs.area_px[use][which])
 
 
@@ -170,6 +170,14 @@ def _alike(blobs: Blobs, least: float) -> Ints:
     bright = whole & (blobs.contrast > 0.25 * np.percentile(blobs.contrast[whole], 90))
     usual = float(np.median(blobs.area_px[bright]))
     return np.flatnonzero(bright & (blobs.area_px > usual / 3) & (blobs.area_px < 3 * usual))
+
+
+def _rounded(cov: Array) -> Array:
+    """The map (2, 2) of the image that makes spots with these moments round: a tilted lattice is upright again."""
+    if not len(cov):
+        return np.eye(2)
+    values, vectors = np.linalg.eigh(cov.mean(axis=0))
+    return np.asarray(vectors / np.sqrt(values) @ vectors.T)
 
 
 def _in_order(uv: Array) -> tuple[Ints, Ints]:

@@ -1,7 +1,8 @@
 """Chessboards: the targets are the corners where four squares meet, `diameter_mm` is the side of a square.
 
-A chessboard is recognised where all its corners are seen, and looks the same half a turn round. Rows and columns count
-the corners as OpenCV does. How corners are found outwards from picks and measured is the same for boards of tags.
+A chessboard is recognised where corners of all its rows and columns are seen, and looks the same half a turn round.
+Rows and columns count the corners as OpenCV does. How corners are found outwards from picks and measured is the same
+for boards of tags.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import NotRecognisedError
-from core.measure.board import Board
+from core.measure.board import Board, board_from_testfield
 from core.measure.corners import fit_corners
 from core.measure.kinds.kind import Guesses, Marks, Patch, Sight, TargetKind
 from core.measure.missing import EXCLUDED
@@ -30,6 +31,9 @@ REACH = 2.3  # squares from measured corners at which the next ones are looked f
 OFF = 0.25  # squares that a corner may be off its prediction
 ASIDE = 0.5  # radii from a corner along both its edges, where the squares are looked at
 LEAST_CONTRAST = 5.0  # of the noise
+APART = 0.3  # of the mean difference between dark and bright quadrants: where one alone differs, noise is left of it
+FAINT = 0.25  # of the usual contrast: light may fall to a third
+LEAST_OF_LINE = 2  # corners that make the outermost row or column of a board seen in part
 SMEARED = 1.5  # blur over the usual one from which something else lies across an edge
 LEAST_RADIUS_PX, MOST_RADIUS_PX = 2.6, 10.0
 
@@ -59,30 +63,72 @@ def eight_bits(image: NDArray) -> NDArray[np.uint8]:
 def _guess_plain(
     image: NDArray, testfield: Testfield, camera: DeviceSpec, known: Sequence[Seed], side: str
 ) -> tuple[Array, Guesses]:
-    """Look for the whole board; either way round, as the nominal side allows."""
+    """Look for the whole board, or for a part that reaches to all its sides; either way round, as the side allows."""
     rows, cols = int(testfield.row.max()) + 1, int(testfield.col.max()) + 1
     grey = eight_bits(image)
     found, corners = cv2.findChessboardCornersSB(grey, (cols, rows), flags=cv2.CALIB_CB_EXHAUSTIVE)
-    if not found or len(testfield.row) != rows * cols:
+    uv = corners.reshape(rows, cols, 2).astype(np.float64) if found else _seen_in_part(image, grey, camera, rows, cols)
+    if uv is None or len(testfield.row) != rows * cols:
         return np.zeros((0, 2)), ()
-    uv = corners.reshape(rows, cols, 2).astype(np.float64)
     row, col = np.mgrid[0:rows, 0:cols]
     ways = [(row, col), (row[::-1, ::-1], col[::-1, ::-1]), (row, col[:, ::-1]), (row[::-1], col)]
     if rows == cols:
         ways += [(c, r) for r, c in ways]
-    ends = [(0, 0), (0, cols - 1), (rows - 1, cols - 1), (rows - 1, 0)]
+    at = np.isfinite(uv[..., 0])
+    ends = [tuple(np.argwhere(at)[np.argmax(np.argwhere(at) @ way)]) for way in _WAYS]
     guesses = [tuple(Seed(int(r[e]), int(c[e]), float(uv[e][0]), float(uv[e][1])) for e in ends) for r, c in ways]
     usual = [_first_dark(grey, uv, r, c) for r, c in ways]
     possible = [k for k, g in enumerate(guesses) if testfield.side_seen(g) == side]
-    return uv.reshape(-1, 2), tuple(guesses[k] for k in [k for k in possible if usual[k]] or possible)
+    return uv[at], tuple(guesses[k] for k in [k for k in possible if usual[k]] or possible)
+
+
+_WAYS = np.array([(-1.0, -1.01), (-1.0, 1.01), (1.0, 1.01), (1.0, -1.01)])
+
+
+def _seen_in_part(image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, rows: int, cols: int) -> Array | None:
+    """Corners (rows, cols, 2), NaN where none is seen; None unless corners of all rows and all columns are."""
+    found, corners, block = cv2.findChessboardCornersSBWithMeta(
+        grey, (3, 3), cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
+    )
+    if not found:
+        return None
+    high, wide = block.shape
+    first = max(rows, cols) - 1  # the block may be any part of the board, either way round
+    row, col = (x.ravel() for x in np.mgrid[0 : high + 2 * first, 0 : wide + 2 * first])
+    xyz = np.column_stack([col, -row, 0 * row]).astype(np.float64)
+    around = board_from_testfield(Testfield(row, col, xyz, np.ones(len(row)), kind="chessboard"))
+    start = np.flatnonzero((row >= first) & (row < first + high) & (col >= first) & (col < first + wide))
+    start_uv = corners.reshape(-1, 2).astype(np.float64)
+    view = first_view(camera, xyz[start], start_uv)
+    if view is None:
+        return None
+    arms = np.full((len(row), 2), PLAIN)
+    uv, view = _outwards(grey, around, view, start, start_uv, arms, single=False)
+    seen = np.flatnonzero(np.isfinite(uv[:, 0]))
+    if len(seen) < 4:
+        return None
+    fit = fit_corners(np.asarray(image, np.float32), uv[seen], _area(view, xyz[seen], arms[seen]))
+    contrast = np.where((row + col)[seen] % 2 == 0, fit.contrast, -fit.contrast)  # squares are dark in turn
+    usual = float(np.nanmedian(contrast[np.isin(seen, start)]))  # beyond the board, noise looks like corners
+    with np.errstate(invalid="ignore"):
+        seen = seen[contrast / usual > FAINT]
+    uv = np.where(np.isin(np.arange(len(row)), seen)[:, None], uv, np.nan).reshape(high + 2 * first, -1, 2)
+    there = [np.flatnonzero(np.isfinite(uv[..., 0]).sum(axis=axis) >= LEAST_OF_LINE) for axis in (1, 0)]
+    if not all(len(lines) for lines in there):
+        return None
+    (top, foot), (left, right) = ((int(lines[0]), int(lines[-1]) + 1) for lines in there)
+    uv = uv[top:foot, left:right]
+    uv = uv if uv.shape[:2] == (rows, cols) else uv.swapaxes(0, 1)
+    return uv if uv.shape[:2] == (rows, cols) else None
 
 
 def _first_dark(grey: NDArray[np.uint8], uv: Array, row: NDArray[np.int64], col: NDArray[np.int64]) -> bool:
     """Whether the square beside the first corner is dark, as boards are usually printed."""
     middle = (uv[1:, 1:] + uv[:-1, :-1] + uv[1:, :-1] + uv[:-1, 1:]) / 4
-    u, v = np.rint(middle).astype(int).reshape(-1, 2).T
+    whole = np.isfinite(middle[..., 0])
+    u, v = np.rint(middle[whole]).astype(int).T
     first = np.minimum(row[1:, 1:], row[:-1, :-1]) + np.minimum(col[1:, 1:], col[:-1, :-1])
-    even = (first % 2 == 0).ravel()
+    even = first[whole] % 2 == 0
     value = grey[v, u].astype(float)
     return bool(value[even].mean() < value[~even].mean())
 
@@ -103,9 +149,7 @@ def measure_corners(kind: CornerShape, sight: Sight, seeds: Sequence[Seed]) -> M
     if len(known) < 4:
         seen = f"{len(known)} corners where the picks predict them"
         raise NotRecognisedError(sight.where, seen, "pick corners where four squares meet")
-    area = view.jacobian(board.xyz_mm[known]) * arms[known, None, :]
-    U, radii_px, Vt = np.linalg.svd(area)
-    area = (U * np.clip(radii_px, LEAST_RADIUS_PX, MOST_RADIUS_PX)[:, None, :]) @ Vt
+    area = _area(view, board.xyz_mm[known], arms[known])
     fit = fit_corners(sight.image, uv[known], area, kind.single)
     missing = _missing(sight, view, np.setdiff1d(np.arange(len(board.row)), known))
     with np.errstate(invalid="ignore"):
@@ -121,6 +165,12 @@ def measure_corners(kind: CornerShape, sight: Sight, seeds: Sequence[Seed]) -> M
         known[good], fit.uv[good], fit.cov[good], area[good], one, fit.blur[good], 0 * fit.uv[good],
         missing | dict.fromkeys(sorted(sight.unwanted), EXCLUDED),
     )  # fmt: skip
+
+
+def _area(view: View, xyz_mm: Array, arms: Array) -> Array:
+    """The pixels that count for corners (n, 3) with arms (n, 2) mm along both edges, as `fit_corners` takes them."""
+    U, radii_px, Vt = np.linalg.svd(view.jacobian(xyz_mm) * arms[:, None, :])
+    return np.asarray((U * np.clip(radii_px, LEAST_RADIUS_PX, MOST_RADIUS_PX)[:, None, :]) @ Vt)
 
 
 def _outwards(
@@ -148,7 +198,9 @@ def _outwards(
         expected, axes = view.project(board.xyz_mm), view.jacobian(board.xyz_mm)
         gap = np.linalg.norm(board.xyz_mm[:, None] - board.xyz_mm[known][None], axis=2)
         expected += (known_uv - expected[known])[gap.argmin(axis=1)]
-        square = 2 * board.radius_mm * np.linalg.svd(axes, compute_uv=False)[:, 1]
+        square = (
+            2 * board.radius_mm * np.linalg.svd(np.nan_to_num(axes), compute_uv=False)[:, 1]
+        )  # 0 beyond the horizon
         with np.errstate(invalid="ignore"):
             inside = np.all((expected > 3) & (expected < np.array([width, height]) - 4), axis=1)
         tried = np.flatnonzero(reached & inside & (square > 4))
@@ -191,7 +243,8 @@ def is_corner(grey: NDArray[np.uint8], uv: Array, arms: Array, single: bool = Fa
     a, b, c, d = values
     if single:
         return np.asarray(a < np.minimum(np.minimum(b, c), d))
-    return np.asarray((np.minimum(a, c) > np.maximum(b, d)) | (np.minimum(b, d) > np.maximum(a, c)))
+    apart = np.maximum(np.minimum(a, c) - np.maximum(b, d), np.minimum(b, d) - np.maximum(a, c))
+    return np.asarray(apart > APART * np.abs(a + c - b - d) / 2)
 
 
 def _inwards(board: Board) -> Array:
