@@ -15,6 +15,7 @@ from core.decode.tables import NOTHING, PHASES, AxisTable, Limits, Singles
 LIT = 12.0  # standard deviations of a grey value that the frames of a lit pixel differ by: noise alone reaches 6
 NOWHERE = 0.005  # part of the image: less light is none
 PROMISED = 0.5  # part of the lit pixels that should decode
+UNSATURATED = 0.25  # part of a frame that tells its noise
 LEAST = 0.3  # grey values, noise of quantisation
 APART = 3.0  # times the noise of one frame that what should agree must differ by to be no noise
 MIXED = (
@@ -65,7 +66,7 @@ def notes_on(
     lit = contrast > LIT * noise
     if lit.mean() > NOWHERE and missing[lit].mean() <= 1 - PROMISED:
         return ()
-    grain = _grain(images)  # what was taken for noise may be none
+    grain = _grain(images, float(limits.saturation))  # what was taken for noise may be none
     lit = contrast > LIT * grain
     if lit.mean() < NOWHERE:
         level = f"their frames differ by {np.median(contrast):.0f} grey values in the median"
@@ -74,16 +75,23 @@ def notes_on(
     seen, lost = flags[lit], missing[lit]
     if lost.mean() <= 1 - PROMISED:
         return ()
+    clipped = (sample.max(axis=0)[lit] >= limits.saturation) & (seen & np.uint8(ORDER) != 0)
+    seen = np.where(clipped, np.uint8(Flag.SATURATED), seen)
     head = f"Only {1 - lost.mean():.0%} of the pixels that the projector lights decode"
     first, *others = _causes(seen[lost], len(seen), limits, grain, tables, refused > HALF) or [""]
     return (f"{head}: {first}" if first else f"{head}.", *(f"{text[0].upper()}{text[1:]}" for text in others))
 
 
-def _grain(images: Sequence[Image]) -> float:
-    """Standard deviation of a grey value, from the smoothest frame alone."""
+def _grain(images: Sequence[Image], full: float) -> float:
+    """Standard deviation of a grey value, from the smoothest frame alone; of what is saturated it would be none."""
     rows = slice(len(images[0]) // 32, None, max(1, len(images[0]) // 16))
-    median = min(float(np.median(np.square(spatial_residual(image[rows].astype(np.float32))[0]))) for image in images)
-    return max(float(np.sqrt(median / MEDIAN_OF_SQUARE)), LEAST)
+    squares = []
+    for image in images:
+        residual, _ = spatial_residual(image[rows].astype(np.float32))
+        below = image[rows, 1:-1] < full
+        if below.mean() > UNSATURATED:
+            squares.append(float(np.median(np.square(residual[below]))))
+    return max(float(np.sqrt(min(squares, default=0.0) / MEDIAN_OF_SQUARE)), LEAST)
 
 
 def _causes(

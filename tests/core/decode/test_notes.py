@@ -34,6 +34,14 @@ def test_overexposure(bench) -> None:
     assert "shorter" in note
 
 
+def test_overexposure_accuses_no_frames(bench) -> None:
+    """White is saturated all over: it shows no noise, and bits contradict phases that are cut off."""
+    seen = np.where(np.arange(1000) < 700, np.linspace(200, 420, 1000), 0.0)[None, :]
+    note = noted(bench, gain=seen, ambient=60.0)
+    assert "full scale (255)" in note
+    assert "Take the capture again" not in note
+
+
 @pytest.mark.parametrize("change", [lambda images: images[::-1], lambda images: [*images[3:], *images[:3]]])
 def test_frames_in_the_wrong_place(bench, change) -> None:
     note = noted(bench, change)
