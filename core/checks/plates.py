@@ -11,7 +11,7 @@ import numpy as np
 from core.geometry import pair_of, perturbed, project, ray_directions
 from core.model import Array, DeviceSpec, Interior, Pair, PhotogrammetricCalibration, TargetSet, Testfield
 
-STARTS = 12.5 * 2.0 ** np.arange(9)  # focal lengths: from the best of these the search for a point on a ray begins
+START = 50.0  # focal lengths: where the search for a point on a ray begins
 STEPS = 25
 LEAST = 4  # targets that make a plate
 LEAST_EPIPOLAR = 6
@@ -125,18 +125,18 @@ def intersect_targets(calibration: Pair, uv: Array, lines: Array, sigma: Array) 
     weight = 1.0 / np.maximum(sigma, 1e-4) ** 2
     weight = np.asarray(np.where(np.isfinite(lines) & np.isfinite(weight), weight, 0.0))
     seen = np.where(weight > 0, lines, 0.0)
-    starts = STARTS[:, None] * np.full(len(rays), spec.nominal_c_mm)
-    off = [np.sum(weight * (seen - _along(calibration, other, rays, start)[0]) ** 2, axis=1) for start in starts]
-    depth = starts[np.argmin(np.nan_to_num(off, nan=np.inf), axis=0), np.arange(len(rays))]
-    for _ in range(STEPS):
-        at, slope = _along(calibration, other, rays, depth)
-        rest = np.where(weight > 0, seen - at, 0.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.sum(weight * slope * rest, axis=1) / np.sum(weight * slope**2, axis=1)
-        step = np.clip(np.where(np.isfinite(step), step, 0.0), -0.3 * depth, 0.5 * depth)
-        depth = depth + step
-        if np.all(np.abs(step) < 1e-7 * depth):
-            break
+    depth = np.full(len(rays), START * spec.nominal_c_mm)
+    # first as if the lens were perfect: far outside of the image its polynomial turns round and fits a second time
+    for device in ((other[0], Interior(other[1].c_mm, other[1].x0_mm, other[1].y0_mm)), other):
+        for _ in range(STEPS):
+            at, slope = _along(calibration, device, rays, depth)
+            rest = np.where(weight > 0, seen - at, 0.0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = np.sum(weight * slope * rest, axis=1) / np.sum(weight * slope**2, axis=1)
+            step = np.clip(np.where(np.isfinite(step), step, 0.0), -0.3 * depth, 0.5 * depth)
+            depth = depth + step
+            if np.all(np.abs(step) < 1e-7 * depth):
+                break
     at, slope = _along(calibration, other, rays, depth)
     valid = np.asarray((weight > 0).any(axis=1) & np.isfinite(at).all(axis=1))
     both = np.asarray((weight > 0).all(axis=1) & valid)
