@@ -36,7 +36,7 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
         seen = np.flatnonzero(A.any(axis=(0, 1)))
         A = A[:, :, seen]
         # where residuals say that sigmas are smaller than given, what is shared is smaller, too
-        weight = np.minimum(weight, 1 / solved.network.observation_sigma[rows].reshape(-1, 4))
+        weight = np.fmin(weight, 1 / solved.network.observation_sigma[rows].reshape(-1, 4))
         cov = np.nan_to_num(t.cov) * weight[:, :, None] * weight[:, None, :]
         cov[:, range(4), range(4)] = 0.0
         part = A.reshape(-1, len(seen)).T @ (cov @ A).reshape(-1, len(seen))
