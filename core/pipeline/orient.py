@@ -48,6 +48,7 @@ def orient_capture(
     camera: str = "",
     projector: str = "",
     correct: bool = False,
+    keep: bool = True,
     significance: float = 1e-3,
     lengths: Sequence[KnownLength] = (),
     points: Path | Literal["testfield"] | None = None,
@@ -63,6 +64,8 @@ def orient_capture(
         Which pair, where the capture holds frames of several.
     correct : bool
         Keep the corrected orientation, for `reconstruct_capture(..., orient=True)`. The calibration stays as it is.
+    keep : bool
+        Keep what was found for the control chart, which the report shows.
     significance : float
         Share of captures of an unmoved rig that may be called moved.
     lengths : sequence of KnownLength
@@ -94,7 +97,8 @@ def orient_capture(
         progress=progress.part(0.3, 1.0),
     )
     pair = pair_for(capture, calibration)
-    _keep(project, capture, pair, motion)
+    if keep:
+        _keep(project, capture, pair, motion)
     if correct:
         save_archive(_corrected(project, capture), (motion, _signature(pair)))
     return motion

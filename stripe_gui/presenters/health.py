@@ -21,10 +21,15 @@ class Health:
 
 
 def health_of(project: Project, capture: Capture, progress: Progress = SILENT) -> Health:
-    """Look whether projector and camera stand as they were calibrated, by the frames of one camera and projector."""
+    """Look whether projector and camera stand as they were calibrated, by the frames of one camera and projector.
+
+    Nothing is kept: whoever looks at a capture changes no report.
+    """
     camera, projector = capture.camera, capture.projector
     try:
-        motion = orient_capture(project, capture.name, camera=camera, projector=projector, progress=progress)
+        motion = orient_capture(
+            project, capture.name, camera=camera, projector=projector, keep=False, progress=progress
+        )
     except InputError as error:
         return Health("info", sentence(error.seen))
     first, *more = map(sentence, motion_words(motion))
