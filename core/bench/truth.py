@@ -98,8 +98,8 @@ def true_targets(
     return TrueTargets(t.row, t.col, t.xyz_mm, camera_uv, projector_uv, whole, some & ~whole)
 
 
-def operator_picks(targets: TrueTargets, rng: np.random.Generator, sigma_px: float = 1.5) -> tuple[Seed, ...]:
-    """Click on the four visible targets nearest to the corners of the visible part, each with a click error."""
+def operator_picks(targets: TrueTargets, rng: np.random.Generator) -> tuple[Seed, ...]:
+    """Click on the four visible targets nearest to the corners of the visible part, each 1.5 px (1 sigma) beside it."""
     seen = np.flatnonzero(targets.visible)
     if seen.size < 4:
         raise ValueError(f"{seen.size} targets are visible: four are needed for picking")
@@ -108,7 +108,7 @@ def operator_picks(targets: TrueTargets, rng: np.random.Generator, sigma_px: flo
     for down, right in ((-1, -1), (-1, 1), (1, 1), (1, -1)):
         order = seen[np.argsort(-(down * (r - r.mean()) + right * (c - c.mean())), kind="stable")]
         chosen.append(next(int(n) for n in order if n not in chosen))
-    clicks = targets.camera_uv[chosen] + rng.normal(size=(4, 2)) * sigma_px
+    clicks = targets.camera_uv[chosen] + rng.normal(size=(4, 2)) * 1.5
     return tuple(
         Seed(int(targets.row[n]), int(targets.col[n]), round(float(u), 1), round(float(v), 1))
         for n, (u, v) in zip(chosen, clicks, strict=True)

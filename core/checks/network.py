@@ -6,7 +6,7 @@ they came.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -152,12 +152,13 @@ def _rejected(rejected: Mapping[str, tuple[int, int]]) -> list[Concern]:
     return concerns
 
 
-def nominal_concerns(devices: Mapping[str, AdjustedDevice], *, kinds: Mapping[str, str] | None = None) -> list[Concern]:
-    """Hold adjusted interior orientations against what project.json says of the devices."""
+def nominal_concerns(devices: Mapping[str, AdjustedDevice], cameras: Collection[str] = ("camera",)) -> list[Concern]:
+    """Hold adjusted interior orientations against what project.json says of the devices; `cameras` are their names."""
     concerns = []
     for name, device in devices.items():
-        kind = (kinds or {}).get(name, name)
-        concerns += [*_focal(name, device), *_square(name, device), *_centre(name, device, kind)]
+        concerns += [*_focal(name, device), *_square(name, device)]
+        if name in cameras:  # projectors are often shifted on purpose
+            concerns += _centre(name, device)
     return concerns
 
 
@@ -193,8 +194,8 @@ def _square(name: str, device: AdjustedDevice) -> list[Concern]:
     return [Concern("failed" if abs(a3) > AFFINITY_FAILED else "doubtful", text)]
 
 
-def _centre(name: str, device: AdjustedDevice, kind: str) -> list[Concern]:
-    if kind != "camera" or not np.all(device.sigma[1:3] > 0):  # projectors are often shifted on purpose
+def _centre(name: str, device: AdjustedDevice) -> list[Concern]:
+    if not np.all(device.sigma[1:3] > 0):
         return []
     half = np.array([device.spec.width * device.spec.pitch_mm[0], device.spec.height * device.spec.pitch_mm[1]]) / 2
     offset = np.abs(device.interior.vector[1:3]) - 3.3 * device.sigma[1:3]

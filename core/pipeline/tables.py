@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,34 +87,24 @@ def read_profiles(
 
 
 def export_profiles(
-    project: Project,
-    evaluations: Sequence[PlaneEvaluation],
-    out: Path,
-    line: Line | None = None,
-    captures: Collection[str] | None = None,
-    progress: Progress = SILENT,
+    project: Project, evaluations: Sequence[PlaneEvaluation], out: Path, line: Line | None = None
 ) -> list[Path]:
-    """Write ``profile-CAPTURE.csv`` of every plane, or of those named, along one line; give the files."""
+    """Write ``profile-CAPTURE.csv`` of every plane along one line; give the files."""
     files = []
-    for capture in progress.over([c for c in planes_of(evaluations) if captures is None or c in captures], "{0}"):
+    for capture in planes_of(evaluations):
         files.append(out / f"profile-{capture}.csv")
         write_profile_csv(files[-1], read_profiles(project, evaluations, capture, line))
     return files
 
 
 def export_deviations(
-    project: Project,
-    evaluations: Sequence[PlaneEvaluation],
-    out: Path,
-    captures: Collection[str] | None = None,
-    progress: Progress = SILENT,
+    project: Project, evaluations: Sequence[PlaneEvaluation], out: Path, progress: Progress = SILENT
 ) -> list[Path]:
-    """Write ``deviations-CAPTURE-METHOD.csv``, every pixel of every plane, or of those named; give the files."""
-    chosen = [e for e in evaluations if captures is None or e.capture in captures]
+    """Write ``deviations-CAPTURE-METHOD.csv``, every pixel of every plane; give the files."""
     files = []
-    for i, evaluation in enumerate(chosen):
+    for i, evaluation in enumerate(evaluations):
         files.append(out / f"deviations-{evaluation.capture}-{evaluation.method}.csv")
-        part = progress.part(i / len(chosen), (i + 1) / len(chosen))
+        part = progress.part(i / len(evaluations), (i + 1) / len(evaluations))
         write_deviations_csv(files[-1], evaluation, project.camera, part)
     return files
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -16,7 +17,7 @@ from core.errors import InputError
 from core.geometry import pair_of
 from core.geometry import project as project_points
 from core.model import PhotogrammetricCalibration, Project
-from core.pipeline import load_calibrations, reconstruct_capture, seen_by_several, simulate_project
+from core.pipeline import calibrate_project, load_calibrations, reconstruct_capture, seen_by_several, simulate_project
 from core.pipeline.decode import decode_capture
 from core.pipeline.exchange import export_calibration
 from core.pipeline.measure import kept_targets
@@ -64,6 +65,15 @@ def test_both_cameras_stand_where_the_bench_put_them(project: Project) -> None:
         sigma = np.sqrt(np.diagonal(pair.covariance)[-3:])
         error = pair.projector_from_camera.translation_mm - true.translation_mm
         assert np.abs(error / sigma).max() < 1.4 * 4.5, name
+
+
+def test_every_camera_is_held_against_the_centre_of_its_image(
+    project: Project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("core.checks.network.OFF_CENTRE", -1.0)  # all are beyond that
+    copy = read_project(shutil.copytree(project.path, tmp_path / "copy"))
+    because = calibrate_project(copy)["photogrammetric"].verdict.because
+    assert [words.partition(":")[0] for words in because if "principal point" in words] == ["left", "right"]
 
 
 def test_planes_are_judged_by_each_camera(project: Project) -> None:

@@ -109,7 +109,7 @@ def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibratio
         *adjustment_concerns(adjustment, rejected),
         *warned(calibration.warnings),
         *(c for c in evidence.lengths if not evidence.of_plate(c)),
-        *nominal_concerns(calibration.devices),
+        *nominal_concerns(calibration.devices, evidence.project.rig.cameras),
     ]
     if evidence.options.hold and any(c.state == "failed" for c in concerns):
         concerns.insert(0, _held(evidence.options.hold))

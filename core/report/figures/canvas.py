@@ -122,12 +122,12 @@ def _settle(figure: Figure) -> None:
         figure.set_layout_engine("none")
 
 
-def svg_text(drawing: Drawing, dpi: int = 200) -> str:
-    """Give the drawing as an SVG element to stand in a page, its colours as CSS variables; images have `dpi`."""
+def svg_text(drawing: Drawing) -> str:
+    """Give the drawing as an SVG element to stand in a page, its colours as CSS variables; images have 200 dpi."""
     out = StringIO()
     with drawing_style():
         _settle(drawing.figure)
-        drawing.figure.set_dpi(dpi)
+        drawing.figure.set_dpi(200)
         FigureCanvasSVG(drawing.figure).print_svg(out, metadata={"Date": None, "Creator": None})
     text = out.getvalue()
     text = text[text.index("<svg") :]
