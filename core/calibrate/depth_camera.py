@@ -21,10 +21,12 @@ import numpy as np
 from core.errors import AdjustmentError
 from core.geometry import (
     Pose,
+    cross_matrix,
     lens_of,
     matrix_from_rotation_vector,
     nominal,
     project,
+    project_with_derivatives,
     ray_directions,
     rotation_vector_from_matrix,
 )
@@ -196,6 +198,19 @@ def _unpack(spec: DeviceSpec, parameters: Array) -> tuple[Interior, Pose, Array]
     return interior, Pose(matrix_from_rotation_vector(turn), shift), _axis(axis, float(sign[0]))
 
 
+def _derivatives(spec: DeviceSpec, parameters: Array, places: Array, z: Array) -> Array:
+    """Change (n, 2, k + 8) of the image of places (n, 3), the plate at z (n,), with the parameters but the sign."""
+    interior, pose, axis = _unpack(spec, parameters)
+    found = project_with_derivatives(spec, interior, places + z[:, None] * axis, pose)
+    K, angle = cross_matrix(parameters[-OUTER:-6]), float(np.linalg.norm(parameters[-OUTER:-6]))
+    # a change of the rotation vector turns by its left Jacobian (Solà, arXiv:1812.01537, eq. 145)
+    left = np.eye(3) + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * K
+    left += (1 - np.sinc(angle / np.pi)) / max(angle**2, 1e-12) * (K @ K)
+    by_slopes = axis[2] * (np.eye(3, 2) - np.outer(axis, axis[:2]))
+    by_axis = z[:, None, None] * (found.by_point @ by_slopes)
+    return np.concatenate([found.by_interior, found.by_pose[..., :3] @ left, found.by_pose[..., 3:], by_axis], axis=-1)
+
+
 def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array, known: Known, rounds: int = 3) -> _Solution:
     """Least squares from one start, repeated with the variances that the residuals before it show."""
     from scipy.optimize import least_squares  # takes longer to import than an adjustment that needs none of it
@@ -218,9 +233,15 @@ def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array, known
         observed = _decorrelated(misfit(p), target, own, shared).ravel()
         return np.concatenate([observed, before, p[-2:] * scale[-2:] / AXIS_PRIOR_RAD])
 
+    def jacobian(p: Array, own: float, shared: float) -> Array:
+        by = np.nan_to_num(_derivatives(spec, np.append(p * scale, sign), places, z)).reshape(len(uv), -1)
+        observed = _decorrelated(by, target, own, shared).reshape(2 * len(uv), -1)
+        before = np.eye(k, len(p)), np.eye(2, len(p), len(p) - 2) / AXIS_PRIOR_RAD
+        return np.concatenate([observed, known.root @ before[0], before[1]]) * scale
+
     p, sigmas = start[:-1] / scale, (1.0, 0.0)
     for _ in range(rounds):
-        solution = least_squares(residuals, p, args=sigmas, x_scale=1.0, method="lm", max_nfev=4000)
+        solution = least_squares(residuals, p, jacobian, args=sigmas, x_scale=1.0, method="lm", max_nfev=4000)
         p = solution.x
         sigmas = _sigmas(misfit(p), target)
     covariance = np.linalg.pinv(solution.jac.T @ solution.jac, hermitian=True) * np.outer(scale, scale)
@@ -235,7 +256,10 @@ def _target_means(rest: Array, target: Ints) -> tuple[Array, Array]:
 
 
 def _decorrelated(rest: Array, target: Ints, own: float, shared: float) -> Array:
-    """Residuals (n, 2) with unit variance and no correlation, for the sigmas (px) of each alone and of each target."""
+    """Residuals (n, 2), or changes (n, 2 k) of them, uncorrelated and with unit variance.
+
+    For the sigmas (px) of each alone and of each target.
+    """
     means, count = _target_means(rest, target)
     keep = own / np.sqrt(own**2 + count * shared**2)
     return (rest - ((1 - keep) * means)[target]) / own

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.calibrate.depth_camera import TargetPlane, _decorrelated, _sigmas, orient_camera
+from core.calibrate.depth_camera import TargetPlane, _decorrelated, _derivatives, _sigmas, _unpack, orient_camera
 from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
 from core.model import DepthCalibration, DeviceSpec, Interior
 from core.reconstruct.lookup_sigma import add_orientation
@@ -95,6 +95,23 @@ def _misplaced(seed: int) -> np.ndarray:
     sigmas = add_orientation(calibration, seen.astype(np.float32), np.zeros(u.shape, np.float32))
     assert sigmas is not None
     return ((seen - true) / sigmas)[10:50:15, 10:70:20]
+
+
+@pytest.mark.parametrize(("turn", "sign"), [([0.03, -0.04, 0.02], 1.0), ([0.6, -0.9, 1.1], -1.0), ([0, 0, 0], 1.0)])
+def test_derivatives_are_those_of_the_image(turn: list[float], sign: float) -> None:
+    rng = np.random.default_rng(6)
+    places, z = rng.normal(0, 40, (20, 3)), rng.normal(0, 30, 20)
+    parameters = np.array([*CAMERA.vector, *turn, *POSE.translation_mm, 0.02, -0.03, sign])
+    steps = np.array([1e-3, 1e-3, 1e-3, 1e-7, 1e-9, *[1e-6] * 4, *[1e-6] * 3, *[1e-3] * 3, 1e-5, 1e-5])
+
+    def seen(change: np.ndarray) -> np.ndarray:
+        interior, pose, axis = _unpack(SPEC, parameters + np.append(change, 0.0))
+        return project(SPEC, interior, places + z[:, None] * axis, pose)
+
+    found = _derivatives(SPEC, parameters, places, z) * steps
+    for k, step in enumerate(np.diag(steps)):
+        # central differences of so small steps are right to their square, and to the rounding of 400 px
+        assert found[..., k] == pytest.approx((seen(step) - seen(-step)) / 2, rel=1e-6, abs=1e-9)
 
 
 def _on_plate(uv: np.ndarray, interior: Interior, pose: Pose, axis: np.ndarray) -> np.ndarray:
