@@ -12,8 +12,9 @@ import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext, redirect_stdout, suppress
 from pathlib import Path
+from typing import Any
 
-from core.cli.arguments import Commands, Parser, Version, write_figures
+from core.cli.arguments import Commands, Options, Parser, UnfinishedError, Version, write_figures
 from core.cli.commands import exchange, experiment, many, recording, results, road, sequences, state, watching
 from core.cli.console import Console, Unread
 from core.errors import Cancelled, InputError, StripeError
@@ -41,14 +42,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = parser().parse_args(arguments)
         if options.json not in (None, "-"):
             _check_json(options.json)
-        told = nullcontext() if options.json in (None, "-") else redirect_stdout(Unread(sys.stdout))
-        with _guarded(getattr(options, "out", None)), told:
-            figures = options.run(options, Progress(console.report))
+        with _guarded(getattr(options, "out", None)), _told(options.json):
+            figures, failure = _worked(options, Progress(console.report))
             sys.stdout.flush()
         console.clear()
         if options.json is not None:
             write_figures(options.json, figures or {})
         sys.stdout.flush()
+        if failure is not None:
+            raise failure
         return 0
     except StripeError as error:
         console.clear()
@@ -89,6 +91,21 @@ def _guarded(out: Path | None) -> AbstractContextManager[None]:
     from core.project.made import guarding
 
     return guarding(out)
+
+
+def _worked(options: Options, progress: Progress) -> tuple[dict[str, Any] | None, UnfinishedError | None]:
+    """Run a command: its figures, and its failure where it has both."""
+    try:
+        return options.run(options, progress), None
+    except UnfinishedError as failure:
+        return failure.figures, failure
+
+
+def _told(figures: str | None) -> AbstractContextManager[object]:
+    """Let a command's words stay clear of its figures: where these go to standard output, words go to stderr."""
+    if figures is None:
+        return nullcontext()
+    return redirect_stdout(sys.stderr if figures == "-" else Unread(sys.stdout))
 
 
 def _check_json(target: str) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from core.errors import InputError
+from core.errors import InputError, StripeError
 from core.progress import Progress
 
 if TYPE_CHECKING:
@@ -16,6 +16,14 @@ if TYPE_CHECKING:
 
 Options = argparse.Namespace
 Run = Callable[[Options, Progress], dict[str, Any] | None]  # gives the figures that `--json` writes
+
+
+class UnfinishedError(StripeError):
+    """Work that failed (exit code 1), but has figures that say where."""
+
+    def __init__(self, figures: dict[str, Any], where: object, seen: str, remedy: str) -> None:
+        super().__init__(where, seen, remedy)
+        self.figures = figures
 
 
 class Parser(argparse.ArgumentParser):

@@ -174,6 +174,19 @@ def test_capture_runs_the_virtual_rig_of_the_project(quick: Path, tmp_path: Path
     run("decode", quick / "captures/plane-new", "--out", tmp_path / "phase.npz", tmp_path=tmp_path)
 
 
+def test_figures_on_standard_output_stand_alone(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for command in ("status", "runs", "check"):
+        assert main([command, str(calibrated), "--json", "-"]) == 0
+        told = capsys.readouterr()
+        assert json.loads(told.out)
+        assert told.err  # the words
+
+
+def test_a_project_that_may_only_be_read_is_oriented(calibrated: Path, tmp_path: Path) -> None:
+    (calibrated / "results" / "drift").touch()  # nothing can be kept there
+    assert run("orient", calibrated, "plane+00", tmp_path=tmp_path)["moved"] is False
+
+
 def test_a_reader_that_has_seen_enough_is_no_failure_to_tell(calibrated: Path) -> None:
     command = [sys.executable, "-m", "core", "status", str(calibrated)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

@@ -381,8 +381,8 @@ def test_probe_shows_every_byte_and_what_was_not_understood(own, capsys) -> None
     sent += b"%02X\r" % (sum(b"L001 X FFFF") & 0xFF)
     assert f"> {sent.hex(' ')}   $L001 X FFFF*" in good
     assert "ok: slot = 1" in good
-    assert "NOT UNDERSTOOD" in bad.out
-    assert b"what?".hex(" ") in bad.out
+    assert "NOT UNDERSTOOD" in bad.err
+    assert b"what?".hex(" ") in bad.err
     assert "2 of 2 commands were not understood (load, select)" in bad.err
 
 

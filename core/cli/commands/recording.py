@@ -70,8 +70,7 @@ def _cameras(given: list[str]) -> str | dict[str, str] | None:
 
 
 def _probe(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.cli.arguments import write_figures
-    from core.errors import DeviceError
+    from core.cli.arguments import UnfinishedError
     from core.pipeline import probe_device, probe_light
 
     if options.camera is not None:
@@ -88,10 +87,9 @@ def _probe(options: Options, progress: Progress) -> dict[str, Any]:
         print(f"  {'ok' if exchange.understood else 'NOT UNDERSTOOD'}: {exchange.words}", flush=True)
     figures = {"exchanges": [exchange.as_dict() for exchange in tried]}
     if wrong := [exchange.command for exchange in tried if not exchange.understood]:
-        if options.json is not None:
-            write_figures(options.json, figures)
         seen = f"{len(wrong)} of {len(tried)} commands were not understood ({', '.join(wrong)})"
-        raise DeviceError(options.port, seen, "set the bytes beside the device's manual, and correct the profile")
+        remedy = "set the bytes beside the device's manual, and correct the profile"
+        raise UnfinishedError(figures, options.port, seen, remedy)
     return figures
 
 

@@ -6,7 +6,7 @@ import sys
 from dataclasses import asdict
 from typing import Any
 
-from core.cli.arguments import Commands, Options, write_figures
+from core.cli.arguments import Commands, Options, UnfinishedError
 from core.progress import Progress
 
 
@@ -53,7 +53,6 @@ def _update(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _check(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.errors import StripeError
     from core.pipeline.check import check_project
 
     found = check_project(options.project, options.repair, progress)
@@ -62,9 +61,8 @@ def _check(options: Options, progress: Progress) -> dict[str, Any]:
     left = [item for item in found if not item.mended]
     figures = {"inconsistencies": [asdict(item) for item in found], "left": len(left)}
     if left:
-        if options.json is not None:
-            write_figures(options.json, figures)
         more = "see to them, or" if options.repair else "mend what can be mended with --repair, or"
-        raise StripeError(options.project, f"{len(left)} inconsistencies", f"{more} see what is said of each")
+        count = "1 inconsistency" if len(left) == 1 else f"{len(left)} inconsistencies"
+        raise UnfinishedError(figures, options.project, count, f"{more} see what is said of each")
     print("everything fits" if not found else f"{len(found)} mended")
     return figures
