@@ -19,7 +19,7 @@ from typing import Any
 from core.atomic import is_leftover, sweep
 from core.errors import StripeError
 from core.fields import read_document
-from core.model import Method, PlaneEvaluation, Project, TargetSet
+from core.model import Capture, Method, PlaneEvaluation, Project, TargetSet
 from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.runs import DELETED, SIGN_OFF, list_runs, read_run, run_folder
 from core.progress import SILENT, Progress
@@ -70,7 +70,8 @@ def check_project(folder: Path, repair: bool = False, progress: Progress = SILEN
     read_document(folder / "project.json", "stripe-project")
     found: list[Inconsistency] = []
     if not repair:
-        return tuple(_told(finding, folder, False) for step in (_locks, *_STEPS) for finding in step(folder, progress))
+        seen = (_told(finding, folder, False) for step in (_locks, *_STEPS) for finding in step(folder, progress))
+        return tuple({(item.where, item.seen): item for item in reversed([*seen])}.values())[::-1]  # each told once
     found += [_told(finding, folder, True) for finding in _locks(folder, progress)]
     found += [_told(finding, folder, True) for finding in _leftovers(folder, progress)]
     with writing_results(folder, "check"):
@@ -165,8 +166,19 @@ def _captures(folder: Path, progress: Progress) -> Iterator[Finding]:
             shapes = {name: (spec.height, spec.width) for name, spec in project.rig.cameras.items()}
             for frame in capture.frames:
                 check_frame(frame.path, shapes.get(frame.camera))
+            _see_picks(project, capture)
         except StripeError as error:
             yield Path(error.where.partition(".json: ")[0]), error.seen, error.remedy, None
+
+
+def _see_picks(project: Project, capture: Capture) -> None:
+    """Refuse picks that no measurement would take."""
+    for one in capture.series:
+        if one.seeds and one.testfield is not None:
+            from core.measure import predicted_view
+
+            camera = project.rig.cameras[one.camera]
+            predicted_view(one.testfield, camera, one.seeds, str(capture.path / "picks.json"))
 
 
 def _runs(folder: Path, progress: Progress) -> Iterator[Finding]:

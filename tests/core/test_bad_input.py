@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from core.cli import main
+from core.pipeline.check import check_project
 from tests.copies import own
 
 pytestmark = pytest.mark.usefixtures("plain_reports")
@@ -135,6 +136,15 @@ def test_picks_that_contradict(
     edit_json(picks, seeds=change(seeds))
     told = refused("measure", quick)
     assert "testfield-03" in told
+
+
+def test_check_tells_of_picks_that_measure_refuses(quick: Path, refused: Callable[..., str], edit_json: Edit) -> None:
+    name = "captures/testfield-03/picks.json"
+    seeds = json.loads((quick / name).read_text())["seeds"]
+    edit_json(quick / name, seeds=[{**seeds[0], "v": -3.0}, *seeds[1:]])
+    assert not [item for item in check_project(quick) if item.where != name]
+    (told,) = check_project(quick)
+    assert f"{told.seen}; {told.remedy}" in refused("measure", quick)
 
 
 def test_nan_in_the_picks(quick: Path, refused: Callable[..., str]) -> None:

@@ -388,6 +388,12 @@ def leftover(folder: Path) -> None:
     (folder / "captures" / "a" / ".picks.json.abc.part").write_bytes(b"half")
 
 
+def test_a_capture_that_is_gone_is_told_once(small: Path) -> None:
+    gone(small)
+    (told,) = [item for item in check_project(small) if "which is not there" in item.seen]
+    assert "captures_missing" in told.remedy
+
+
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
