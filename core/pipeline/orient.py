@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -278,7 +279,8 @@ def _of_pair(captures: Sequence[Capture], pair: tuple[str, str]) -> Capture:
 
 
 def _keep(project: Project, capture: Capture, pair: Pair, motion: RigMotion) -> None:
-    save_archive(_drift(project, capture), motion, _made_from(project, capture, pair))
+    with suppress(InputError):  # a project that may only be read is judged all the same, and again the next time
+        save_archive(_drift(project, capture), motion, _made_from(project, capture, pair))
 
 
 def _made_from(project: Project, capture: Capture, pair: Pair) -> dict[str, Any]:

@@ -146,8 +146,11 @@ def _open(path: Path) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
-        except PermissionError:
-            return os.open(path, os.O_RDONLY)  # another user's: it can be locked all the same
+        except PermissionError as refused:
+            try:
+                return os.open(path, os.O_RDONLY)  # another user's: it can be locked all the same
+            except FileNotFoundError:
+                raise refused from None
     except OSError as error:
         seen = f"cannot be written ({error.strerror or error})"
         raise InputError(path.parent, seen, "choose a folder you may write to") from error
