@@ -190,11 +190,14 @@ def _values(targets: TargetSet) -> dict[Target, tuple[Cell, ...]]:
 def _legend(model: Picking, marks: Marks, measurement: Measurement | None) -> str:
     if measurement is not None and measurement.targets is not None:
         targets = measurement.targets
-        rms = float(np.sqrt(np.mean(np.sum(marks.residual**2, axis=1)))) if len(marks.residual) else 0.0
+        count, lost = len(targets.row), len(targets.missing)
+        if not len(marks.residual):  # recognised without picks: no view of the board to compare with
+            return translate("Picking", "{n} measured, {m} missing").format(n=count, m=lost)
+        rms = float(np.sqrt(np.mean(np.sum(marks.residual**2, axis=1))))
         text = translate(
             "Picking", "{n} measured, {m} missing; residuals drawn {f:g} times, r.m.s. {r:.2f} px (pose and nominal c)"
         )
-        return text.format(n=len(targets.row), m=len(targets.missing), f=marks.factor, r=rms)
+        return text.format(n=count, m=lost, f=marks.factor, r=rms)
     if marks.guessed:
         text = translate("Picking", "A guess, one of {n}: is target 1 where the map has it? R shows the next one.")
         alone = translate("Picking", "A guess: are the targets where the map has them?")
