@@ -33,6 +33,7 @@ ASIDE = 0.5  # radii from a corner along both its edges, where the squares are l
 LEAST_CONTRAST = 5.0  # of the noise
 APART = 0.3  # of the mean difference between dark and bright quadrants: where one alone differs, noise is left of it
 FAINT = 0.25  # of the usual contrast: light may fall to a third
+TRIES = 6  # to find a part of a board that it grows from: some 0.05 s each
 LEAST_OF_LINE = 2  # corners that make the outermost row or column of a board seen in part
 SMEARED = 1.5  # blur over the usual one from which something else lies across an edge
 LEAST_RADIUS_PX, MOST_RADIUS_PX = 2.6, 10.0
@@ -87,18 +88,30 @@ _WAYS = np.array([(-1.0, -1.01), (-1.0, 1.01), (1.0, 1.01), (1.0, -1.01)])
 
 def _seen_in_part(image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, rows: int, cols: int) -> Array | None:
     """Corners (rows, cols, 2), NaN where none is seen; None unless corners of all rows and all columns are."""
-    found, corners, block = cv2.findChessboardCornersSBWithMeta(
-        grey, (3, 3), cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
-    )
-    if not found:
-        return None
-    high, wide = block.shape
+    least = max(3, (min(rows, cols) + 1) // 2)  # what stays of a board with a quarter hidden
+    for k in range(TRIES):
+        cv2.setRNGSeed(k)  # it goes by chance, and may take a hand's edge for corners
+        flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER | (0 if k % 2 else cv2.CALIB_CB_NORMALIZE_IMAGE)
+        found, corners, block = cv2.findChessboardCornersSBWithMeta(grey, (least, least), flags)
+        if found:
+            start = corners.reshape(*block.shape, 2).astype(np.float64)
+            uv = _round_block(image, grey, camera, start, rows, cols)
+            if uv is not None:
+                return uv
+    return None
+
+
+def _round_block(
+    image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, block: Array, rows: int, cols: int
+) -> Array | None:
+    """All corners (rows, cols, 2) of the board that a block (h, w, 2) is a part of; None where they do not span it."""
+    high, wide = block.shape[:2]
     first = max(rows, cols) - 1  # the block may be any part of the board, either way round
     row, col = (x.ravel() for x in np.mgrid[0 : high + 2 * first, 0 : wide + 2 * first])
     xyz = np.column_stack([col, -row, 0 * row]).astype(np.float64)
     around = board_from_testfield(Testfield(row, col, xyz, np.ones(len(row)), kind="chessboard"))
     start = np.flatnonzero((row >= first) & (row < first + high) & (col >= first) & (col < first + wide))
-    start_uv = corners.reshape(-1, 2).astype(np.float64)
+    start_uv = block.reshape(-1, 2)
     view = first_view(camera, xyz[start], start_uv)
     if view is None:
         return None
