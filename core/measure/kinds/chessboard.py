@@ -33,7 +33,7 @@ ASIDE = 0.5  # radii from a corner along both its edges, where the squares are l
 LEAST_CONTRAST = 5.0  # of the noise
 APART = 0.3  # of the mean difference between dark and bright quadrants: where one alone differs, noise is left of it
 FAINT = 0.25  # of the usual contrast: light may fall to a third
-TRIES = 6  # to find a part of a board that it grows from: some 0.05 s each
+TRIES = 12  # to find a part of a board that it grows from: some 0.05 s each
 LEAST_OF_LINE = 2  # corners that make the outermost row or column of a board seen in part
 SMEARED = 1.5  # blur over the usual one from which something else lies across an edge
 LEAST_RADIUS_PX, MOST_RADIUS_PX = 2.6, 10.0
@@ -92,7 +92,8 @@ def _seen_in_part(image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, r
     for k in range(TRIES):
         cv2.setRNGSeed(k)  # it goes by chance, and may take a hand's edge for corners
         flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER | (0 if k % 2 else cv2.CALIB_CB_NORMALIZE_IMAGE)
-        found, corners, block = cv2.findChessboardCornersSBWithMeta(grey, (least, least), flags)
+        size = ((least, least), (least + 1, 3), (3, 3))[k // 2 % 3]
+        found, corners, block = cv2.findChessboardCornersSBWithMeta(grey, size, flags)
         if found:
             start = corners.reshape(*block.shape, 2).astype(np.float64)
             uv = _round_block(image, grey, camera, start, rows, cols)
@@ -116,6 +117,11 @@ def _round_block(
     if view is None:
         return None
     arms = np.full((len(row), 2), PLAIN)
+    sure = is_corner(grey, start_uv, view.jacobian(xyz[start]) * PLAIN)
+    start, start_uv = start[sure], start_uv[sure]
+    view = first_view(camera, xyz[start], start_uv) if len(start) >= 4 else None
+    if view is None:
+        return None
     uv, view = _outwards(grey, around, view, start, start_uv, arms, single=False)
     seen = np.flatnonzero(np.isfinite(uv[:, 0]))
     if len(seen) < 4:
