@@ -10,7 +10,7 @@ from core.checks.concern import Concern
 from core.model import TargetSet, Testfield
 
 FEWEST = 8  # dots of a capture
-OFF = 1.25  # prints and blur change diameters by less; of 60 sound sets all were 0.98 to 1.00
+OFF = 1.25  # prints and blur change diameters by less; of six sound projects all were 0.98 to 1.00
 RADIUS = 1.7, 2.4  # times as large: diameter_mm is the radius
 
 

@@ -15,8 +15,8 @@ from core.decode.tables import NOTHING, PHASES, AxisTable, Limits, Singles
 LIT = 12.0  # standard deviations of a grey value that the frames of a lit pixel differ by: noise alone reaches 6
 NOWHERE = 0.005  # part of the image: less light is none
 PROMISED = 0.5  # part of the lit pixels that should decode
-UNSATURATED = 0.25  # part of a frame that tells its noise
-LEAST = 0.3  # grey values, noise of quantisation
+FEWEST = 400  # pixels of a frame that tell its noise
+CLIPPED = 3.0  # standard deviations above black from where noise shows whole
 APART = 3.0  # times the noise of one frame that what should agree must differ by to be no noise
 MIXED = (
     "A frame may be missing, in the wrong place or of another scene, capture.json may not list the patterns that were "
@@ -26,6 +26,7 @@ DETOUR = (
     "the periods contradict each other too much to count fringes: light reaches the surface by a second way, by gloss "
     "or from a facing wall. Dull the surface, show more periods or add a code."
 )
+WEAK = "the fringes are too weak for the noise"
 LARGER = "Compare its width and height in project.json with those that the patterns were made for."
 ORDER = int(Flag.DISAGREEMENT | Flag.UNSURE)
 HALF = 0.5
@@ -62,12 +63,12 @@ def notes_on(
     if missing.mean() <= MANY:
         return ()
     contrast = sample.max(axis=0) - sample.min(axis=0)
-    noise = np.sqrt(np.maximum(limits.dark + limits.shot * contrast, limits.floor))
+    noise = np.sqrt(_variance(limits, contrast))
     lit = contrast > LIT * noise
     if lit.mean() > NOWHERE and missing[lit].mean() <= 1 - PROMISED:
         return ()
-    grain = _grain(images, float(limits.saturation))  # what was taken for noise may be none
-    lit = contrast > LIT * grain
+    excess = _excess(images, limits)  # what was taken for noise may be none
+    lit = contrast > LIT * noise / excess
     if lit.mean() < NOWHERE:
         level = f"their frames differ by {np.median(contrast):.0f} grey values in the median"
         remedy = "See that the projector reaches the object, that its frames are those shown, and expose longer"
@@ -78,36 +79,52 @@ def notes_on(
     clipped = (sample.max(axis=0)[lit] >= limits.saturation) & (seen & np.uint8(ORDER) != 0)
     seen = np.where(clipped, np.uint8(Flag.SATURATED), seen)
     head = f"Only {1 - lost.mean():.0%} of the pixels that the projector lights decode"
-    first, *others = _causes(seen[lost], len(seen), limits, grain, tables, refused > HALF) or [""]
+    usual = float(np.median(noise[lit]))
+    first, *others = _causes(seen[lost], len(seen), limits, (usual, usual / excess), tables, refused > HALF) or [""]
     return (f"{head}: {first}" if first else f"{head}.", *(f"{text[0].upper()}{text[1:]}" for text in others))
 
 
-def _grain(images: Sequence[Image], full: float) -> float:
-    """Standard deviation of a grey value, from the smoothest frame alone; of what is saturated it would be none."""
+def but_weak_fringes(notes: Sequence[str]) -> tuple[str, ...]:
+    """Notes without the one that most of what is lit is too dark, which is no fault of a board between its targets."""
+    weak = [note.startswith("Only ") and WEAK in note for note in notes]
+    alone = [not after.startswith("In ") for after in (*notes[1:], "")]
+    return tuple(note for note, *both in zip(notes, weak, alone, strict=True) if not all(both))
+
+
+def _variance(limits: Limits, level: Singles) -> Singles:
+    return np.asarray(np.maximum(limits.dark + limits.shot * level, limits.floor), np.float32)
+
+
+def _excess(images: Sequence[Image], limits: Limits) -> float:
+    """How many times as large as in the smoothest frame the noise was taken to be: standard deviations, 1 or more."""
     rows = slice(len(images[0]) // 32, None, max(1, len(images[0]) // 16))
-    squares = []
+    least = 1.0
     for image in images:
-        residual, _ = spatial_residual(image[rows].astype(np.float32))
-        below = image[rows, 1:-1] < full
-        if below.mean() > UNSATURATED:
-            squares.append(float(np.median(np.square(residual[below]))))
-    return max(float(np.sqrt(min(squares, default=0.0) / MEDIAN_OF_SQUARE)), LEAST)
+        residual, level = spatial_residual(image[rows].astype(np.float32))
+        expected = _variance(limits, level.astype(np.float32))
+        tells = (image[rows, 1:-1] < limits.saturation) & (level > CLIPPED * np.sqrt(expected))
+        if np.count_nonzero(tells) > FEWEST:
+            seen = np.maximum(np.square(residual[tells]), limits.floor * MEDIAN_OF_SQUARE)
+            least = min(least, float(np.median(seen / expected[tells])) / MEDIAN_OF_SQUARE)
+    return float(1 / np.sqrt(least))
 
 
 def _causes(
     lost: NDArray[np.uint8],
     lit: int,
     limits: Limits,
-    grain: float,
+    noises: tuple[float, float],
     tables: tuple[AxisTable, AxisTable],
     detour: bool,
 ) -> list[str]:
-    """The causes, the most frequent first; flags of the pixels that are lost, and how many are lit."""
+    """The causes, the most frequent first; flags of the pixels that are lost, and how many are lit.
+
+    `noises` are that of their grey values as it was taken, and as the smoothest frame shows it.
+    """
     told = any(len(table.period) > 1 or len(table.sign) for table in tables)
-    full, level = float(limits.saturation), float(limits.saturation) / 4
-    noise = float(np.sqrt(max(limits.dark + limits.shot * level, limits.floor)))
+    full, (noise, grain) = float(limits.saturation), noises
     remedy = "Focus, expose longer or use longer periods."
-    weak = f"the fringes are too weak for the noise of {noise:.1f} grey values. {remedy}"
+    weak = f"{WEAK} of {noise:.1f} grey values. {remedy}"
     if noise > APART * grain:
         agree = f"frames that should agree differ by {noise:.1f} grey values, where their noise is {grain:.1f}."
         weak = f"{agree} {MIXED}"

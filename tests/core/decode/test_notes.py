@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core.decode import decode
+from core.decode.notes import but_weak_fringes
 from core.patterns import Black, Phase, White, gray_and_phase
 
 PATTERNS = [*gray_and_phase("x", 640, cell=8, periods=[16]), White(), Black()]
@@ -47,6 +48,16 @@ def test_frames_in_the_wrong_place(bench, change) -> None:
     note = noted(bench, change)
     assert note.startswith("Only ")
     assert "Take the capture again" in note
+
+
+def test_a_dark_board_accuses_no_frames(bench) -> None:
+    """Shot noise is far larger in white dots than in the dark between them, where fringes are too weak for it."""
+    seen = np.where(np.arange(1000) % 40 < 8, 180.0, 12.0)[None, :]
+    patterns = [*gray_and_phase("x", 640, cell=2, periods=[4]), White(), Black()]
+    b = bench(blur=1.4, gain=seen, ambient=1.0, dark=0.1, shot=0.05)
+    notes = decode(patterns, b.take(patterns), lines=(640, 640)).notes
+    assert ["too weak for the noise" in note for note in notes] == [True]
+    assert but_weak_fringes((*notes, "Frame 3 shows another.")) == ("Frame 3 shows another.",)
 
 
 def test_fringes_that_do_not_show(bench) -> None:
