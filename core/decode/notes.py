@@ -87,7 +87,7 @@ def notes_on(
 def but_weak_fringes(notes: Sequence[str]) -> tuple[str, ...]:
     """Notes without the one that most of what is lit is too dark, which is no fault of a board between its targets."""
     weak = [note.startswith("Only ") and WEAK in note for note in notes]
-    alone = [not after.startswith("In ") for after in (*notes[1:], "")]
+    alone = [not after.startswith("In ") for after in (*notes, "")[1:]]
     return tuple(note for note, *both in zip(notes, weak, alone, strict=True) if not all(both))
 
 

@@ -58,6 +58,7 @@ def test_a_dark_board_accuses_no_frames(bench) -> None:
     notes = decode(patterns, b.take(patterns), lines=(640, 640)).notes
     assert ["too weak for the noise" in note for note in notes] == [True]
     assert but_weak_fringes((*notes, "Frame 3 shows another.")) == ("Frame 3 shows another.",)
+    assert but_weak_fringes(()) == ()
 
 
 def test_fringes_that_do_not_show(bench) -> None:
