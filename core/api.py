@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, SupportsFloat
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,7 @@ from core.geometry import (
     ray_directions,
     undistort,
 )
+from core.given import as_coordinates, as_image, as_numbers, as_pattern, as_sigmas, as_size
 from core.model import (
     AdjustedDevice,
     DeviceSpec,
@@ -40,7 +41,7 @@ from core.model import (
     TargetSet,
     Testfield,
 )
-from core.patterns import Pattern, pattern_from_dict
+from core.patterns import Pattern
 from core.progress import SILENT, Progress
 
 Array = NDArray[np.float64]
@@ -66,7 +67,7 @@ def decode_frames(
         What the projector showed in each image: made by `core.patterns`, or as capture.json has it, such as
         ``{"kind": "phase", "axis": "x", "period": 16, "steps": 4, "step": 0, "shift_rad": 0, "profile": "sine"}``.
     images : sequence of uint8 or uint16 arrays, shape (H, W)
-        In the same order, whichever it is.
+        In the same order, whichever it is. A masked array must have nothing masked.
     projector_size : (int, int), optional
         Columns and rows of the projector; without it what the frames themselves tell apart.
 
@@ -82,12 +83,10 @@ def decode_frames(
     """
     from core.decode import decode
 
-    shown = [
-        pattern_from_dict(dict(pattern), f"patterns[{k}]") if isinstance(pattern, Mapping) else pattern
-        for k, pattern in enumerate(patterns)
-    ]
-    arrays = [np.ascontiguousarray(image) for image in images]
-    return decode(shown, arrays, lines=projector_size, where="images", progress=progress)
+    shown = [as_pattern(f"patterns[{k}]", pattern) for k, pattern in enumerate(patterns)]
+    arrays = [as_image(f"images[{k}]", image) for k, image in enumerate(images)]
+    size = None if projector_size is None else as_size(projector_size)
+    return decode(shown, arrays, lines=size, where="images", progress=progress)
 
 
 def calibrate_points(
@@ -135,18 +134,22 @@ def calibrate_points(
     """
     from core.calibrate import calibrate_photogrammetric
 
-    board = np.atleast_2d(np.asarray(board_mm, np.float64))
+    board = np.atleast_2d(as_numbers("board_mm", board_mm))
     n = len(board)
     if board.ndim != 2 or board.shape[1] not in (2, 3):
         raise InputError("board_mm", f"has shape {board.shape}", "give (n, 3) or (n, 2)")
     if board.shape[1] == 2:
         board = np.column_stack([board, np.zeros(n)])
+    if length is not None and len(length) != 4:
+        raise InputError("length", f"has {len(length)} values", "give two indices, millimetres and their sigma")
     seen = _positions("camera_uv", camera_uv, n)
     lit = _positions("projector_uv", projector_uv, n)
     if len(seen) != len(lit):
         raise InputError("projector_uv", f"has {len(lit)} positions, camera_uv {len(seen)}", "give as many")
-    sigma = _broadcast("camera_sigma_px", camera_sigma_px, seen.shape)
-    sigma_lit = _broadcast("projector_sigma_lines", projector_sigma_lines, lit.shape)
+    if not np.isfinite(board).all():
+        raise InputError("board_mm", "has undefined values", "give approximate coordinates of every point")
+    sigma = as_sigmas("camera_sigma_px", camera_sigma_px, seen)
+    sigma_lit = as_sigmas("projector_sigma_lines", projector_sigma_lines, lit)
     row, col = np.zeros(n, np.int64), np.arange(n)
     field = Testfield(row, col, board, np.full(n, np.nan))
     targets = []
@@ -199,9 +202,10 @@ def triangulate(
     camera_uv : array-like, shape (..., 2)
         px, anywhere in the image.
     projector_uv : array-like, shape (..., 2)
-        Lines; one of the two may be NaN.
+        Lines; one of the two may be NaN. Masked values count as NaN.
     camera_sigma_px, projector_sigma_lines : array-like
-        Standard deviations: numbers, or what broadcasts to (..., 2). A pixel of a phase map is exact: 0.
+        Standard deviations: numbers, or what broadcasts to (..., 2), NaN where the coordinate is. A pixel of a phase
+        map is exact: 0.
     calibration_error : bool
         Let the covariance contain what the calibration is not sure of.
 
@@ -216,13 +220,15 @@ def triangulate(
     ``C = N⁻¹ + (N⁻¹ AᵀP B) S (N⁻¹ AᵀP B)ᵀ``, N = AᵀPA, A and B the derivatives of the observations by point and by
     calibration, S the calibration's covariance.
     """
-    uv, lines = np.asarray(camera_uv, np.float64), np.asarray(projector_uv, np.float64)
+    if not isinstance(calibration, PhotogrammetricCalibration | Pair):
+        raise InputError("calibration", f"is a {type(calibration).__name__}", "give a calibration of core")
+    uv, lines = as_coordinates("camera_uv", camera_uv), as_coordinates("projector_uv", projector_uv)
     if uv.shape != lines.shape or uv.shape[-1:] != (2,):
         raise InputError("projector_uv", f"has shape {lines.shape}, camera_uv {uv.shape}", "give (..., 2) for both")
     sigma = np.concatenate(
         [
-            _broadcast("camera_sigma_px", camera_sigma_px, uv.shape),
-            _broadcast("projector_sigma_lines", projector_sigma_lines, uv.shape),
+            as_sigmas("camera_sigma_px", camera_sigma_px, uv),
+            as_sigmas("projector_sigma_lines", projector_sigma_lines, lines),
         ],
         axis=-1,
     ).reshape(-1, 4)
@@ -315,7 +321,12 @@ def project_points(device: Device, points_mm: ArrayLike, device_from_object: Pos
     >>> project_points(device, [0.0, 100.0, -800.0]).uv
     array([319.5, 139.5])
     """
-    return project_with_derivatives(*_known(device), points_mm, device_from_object)
+    points = as_coordinates("points_mm", points_mm)
+    if points.shape[-1:] != (3,):
+        raise InputError("points_mm", f"has shape {points.shape}", "give (..., 3)")
+    if not isinstance(device_from_object, Pose | None):
+        raise InputError("device_from_object", f"is of type {type(device_from_object).__name__}", "give a core Pose")
+    return project_with_derivatives(*_known(device), points, device_from_object)
 
 
 def undistort_image(
@@ -331,7 +342,7 @@ def undistort_image(
     ----------
     device : AdjustedDevice or (DeviceSpec, Interior)
     image : array, shape (H, W) or (H, W, k)
-        uint8, uint16 or float32.
+        uint8, uint16 or float32; a masked array must have nothing masked.
     c_mm : float, optional
         The new camera's principal distance, by default the device's; a smaller one shows more of the corners.
     interpolation : "linear" or "cubic"
@@ -345,35 +356,45 @@ def undistort_image(
     import cv2
 
     spec, interior = _known(device)
+    image = as_image("image", image)
+    if image.dtype not in (np.uint8, np.uint16, np.float32):
+        raise InputError("image", f"has grey values of type {image.dtype}", "give uint8, uint16 or float32")
+    if image.ndim not in (2, 3) or image.size == 0:
+        raise InputError("image", f"has shape {image.shape}", "give (H, W) or (H, W, k)")
     if image.shape[:2] != (spec.height, spec.width):
         seen = f"has {image.shape[1]}x{image.shape[0]} px, the device {spec.width}x{spec.height}"
         raise InputError("image", seen, "give an image of this device")
+    hows = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
+    if interpolation not in hows:
+        raise InputError("interpolation", f"is {interpolation!r}", "give 'linear' or 'cubic'")
+    c = interior.c_mm if c_mm is None else c_mm
+    if not (isinstance(c, SupportsFloat) and 0 < c < np.inf):
+        raise InputError("c_mm", f"is {c_mm!r}", "give millimetres above 0")
     u, v = np.meshgrid(np.arange(spec.width), np.arange(spec.height))
-    ideal = pixel_to_image(spec, np.stack([u, v], axis=-1)) * (interior.c_mm / (c_mm or interior.c_mm))
+    ideal = pixel_to_image(spec, np.stack([u, v], axis=-1)) * (interior.c_mm / c)
     source = image_to_pixel(spec, distort(interior, ideal)).astype(np.float32)
-    how = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}[interpolation]
-    return cv2.remap(np.ascontiguousarray(image), source[..., 0], source[..., 1], how)
+    straight = np.empty(image.shape, image.dtype)
+    for k in np.ndindex(image.shape[2:]):  # of several channels at once OpenCV 5 interpolates to 1/32 px only
+        channel = np.ascontiguousarray(image[..., *k])
+        straight[..., *k] = cv2.remap(channel, source[..., 0], source[..., 1], hows[interpolation])
+    return straight
 
 
 def _known(device: Device) -> tuple[DeviceSpec, Interior]:
-    return device if isinstance(device, tuple) else (device.spec, device.interior)
+    known = (device.spec, device.interior) if isinstance(device, AdjustedDevice) else device
+    match known:
+        case (DeviceSpec() as spec, Interior() as interior):
+            return spec, interior
+    raise InputError(
+        "device", f"is of type {type(device).__name__}", "give what a calibration holds, or (DeviceSpec, Interior)"
+    )
 
 
 def _positions(name: str, given: Sequence[ArrayLike], n: int) -> Array:
-    arrays = [np.asarray(uv, np.float64) for uv in given]
+    arrays = [as_coordinates(f"{name}[{k}]", uv) for k, uv in enumerate(given)]
     for k, uv in enumerate(arrays):
         if uv.shape != (n, 2):
             raise InputError(f"{name}[{k}]", f"has shape {uv.shape}", f"give ({n}, 2), NaN where a point was not seen")
     if not arrays:
         raise InputError(name, "is empty", "give one array for each position of the board")
     return np.stack(arrays)
-
-
-def _broadcast(name: str, sigma: ArrayLike, shape: tuple[int, ...]) -> Array:
-    values = np.asarray(sigma, np.float64)
-    if not np.all(values >= 0):
-        raise InputError(name, "has negative or undefined values", "give standard deviations")
-    try:
-        return np.broadcast_to(values, shape)
-    except ValueError:
-        raise InputError(name, f"has shape {values.shape}", f"give what broadcasts to {shape}") from None

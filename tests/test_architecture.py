@@ -55,7 +55,8 @@ ALLOWED = {
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}
     | {"lazy", "checks", "exchange", "orient"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
-    "api": GROUND | {"decode", "calibrate", "reconstruct"},
+    "given": {"errors", "model", "patterns"},
+    "api": GROUND | {"given", "decode", "calibrate", "reconstruct"},
     "demo": {"progress", "model", "patterns", "figures", "project", "pipeline", "report"},
     "cli": {
         "errors",

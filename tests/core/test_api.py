@@ -10,7 +10,7 @@ import core
 from core.errors import InputError
 from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector
 from core.model import AdjustedDevice, DeviceSpec, Interior
-from core.patterns import gray_and_phase, pattern_image, pattern_to_dict
+from core.patterns import White, gray_and_phase, pattern_image, pattern_to_dict
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 CAMERA = DeviceSpec(1280, 1024, (0.005, 0.005), 8.0, r0_mm=0.0)
@@ -238,9 +238,42 @@ def test_an_undistorted_image_is_what_opencv_makes():
         (lambda: core.calibrate_points(CAMERA, PROJECTOR, np.zeros((5, 2)), [np.zeros((4, 2))], []), r"camera_uv\[0\]"),
         (lambda: core.triangulate(calibration(), np.zeros((5, 2)), np.zeros((4, 2))), "projector_uv"),
         (lambda: core.triangulate(calibration(), [0, 0], [0, 0], camera_sigma_px=-1), "camera_sigma_px"),
+        (lambda: core.triangulate(calibration(), [[0, 0], [0]], [0, 0]), "camera_uv"),
+        (lambda: core.triangulate(calibration(), [0, 0], [0, 0], projector_sigma_lines=[np.nan, 1]), "projector_sigma"),
+        (lambda: core.project_points(CAMERA_TRUTH, np.zeros((3, 400))), "points_mm"),
+        (lambda: core.project_points(CAMERA_TRUTH[:1], np.zeros(3)), "device"),
         (lambda: core.undistort_image(CAMERA_TRUTH, np.zeros((4, 4), np.uint8)), "image"),
+        (lambda: core.undistort_image(CAMERA_TRUTH, np.zeros((1024, 1280))), "float64"),
+        (lambda: core.decode_frames([White()], [[[1, 2], [3]]]), r"images\[0\]"),
+        (lambda: core.decode_frames([White()], [np.ma.masked_less(np.zeros((2, 2), np.uint8), 1)]), "masked"),
+        (lambda: core.decode_frames(["x"], [np.zeros((2, 2), np.uint8)]), r"patterns\[0\]"),
+        (lambda: core.decode_frames([White()], [np.zeros((2, 2), np.uint8)], projector_size=(0, 8)), "projector_size"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused_by_name(call, word):
     with pytest.raises(InputError, match=word):
         call()
+
+
+def test_masked_and_undefined_coordinates_give_no_points(points):
+    """As a phase map has them: sigmas are NaN where coordinates are."""
+    camera, lines = camera_sees(points), projector_sees(points)
+    hidden = np.arange(len(points))[:, None] < [100, 100]
+    whole = core.triangulate(calibration(), camera, lines, projector_sigma_lines=0.1)
+    sigma = np.where(hidden, np.nan, 0.1)
+    for given in (np.ma.masked_array(lines, hidden), np.where(hidden, np.nan, lines), np.where(hidden, np.inf, lines)):
+        found = core.triangulate(calibration(), camera, given, projector_sigma_lines=sigma)
+        assert np.isnan(found.xyz_mm[:100]).all()
+        assert np.array_equal(found.covariance_mm2[100:], whole.covariance_mm2[100:])
+    seen = core.project_points(CAMERA_TRUTH, np.ma.masked_array(points, np.repeat(hidden[:, :1], 3, axis=1)))
+    assert np.isnan(seen.uv[:100]).all()
+    assert np.array_equal(seen.uv[100:], core.project_points(CAMERA_TRUTH, points[100:]).uv)
+
+
+def test_an_image_of_any_layout_is_straightened_alike():
+    image = np.random.default_rng(4).integers(0, 65535, (CAMERA.height, CAMERA.width), np.uint16)
+    straight = core.undistort_image(CAMERA_TRUTH, image)
+    for other in (np.asfortranarray(image), image.astype(">u2"), np.dstack([image] * 5)[..., 3]):
+        assert np.array_equal(core.undistort_image(CAMERA_TRUTH, other), straight)
+    assert np.array_equal(core.undistort_image(CAMERA_TRUTH, image[..., None]), straight[..., None])
+    assert np.array_equal(core.undistort_image(CAMERA_TRUTH, np.dstack([image] * 5))[..., 4], straight)
