@@ -9,8 +9,8 @@ import os
 import shutil
 import socket
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -58,7 +58,7 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
         make_folder(path.parent, durable)
         handle, name = tempfile.mkstemp(prefix=part_prefix(path.name), suffix=PART, dir=path.parent)
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise unwritable(path, error) from error
     part = Path(name)
     try:
         with _told(path), os.fdopen(handle, "wb") as file:
@@ -76,6 +76,16 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
             flush_folder(path.parent)
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_together(contents: Mapping[Path, bytes]) -> list[Path]:
+    """Write files that belong together: where there is no room for one, none takes its place."""
+    with ExitStack() as files:
+        for path, content in contents.items():
+            file = files.enter_context(atomic_write(path))
+            file.write(content)
+            file.flush()
+    return list(contents)
 
 
 def check_place(path: Path) -> None:
@@ -96,7 +106,7 @@ def check_place(path: Path) -> None:
         with tempfile.NamedTemporaryFile(prefix=f".{path.name}.", suffix=".part", dir=nearest):
             pass
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise unwritable(path, error) from error
 
 
 def make_folder(folder: Path, durable: bool = True) -> None:
@@ -216,13 +226,16 @@ def _told(path: Path) -> Iterator[None]:
     except OSError as error:
         if error.filename is not None:
             raise
-        raise _unwritable(path, error) from error
+        raise unwritable(path, error) from error
 
 
-def _unwritable(path: Path, error: OSError) -> StripeError:
+def unwritable(
+    path: Path, error: OSError, room: str = "make room on the disk, or take another, and run it again"
+) -> StripeError:
+    """Say why a place cannot be written: a full or failing disk, with the remedy `room`, or a place not to be used."""
     seen = f"cannot be written ({error.strerror or error})"
     if error.errno in _DISK:
-        return StripeError(path, seen, "make room on the disk, or take another, and run it again")
+        return StripeError(path, seen, room)
     return InputError(path, seen, "choose a folder you may write to")
 
 

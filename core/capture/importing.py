@@ -12,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from core.atomic import part_prefix, sweep, unwritable
 from core.capture.identity import identity
 from core.capture.plan import Plan, make_plan
 from core.capture.quality import modulation, sample_grid, saturation, summarise
@@ -295,8 +296,8 @@ def _verified(plan: Plan, images: Sequence[Image], lines: tuple[int, int]) -> tu
 
 def _write(target: Path, series: Sequence[_Series], source: str) -> int:
     """Write the frames into a folder beside, then move it to its place; give how many were converted."""
-    part = target.with_name(f".{target.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
+    sweep(target.parent)
+    part = target.with_name(f"{part_prefix(target.name)}part")
     entries: list[tuple[str, Pattern]] = []
     more: list[Mapping[str, str]] = []
     converted = 0
@@ -318,9 +319,7 @@ def _write(target: Path, series: Sequence[_Series], source: str) -> int:
         write_capture_json(part, series[0].plan.subject, entries, extra=extra, more=more if any(more) else None)
         part.rename(target)
     except OSError as error:
-        raise InputError(
-            target, f"cannot be written ({error.strerror})", "make room, or choose another place"
-        ) from error
+        raise unwritable(target, error) from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return converted

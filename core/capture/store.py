@@ -20,9 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from core.atomic import unwritable
 from core.capture.plan import Plan
 from core.devices import Image
-from core.errors import InputError, StripeError
+from core.errors import InputError
 from core.fields import Fields, read_document
 from core.model import Subject
 from core.model.finding import Finding
@@ -267,8 +268,4 @@ def _told(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StripeError(
-            path,
-            f"cannot be written ({error.strerror})",
-            "make room on the disk and start the capture again: it goes on",
-        ) from error
+        raise unwritable(path, error, "make room on the disk and start the capture again: it goes on") from error

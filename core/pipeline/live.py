@@ -115,7 +115,6 @@ def live_cycles(
     if count < 0:
         raise InputError("--count", str(count), "give a whole number from 0 on; 0 goes on until it is ended")
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
         check_cloud(out / f"0001.{ending}")
     lines = project.projector.width, project.projector.height
     patterns = None if sequence is None else sequence.patterns(lines)

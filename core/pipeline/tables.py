@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from core.atomic import write_together
 from core.errors import InputError
 from core.model import DeviceSpec, PlaneEvaluation, Project, TargetSet
 from core.pipeline.evaluate import load_evaluation
@@ -53,14 +53,7 @@ def export_report(project: Project, out: Path, progress: Progress = SILENT) -> l
     written = [result_path(project, f"report/report.{kind}") for kind in ("html", "pdf")]
     if not all(file.is_file() for file in written):
         raise InputError(project.path, "the report is not written yet", "write it first (`stripe-core report`)")
-    files = []
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for file in written:
-            progress.check()
-            files.append(Path(shutil.copy2(file, out / file.name)))
-    except OSError as error:
-        raise InputError(out, f"cannot be written ({error.strerror})", "choose a folder you may write to") from error
+    files = write_together({out / file.name: file.read_bytes() for file in written})
     return [*files, *export_tables(project, out, progress=progress)]
 
 

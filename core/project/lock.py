@@ -21,8 +21,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from core.atomic import is_running, sweep
-from core.errors import BusyError, InputError
+from core.atomic import is_running, sweep, unwritable
+from core.errors import BusyError
 from core.project.contents import FILE as CONTENTS
 
 try:
@@ -152,8 +152,7 @@ def _open(path: Path) -> int:
             except FileNotFoundError:
                 raise refused from None
     except OSError as error:
-        seen = f"cannot be written ({error.strerror or error})"
-        raise InputError(path.parent, seen, "choose a folder you may write to") from error
+        raise unwritable(path.parent, error) from error
 
 
 def _locked(handle: int, path: Path) -> bool:

@@ -15,7 +15,7 @@ from typing import Any
 
 from core import atomic
 from core.atomic import PART, write_json
-from core.errors import InputError, StripeError
+from core.errors import BusyError, InputError, StripeError
 from core.project.contents import FILE as CONTENTS
 from core.project.contents import contents_of, hash_file
 from core.project.lock import DOCUMENT_LOCK, RESULTS_LOCK, lock
@@ -115,7 +115,7 @@ def guarding(out: Path) -> Iterator[None]:
     def placing(path: Path, part: Path) -> None:
         if concerns(path):
             written.setdefault(path.parent, set()).add(path.name)
-            with suppress(StripeError, OSError):
+            with suppress(InputError, BusyError):  # but where the disk is full, what cannot be listed is not written
                 _add(path.parent, {path.name}, part)
 
     hooks, atomic.hooks = atomic.hooks, (before, placing)
@@ -124,6 +124,8 @@ def guarding(out: Path) -> Iterator[None]:
     finally:
         atomic.hooks = hooks
         for folder, names in written.items():
+            if not folder.is_dir():  # the work failed and took it away again
+                continue
             with suppress(StripeError, OSError):
                 _add(folder, names)
 

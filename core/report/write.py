@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from core.atomic import atomic_write
+from core.atomic import write_together
 from core.progress import SILENT, Progress
 from core.report.data import ReportData, ReportPaths
 from core.report.seal import sealed
@@ -37,8 +37,7 @@ def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) ->
     pdf = pdf_bytes(document, progress=progress.part(0.65, 0.95))
     progress.check()
     paths = ReportPaths(Path(out) / "report.html", Path(out) / "report.pdf")
-    for path, content in ((paths.html, html), (paths.pdf, pdf)):
-        with atomic_write(path) as file:
-            file.write(sealed(content, path.suffix, data.sign_off))
+    contents = {paths.html: html, paths.pdf: pdf}
+    write_together({path: sealed(content, path.suffix, data.sign_off) for path, content in contents.items()})
     progress(1.0, "report written")
     return paths

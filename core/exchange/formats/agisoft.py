@@ -19,7 +19,7 @@ from core.exchange.formats.format import (
     read_text,
     reading,
     second_file,
-    write_text,
+    write_texts,
     xml_root,
 )
 from core.exchange.pinhole import Pair, Pinhole
@@ -33,10 +33,11 @@ def _write(pair: Pair, path: Path) -> list[Path]:
     pose[:3, :3] = pair.rotation.T
     pose[:3, 3] = -pair.rotation.T @ np.asarray(pair.translation_mm) / METRE_MM
     transform = " ".join(repr(float(v)) for v in pose.ravel())
-    return [
-        write_text(path, _text(pair.camera)),
-        write_text(second_file(path), _text(pair.projector, f"  <transform>{transform}</transform>\n")),
-    ]
+    texts = {
+        path: _text(pair.camera),
+        second_file(path): _text(pair.projector, f"  <transform>{transform}</transform>\n"),
+    }
+    return write_texts(texts)
 
 
 def _text(p: Pinhole, more: str = "") -> str:

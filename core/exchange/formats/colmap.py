@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from core.exchange.formats.format import Format, numbers, read_text, reading, write_text
+from core.exchange.formats.format import Format, numbers, read_text, reading, write_texts
 from core.exchange.pinhole import Pair, Pinhole
 from core.geometry import matrix_from_rotation_vector, rotation_vector_from_matrix
 
@@ -35,11 +35,12 @@ def _write(pair: Pair, path: Path) -> list[Path]:
         "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME, then a line of points; mm\n"
         f"1 1.0 0.0 0.0 0.0 0.0 0.0 0.0 1 camera.png\n\n2 {pose} 2 projector.png\n\n"
     )
-    return [
-        write_text(path, cameras),
-        write_text(path.with_name("images.txt"), images),
-        write_text(path.with_name("points3D.txt"), "# no points\n"),
-    ]
+    texts = {
+        path: cameras,
+        path.with_name("images.txt"): images,
+        path.with_name("points3D.txt"): "# no points\n",
+    }
+    return write_texts(texts)
 
 
 def _read(path: Path) -> Pair:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from core.atomic import atomic_write
+from core.atomic import write_together
 from core.errors import InputError
 
 if TYPE_CHECKING:
@@ -51,11 +51,9 @@ def second_file(path: Path) -> Path:
     return path.with_name(f"{path.stem}-projector{path.suffix}")
 
 
-def write_text(path: Path, text: str) -> Path:
-    """Write a text file, whole or not at all."""
-    with atomic_write(path) as file:
-        file.write(text.encode())
-    return path
+def write_texts(texts: Mapping[Path, str]) -> list[Path]:
+    """Write text files, all of them or none."""
+    return write_together({path: text.encode() for path, text in texts.items()})
 
 
 def read_text(path: Path) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from core.exchange.formats.format import METRE_MM, Format, covariance, flow, numbers, reading, write_text, yaml_mapping
+from core.exchange.formats.format import METRE_MM, Format, covariance, flow, numbers, reading, write_texts, yaml_mapping
 from core.exchange.pinhole import Pair, Pinhole
 
 
@@ -17,9 +17,8 @@ def _write(pair: Pair, path: Path) -> list[Path]:
     pose[:3, :3], pose[:3, 3] = pair.rotation, np.asarray(pair.translation_mm) / METRE_MM
     rows = "".join(f"  - {flow(row)}\n" for row in pose)
     known = "" if pair.covariance is None else f"  parameter_covariance: {flow(pair.covariance)}\n"
-    return [
-        write_text(path, _text("cam0", pair.camera) + _text("cam1", pair.projector) + f"  T_cn_cnm1:\n{rows}{known}")
-    ]
+    text = _text("cam0", pair.camera) + _text("cam1", pair.projector) + f"  T_cn_cnm1:\n{rows}{known}"
+    return write_texts({path: text})
 
 
 def _text(key: str, p: Pinhole) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from core.exchange.formats.format import METRE_MM, Format, numbers, read_text, reading, second_file, write_text
+from core.exchange.formats.format import METRE_MM, Format, numbers, read_text, reading, second_file, write_texts
 from core.exchange.pinhole import Pair, Pinhole
 from core.geometry import matrix_from_rotation_vector, rotation_vector_from_matrix
 
@@ -20,10 +20,11 @@ _LENSES = {"LENSMODEL_PINHOLE": 0, "LENSMODEL_OPENCV4": 4, "LENSMODEL_OPENCV5": 
 
 def _write(pair: Pair, path: Path) -> list[Path]:
     pose = [*rotation_vector_from_matrix(pair.rotation), *(np.asarray(pair.translation_mm) / METRE_MM)]
-    return [
-        write_text(path, _text(pair.camera, [0.0] * 6)),
-        write_text(second_file(path), _text(pair.projector, pose)),
-    ]
+    texts = {
+        path: _text(pair.camera, [0.0] * 6),
+        second_file(path): _text(pair.projector, pose),
+    }
+    return write_texts(texts)
 
 
 def _text(p: Pinhole, pose: Any) -> str:

@@ -21,7 +21,7 @@ from core.exchange.formats.format import (
     numbers,
     reading,
     second_file,
-    write_text,
+    write_texts,
     yaml_mapping,
 )
 from core.exchange.pinhole import Pair, Pinhole
@@ -31,10 +31,11 @@ def _write(pair: Pair, path: Path) -> list[Path]:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = pair.rotation, np.asarray(pair.translation_mm) / METRE_MM
     known = "" if pair.covariance is None else _matrix("parameter_covariance", pair.covariance)
-    return [
-        write_text(path, _text(pair.camera)),
-        write_text(second_file(path), _text(pair.projector) + _matrix("T_projector_camera", pose) + known),
-    ]
+    texts = {
+        path: _text(pair.camera),
+        second_file(path): _text(pair.projector) + _matrix("T_projector_camera", pose) + known,
+    }
+    return write_texts(texts)
 
 
 def _text(p: Pinhole) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import cv2
@@ -189,6 +191,24 @@ def test_frames_of_several_cameras_stay_theirs(project: Path, tmp_path: Path, ca
     assert read_capture(project / "captures" / "one", read_project(project)).pairs == (("right", "projector"),)
     # without a list, the sequence that one camera saw last
     assert len(sequence_of(read_project(project)).listed) == len(patterns)
+
+
+def test_a_full_disk_leaves_no_half_capture(project: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+    take(tmp_path / "in", "gray-sine")
+    order = [*command(project, tmp_path), "--sequence", "gray-sine"]
+    before = set(project.rglob("*"))
+    (project / "captures").mkdir(exist_ok=True)
+    (project / "captures" / ".other.part").mkdir()  # left by a program that was killed
+
+    def full(source: Path, target: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr("core.capture.importing.shutil.copyfile", full)
+        assert main(order) == 1
+    assert "captures/a: cannot be written (No space left on device); make room" in capsys.readouterr().err
+    assert set(project.rglob("*")) - before <= {project / "captures"}
+    assert main(order) == 0
 
 
 def test_colour_files_are_converted_and_it_is_said(project: Path, tmp_path: Path) -> None:

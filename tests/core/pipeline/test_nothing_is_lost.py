@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.atomic import is_leftover, part_prefix
+from core.atomic import is_leftover, part_prefix, write_together
 from core.cli import main
-from core.errors import BusyError, InputError
+from core.errors import BusyError, InputError, StripeError
 from core.model import DeviceSpec, Interior, ScaleBar, Subject
 from core.patterns import White
 from core.pipeline import CalibrateOptions, Run, current_runs, list_runs, simulate_project
@@ -31,6 +31,7 @@ from core.progress import Progress
 from core.project import add_capture, load_archive, read_image, read_project, write_capture, write_project
 from core.project.contents import hash_file
 from core.project.lock import RESULTS_LOCK, holder_of, writing_results
+from core.project.made import guarding
 
 SPEC = DeviceSpec(8, 6, (0.01, 0.01), 12.0)
 NAMES = ("photogrammetric.npz", "adjustment.npz", "polynomial.npz")
@@ -509,3 +510,40 @@ def test_a_full_disk_leaves_the_run_in_use(small: Path, monkeypatch) -> None:
     assert in_use(small) == {3.0}
     assert len(current_runs(read_project(small))) == 2
     assert list_runs(read_project(small))
+
+
+@contextmanager
+def room_for(size: int) -> Iterator[None]:
+    """Let no file grow beyond some bytes: the system refuses the rest, as on a full disk."""
+    resource = pytest.importorskip("resource")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_of_files_that_belong_together_none_is_replaced_alone(tmp_path: Path) -> None:
+    first, second = tmp_path / "a.html", tmp_path / "b.pdf"
+    write_together({first: b"old", second: b"old"})
+    for texts in ({first: b"new", second: b"n" * 5000}, {second: b"n" * 5000, first: b"new"}):
+        with room_for(1000), pytest.raises(StripeError, match=r"b\.pdf: cannot be written .*make room") as told:
+            write_together(texts)
+        assert told.value.exit_code == 1
+        assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a.html": b"old", "b.pdf": b"old"}
+    write_together({first: b"new", second: b"n" * 5000})
+    assert first.read_bytes() + second.read_bytes() == b"new" + b"n" * 5000
+
+
+def test_what_cannot_be_listed_as_its_own_is_not_written(tmp_path: Path) -> None:
+    """Else the repeat would take its own file for somebody's, and refuse."""
+    figures = tmp_path / "out" / "figures.csv"
+    with room_for(20), pytest.raises(StripeError, match="make room"), guarding(figures.parent):
+        write_together({figures: b"1,2,3"})
+    assert not list(figures.parent.glob("*.part"))
+    assert not figures.exists()
+    for text in (b"1,2,3", b"4,5,6"):
+        with guarding(figures.parent):
+            write_together({figures: text})
+        assert figures.read_bytes() == text
