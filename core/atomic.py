@@ -56,6 +56,7 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
         path = Path(os.path.realpath(path))  # a link stays one
         hooks[0](path)
         make_folder(path.parent, durable)
+        _sweep_once(path.parent)
         handle, name = tempfile.mkstemp(prefix=part_prefix(path.name), suffix=PART, dir=path.parent)
     except OSError as error:
         raise unwritable(path, error) from error
@@ -178,11 +179,17 @@ def is_running(pid: int) -> bool:
     return True
 
 
-def sweep(folder: Path) -> list[Path]:
-    """Remove what killed programs left in a folder while they were writing; give what went."""
+@cache
+def _sweep_once(folder: Path) -> None:
+    """Sweep a folder that others may use too: what does not say that this program wrote it stays."""
+    sweep(folder, f"@{_machine()}.")
+
+
+def sweep(folder: Path, mark: str = "") -> list[Path]:
+    """Remove what killed programs left in a folder while writing, if its name has the mark; give what went."""
     gone = []
     try:
-        names = [entry for entry in os.scandir(folder) if entry.name.endswith(PART)]
+        names = [entry for entry in os.scandir(folder) if entry.name.endswith(PART) and mark in entry.name]
     except OSError:
         return []
     for entry in names:

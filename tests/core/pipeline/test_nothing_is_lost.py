@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.atomic import is_leftover, part_prefix, write_together
+from core.atomic import atomic_write, is_leftover, part_prefix, write_together
 from core.cli import main
 from core.errors import BusyError, InputError, StripeError
 from core.model import DeviceSpec, Interior, ScaleBar, Subject
@@ -510,6 +510,20 @@ def test_a_full_disk_leaves_the_run_in_use(small: Path, monkeypatch) -> None:
     assert in_use(small) == {3.0}
     assert len(current_runs(read_project(small))) == 2
     assert list_runs(read_project(small))
+
+
+def test_what_a_killed_program_left_beside_a_users_files_is_swept(tmp_path: Path) -> None:
+    def work() -> None:
+        with atomic_write(tmp_path / "points.ply") as file:
+            file.write(b"half")
+            file.flush()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    (tmp_path / ".theirs.part").write_bytes(b"of another program")
+    assert in_child(work) == signal.SIGKILL
+    assert len(list(tmp_path.glob(".points.ply.*.part"))) == 1
+    write_together({tmp_path / "points.ply": b"whole"})
+    assert {path.name for path in tmp_path.iterdir()} == {".theirs.part", "points.ply"}
 
 
 @contextmanager
