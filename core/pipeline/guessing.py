@@ -59,6 +59,8 @@ def guess_picks(
     before, which an operator should look at all the same.
     """
     boards = [c for role in BOARDS for c in captures_of(project, role) if c.testfield is not None]
+    if not boards:
+        raise InputError(project.path, "no capture names a testfield", "capture a board with targets")
     wanted = [c for c in boards if (not c.seeds if names is None else c.name in names)]
     if missing := sorted(set(names or ()) - {c.name for c in wanted}):
         known = ", ".join(c.name for c in boards) or "none"

@@ -81,6 +81,30 @@ def test_a_guess_for_what_is_no_board_is_refused(quick: Path, capsys) -> None:
     assert "testfield-01" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [
+        ("guess-picks P", "no capture names a testfield"),
+        ("measure P", "no capture names a testfield"),
+        ("calibrate P", "no capture of a testfield"),
+        ("reconstruct P plane+00 --out a.ply", "no calibration"),
+        ("evaluate P", "no calibration"),
+        ("report P", "no calibration"),
+        ("next-pose P", "no calibration"),
+        ("orient P plane+00", "no calibration"),
+        ("export P a.yml --to opencv", "no calibration"),
+    ],
+)
+def test_a_project_of_planes_alone_is_told_what_it_lacks(quick: Path, capsys, command: str, told: str) -> None:
+    project = json.loads((quick / "project.json").read_text())
+    (quick / "project.json").write_text(json.dumps({**project, "captures": ["captures/plane+00"]}))
+    assert main([str(quick) if word == "P" else word for word in command.split()]) == 2
+    assert told in capsys.readouterr().err
+    assert not (quick / "results").exists()
+    assert main(["runs", str(quick)]) == 0
+    assert capsys.readouterr().out == "no calibration is kept\n"
+
+
 def test_a_profile_reads_the_deviations_along_its_line(evaluated: Path, tmp_path: Path) -> None:
     plane = next(e for e in load_evaluation(read_project(evaluated)) if e.method == "photogrammetric")
     (u0, v0), (u1, _) = line_across([plane.deviation_mm])

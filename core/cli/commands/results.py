@@ -149,6 +149,8 @@ def _runs(options: Options, progress: Progress) -> dict[str, Any]:
         sigma0 = f"sigma0 {entry['sigma0']:.3f}" if entry["sigma0"] is not None else ""
         use = f"in use: {', '.join(entry['in_use'])}" if entry["in_use"] else ""
         print(f"run {entry['run']:<4d} {entry['made_at']:26s} {sigma0:14s} {use:38s} {entry['name']}".rstrip())
+    if not listed:
+        print("no calibration is kept")
     for d in differences:
         sigmas = "" if d.in_sigmas is None else f"{d.in_sigmas:+.2f} sigma"
         print(
