@@ -89,7 +89,7 @@ def import_frames(
     patterns = spec.patterns(lines)
     plans = [make_plan(project, whose, [patterns[k] for k in own or range(len(patterns))]) for whose, own in parts]
     if target.exists():
-        raise InputError(target, "is there already", "choose another name, or remove that capture")
+        raise _taken(target)
     files = frames_in(folder)
     if by == "list":
         files = _listed(folder, files, spec)
@@ -319,10 +319,14 @@ def _write(target: Path, series: Sequence[_Series], source: str) -> int:
         write_capture_json(part, series[0].plan.subject, entries, extra=extra, more=more if any(more) else None)
         part.rename(target)
     except OSError as error:
-        raise unwritable(target, error) from error
+        raise _taken(target) if target.exists() else unwritable(target, error) from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return converted
+
+
+def _taken(target: Path) -> InputError:
+    return InputError(target, "is there already", "choose another name, or remove that capture")
 
 
 def _is_grey(path: Path) -> bool:

@@ -211,6 +211,19 @@ def test_a_full_disk_leaves_no_half_capture(project: Path, tmp_path: Path, monke
     assert main(order) == 0
 
 
+def test_the_later_of_two_imports_to_one_name_is_told_so(project: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+    take(tmp_path / "in", "gray-sine")
+
+    def quicker(part: Path, *rest: object, **named: object) -> None:
+        (project / "captures" / "a").mkdir()
+        (project / "captures" / "a" / "capture.json").write_text("the other's")
+
+    monkeypatch.setattr("core.capture.importing.write_capture_json", quicker)
+    assert main([*command(project, tmp_path), "--sequence", "gray-sine"]) == 2
+    assert "captures/a: is there already; choose another name" in capsys.readouterr().err
+    assert [path.name for path in (project / "captures").rglob("*")] == ["a", "capture.json"]
+
+
 def test_colour_files_are_converted_and_it_is_said(project: Path, tmp_path: Path) -> None:
     patterns = take(tmp_path / "in", "gray-sine")
     for path in (tmp_path / "in").iterdir():
