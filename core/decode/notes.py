@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,7 +27,7 @@ DETOUR = (
     "the periods contradict each other too much to count fringes: light reaches the surface by a second way, by gloss "
     "or from a facing wall. Dull the surface, show more periods or add a code."
 )
-WEAK = "the fringes are too weak for the noise"
+WEAK = re.compile("Only .* fringes are too weak")
 LARGER = "Compare its width and height in project.json with those that the patterns were made for."
 ORDER = int(Flag.DISAGREEMENT | Flag.UNSURE)
 HALF = 0.5
@@ -86,7 +87,7 @@ def notes_on(
 
 def but_weak_fringes(notes: Sequence[str]) -> tuple[str, ...]:
     """Notes without the one that most of what is lit is too dark, which is no fault of a board between its targets."""
-    weak = [note.startswith("Only ") and WEAK in note for note in notes]
+    weak = [WEAK.match(note) is not None for note in notes]
     alone = [not after.startswith("In ") for after in (*notes, "")[1:]]
     return tuple(note for note, *both in zip(notes, weak, alone, strict=True) if not all(both))
 
@@ -124,7 +125,7 @@ def _causes(
     told = any(len(table.period) > 1 or len(table.sign) for table in tables)
     full, (noise, grain) = float(limits.saturation), noises
     remedy = "Focus, expose longer or use longer periods."
-    weak = f"{WEAK} of {noise:.1f} grey values. {remedy}"
+    weak = f"the fringes are too weak for the noise of {noise:.1f} grey values. {remedy}"
     if noise > APART * grain:
         agree = f"frames that should agree differ by {noise:.1f} grey values, where their noise is {grain:.1f}."
         weak = f"{agree} {MIXED}"
