@@ -17,7 +17,7 @@ def _quiet(fraction: float, message: str) -> None:
     return None
 
 
-_latest: tuple[Report, float] = (_quiet, 0.0)  # the channel last used, and how far it was
+_latest: tuple[Report, float] = (_quiet, 0.0)  # the channel last used, until its end, and how far it was
 
 
 def announce(message: str) -> None:
@@ -59,7 +59,7 @@ class Progress:
         self.check()
         self.report(fraction, message)
         if self.report is not _quiet:
-            _latest = (self.report, fraction)
+            _latest = (self.report, fraction) if fraction < 1 else (_quiet, 0.0)
 
     def part(self, start: float, stop: float) -> Progress:
         """Give the channel for a part of the work that runs from `start` to `stop` of the whole."""

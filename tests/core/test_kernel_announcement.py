@@ -9,7 +9,7 @@ import pytest
 
 from core import compiling
 from core.compiling import njit
-from core.progress import SILENT, Progress
+from core.progress import SILENT, Progress, announce
 
 
 def test_the_progress_in_use_says_that_a_kernel_is_compiled_and_says_it_once(
@@ -32,3 +32,11 @@ def test_the_progress_in_use_says_that_a_kernel_is_compiled_and_says_it_once(
     heard.clear()
     twice(np.ones(3))
     assert heard == []
+
+
+def test_work_that_has_ended_is_told_nothing_more() -> None:
+    heard: list[str] = []
+    progress = Progress(report=lambda fraction, message: heard.append(message))
+    list(progress.over([1, 2], "step {}"))
+    announce("compiling")
+    assert heard == ["step 1", "step 2", "step 2"]
