@@ -70,8 +70,10 @@ def check_project(folder: Path, repair: bool = False, progress: Progress = SILEN
     read_document(folder / "project.json", "stripe-project")
     found: list[Inconsistency] = []
     if not repair:
-        seen = (_told(finding, folder, False) for step in (_locks, *_STEPS) for finding in step(folder, progress))
-        return tuple({(item.where, item.seen): item for item in reversed([*seen])}.values())[::-1]  # each told once
+        once: dict[tuple[str, str], Inconsistency] = {}
+        for item in (_told(finding, folder, False) for step in (_locks, *_STEPS) for finding in step(folder, progress)):
+            once.setdefault((item.where, item.seen), item)
+        return tuple(once.values())
     found += [_told(finding, folder, True) for finding in _locks(folder, progress)]
     found += [_told(finding, folder, True) for finding in _leftovers(folder, progress)]
     with writing_results(folder, "check"):

@@ -29,9 +29,9 @@ from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, known_truth, result_path
 from core.pipeline.graph import project_states
 from core.pipeline.holdings import reported_now
-from core.pipeline.measure import kept_targets
 from core.pipeline.methods import METHODS
 from core.pipeline.orient import drift_of
+from core.pipeline.picking import current_target_sets
 from core.pipeline.runs import SIGN_OFF, calibration_file, current_runs, run_folder
 from core.pipeline.volumes import volume_figures
 from core.progress import SILENT, Progress
@@ -73,7 +73,7 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
 def _responses(project: Project) -> dict[str, dict[str, Any]]:
     """Give the response curves by projector and capture, of the captures that show one."""
     found: dict[str, dict[str, Any]] = {}
-    for targets in kept_targets(project):
+    for targets in current_target_sets(project):
         if targets.response is not None:
             found.setdefault(targets.projector, {})[targets.capture] = targets.response
     return found

@@ -66,10 +66,12 @@ def _guess_plain(
 ) -> tuple[Array, Guesses]:
     """Look for the whole board, or for a part that reaches to all its sides; either way round, as the side allows."""
     rows, cols = int(testfield.row.max()) + 1, int(testfield.col.max()) + 1
+    if len(testfield.row) != rows * cols:
+        return np.zeros((0, 2)), ()
     grey = eight_bits(image)
     found, corners = cv2.findChessboardCornersSB(grey, (cols, rows), flags=cv2.CALIB_CB_EXHAUSTIVE)
     uv = corners.reshape(rows, cols, 2).astype(np.float64) if found else _seen_in_part(image, grey, camera, rows, cols)
-    if uv is None or len(testfield.row) != rows * cols:
+    if uv is None:
         return np.zeros((0, 2)), ()
     row, col = np.mgrid[0:rows, 0:cols]
     ways = [(row, col), (row[::-1, ::-1], col[::-1, ::-1]), (row, col[:, ::-1]), (row[::-1], col)]
@@ -217,9 +219,8 @@ def _outwards(
         expected, axes = view.project(board.xyz_mm), view.jacobian(board.xyz_mm)
         gap = np.linalg.norm(board.xyz_mm[:, None] - board.xyz_mm[known][None], axis=2)
         expected += (known_uv - expected[known])[gap.argmin(axis=1)]
-        square = (
-            2 * board.radius_mm * np.linalg.svd(np.nan_to_num(axes), compute_uv=False)[:, 1]
-        )  # 0 beyond the horizon
+        # of nothing beyond the horizon
+        square = 2 * board.radius_mm * np.linalg.svd(np.nan_to_num(axes), compute_uv=False)[:, 1]
         with np.errstate(invalid="ignore"):
             inside = np.all((expected > 3) & (expected < np.array([width, height]) - 4), axis=1)
         tried = np.flatnonzero(reached & inside & (square > 4))
