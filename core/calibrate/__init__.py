@@ -3,7 +3,8 @@
 Photogrammetric, by bundle adjustment:
 
 * `network` makes a network of the measured targets, `selection` checks it and leaves out what cannot be determined;
-* `problem` numbers the unknowns; `resection`, `stations`, `columns` and `initial` find approximate values for them;
+* `problem` numbers the unknowns, `state` holds and moves them; `resection`, `stations`, `columns` and `initial` find
+  approximate values for them;
 * `equations` holds the observation equations with their derivatives, `normals` the normal equations, which
   `elimination` solves `by_poses` or, where there are very many points, `by_points`; `dense` is what remains;
 * `datum` holds the inner constraints, `iterate` the way to the solution;

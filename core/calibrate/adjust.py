@@ -17,7 +17,7 @@ from core.calibrate.initial import initial_state
 from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
-from core.calibrate.problem import Problem, State, interior_of, problem_of, station_orientations, weighted_problem
+from core.calibrate.problem import Problem, problem_of, weighted_problem
 from core.calibrate.robust import misfits, robust_state
 from core.calibrate.selection import adjustable, check_network
 from core.calibrate.snooping import (
@@ -29,6 +29,7 @@ from core.calibrate.snooping import (
     outlier_warning,
     sizes,
 )
+from core.calibrate.state import State, interior_of, station_orientations
 from core.calibrate.weakness import ORIENTATION, check_estimable, geometry_warnings, singular_error, unsolved_error
 from core.errors import AdjustmentError
 from core.geometry import LENSES, Pose

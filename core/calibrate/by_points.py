@@ -22,7 +22,8 @@ from core.calibrate.datum import datum_columns
 from core.calibrate.dense import factorise, inverse_of_factor, solve_factor
 from core.calibrate.equations import distance_equation
 from core.calibrate.normals import Factor, Inverse, Normals
-from core.calibrate.problem import Problem, State, Step
+from core.calibrate.problem import Problem
+from core.calibrate.state import State, Step
 
 Array = NDArray[np.float64]
 

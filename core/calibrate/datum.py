@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.problem import Problem, State, movements
+from core.calibrate.problem import Problem, movements
+from core.calibrate.state import State
 from core.geometry import similarity
 
 Array = NDArray[np.float64]

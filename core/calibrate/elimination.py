@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from core.calibrate import by_points, by_poses
 from core.calibrate.normals import Inverse, Normals, assemble
-from core.calibrate.problem import Problem, State, Step
+from core.calibrate.problem import Problem
+from core.calibrate.state import State, Step
 
 Reduced = by_points.Reduced | by_poses.Reduced
 

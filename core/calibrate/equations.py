@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.problem import Observed, Problem, State, Unknowns, unknowns_of
+from core.calibrate.problem import Observed, Problem
+from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import njit
 from core.model import NetworkScale
 from core.parallel import run_in_bands

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import SingularNormalsError
-from core.calibrate.problem import Problem, State, problem_of, weighted_problem
+from core.calibrate.problem import Problem, problem_of, weighted_problem
 from core.calibrate.robust import misfits, robust_state
 from core.calibrate.selection import adjustable, selected
+from core.calibrate.state import State
 from core.errors import AdjustmentError
 from core.model import Network
 from core.numerics import fisher_limit

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.columns import resect_columns
-from core.calibrate.problem import Problem, State
+from core.calibrate.problem import Problem
+from core.calibrate.state import State
 from core.calibrate.stations import in_own_lenses, oriented_stations, resectable
 from core.errors import AdjustmentError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix

@@ -10,7 +10,8 @@ from core.calibrate.datum import aligned
 from core.calibrate.elimination import Reduced, reduce, solve
 from core.calibrate.equations import cost_of
 from core.calibrate.normals import SingularNormalsError
-from core.calibrate.problem import Problem, State, Step, moved
+from core.calibrate.problem import Problem
+from core.calibrate.state import State, Step, moved
 from core.progress import SILENT, Progress
 
 LEAST_CONTRACTION = 0.01  # ratio of two steps: what remains is not trusted to shrink faster than that

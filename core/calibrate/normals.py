@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.equations import GLOBALS, POINT, POSE, equations_band, room_for_block
-from core.calibrate.problem import RELATIVE, Observed, Problem, State, Unknowns, unknowns_of
+from core.calibrate.problem import RELATIVE, Observed, Problem
+from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
 from core.parallel import run_in_bands
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from core.calibrate.cholesky import solve_in_place
 from core.calibrate.equations import POSE, equations_band, room_for_block
-from core.calibrate.problem import Observed, Problem, State, Unknowns, unknowns_of
+from core.calibrate.problem import Observed, Problem
+from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
 from core.parallel import run_in_bands
 

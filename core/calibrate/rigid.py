@@ -13,7 +13,8 @@ from core.calibrate.covariance import pose_cofactors
 from core.calibrate.iterate import NotConvergedError, Solution, iterate
 from core.calibrate.normals import SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
-from core.calibrate.problem import Problem, State, problem_of, weighted_problem
+from core.calibrate.problem import Problem, problem_of, weighted_problem
+from core.calibrate.state import State
 from core.calibrate.weakness import singular_error, unsolved_error
 from core.errors import InputError
 from core.geometry import Pose, rotation_vector_from_matrix

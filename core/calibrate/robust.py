@@ -13,7 +13,8 @@ from core.calibrate.datum import aligned
 from core.calibrate.elimination import solve
 from core.calibrate.equations import cost_of, misclosures
 from core.calibrate.iterate import MOST_DAMPING, next_damping, regular, shortened
-from core.calibrate.problem import Problem, State, reweighted
+from core.calibrate.problem import Problem, reweighted
+from core.calibrate.state import State
 from core.numerics import sigma_by_median
 
 Array = NDArray[np.float64]

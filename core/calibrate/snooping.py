@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.equations import Equations
-from core.calibrate.problem import Problem, State
+from core.calibrate.problem import Problem
 from core.calibrate.robust import misfits
+from core.calibrate.state import State
 from core.errors import AdjustmentError
 from core.model import Network
 from core.numerics import normal_limit, sigma_by_median

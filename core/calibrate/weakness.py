@@ -10,8 +10,9 @@ from core.calibrate.elimination import invert, reduce
 from core.calibrate.equations import Equations, largest_displacements, linearise
 from core.calibrate.iterate import NotConvergedError
 from core.calibrate.normals import Inverse, SingularNormalsError
-from core.calibrate.problem import Problem, State, interior_of
+from core.calibrate.problem import Problem
 from core.calibrate.selection import listed
+from core.calibrate.state import State, interior_of
 from core.errors import AdjustmentError
 from core.geometry import LENSES, Lens, regular
 from core.model import Network

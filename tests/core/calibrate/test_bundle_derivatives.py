@@ -5,7 +5,8 @@ import pytest
 
 from core.calibrate.equations import linearise
 from core.calibrate.initial import initial_state
-from core.calibrate.problem import Step, moved, problem_of
+from core.calibrate.problem import problem_of
+from core.calibrate.state import Step, moved
 from core.geometry import LENSES, Pose, project
 from core.model import Interior
 

@@ -13,7 +13,8 @@ import pytest
 from core.calibrate import adjust, calibrate_photogrammetric
 from core.calibrate.equations import linearise
 from core.calibrate.initial import initial_state
-from core.calibrate.problem import Step, moved, problem_of
+from core.calibrate.problem import problem_of
+from core.calibrate.state import Step, moved
 from core.errors import AdjustmentError, InputError
 from core.geometry import (
     Pose,

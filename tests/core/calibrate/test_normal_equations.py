@@ -8,8 +8,9 @@ import pytest
 from core.calibrate.equations import cost_of, linearise, misclosures
 from core.calibrate.initial import initial_state
 from core.calibrate.normals import SingularNormalsError, assemble
-from core.calibrate.problem import Step, moved, problem_of
+from core.calibrate.problem import problem_of
 from core.calibrate.refinement import huber_factors, refined
+from core.calibrate.state import Step, moved
 from core.calibrate.stations import oriented_stations, resectable
 
 
