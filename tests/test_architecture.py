@@ -7,6 +7,7 @@ import importlib
 import subprocess
 import sys
 from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -112,6 +113,14 @@ def test_a_room_imports_only_what_the_road_allows(room: str) -> None:
     for path in rooms()[room]:
         used = {name.split(".")[1] for name in imported(path) if name.startswith("core.")} - {room}
         assert used <= ALLOWED[room], f"{path.relative_to(ROOT)} imports {sorted(used - ALLOWED[room])}"
+
+
+def test_no_file_imports_itself_by_way_of_others() -> None:
+    """Within rooms too: what is read first in a room needs nothing that is read later."""
+    files = [*(ROOT / "core").rglob("*.py"), *(ROOT / "stripe_gui").rglob("*.py")]
+    names = {".".join(p.relative_to(ROOT).with_suffix("").parts): p for p in files if p.name != "__init__.py"}
+    imports = {name: imported(path, skip_type_checking=True) & names.keys() for name, path in names.items()}
+    TopologicalSorter(imports).prepare()  # CycleError names the files
 
 
 def test_the_model_imports_nothing_at_run_time() -> None:

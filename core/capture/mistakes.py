@@ -6,18 +6,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 from math import pi
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from core.capture.contradictions import Looked, contradicting, looks
 from core.capture.lookup import nearest
 from core.capture.plan import Plan
 from core.capture.quality import Sampled
 from core.patterns import Code, Pattern, Phase, describe
-
-if TYPE_CHECKING:
-    from core.capture.stored import Looked
 
 Array = NDArray[np.float32]
 
@@ -43,8 +41,6 @@ def explanation(plan: Plan, sampled: Sampled, values: Array, looked: Looked, sha
     share : float
         Of pixels that contradict themselves as described.
     """
-    from core.capture.stored import contradicting
-
     most = FITS * share
     single = [
         (contradicting(np.delete(looked.values, j, axis=0), _without(looked.patterns, j), looked, FEW), j)
@@ -145,8 +141,6 @@ def _without(patterns: Sequence[Pattern], j: int) -> list[Pattern]:
 
 def _exchanged(looked: Looked, i: int, k: int) -> float:
     """Share of pixels that contradict themselves with two frames in each other's place."""
-    from core.capture.stored import contradicting
-
     swapped = looked.values.copy()
     swapped[[i, k]] = swapped[[k, i]]
     return contradicting(swapped, looked.patterns, looked, FEW)
@@ -164,8 +158,6 @@ def _one(looked: Looked, j: int, shows: str) -> tuple[str, int]:
 
 def _shown(looked: Looked, j: int) -> tuple[float, float, str]:
     """How far a frame is off what it claims, by the lines that others tell, squared, and off what it shows; that."""
-    from core.capture.stored import looks
-
     some = np.linspace(0, looked.values.shape[1] - 1, min(FEW, looked.values.shape[1])).astype(int)
     possible, _ = looks(looked.patterns, looked.axis, looked.lines)
     others = [k for k in range(len(looked.patterns)) if k != j]

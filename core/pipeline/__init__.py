@@ -59,17 +59,17 @@ if TYPE_CHECKING:
     from core.pipeline.reconstruct import check_cloud as check_cloud
     from core.pipeline.reconstruct import reconstruct_capture as reconstruct_capture
     from core.pipeline.reconstruct import write_cloud as write_cloud
-    from core.pipeline.report import load_sign_off as load_sign_off
     from core.pipeline.report import outdated_words as outdated_words
     from core.pipeline.report import report_project as report_project
     from core.pipeline.report import result_tables as result_tables
-    from core.pipeline.report import save_sign_off as save_sign_off
     from core.pipeline.runs import Run as Run
     from core.pipeline.runs import current_runs as current_runs
     from core.pipeline.runs import delete_run as delete_run
     from core.pipeline.runs import list_runs as list_runs
     from core.pipeline.runs import make_current as make_current
     from core.pipeline.runs import rename_run as rename_run
+    from core.pipeline.signed import load_sign_off as load_sign_off
+    from core.pipeline.signing import save_sign_off as save_sign_off
     from core.pipeline.signing import sign_evaluation as sign_evaluation
     from core.pipeline.signing import sign_project as sign_project
     from core.pipeline.states import ProjectStates as ProjectStates
@@ -110,9 +110,10 @@ _HOMES = {
     "core.pipeline.orient_words": "drift_figures drift_words motion_words motions_figures",
     "core.pipeline.preflight": "preflight_rig",
     "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",
-    "core.pipeline.report": "load_sign_off report_project result_tables save_sign_off outdated_words",
+    "core.pipeline.report": "outdated_words report_project result_tables",
     "core.pipeline.runs": "Run current_runs delete_run list_runs make_current rename_run",
-    "core.pipeline.signing": "sign_evaluation sign_project",
+    "core.pipeline.signed": "load_sign_off",
+    "core.pipeline.signing": "save_sign_off sign_evaluation sign_project",
     "core.pipeline.states": "ProjectStates State",
     "core.pipeline.tables": "export_deviations export_profiles export_report export_tables kept_evaluation"
     " read_profiles",

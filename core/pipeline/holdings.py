@@ -16,6 +16,7 @@ from core.pipeline.inputs import Record, reported_from
 from core.pipeline.measure import BOARDS, side_of
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import Run, calibration_file, calibration_hashes, current_run
+from core.pipeline.signed import signed_state
 from core.project import read_capture
 from core.project.archive import read_head
 from core.project.contents import Look, contents_of, hash_value
@@ -124,8 +125,6 @@ def decoded_figures(project: Project) -> dict[str, dict[str, Any]]:
 
 def reported_now(project: Project, contents: Look | None = None) -> Record:
     """Record what a report would be made from now."""
-    from core.pipeline.report import signed_state
-
     contents = contents or Look(contents_of(project.path))
     files = {
         "evaluation": result_path(project, "evaluation.npz"),

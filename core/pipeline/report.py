@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from contextlib import nullcontext, suppress
-from dataclasses import asdict, replace
+from dataclasses import replace
 from datetime import date
 from importlib.metadata import version
 from pathlib import Path
@@ -13,8 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from core.atomic import check_place
 from core.errors import InputError
-from core.fields import Fields, regular
-from core.figures import evaluation_figures
 from core.model import (
     Adjustment,
     DepthCalibration,
@@ -32,16 +29,16 @@ from core.pipeline.holdings import reported_now
 from core.pipeline.methods import METHODS
 from core.pipeline.orient import drift_of
 from core.pipeline.picking import current_target_sets
-from core.pipeline.runs import SIGN_OFF, calibration_file, current_runs, run_folder
+from core.pipeline.runs import calibration_file
+from core.pipeline.signed import load_sign_off
 from core.pipeline.volumes import volume_figures
 from core.progress import SILENT, Progress
 from core.project import load_archive, write_json
-from core.project.archive import read_head
-from core.project.contents import hash_file, hash_value
+from core.project.contents import hash_file
 from core.project.lock import writing_results
 
 if TYPE_CHECKING:
-    from core.report import ReportData, ReportPaths, SignOff
+    from core.report import ReportData, ReportPaths
 
 
 def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> ReportData:
@@ -154,95 +151,6 @@ def outdated_words(project: Project) -> tuple[str, ...]:
     """Say in a sentence each which results that evaluating and reporting use do not follow from what is there."""
     states = project_states(project)
     return states.outdated("calibrate") or states.outdated("evaluate")
-
-
-def save_sign_off(project: Project, sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) -> Path:
-    """Keep who signed for these figures, with the run they were made by; the figures stay with it.
-
-    So it lapses when others take their place. Signing again for the same changes nothing.
-    """
-    if not sign_off.despite.strip() and (failed := failed_verdicts(project, evaluations)):
-        remedy = "see to its cause, or write why you sign all the same (`despite`, in the window the reason)"
-        raise InputError("sign-off", f"the verdict failed: {failed[0]}", remedy)
-    numbers = current_runs(project).values()
-    folder = run_folder(project, max(numbers)) if numbers else result_path(project, "")
-    signed = evaluation_figures(evaluations)["planes"]
-    document = {"format": "stripe-sign-off", "version": 1, **asdict(sign_off), "signed": signed}
-    path = folder / SIGN_OFF
-    try:
-        same = json.loads(path.read_text(encoding="utf-8")) == json.loads(json.dumps(document))
-    except (OSError, ValueError):
-        same = False
-    if not same:
-        write_json(path, document)
-    return path
-
-
-def failed_verdicts(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> list[str]:
-    """Say what failed among these evaluations and the calibrations in use; a sign-off then needs a reason."""
-    from core.report import ReportData, verdicts_of
-
-    data = ReportData(project=project, **parts_of_report(load_calibrations(project)), evaluations=evaluations)
-    return [f"{name}: {verdict.because[0]}" for name, verdict in verdicts_of(data) if verdict.state == "failed"]
-
-
-def withdraw_sign_off(project: Project) -> None:
-    """Take the sign-off of the calibrations in use back."""
-    for path in _sign_offs(project):
-        path.unlink(missing_ok=True)
-
-
-def _sign_offs(project: Project) -> list[Path]:
-    """Where a sign-off can lie: with the runs in use, or, of earlier versions, beside them."""
-    numbers = sorted(set(current_runs(project).values()), reverse=True)
-    folders = [*(run_folder(project, number) for number in numbers), result_path(project, "")]
-    return [folder / SIGN_OFF for folder in folders]
-
-
-def load_sign_off(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> SignOff | None:
-    """Give the sign-off of exactly these figures; None where nobody signed, or for others."""
-    from core.report import SignOff, Tolerance
-
-    fields = _signed(project, evaluation_figures(evaluations)["planes"])
-    if fields is None:
-        return None
-    entry = fields.optional("tolerance")
-    tolerance = Tolerance(entry.real("limit_mm", above=0), entry.text("of", among=("rms", "max"))) if entry else None
-    texts = {name: fields.text(name, default="") for name in ("instrument", "remark", "date", "despite")}
-    return SignOff(fields.text("operator"), tolerance=tolerance, **texts)
-
-
-def signed_state(project: Project) -> str | None:
-    """Hash the sign-off that is in force for the evaluation there is; None where there is none."""
-    try:
-        planes = [e["fields"] for e in read_head(result_path(project, "evaluation.npz"))["value"]]
-        fields = _signed(project, planes)
-    except (InputError, TypeError, KeyError):
-        return None
-    return None if fields is None else hash_value({k: v for k, v in fields.data.items() if k != "signed"})
-
-
-def _signed(project: Project, planes: list[Any]) -> Fields | None:
-    """Read the sign-off of just these figures."""
-    for path in _sign_offs(project):
-        if not path.exists():
-            continue
-        try:
-            fields = Fields.of(json.loads(regular(path).read_text(encoding="utf-8")), str(path))
-        except (OSError, ValueError) as error:
-            raise InputError(path, f"damaged ({error})", "delete it and sign again") from error
-        if _figures(fields.items("signed"), path) == _figures(planes, path):
-            return fields
-    return None
-
-
-def _figures(planes: list[Any], path: Path) -> list[tuple]:
-    """What was judged with which result, to a nanometre, in one order."""
-    entries = [Fields.of(plane, f"{path}: signed") for plane in planes]
-    return sorted(
-        (e.text("capture"), e.text("method"), e.integer("n"), round(e.real("rms_mm"), 6), round(e.real("max_mm"), 6))
-        for e in entries
-    )
 
 
 def result_tables(project: Project, evaluations: tuple[PlaneEvaluation, ...] = ()) -> str:

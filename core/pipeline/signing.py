@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from datetime import date
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.errors import InputError
+from core.figures import evaluation_figures
 from core.model import PlaneEvaluation, Project
-from core.pipeline.report import failed_verdicts, save_sign_off, withdraw_sign_off
+from core.pipeline.calibrate import load_calibrations
+from core.pipeline.folders import result_path
+from core.pipeline.report import parts_of_report
+from core.pipeline.runs import SIGN_OFF, current_runs, run_folder
+from core.pipeline.signed import withdraw_sign_off
 from core.pipeline.tables import kept_evaluation
+from core.project import write_json
 
 if TYPE_CHECKING:
     from core.report import SignOff, Verdict
@@ -59,3 +67,33 @@ def sign_evaluation(
     evaluations = kept_evaluation(project)
     sign_project(project, signed, evaluations)
     return signed, None if tolerance is None else verdict(evaluations, tolerance)
+
+
+def save_sign_off(project: Project, sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) -> Path:
+    """Keep who signed for these figures, with the run they were made by; the figures stay with it.
+
+    So it lapses when others take their place. Signing again for the same changes nothing.
+    """
+    if not sign_off.despite.strip() and (failed := failed_verdicts(project, evaluations)):
+        remedy = "see to its cause, or write why you sign all the same (`despite`, in the window the reason)"
+        raise InputError("sign-off", f"the verdict failed: {failed[0]}", remedy)
+    numbers = current_runs(project).values()
+    folder = run_folder(project, max(numbers)) if numbers else result_path(project, "")
+    signed = evaluation_figures(evaluations)["planes"]
+    document = {"format": "stripe-sign-off", "version": 1, **asdict(sign_off), "signed": signed}
+    path = folder / SIGN_OFF
+    try:
+        same = json.loads(path.read_text(encoding="utf-8")) == json.loads(json.dumps(document))
+    except (OSError, ValueError):
+        same = False
+    if not same:
+        write_json(path, document)
+    return path
+
+
+def failed_verdicts(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> list[str]:
+    """Say what failed among these evaluations and the calibrations in use; a sign-off then needs a reason."""
+    from core.report import ReportData, verdicts_of
+
+    data = ReportData(project=project, **parts_of_report(load_calibrations(project)), evaluations=evaluations)
+    return [f"{name}: {verdict.because[0]}" for name, verdict in verdicts_of(data) if verdict.state == "failed"]

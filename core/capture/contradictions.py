@@ -1,0 +1,107 @@
+"""Pixels that no projector line explains: what the frames of one axis show, against what their patterns allow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.capture.lookup import dictionary, nearest
+from core.patterns import Axis, Code, Pattern, Phase
+
+Array = NDArray[np.float32]
+
+PIXELS = 600  # of the brightest, looked up
+FAINT = 0.04  # amplitude of a wave, white = 1, from which it is judged
+NO_WAVE = 0.7  # what steps leave of a wave over its amplitude; square waves of few steps leave 0.4
+WAVE_SLACK = 0.5  # rad that a phase may lie outside of its code's cell, for blur at the cells' edges
+
+
+@dataclass(frozen=True)
+class Looked:
+    """The frames of one axis at the brightest pixels: normalised values (k, n), and what the patterns make possible.
+
+    `inverted` has the values that the same frames would have with bright and dark exchanged.
+    """
+
+    shots: tuple[int, ...]
+    patterns: tuple[Pattern, ...]
+    values: Array
+    inverted: Array
+    limit: float
+    axis: Axis
+    lines: int
+    across: int  # of the other axis
+
+
+def contradicting(values: Array, patterns: Sequence[Pattern], looked: Looked, few: int = PIXELS) -> float:
+    """Share of pixels that no projector line explains, once the curve of grey values is taken out."""
+    some = np.linspace(0, values.shape[1] - 1, min(few, values.shape[1])).astype(int)
+    seen = values[:, some]
+    possible, _ = looks(tuple(patterns), looked.axis, looked.lines)
+    cost, best = nearest(seen, possible)
+    for _ in range(2 if few == PIXELS else 0):
+        if float(np.mean(cost > looked.limit)) <= 0.02:
+            break
+        bent_cost, best = nearest(seen, _bent(possible, seen, possible[:, best]))
+        cost = np.minimum(cost, bent_cost)
+    return float(np.mean((cost > looked.limit) | _waves_disagree(seen, patterns, looked)))
+
+
+@lru_cache(maxsize=96)
+def looks(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> tuple[Array, Array]:
+    """Give `dictionary` of patterns, remembered: all captures of a project have the same ones."""
+    return dictionary(list(patterns), axis, lines)
+
+
+@lru_cache(maxsize=96)
+def _words(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> int:
+    """How many lines or cells the code frames among patterns tell apart."""
+    coded = [isinstance(p, Code) for p in patterns]
+    return len({column.tobytes() for column in (looks(patterns, axis, lines)[0][coded] > 0.5).T})
+
+
+def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> NDArray[np.bool_]:
+    """Where phase steps make no wave, or a phase that the code's cell does not have (fine waves are faint)."""
+    bad = np.zeros(seen.shape[1], bool)
+    coded = [k for k, p in enumerate(patterns) if isinstance(p, Code)]
+    number, cell = None, 0
+    if coded:
+        possible, at = looks(tuple(patterns), looked.axis, looked.lines)
+        cell = min(p.cell for p in patterns if isinstance(p, Code))
+        if _words(tuple(patterns), looked.axis, looked.lines) * cell < looked.lines:
+            cell = 0  # a frame was left out for a trial: the others do not tell all cells apart
+        number = np.floor((at[nearest(seen[coded], possible[coded])[1]] + 0.25) / max(cell, 1))
+    for period in {p.period for p in patterns if isinstance(p, Phase)}:
+        steps = [k for k, p in enumerate(patterns) if isinstance(p, Phase) and p.period == period]
+        shifts = np.array([p.shift_rad for p in patterns if isinstance(p, Phase) and p.period == period])
+        if len(np.unique(np.round(np.exp(1j * shifts), 6))) < 3:
+            continue
+        A = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
+        found, *_ = np.linalg.lstsq(A, seen[steps].astype(np.float64), rcond=None)
+        amplitude = np.hypot(found[1], found[2])
+        rest = np.sqrt(np.mean((seen[steps] - A @ found) ** 2, axis=0))
+        strong = (amplitude > FAINT) | (rest > FAINT)
+        bad |= strong & (rest > NO_WAVE * amplitude)
+        allowed = np.pi * cell / period + WAVE_SLACK
+        if number is not None and cell and allowed < 0.85 * np.pi:
+            centre = 2 * np.pi * (number + 0.5) * cell / period
+            off = np.abs(np.angle(np.exp(1j * (np.arctan2(found[2], found[1]) - centre))))
+            bad |= strong & (off > allowed)
+    return bad
+
+
+def _bent(possible: Array, seen: Array, expected: Array) -> Array:
+    """Pass what is possible through the curve by which grey values follow from it, a rising one."""
+    edges = np.linspace(0, 1, 13)
+    bins = np.clip(np.digitize(expected, edges) - 1, 0, 11)
+    middle = [float(np.median(seen[bins == b])) if np.any(bins == b) else np.nan for b in range(12)]
+    known = np.isfinite(middle)
+    if known.sum() < 3:
+        return possible
+    levels = ((edges[1:] + edges[:-1]) / 2)[known]
+    curve = np.maximum.accumulate(np.array(middle)[known])
+    return np.interp(possible, levels, curve).astype(np.float32)
