@@ -80,7 +80,8 @@ class Dialogue:
         """Send a command until it is acknowledged."""
         reason = "no answer"
         patience = step.answer_s or (self.profile.load_s if command == "load" else self.profile.answer_s)
-        for attempt in range(1 if once else self.profile.retries + 1):
+        tries = 1 if once or step.send is None else self.profile.retries + 1
+        for attempt in range(tries):
             if attempt:
                 self.settle()
                 self.repeats += 1
@@ -88,9 +89,11 @@ class Dialogue:
             self.asked += 1
             self._tag = self._tag % 250 + 1
             sent = {**values, "tag": self._tag}
-            self.sent, self.heard = wrap(self.profile.framing, step.send.fill(sent)), bytearray()
-            self.up.send(self.sent)
-            if step.expect is None:
+            self.sent, self.heard = b"", bytearray()
+            if step.send is not None:
+                self.sent = wrap(self.profile.framing, step.send.fill(sent))
+                self.up.send(self.sent, self.cancel)
+            if step.expect is None and not step.prompted:
                 return {}
             answer, reason = self._answer(step, sent, time.monotonic() + patience)
             if answer is not None:
@@ -100,10 +103,9 @@ class Dialogue:
         self.settle()
         if reason in MEANINGS:
             reason = f"refused ({reason})"
-        tries = "" if once or not self.profile.retries else f", {self.profile.retries + 1} times"
         raise UnansweredError(
             self.name,
-            f"{command}: {reason}{tries}",
+            f"{command}: {reason}" + f", {tries} times" * (tries > 1),
             "check that the projector is on, the cable, the baud rate and the profile",
         )
 
@@ -111,13 +113,16 @@ class Dialogue:
         """Wait for the answer to a command; answers to earlier ones are passed over."""
         reason = "no answer"
         wrong: list[bytes] = []
-        echo = self.profile.echo
+        echo = self.profile.echo and step.send is not None
         while True:
             body = unwrap(self.profile.answers, self._buffer, wrong)
             if wrong:
                 reason = "wrong checksum"
                 wrong.clear()
             if body is None:
+                if step.prompted and self.profile.answers.prompt in self._buffer:
+                    self._await_prompt(until_s)
+                    return {}, ""
                 data = self.up.receive(until_s, self.cancel)
                 if not data:
                     rest = self._buffer[:_SHOWN_BYTES].hex(" ")
@@ -125,7 +130,7 @@ class Dialogue:
                 self._buffer += data
                 self.heard += data
                 continue
-            if echo and body == step.send.fill(sent):
+            if echo and step.send is not None and body == step.send.fill(sent):
                 echo = False
             elif step.expect is not None and (values := step.expect.match(body)) is not None:
                 differing = [k for k in values if _base(k) in sent and calculated(k, sent) != values[k]]
@@ -143,7 +148,7 @@ class Dialogue:
 
     def _refused(self, body: bytes, sent: Values) -> str | None:
         """Say what a refusal means; None where a body is none of this question."""
-        values = self.profile.refusal.match(body) if self.profile.refusal else None
+        values = next((v for r in self.profile.refusals if (v := r.match(body)) is not None), None)
         if values is None or values.get("tag", sent["tag"]) != sent["tag"]:
             return None
         code = values.get("code")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import takewhile
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from core.devices.framing import unwrap, wrap
 from core.devices.profile import Profile
 from core.devices.scene import Lines
 from core.devices.sums import CHECKS
-from core.devices.template import Value, Values, unpack_lines
+from core.devices.template import Value, Values
 from core.devices.virtual import Stage
 from core.patterns import Black
 
@@ -59,6 +60,7 @@ class Emulator:
     def _power_on(self) -> None:
         columns, rows = self.profile.columns, self.profile.rows
         self._slots: dict[int, tuple[Lines, Lines]] = {}
+        self._chunks = bytearray()
         self._dark = np.zeros(columns, bool), np.zeros(rows, bool)
         self._slot, self._lamp = self.profile.first_slot, 0
         self.stage.switch(Black())
@@ -104,30 +106,34 @@ class Emulator:
             return []
         if fault == "hang-up":
             raise HangUp
-        answer = self._refuse(body, "busy") if fault == "refused" else self._execute(body, fault)
-        if answer is None or fault == "no-answer":
+        profile = self.profile
+        answers = self._refuse(body, "busy") if fault == "refused" else self._execute(body, fault)
+        if answers is None or fault == "no-answer":
             return []
-        raw = wrap(self.profile.answers, answer)
+        raw = b"".join(wrap(profile.answers, answer) for answer in answers)
         if fault == "garbage":
             raw = self._random.randbytes(len(raw))
         elif fault == "half-reply":
             raw = raw[: len(raw) // 2]
         elif fault == "wrong-checksum":
             raw = self._spoil_check(raw)
-        return [(2.5 * self.profile.answer_s if fault == "late-answer" else 0.0, raw)]
+        raw = wrap(profile.answers, body) * profile.echo + raw + profile.answers.prompt
+        return [(2.5 * profile.answer_s if fault == "late-answer" else 0.0, raw)]
 
     def _spoil_check(self, raw: bytes) -> bytes:
         """Change the last byte of the check value."""
         at = len(raw) - 1 - len(self.profile.answers.end)
         return raw[:at] + bytes([raw[at] ^ 1]) + raw[at + 1 :]
 
-    def _execute(self, body: bytes, fault: str | None) -> bytes | None:
+    def _execute(self, body: bytes, fault: str | None) -> list[bytes] | None:
+        """Give what is answered, in one message or several; None: nothing at all."""
         for name, steps in self.profile.commands.items():
-            step, values = next(((s, v) for s in steps if (v := s.send.match(body)) is not None), (None, {}))
+            asked = ((s, v) for s in steps if s.send and (v := s.send.match(body)) is not None)
+            step, values = next(asked, (None, {}))
             if step is None:
                 continue
             if step.expect is None:
-                return None
+                return [] if step.prompted else None
             actions: dict[str, Callable[[Values], str | dict[str, Value]]] = {
                 "identify": lambda v: {"columns": self.profile.columns, "rows": self.profile.rows},
                 "lamp": self._switch_lamp,
@@ -148,22 +154,24 @@ class Emulator:
                 "on": self._lamp,
                 "tag": 0,
             }
-            return step.expect.fill({**state, **values, **outcome})
+            unasked = takewhile(lambda s: s.send is None, steps[steps.index(step) + 1 :])
+            told = {**state, **values, **outcome}
+            return [s.expect.fill(told) for s in (step, *unasked) if s.expect]
         return self._refuse(body, "unknown")
 
-    def _refuse(self, body: bytes, meaning: str) -> bytes | None:
+    def _refuse(self, body: bytes, meaning: str) -> list[bytes] | None:
         """Say no, with the tag of the command as far as it can be read."""
-        if self.profile.refusal is None:
+        if not self.profile.refusals:
             return None
         code = self.refusals.get(meaning, 0)
-        matched = (s.send.match(body) for steps in self.profile.commands.values() for s in steps)
+        matched = (s.send.match(body) for steps in self.profile.commands.values() for s in steps if s.send)
         tag: Value = next((values.get("tag", 0) for values in matched if values is not None), 0)
         if tag == 0 and self.profile.framing.kind == "text":
             head = body.split(b" ", 1)[0]
             tag = int(head) if head.isdigit() else 0
         elif tag == 0 and body:
             tag = body[0]
-        return self.profile.refusal.fill({"tag": tag, "code": code, "text": meaning})
+        return [self.profile.refusals[0].fill({"tag": tag, "code": code, "text": meaning})]
 
     def _switch_lamp(self, values: Values) -> dict[str, Value]:
         self._lamp = int(values["on"])
@@ -184,15 +192,24 @@ class Emulator:
         held = dict(zip("xy", self._slots.get(slot, self._dark), strict=True))
         if profile.by_axis:
             held = dict(zip("xy", self._dark, strict=True))
+        check = CHECKS[profile.lines_check].of(b"".join(_bytes(values[n]) for n in plates.values()))
         for axis, name in plates.items():
             count, data = {"x": profile.columns, "y": profile.rows}[axis], _bytes(values[name])
-            if len(data) != -(-count * profile.level_bits // 8):
+            size = -(-count * profile.bits.depth // 8)
+            if profile.chunk:
+                if int(values["offset"]) > len(self._chunks):
+                    return "damaged"
+                self._chunks[int(values["offset"]) :] = data
+                data = bytes(self._chunks)
+                if len(data) < size:
+                    return {"check": check}
+            if len(data) != size:
                 return "damaged"
-            if profile.level_bits == 8:
+            if profile.bits.depth == 8:
                 return "range"  # the stage behind it is lit by lines that are on or off
-            held[axis] = unpack_lines(data, count, profile.first)
+            held[axis] = profile.bits.unpack(data, count)
         self._slots[slot] = (held["x"], held["y"])
-        return {"check": CHECKS[profile.lines_check].of(b"".join(_bytes(values[n]) for n in plates.values()))}
+        return {"check": check}
 
     def _show(self, slot: int, fault: str | None) -> str | dict[str, Value]:
         """Show a slot, and tell which; with a fault tell the same and show another."""

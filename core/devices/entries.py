@@ -40,6 +40,14 @@ class Entries(Fields):
         """Make the error for a key's value."""
         return InputError(self.place(key), f"{value!r}", remedy)
 
+    def texts(self, key: str) -> list[str]:
+        """Read a string, or a list of them, or nothing."""
+        value = self._get(key, [])
+        texts = value if isinstance(value, list) else [value]
+        if not all(isinstance(text, str) for text in texts):
+            raise self.refuse(key, value, "give a text, or a list of them")
+        return texts
+
     def table(self, key: str) -> Entries:
         """Read a table that may be missing."""
         return self._table(self._get(key, {}), key)

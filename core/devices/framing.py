@@ -6,8 +6,9 @@ before the length), the template's first bytes are the head.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from core.devices.sums import CHECKS, CheckSum
@@ -35,6 +36,9 @@ class Framing:
         The check value is written in hexadecimal digits.
     pad : int
         Frames are filled with zeros to a multiple of so many bytes.
+    escapes : dict of bytes to bytes
+        What is sent in place of bytes that would be taken for a start or an end; the check value is that of the bytes
+        meant.
     forms : tuple of Template
         What a body can look like, where neither a length nor an end tells how long it is.
     prompt : bytes
@@ -56,6 +60,7 @@ class Framing:
     check_order: Order = "big"
     check_text: bool = False
     pad: int = 0
+    escapes: Mapping[bytes, bytes] = field(default_factory=dict)
     forms: tuple[Template, ...] = ()
     prompt: bytes = b""
 
@@ -71,9 +76,10 @@ class Framing:
         return {**sizes, "check": self.check_size, "end": len(self.end)}
 
     def check_of(self, pieces: dict[str, bytes]) -> bytes:
-        """Compute the check value of the parts that it covers, as it is written."""
+        """Compute the check value of the parts that it covers, itself as zeros, as it is written."""
         if not self.check.bits:
             return b""
+        pieces = {**pieces, "check": bytes(self.check_size)}
         value = self.check.of(b"".join(pieces[p] for p in self.parts if p in self.check_over))
         if self.check_text:
             return f"{value:0{self.check_size}X}".encode()
@@ -98,6 +104,10 @@ def wrap(framing: Framing, body: bytes) -> bytes:
         value = framing.length_add + sum(counted[p] for p in framing.length_over)
         pieces["length"] = value.to_bytes(framing.length, framing.length_order)
     pieces["check"] = framing.check_of(pieces)
+    if framing.escapes:
+        meant = re.compile(b"|".join(map(re.escape, framing.escapes)))
+        for part in set(pieces) - {"start", "end"}:
+            pieces[part] = meant.sub(lambda m: framing.escapes[m[0]], pieces[part])
     whole = b"".join(pieces[p] for p in framing.parts)
     return whole + bytes(-len(whole) % framing.pad if framing.pad else 0)
 
@@ -123,7 +133,7 @@ def unwrap(framing: Framing, buffer: bytearray, wrong: list[bytes] | None = None
             if size is None or len(buffer) < at + size + filling:
                 complete = False
                 continue
-            pieces = _split(framing, bytes(buffer[at : at + size]))
+            pieces = _split(framing, _meant(framing, bytes(buffer[at : at + size])))
             ends = all(pieces.get(p, own) == own for p, own in (("end", framing.end), ("mark", framing.mark)))
             body = pieces.get("head", b"") + pieces["body"]
             # a CRC over one byte more agrees too when that byte is the CRC's own: the form has to fit as well
@@ -133,7 +143,8 @@ def unwrap(framing: Framing, buffer: bytearray, wrong: list[bytes] | None = None
                 return body.removeprefix(framing.prompt)
             if wrong is not None and not framing.forms:
                 wrong.append(pieces["body"])
-        if not complete and not framing.forms:
+        awaited = not framing.check.bits and any(agree(f.fixed, buffer[at:]) for f in framing.forms)
+        if not complete and (awaited or not framing.forms):
             return None
         at += 1  # perhaps this was no start
         if complete and not framing.forms:
@@ -163,7 +174,22 @@ def _whole_sizes(framing: Framing, buffer: bytearray, at: int) -> Iterator[int |
     else:
         end = buffer.find(framing.end, at + len(framing.start) + framing.head)
         after = sum(fixed[p] for p in framing.parts[framing.parts.index("end") :])
-        yield None if end < 0 else max(end - at + after, around)
+        yield None if end < 0 else end - at + after if framing.escapes else max(end - at + after, around)
+
+
+def agree(fixed: Iterable[int | None], others: Iterable[int | None]) -> bool:
+    """Whether no byte that is fixed in both differs, as far as both go."""
+    return all(a is None or b is None or a == b for a, b in zip(fixed, others, strict=False))
+
+
+def _meant(framing: Framing, whole: bytes) -> bytes:
+    """Put the bytes that were meant in the place of those that were sent for them."""
+    if not framing.escapes:
+        return whole
+    meant = {sent: byte for byte, sent in framing.escapes.items()}
+    inner = whole[len(framing.start) : len(whole) - len(framing.end)]
+    inner = re.sub(b"|".join(map(re.escape, meant)), lambda m: meant[m[0]], inner)
+    return framing.start + inner + framing.end
 
 
 def _split(framing: Framing, whole: bytes) -> dict[str, bytes]:

@@ -14,7 +14,7 @@ from typing import Any
 from core.devices.hid import HidPort, is_hid
 from core.devices.ports import Identity, find_again, identity_of, opening_remedy
 from core.devices.profile import Port
-from core.devices.protocol import Check, no_check
+from core.devices.protocol import Check, no_check, wait_until
 from core.errors import DeviceError
 
 _WRITE_S = 2.0
@@ -52,16 +52,24 @@ class Link:
             if "://" not in url:
                 options["exclusive"] = True  # keeps a second program from speaking in between
                 self._remedy = opening_remedy(self.place)
-            self._port = (
-                HidPort(self.place, _GRAIN_S) if is_hid(self.place) else serial.serial_for_url(self.place, **options)
-            )
+            self._port: Any = None
+            if is_hid(self.place):
+                self._port = HidPort(self.place, _GRAIN_S)
+            else:
+                self._port = serial.serial_for_url(self.place, do_not_open=True, **options)
+                self._port.dtr, self._port.rts = port.dtr, port.rts  # an edge of these resets some devices
+                self._port.open()
+        self._ready_s, self._byte_s = time.monotonic() + port.open_s, port.byte_s
         self._remedy = "check the cable"
         self.identity = identity_of(self.place) or identity
 
-    def send(self, data: bytes) -> None:
-        """Send bytes, within `_WRITE_S`."""
-        with self._wrapped("does not take bytes"):
-            self._port.write(data)
+    def send(self, data: bytes, check: Check = no_check) -> None:
+        """Send bytes, one by one where the device is slow, otherwise within `_WRITE_S`."""
+        wait_until(self._ready_s, check)
+        for at in range(0, len(data), size := 1 if self._byte_s else max(len(data), 1)):
+            with self._wrapped("does not take bytes"):
+                self._port.write(data[at : at + size])
+            wait_until(time.monotonic() + self._byte_s, check)
 
     def receive(self, until_s: float, check: Check = no_check) -> bytes:
         """Give what has arrived, waiting for it until a moment of `time.monotonic`; empty if nothing came.
@@ -79,6 +87,7 @@ class Link:
 
     def drain(self, quiet_s: float, check: Check = no_check) -> int:
         """Throw away what arrives until nothing has come for a while, at most ten times as long; count the bytes."""
+        wait_until(self._ready_s, check)
         count, end = 0, time.monotonic() + 10 * quiet_s
         while time.monotonic() < end:
             data = self.receive(time.monotonic() + quiet_s, check)

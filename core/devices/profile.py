@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from core.devices.framing import Framing
-from core.devices.template import Template, Value
+from core.devices.template import LineBits, Template, Value
 from core.patterns import Pattern
 from core.patterns.kinds import KINDS
 
@@ -15,16 +15,16 @@ COMMANDS: dict[str, set[str]] = {  # and the fields that can be sent with each, 
     "start": set(),
     "identify": set(),
     "lamp": {"on"},
-    "load": {"slot", "plate", "axis", "lines", "column_lines", "row_lines", "check"},
+    "load": {"slot", "plate", "axis", "lines", "offset", "column_lines", "row_lines", "check"},
     "select": {"slot"},
     "rewind": set(),
     "step": set(),
     **{f"show-{kind}": {*SHOWN, "level"} for kind in KINDS},
     "table": {"count", "shown", "images", "period_us"},
     "image": {"place", "image"},
-    "entry": {"place", "slot", "swap"},
-    "follow-entry": {"place", "slot", "swap"},
-    "ready": set(),
+    "entry": {"place", "slot", "swap", "period_us"},
+    "follow-entry": {"place", "slot", "swap", "period_us"},
+    "ready": {"count", "shown", "images", "period_us"},
     "run": {"count", "period_us"},
     "follow": {"count"},
     "query": set(),
@@ -43,18 +43,23 @@ class Port:
     parity: str
     stop: float
     flow: str
+    dtr: bool = True  # the lines as they are set when the port is opened
+    rts: bool = True
+    open_s: float = 0.0  # after opening, before anything is sent
+    byte_s: float = 0.0  # between two bytes that are sent
 
 
 @dataclass(frozen=True)
 class Step:
-    """What is sent and what the device answers; None: it answers nothing.
+    """What is sent, if anything, and what the device answers; None: nothing, but for its prompt if `prompted`.
 
     With `until` it is asked again, every `every_s` and for `within_s` at most, until the answer's values are among
     those. After it nothing is sent for `pause_s`.
     """
 
-    send: Template
+    send: Template | None
     expect: Template | None
+    prompted: bool
     answer_s: float | None  # None: the profile's
     until: Mapping[str, tuple[Value, ...]]
     every_s: float
@@ -84,8 +89,8 @@ class Profile:
     first_slot: int
     plates: tuple[str, ...]
     axis: str
-    first: str
-    level_bits: int
+    bits: LineBits
+    chunk: int  # bytes that one command loads at most; 0: all
     lines_check: str
     answer_s: float
     load_s: float
@@ -94,7 +99,7 @@ class Profile:
     period_s: float
     retries: int
     commands: Mapping[str, Command]
-    refusal: Template | None
+    refusals: tuple[Template, ...]
     codes: Mapping[int, str] = field(default_factory=dict)  # code to its meaning
     stored: Mapping[Pattern, int] = field(default_factory=dict)  # what stands in the device beforehand, and its slot
     per_image: int = 1  # of these slots
@@ -113,7 +118,7 @@ class Profile:
     @property
     def loaded_fields(self) -> set[str]:
         """Fields that are sent to store a pattern."""
-        return {f for step in self.commands.get("load", ()) for f in step.send.fields}
+        return {f for step in self.commands.get("load", ()) if step.send for f in step.send.fields}
 
     @property
     def listed(self) -> bool:

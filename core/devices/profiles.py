@@ -11,11 +11,13 @@ from pathlib import Path
 from core.devices.entries import Entries, key_lines
 from core.devices.profile import COMMANDS, MEANINGS, SHOWN, TOLD, Command, Port, Profile, Step
 from core.devices.sums import CHECKS
-from core.devices.template import Template, Value, Words, make_template
+from core.devices.template import LineBits, Template, Value, Words, make_template
 from core.devices.wrapping import read_framings
 from core.errors import InputError
 from core.patterns import Pattern, parse_sequence, pattern_from_dict
 from core.resources import resource
+
+Lengths = Mapping[str, int | None]  # of fields without a width; None: all that is left
 
 
 def profile_names() -> list[str]:
@@ -67,23 +69,28 @@ def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
     bits = lines.integer("bits", 1, 8, default=1)
     if bits not in (1, 8):
         raise lines.refuse("bits", bits, "use 1 (on or off) or 8 (a grey value in a byte)")
+    chunk = lines.integer("chunk", 0, default=0)
     sizes = {axis_: -(-count * bits // 8) for axis_, count in (("column", columns), ("row", rows))}
-    lengths = {"column_lines": sizes["column"], "row_lines": sizes["row"]}
+    lengths: dict[str, int | None] = {"column_lines": sizes["column"], "row_lines": sizes["row"]}
     if len(plates) == 1:
         lengths["lines"] = sizes["column" if axis == "x" else "row"]
     elif columns == rows:
         lengths["lines"] = sizes["column"]
+    if chunk:
+        lengths["lines"] = None if any(size % chunk for size in sizes.values()) else chunk
     words = _words(top.table("words"))
     answer_s = timing.real("answer_ms", above=0.0) / 1000
     load_s = timing.real("load_ms", above=0.0, default=1000 * answer_s) / 1000
-    commands = _commands(top.table("commands"), kind, lengths, words)
+    pause_ms = timing.real("pause_ms", least=0.0, default=0.0)
+    prompted = "prompt" in frames.data
+    commands = _commands(top.table("commands"), kind, lengths, words, pause_ms, prompted)
     told = top.table("refusal")
-    refusal = _template(told, "expect", kind, lengths, words, TOLD) if "expect" in told.data else None
+    refusals = tuple(_template(told, "expect", kind, lengths, words, TOLD, text) for text in told.texts("expect"))
     codes = told.table("codes")
     meanings = {codes.integer(m, 0): m for m in MEANINGS if m in codes.data}
     codes.finish(MEANINGS)
     lines.text("as", default=None, among=("hex",) if kind == "text" else ("bytes",))
-    sending, answers = read_framings(frames, kind, commands, refusal)
+    sending, answers = read_framings(frames, kind, commands, refusals)
     stored = top.table("stored")
     per_image = stored.integer("per_image", 1, default=1)
     two_swapped = stored.text("two_images", default="in order", among=("in order", "swapped")) == "swapped"
@@ -100,8 +107,13 @@ def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
         device.integer("first_slot", 0, default=0),
         tuple(map(str, plates)),
         axis,
-        lines.text("first", default="high", among=("high", "low")),
-        bits,
+        LineBits(
+            lines.text("first", default="high", among=("high", "low")),
+            bits,
+            lines.integer("lit", 0, 1, default=1),
+            lines.flag("backward"),
+        ),
+        chunk,
         lines.text("check", default="crc16", among=tuple(CHECKS)),
         answer_s,
         load_s,
@@ -110,7 +122,7 @@ def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
         timing.real("period_ms", least=0.0, default=0.0) / 1000,
         timing.integer("retries", 0, 20, default=3),
         commands,
-        refusal,
+        refusals,
         meanings,
         _stored(stored, (columns, rows)),
         per_image,
@@ -140,7 +152,9 @@ def _check_whole(top: Entries, profile: Profile) -> None:
             f"fields {sorted(sent)}",
             "use slot, plate and lines, or slot, column_lines and row_lines",
         )
-    if profile.level_bits == 8 and sent and not profile.by_axis:
+    if profile.chunk and not {"lines", "offset"} <= sent:
+        raise InputError(f"{where}.load", f"fields {sorted(sent)}", "send the {offset} of every chunk of {lines}")
+    if profile.bits.depth == 8 and sent and not profile.by_axis:
         raise InputError(f"{where}.load", "grey values on two plates", "send {axis} and {lines}, or name one plate")
     query = {f for step in commands.get("query", ()) if step.expect for f in step.expect.fields}
     if query and not {"slot", "loaded"} <= query:
@@ -154,6 +168,10 @@ def _port(port: Entries) -> Port:
         port.text("parity", default="none", among=("none", "even", "odd", "mark", "space")),
         port.real("stop", default=1.0),
         port.text("flow", default="none", among=("none", "rtscts", "xonxoff", "dsrdtr")),
+        port.flag("dtr", True),
+        port.flag("rts", True),
+        port.real("open_ms", least=0.0, default=0.0) / 1000,
+        port.real("byte_ms", least=0.0, default=0.0) / 1000,
     )
     port.finish()
     return made
@@ -185,9 +203,15 @@ def _stored(table: Entries, lines: tuple[int, int]) -> dict[Pattern, int]:
 
 
 def _template(
-    table: Entries, key: str, kind: str, lengths: Mapping[str, int], words: Words, fields: Iterable[str]
+    table: Entries,
+    key: str,
+    kind: str,
+    lengths: Lengths,
+    words: Words,
+    fields: Iterable[str],
+    text: str | None = None,
 ) -> Template:
-    made = make_template(table.text(key), kind, lengths, table.place(key), words)
+    made = make_template(table.text(key) if text is None else text, kind, lengths, table.place(key), words)
     for name in made.fields:
         if name not in fields and not (key == "expect" and name.startswith("_")):
             near = get_close_matches(name, list(fields), 1, 0.6)
@@ -196,19 +220,30 @@ def _template(
     return made
 
 
-def _commands(table: Entries, kind: str, lengths: Mapping[str, int], words: Words) -> dict[str, Command]:
+def _commands(
+    table: Entries, kind: str, lengths: Lengths, words: Words, pause_ms: float, prompted: bool
+) -> dict[str, Command]:
     commands: dict[str, Command] = {}
     for name, sendable in COMMANDS.items():
         if name not in table.data:
             continue
         steps = table.tables(name)
-        commands[name] = tuple(_step(entry, table, kind, lengths, words, sendable | {"tag"}) for entry in steps)
+        commands[name] = tuple(
+            _step(entry, table, kind, lengths, words, sendable | {"tag"}, pause_ms, prompted) for entry in steps
+        )
     table.finish({*COMMANDS, "expect"})
     return commands
 
 
 def _step(
-    entry: Entries, every: Entries, kind: str, lengths: Mapping[str, int], words: Words, sendable: set[str]
+    entry: Entries,
+    every: Entries,
+    kind: str,
+    lengths: Lengths,
+    words: Words,
+    sendable: set[str],
+    pause_ms: float,
+    prompted: bool,
 ) -> Step:
     until: dict[str, tuple[Value, ...]] = {}
     for key, value in entry.table("until").data.items():
@@ -221,15 +256,19 @@ def _step(
     entry.asked.add("expect")
     if missing := sorted(waited - asked):
         raise InputError(entry.place("until"), f"{missing[0]!r}", "wait for what the answer tells")
+    silent = "send" not in entry.data
+    if silent and (expect is None or until):
+        raise InputError(entry.place("send"), "missing", "say what is sent, or expect what comes unasked")
     answer_ms = entry.real("answer_ms", above=0.0, default=None)
     step = Step(
-        _template(entry, "send", kind, lengths, words, sendable),
+        None if silent else _template(entry, "send", kind, lengths, words, sendable),
         expect,
+        prompted and "expect" not in answered.data,
         None if answer_ms is None else answer_ms / 1000,
         until,
         entry.real("every_ms", above=0.0, default=200.0) / 1000,
         entry.real("within_ms", above=0.0, default=10_000.0) / 1000,
-        entry.real("pause_ms", least=0.0, default=0.0) / 1000,
+        entry.real("pause_ms", least=0.0, default=pause_ms) / 1000,
     )
     entry.finish()
     return step

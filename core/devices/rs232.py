@@ -16,7 +16,7 @@ from core.devices.link import LineDownError
 from core.devices.profile import Profile
 from core.devices.protocol import Check, Note, check_sequence, no_check, no_note, pattern_at, refuse_grey
 from core.devices.sums import CHECKS
-from core.devices.template import Value, pack_lines
+from core.devices.template import Value
 from core.errors import Cancelled, DeviceError, InputError
 from core.patterns import CrossPatternLcd, Pattern, axis_of, brightness
 from core.patterns.kinds.kind import fields_of
@@ -72,7 +72,7 @@ class SerialProjector:
         if "load" in profile.commands:
             if len(profile.plates) == 1 and axis_of(pattern) not in (None, profile.axis):
                 return f"it has lines along {profile.axis} only"
-            return refuse_grey(pattern) if profile.level_bits == 1 else None
+            return refuse_grey(pattern) if profile.bits.depth == 1 else None
         if profile.stored:
             return None if pattern in profile.stored else "it is not among the patterns that are stored in the device"
         return None if f"show-{pattern.kind}" in profile.commands else f"the profile has no command show-{pattern.kind}"
@@ -132,13 +132,19 @@ class SerialProjector:
             swap = not images or images[-1] != slot // profile.per_image
             entries.append((slot, swap))
             images += [slot // profile.per_image] * swap
-        count, period_us = len(entries), round(1e6 * profile.period_s)
-        self.dialogue.do("table", count=count, shown=count, images=len(images), period_us=period_us)
+        period_us = round(1e6 * profile.period_s)
+        whole: dict[str, Any] = {
+            "count": len(entries),
+            "shown": len(entries),
+            "images": len(images),
+            "period_us": period_us,
+        }
+        self.dialogue.do("table", **whole)
         for place, image in enumerate(images[::-1] if profile.two_swapped and len(images) == 2 else images):
             self.dialogue.do("image", place=place, image=image)
         for place, (slot, swap) in enumerate(entries):
-            self.dialogue.do(entry, place=place, slot=slot, swap=int(swap))
-        self.dialogue.do("ready")
+            self.dialogue.do(entry, place=place, slot=slot, swap=int(swap), period_us=period_us)
+        self.dialogue.do("ready", **whole)
 
     def _greet(self) -> None:
         """Start the device, and see who is there."""
@@ -231,17 +237,20 @@ def load_values(profile: Profile, pattern: Pattern) -> list[dict[str, Any]]:
     if profile.by_axis:
         axis = axis_of(pattern) or profile.axis
         light = brightness(pattern, np.arange(profile.rows if axis == "y" else profile.columns))
-        data = np.rint(255 * light).astype(np.uint8).tobytes()
-        if profile.level_bits == 1:
-            data = pack_lines(light > 0.5, profile.first)
         plate = profile.plates[axis == "y" and len(profile.plates) > 1]
-        loads: list[dict[str, Any]] = [{"plate": plate, "axis": axis, "lines": data}]
+        loads: list[dict[str, Any]] = [{"plate": plate, "axis": axis, "lines": profile.bits.pack(light)}]
     else:
         lcd = CrossPatternLcd(profile.columns, profile.rows)
-        columns, rows = (pack_lines(lines, profile.first) for lines in lcd.switch(pattern))
+        columns, rows = map(profile.bits.pack, lcd.switch(pattern))
         loads = [{"plate": p, "lines": lines} for p, lines in zip(profile.plates, (columns, rows), strict=True)]
         if profile.both_plates:
             loads = [{"column_lines": columns, "row_lines": rows}]
+    if profile.chunk:
+        loads = [
+            {**v, "offset": at, "lines": v["lines"][at : at + profile.chunk]}
+            for v in loads
+            for at in range(0, len(v["lines"]), profile.chunk)
+        ]
     check = CHECKS[profile.lines_check]
     return [{**v, "check": check.of(b"".join(d for d in v.values() if isinstance(d, bytes)))} for v in loads]
 

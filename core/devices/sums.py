@@ -5,10 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import reduce
 
+KINDS = ("crc", "sum", "lrc", "xor")
+
 
 @dataclass(frozen=True)
 class CheckSum:
-    """A way to compute a check value of `bits` bits; the parameters of a CRC are those of the catalogues."""
+    """A way to compute a check value of `bits` bits; the parameters of a CRC are those of the catalogues.
+
+    Sums begin with `init` too, and `xor` is applied to every value at the end.
+    """
 
     kind: str  # "none", "sum", "lrc" (the sum's two's complement), "xor" or "crc"
     bits: int = 0
@@ -33,12 +38,11 @@ class CheckSum:
         ('0x29b1', '0x4b37')
         """
         mask = (1 << self.bits) - 1
-        if self.kind == "sum":
-            return sum(data) & mask
-        if self.kind == "lrc":
-            return -sum(data) & mask
+        if self.kind in ("sum", "lrc"):
+            value = self.init + sum(data)
+            return (-value if self.kind == "lrc" else value) & mask ^ self.xor
         if self.kind == "xor":
-            return reduce(int.__xor__, data, self.init)
+            return reduce(int.__xor__, data, self.init) ^ self.xor
         value, top = self.init, 1 << (self.bits - 1) if self.bits else 0
         poly = int(f"{self.poly:0{self.bits}b}"[::-1], 2) if self.reflect else self.poly
         for byte in data if self.bits else b"":

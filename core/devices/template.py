@@ -23,7 +23,7 @@ Values = Mapping[str, Value]
 Words = Mapping[str, Mapping[str, Value]]  # of a field: what stands for each of its values
 _FIELD = re.compile(r"\{(\w+)((?:[-+*/%&]\d+)*)(?::([\w.]+))?\}")
 _NUMBER = re.compile(r"0?\d*(?:\.\d+)?[dxXfg]")
-_WIDTH = re.compile(r"u(?:8|16|32)(?:le)?")
+_WIDTH = re.compile(r"u(?:8|16|24|32)(?:le)?")
 _TOKEN = re.compile(r"'[^']*'|\S+")
 _DEFAULTS = {"check": "04X", "lines": "hex", "column_lines": "hex", "row_lines": "hex"}  # formats in text
 _TEXTS = ("plate", "axis", "kind", "profile")
@@ -48,6 +48,11 @@ class Template(Protocol):
     @property
     def sizes(self) -> tuple[int | None, int | None]:
         """Bytes of the head and of the body; None where the length is not fixed."""
+        ...
+
+    @property
+    def fixed(self) -> tuple[int | None, ...]:
+        """The bytes that are always the same, None for others; nothing for text."""
         ...
 
     def fill(self, values: Values) -> bytes:
@@ -124,6 +129,10 @@ class TextTemplate:
         """Not fixed."""
         return 0, None
 
+    @property
+    def fixed(self) -> tuple[int | None, ...]:
+        return ()
+
     def _field(self, m: re.Match[str]) -> Field:
         name, words = m[1], self.words.get(m[1], {})
         form = m[3] or _DEFAULTS.get(name) or ("s" if name in _TEXTS or words else "")
@@ -159,7 +168,7 @@ class ByteTemplate:
     """
 
     text: str
-    lengths: Mapping[str, int]  # of fields without a width
+    lengths: Mapping[str, int | None]  # of fields without a width; None: all that is left
     words: Words = field(default_factory=dict)
 
     @property
@@ -170,6 +179,11 @@ class ByteTemplate:
     def sizes(self) -> tuple[int | None, int | None]:
         head, bar, body = self.text.partition("|")
         return (self._size(head), self._size(body)) if bar else (0, self._size(head))
+
+    @property
+    def fixed(self) -> tuple[int | None, ...]:
+        tokens = self._tokens(self.text)
+        return tuple(b for t in tokens for b in (t if isinstance(t, bytes) else [None] * (self._width(t) or 0)))
 
     def _size(self, text: str) -> int | None:
         sizes = [len(t) if isinstance(t, bytes) else self._width(t) for t in self._tokens(text)]
@@ -234,7 +248,9 @@ class ByteTemplate:
         return values if at == len(body) else None
 
 
-def make_template(text: str, kind: str, lengths: Mapping[str, int], where: str, words: Words | None = None) -> Template:
+def make_template(
+    text: str, kind: str, lengths: Mapping[str, int | None], where: str, words: Words | None = None
+) -> Template:
     """Make the template of a kind of framing.
 
     Raises
@@ -271,21 +287,46 @@ def make_template(text: str, kind: str, lengths: Mapping[str, int], where: str, 
     return ByteTemplate(text, lengths, words or {})
 
 
-def pack_lines(lines: NDArray[np.bool_], first: str) -> bytes:
-    """Pack lines into bytes, eight each; line 0 in the `first` ("high" or "low") bit of the first byte.
+@dataclass(frozen=True)
+class LineBits:
+    """How the light of lines is written: in bits, or a grey value in a byte each.
+
+    Attributes
+    ----------
+    first : str
+        Line 0 is the "high" or the "low" bit of its byte.
+    depth : int
+        1 or 8 bits.
+    lit : int
+        The bit of a line that is lit; 0: grey values are those of darkness.
+    backward : bool
+        The last line comes first.
 
     Examples
     --------
-    >>> pack_lines(np.array([1, 1, 0, 0, 0, 0, 0, 0, 1], bool), "high").hex()
+    >>> LineBits().pack(np.array([1, 1, 0, 0, 0, 0, 0, 0, 1], float)).hex()
     'c080'
+    >>> LineBits(lit=0, backward=True).pack(np.array([1, 1, 0, 0, 0, 0, 0, 0, 1], float)).hex()
+    '7e00'
     """
-    return np.packbits(lines, bitorder="big" if first == "high" else "little").tobytes()
 
+    first: str = "high"
+    depth: int = 1
+    lit: int = 1
+    backward: bool = False
 
-def unpack_lines(data: bytes, count: int, first: str) -> NDArray[np.bool_]:
-    """Undo `pack_lines`."""
-    bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="big" if first == "high" else "little")
-    return bits[:count].astype(bool)
+    def pack(self, light: NDArray[Any]) -> bytes:
+        """Write the light of lines, from 0 to 1, shape (n,)."""
+        light = np.asarray(light, float)[:: -1 if self.backward else 1]
+        light = light if self.lit else 1 - light
+        if self.depth == 8:
+            return np.rint(255 * light).astype(np.uint8).tobytes()
+        return np.packbits(light > 0.5, bitorder="big" if self.first == "high" else "little").tobytes()
+
+    def unpack(self, data: bytes, count: int) -> NDArray[np.bool_]:
+        """Read `count` lines that are lit or not."""
+        bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="big" if self.first == "high" else "little")
+        return (bits[:count] == self.lit)[:: -1 if self.backward else 1]
 
 
 def _pattern(f: Field) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from core.devices.entries import Entries
-from core.devices.framing import PARTS, Framing
+from core.devices.framing import PARTS, Framing, agree
 from core.devices.profile import Command
-from core.devices.sums import CHECKS, CheckSum
+from core.devices.sums import CHECKS, KINDS, CheckSum
 from core.devices.template import Template
 from core.errors import InputError
 
@@ -22,12 +22,12 @@ LENGTHS = {
 
 
 def read_framings(
-    table: Entries, kind: str, commands: Mapping[str, Command], refusal: Template | None
+    table: Entries, kind: str, commands: Mapping[str, Command], refusals: tuple[Template, ...]
 ) -> tuple[Framing, Framing]:
     """Read how what is sent and what comes back is wrapped."""
-    sent = [step.send for steps in commands.values() for step in steps]
-    back = [step.expect for steps in commands.values() for step in steps if step.expect] + [refusal] * bool(refusal)
-    return _framing(table, kind, "", sent), _framing(table, kind, "answer_", [t for t in back if t])
+    sent = [step.send for steps in commands.values() for step in steps if step.send]
+    back = [step.expect for steps in commands.values() for step in steps if step.expect]
+    return _framing(table, kind, "", sent), _framing(table, kind, "answer_", [*back, *refusals])
 
 
 def _framing(table: Entries, kind: str, side: str, templates: list[Template]) -> Framing:
@@ -71,7 +71,7 @@ def _framing(table: Entries, kind: str, side: str, templates: list[Template]) ->
     if set(parts) != set(given):
         raise table.refuse(key("layout"), " ".join(parts), f"name each of {', '.join(given)} once")
     sizes = {t.sizes[1] for t in templates}
-    if not length and not end and (None in sizes or (not check.bits and len(sizes) > 1)):
+    if not length and not end and (None in sizes or (not check.bits and not _told_apart(templates))):
         remedy = "give a length, an end or a check value, and a fixed length to every field"
         raise InputError(table.where, "frames whose end cannot be told", remedy)
     return Framing(
@@ -90,6 +90,7 @@ def _framing(table: Entries, kind: str, side: str, templates: list[Template]) ->
         order,  # type: ignore[arg-type]
         table.text("check_as", default="bytes", among=("bytes", "hex")) == "hex",
         table.integer(key("pad"), 0, default=0),
+        _escapes(table, key("escapes"), start, end),
         () if length or end else tuple(templates),
     )
 
@@ -101,6 +102,26 @@ def _parts(table: Entries, key: str, default: tuple[str, ...], among: tuple[str,
     return parts
 
 
+def _told_apart(templates: list[Template]) -> bool:
+    """Whether no body of one form can be the beginning of another's."""
+    forms = {t.fixed for t in templates}
+    return not any(len(a) < len(b) and agree(a, b) for a in forms for b in forms)
+
+
+def _escapes(table: Entries, key: str, start: bytes, end: bytes) -> dict[bytes, bytes]:
+    """Read what is sent in place of which bytes."""
+    given = table.table(key)
+    try:
+        escapes = {bytes.fromhex(byte): bytes.fromhex(given.text(byte)) for byte in given.data}
+    except ValueError as error:
+        raise table.refuse(key, dict(given.data), 'write bytes as two hexadecimal digits: { FF = "80 7F" }') from error
+    if escapes and not end:
+        raise table.refuse(key, dict(given.data), "say which bytes end a frame")
+    if unescaped := [b for b in (start[:1], end[:1]) if escapes and b and b not in escapes]:
+        raise table.refuse(key, dict(given.data), f"say what is sent in place of {unescaped[0].hex().upper()}")
+    return escapes
+
+
 def _bytes(table: Entries, key: str) -> bytes:
     try:
         return bytes.fromhex(table.text(key, default=""))
@@ -109,7 +130,7 @@ def _bytes(table: Entries, key: str) -> bytes:
 
 
 def _check(table: Entries, key: str) -> CheckSum:
-    """Read a check value: by its name, or a CRC by its parameters."""
+    """Read a check value: by its name, or by its parameters."""
     if not isinstance(table.data.get(key), Mapping):
         return CHECKS[table.text(key, default="none", among=tuple(CHECKS))]
     crc = table.table(key)
@@ -118,6 +139,6 @@ def _check(table: Entries, key: str) -> CheckSum:
         raise crc.refuse("bits", bits, "use 8, 16, 24 or 32")
     most = (1 << bits) - 1
     poly, init, xor = (crc.integer(k, 0, most, default=0) for k in ("poly", "init", "xor"))
-    made = CheckSum("crc", bits, poly, init, crc.flag("reflect"), xor)
+    made = CheckSum(crc.text("kind", default="crc", among=KINDS), bits, poly, init, crc.flag("reflect"), xor)
     crc.finish()
     return made
