@@ -36,6 +36,7 @@ FITTING = F(25)  # chi squared of the phases at the best place
 GATE = F(0.4)  # cycles: phases that differ by more contradict each other
 SAME = F(0.02)  # cycles²: less does not tell the two ends of the longest beat apart
 LEFT = F(1e-3)  # part of what a step tells that must follow from the others, so that it can be left out
+LEAST_NOISE = F(2 * 2.0**-20)  # turns²: more takes the second of the bends by noise, each of twice the last's
 ROUNDS = 4  # in which a wave that is no sine is put in the place of steps left out
 
 
@@ -163,15 +164,18 @@ def _solve(system, count):  # type: ignore[no-untyped-def]
 @part
 def _straighten(bend, j, count, turn, var):  # type: ignore[no-untyped-def]
     """Correct the phase (turns) for what the wave shows besides its first harmonic, and its variance."""
-    grid = bend.shape[2]
+    grid, last = bend.shape[3], bend.shape[1] - 1
     for i in range(count):
         along = (turn[i] + HALF) * F(grid) - HALF  # entries stand for the middles of their parts
         before = INT(np.floor(along))
         part_of = along - F(before)
         at = before if before >= 0 else INT(grid - 1)
         behind = INT(before + 1) if before + 1 < grid else NONE
-        turn[i] += bend[j, 0, at] + part_of * (bend[j, 0, behind] - bend[j, 0, at])
-        var[i] = var[i] * bend[j, 1, at] + bend[j, 2, at]
+        level, most = 0, LEAST_NOISE
+        while level < last and var[i] > most:
+            level, most = level + 1, F(4) * most
+        turn[i] += bend[j, level, 0, at] + part_of * (bend[j, level, 0, behind] - bend[j, level, 0, at])
+        var[i] = var[i] * bend[j, level, 1, at] + bend[j, level, 2, at]
 
 
 @part

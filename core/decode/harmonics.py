@@ -6,7 +6,8 @@ waves even stand still over lines, and no phase tells where in them a pixel lies
 on the blur. It shows in the first harmonic's amplitude, which then changes with the phase, in how phases crowd, and in
 what is left of the contrast of white and black; but not every lens dims harmonics as a Gaussian blur does. So every
 blur of a family counts by how well it explains a sample: the phase is straightened by their mean, and what they leave
-open is part of its variance.
+open is part of its variance. What a noisy phase tells of its place is less than what a clear one does, so pixels are
+straightened by their own noise.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ FAR = 4.0  # 80th percentiles of how far the amplitude is from the median, beyon
 FEWEST = 100  # lit pixels that tell the blur
 DIM = 0.1  # part of the brightest pixels' modulation that one must have
 SLIGHT = 2e-4  # turns: less is not worth straightening
-STRAIGHT = np.repeat(np.array([[0.0], [1.0], [0.0]], np.float32), GRID, axis=1)
+STRAIGHT = np.repeat(np.array([[[0.0], [1.0], [0.0]]], np.float32), GRID, axis=2)
+NOISES = 2.0 ** np.arange(-10, -3)  # turns, of a phase; pixels take the nearest
 STEEPEST = 4.0  # lines of place by lines of phase, from which a flat stretch of the phase tells nothing more
 
 
@@ -149,7 +151,8 @@ def measure_bend(
     if not waves:
         return table
     threshold, contrast = islice(sums_of(table.rows, sample), 2)
-    bends = table.bend.copy() if len(table.bend) else np.repeat(STRAIGHT[None], len(table.period), axis=0)
+    bends = table.bend if len(table.bend) else np.repeat(STRAIGHT[None], len(table.period), axis=0)
+    bends = np.repeat(bends, len(NOISES), axis=1)
     row, column = np.divmod(np.arange(sample.shape[1]), across)
     block = row * PARTS // (row[-1] + 1) * PARTS + column * PARTS // across
     for wave in waves:
@@ -160,7 +163,7 @@ def measure_bend(
         lit = (amplitude > DIM * _ranked(amplitude, 0.9)) & (amplitude > 5 * spread)
         light = 2 * contrast if table.has_contrast else threshold if table.has_threshold else mean
         lit &= light > 0
-        weight, turns = wave.family.prior, 1e-3
+        weight = wave.family.prior
         if lit.sum() >= FEWEST:
             turns = float(np.sqrt(np.mean((spread[lit] / amplitude[lit]) ** 2))) / (2 * np.pi)
             seen = np.arctan2(s[lit], c[lit]) / (2 * np.pi)
@@ -169,8 +172,8 @@ def measure_bend(
             binned = wave.binned(int(np.clip(np.rint(np.log2(max(turns, 1e-6))), -12, -4)))
             sight = seen[usual], part[usual], block[lit][usual]
             weight = _weights(wave.family.prior, binned, *sight, table.has_contrast)
-        bends[wave.number] = _bend(wave.family, weight, turns)
-    return table._replace(bend=bends) if np.abs(bends[:, 0]).max() > SLIGHT else table
+        bends[wave.number] = _bend(wave.family, weight)
+    return table._replace(bend=bends) if np.abs(bends[:, :, 0]).max() > SLIGHT else table
 
 
 def _usual(part: Singles, block: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -225,18 +228,22 @@ def _times(rows: Array | float, models: Array) -> Array:
     return np.einsum("mb,rb->mr", models, np.broadcast_to(rows, (np.shape(rows)[0] if np.ndim(rows) else 1, BINS)))
 
 
-def _bend(family: Family, weight: Array, turns: float) -> Singles:
-    """Correction of the phase (turns), square of its slope, variance of the correction (turns²); shape (3, GRID)."""
+def _bend(family: Family, weight: Array) -> Singles:
+    """By noise of the phase: its correction (turns), square of its slope, variance (turns²) of the correction."""
     some = weight > 1e-4 * weight.max()
     mixed = np.einsum("k,skg->sg", weight[some], family.sums[:3, some])
-    turns = max(turns, 0.5 / GRID)
+    return np.array([_straightened(mixed, turns) for turns in NOISES], np.float32)
+
+
+def _straightened(mixed: Array, turns: float) -> Array:
+    """One row of `_bend`, shape (3, GRID), from the sums of all blurs as they count."""
     total, first, second = _blurred(mixed, turns)
     known = total > 1e-6 * total.max()
     straight = np.interp(np.arange(GRID), np.flatnonzero(known), (first / total)[known], period=GRID)
     unsure = np.where(known, second / np.maximum(total, 1e-12) - straight**2, 1 / GRID)
     slope = 1 + np.gradient(np.r_[straight[-1], straight, straight[0]], 1 / GRID)[1:-1]
     slope = np.clip(slope, 1 / STEEPEST, STEEPEST)
-    return np.array([straight, slope**2, np.maximum(unsure - (turns * slope) ** 2, 0)], np.float32)
+    return np.array([straight, slope**2, np.maximum(unsure - (turns * slope) ** 2, 0)])
 
 
 def correction(terms: Terms) -> Array:

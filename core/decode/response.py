@@ -108,13 +108,13 @@ def straighten(
         unsure = np.einsum("kg,kl,lg->g", slopes, covariance[np.ix_(values, values)], slopes)
         slope = 1 + np.gradient(np.r_[straight[-1], straight, straight[0]], 1 / GRID)[1:-1]
         bends = table.bend.copy() if len(table.bend) else np.repeat(STRAIGHT[None], len(table.period), axis=0)
-        bends[wave.number] = [straight, np.clip(slope, 1 / STEEPEST, STEEPEST) ** 2, unsure]
+        bends[wave.number, 0] = [straight, np.clip(slope, 1 / STEEPEST, STEEPEST) ** 2, unsure]
         out[wave.axis] = table._replace(bend=bends)
     for axis, table in enumerate(out):
         mine = [wave for wave in all_waves if wave.axis == axis]
         if len(mine) > 0:
             out[axis] = table = table._replace(rest=_rests(mine, table, r))
-        if len(mine) == len(table.period) > 0 and table.bend[:, 1].max() > STEEP:
+        if len(mine) == len(table.period) > 0 and table.bend[:, :, 1].max() > STEEP:
             out[axis] = table._replace(joint=np.array([_shape(wave, r) for wave in mine], np.float32))
     return _lift(out[0], r, all_waves), _lift(out[1], r, all_waves)
 

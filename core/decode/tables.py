@@ -294,7 +294,7 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         contrast_lift=np.float32(0),
         covariance=np.array([fit.cofactors for fit in fits], np.float32).reshape(-1, 3),
         period=np.array([phase.period for phase in axis.phases][: len(fits)], np.float32),
-        bend=np.zeros((0, 3, 1), np.float32),
+        bend=np.zeros((0, 1, 3, 1), np.float32),
         joint=np.zeros((0, 5, 1), np.float32),
         mean_cofactor=np.array([fit.solution[0] @ fit.solution[0] for fit in fits], np.float32),
         hat=_hats(fits),

@@ -32,11 +32,15 @@ def test_the_phase_of_few_square_steps_is_straight(bench, judge, period, steps, 
     assert 0.8 < straight.sigma_ratio < 1.25  # so much a sigma may be off
 
 
-def seen(patterns, blur: np.ndarray | float) -> tuple[list[np.ndarray], np.ndarray]:
-    """A tilted, gently curved, textured wall: lines as exact boxes, a Gaussian blur, pixels as boxes, noise."""
+def seen(patterns, blur: np.ndarray | float, board: bool = False) -> tuple[list[np.ndarray], np.ndarray]:
+    """A tilted, gently curved, textured wall: lines as exact boxes, a Gaussian blur, pixels as boxes, noise.
+
+    A `board` is nearly black in its first nine tenths.
+    """
     rng, (y, x) = np.random.default_rng(5), np.mgrid[:150, :256]
     u = 40 + 0.93 * x + 0.11 * y + 9 * np.sin(x / 170 + y / 240)
     albedo = 0.8 + 0.25 * np.sin(x / 31 + y / 17) * np.sin(y / 23 - x / 40)
+    albedo *= np.where(board & (x < 0.9 * x.shape[1]), 0.12, 1.0)
     fine = np.arange(-200, 8200) / 12.5  # lines
     widths = np.full(256, blur) if isinstance(blur, float) else blur
     images = []
@@ -53,7 +57,8 @@ def seen(patterns, blur: np.ndarray | float) -> tuple[list[np.ndarray], np.ndarr
             ends = [np.interp(u[:, some] + side - 0.04, fine, whole) for side in (-0.4, 0.4)]
             light[:, some] = brightness(pattern, np.array([-1.0]))[0] + (ends[1] - ends[0]) / 0.8
         grey = albedo * (18 + 110 * light)
-        images.append(np.uint8(np.rint(grey + rng.normal(size=u.shape) * np.sqrt(1 + 0.02 * grey))))
+        noisy = grey + rng.normal(size=u.shape) * np.sqrt(1 + 0.02 * grey)
+        images.append(np.uint8(np.maximum(np.rint(noisy), 0)))
     return images, u
 
 
@@ -72,6 +77,16 @@ def test_sigma_holds_what_the_blur_leaves_open(period, steps, blur) -> None:
     error = (phase.u - u)[good]
     assert np.mean(np.abs(error) > period / 3) < 2e-3  # of 32 lines, steps stand still over eight
     assert 0.8 < np.sqrt(np.mean(np.square(error / phase.sigma_u[good]))) < 1.25
+
+
+def test_clear_phases_are_not_straightened_like_those_of_a_dark_board() -> None:
+    patterns = [*square(12, 4), White(), Black()]
+    images, u = seen(patterns, 0.6, board=True)
+    phase = decode(patterns, images, lines=(640, 640))
+    error = (phase.u - u)[:, 235:-2]
+    assert np.isfinite(error).all()
+    ratio = np.sqrt(np.mean(np.square(error / phase.sigma_u[:, 235:-2])))
+    assert 0.8 < ratio < 1.25  # 2.6 by the noise of the whole image
 
 
 def test_a_wave_of_four_lines_out_of_focus_stays_as_it_is(bench) -> None:
