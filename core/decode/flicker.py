@@ -163,16 +163,20 @@ def _look(grey: Singles, solution: Array, block: NDArray[np.intp]) -> tuple[Arra
     part = np.abs(z) / m
     slopes = ((turn.conj() * both[:, None]).real - part * solution[0][:, None]) * g / m
     weight = np.minimum(m / np.percentile(m, 90), 1)  # noise is of grey values, not of parts of the mean
-    radial, seen, even = (weight * _without_mean(each, block) for each in (slopes, part[None], 1 / m[None]))
-    # light that all frames hold alike, ambient or of the sensor, makes fringes on dark surface weaker
-    radial, seen = (each - np.outer(each @ even[0] / (even[0] @ even[0] + 1e-12), even[0]) for each in (radial, seen))
-    design, observed = [radial], [seen[0]]
-    shift = np.array([solution[1], solution[2], np.ones(len(g))])
-    contrasts = np.linalg.svd(shift)[2][np.linalg.matrix_rank(shift) :]
+    shift = np.linalg.pinv(solution)[:, 1:] @ [1, -1j]
+    steps = len(np.unique(shift.round(6)))
+    # light that all frames hold alike, ambient or of the sensor, makes fringes on dark surface weaker; harmonics of
+    # the wave next to a multiple of the steps make their amplitude depend on the phase
+    aside = np.array([1 / m, *_both(part * turn**steps)])
+    radial, seen, aside = (weight * _without_mean(each, block) for each in (slopes, part[None], aside))
+    design, observed = [_beside(radial, aside)], [_beside(seen, aside)[0]]
+    contrasts = np.linalg.svd(solution)[2][3:]
     if len(contrasts):  # as one: what noise makes of each differs from frame to frame, of all together it does not
         shown = weight * g / m
-        design.append((contrasts[:, :, None] * shown).transpose(1, 0, 2).reshape(len(g), -1))
-        observed.append((contrasts @ shown).ravel())
+        harmonics = [np.multiply.outer(contrasts @ shift**h, weight * part * turn**h) for h in range(2, steps - 1)]
+        aside = np.reshape([each for h in harmonics for each in _both(h)], (-1, len(contrasts) * g.shape[1]))
+        design.append(_beside((contrasts[:, :, None] * shown).transpose(1, 0, 2).reshape(len(g), -1), aside))
+        observed.append(_beside((contrasts @ shown).reshape(1, -1), aside)[0])
     free = np.linalg.svd(np.ones((1, len(g))))[2][1:]  # a factor common to all frames shows nowhere
     size = len(free)
     normal, right, prior = np.zeros((size, size)), np.zeros(size), np.eye(size) / PRIOR**2
@@ -189,6 +193,15 @@ def _look(grey: Singles, solution: Array, block: NDArray[np.intp]) -> tuple[Arra
     own = np.linalg.solve(normal + prior, right)
     change, chance = own @ free, size + SIGNIFICANT * np.sqrt(2 * size)
     return change, bool(own @ normal @ own > chance and np.abs(change).max() > SLIGHT)
+
+
+def _both(values: NDArray[np.complex128]) -> tuple[Array, Array]:
+    return values.real, values.imag
+
+
+def _beside(rows: Array, aside: Array) -> Array:
+    """Rows (k, n) without what the rows `aside` explain."""
+    return rows - np.linalg.lstsq(aside.T, rows.T, rcond=None)[0].T @ aside if len(aside) else rows
 
 
 def _without_mean(values: Array, block: NDArray[np.intp]) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core.decode import decode
+from core.decode.flicker import _look
 from core.patterns import Black, White, gray_and_phase, reference_sequence
 
 N = 640
@@ -47,3 +48,19 @@ def test_uneven_light_over_wide_fringes_is_no_flicker(bench) -> None:
     phase = decode(patterns, b.take(patterns), lines=(N, N))
     z = (phase.u - b.u) / phase.sigma_u
     assert np.sqrt(np.nanmean(z**2)) < 1.1
+
+
+@pytest.mark.parametrize("lamp", [0.0, 0.03])
+def test_a_curve_is_no_flicker_where_some_phases_are_seen_more_often(lamp: float) -> None:
+    """Light as the 1.6th power of a sine, on a board that is mostly dark."""
+    rng, turns = np.random.default_rng(2), 2 * np.pi * np.arange(5) / 5
+    phase = rng.uniform(0, 2 * np.pi, 1000)
+    phase += 0.35 * np.sin(2 * phase)
+    light = (0.5 + 0.5 * np.cos(phase - turns[:, None])) ** 1.6
+    grey = 6 + np.where(rng.random(1000) < 0.1, 180, 24) * light
+    gains = 1 + lamp * np.array([0.5, -1, 0, 1, -0.5])
+    grey = gains[:, None] * grey + rng.normal(0, 0.5, grey.shape)
+    solution = np.linalg.pinv(np.column_stack([np.ones(5), np.cos(turns), np.sin(turns)]))
+    change, significant = _look(grey.astype(np.float32), solution, np.zeros(1000, int))
+    assert significant == (lamp > 0)
+    assert np.abs(1 + change - gains).max() < 0.01
