@@ -1,18 +1,23 @@
 """Initial values from the nominal focal lengths and the approximate points alone.
 
 Each station is oriented by itself; the relative orientations of a rigid rig are the median over its poses. A projector
-that knows its columns only is resected from all poses of the rig at once.
+that knows its columns only is resected from all poses of the rig at once. Where some points are known, the places of
+the others may be rough: stations are also oriented by the known ones alone, and the others intersected from them.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.columns import resect_columns
+from core.calibrate.equations import misclosures
 from core.calibrate.problem import Problem
+from core.calibrate.selection import known_points
 from core.calibrate.state import State
-from core.calibrate.stations import in_own_lenses, oriented_stations, resectable
+from core.calibrate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable
 from core.errors import AdjustmentError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
 from core.model import Network
@@ -20,6 +25,7 @@ from core.model import Network
 Array = NDArray[np.float64]
 
 OTHER_SIZE = 0.2  # of the logarithm of a scale: no board is printed that wrongly
+MOST_CONDITION = 1e6  # of a point's normal equations: rays a milliradian apart
 ENOUGH_SAMPLES = 300  # among which the rotation in the middle is sought
 
 
@@ -31,6 +37,63 @@ def initial_state(network: Network, problem: Problem) -> State:
     AdjustmentError
         If the pose of a station, or the orientation of a rigid device relative to its base, cannot be found.
     """
+    known = known_points(network)
+    if known.all() or not known.any():
+        return _oriented(network, problem)
+    states: list[State] = []
+    failure: AdjustmentError | None = None
+    for seen in (network, _of_known_points(network, known)):
+        try:
+            states.append(_oriented(seen, problem))
+        except AdjustmentError as error:
+            failure = failure or error
+    if failure is not None and not states:
+        raise failure
+    states += [_intersected(problem, state, known) for state in states]
+    return min(states, key=lambda s: float(np.median(np.max(np.abs(misclosures(problem, s)), axis=1))))
+
+
+def _of_known_points(network: Network, known: NDArray[np.bool_]) -> Network:
+    """Keep of stations that see enough known points these alone."""
+    told = known[network.observation_point]
+    enough = np.bincount(network.observation_station[told], minlength=len(network.station_names)) >= LEAST_POINTS
+    use = told | ~enough[network.observation_station]
+    return replace(
+        network,
+        observation_station=network.observation_station[use],
+        observation_point=network.observation_point[use],
+        observation_uv=network.observation_uv[use],
+        observation_sigma=network.observation_sigma[use],
+    )
+
+
+def _intersected(problem: Problem, state: State, known: NDArray[np.bool_]) -> State:
+    """Intersect the points that are not known from the oriented stations, distortion left aside.
+
+    Notes
+    -----
+    ``x Z + c X = 0`` and its twin in y are linear in a point's coordinates.
+    """
+    c, x0, y0 = state.interior[problem.device, :3].T
+    at = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2] * [1, -1]
+    turn, base = state.relative_rotation[problem.device], state.pose_rotation[problem.pose]
+    R = turn @ base
+    t = np.einsum("mij,mj->mi", turn, state.pose_shift[problem.pose]) + state.relative_shift[problem.device]
+    tangents = (at - np.column_stack([x0, y0])) / c[:, None]
+    rows = tangents[:, :, None] * R[:, 2:] + R[:, :2]
+    right = -(tangents * t[:, 2:] + t[:, :2])
+    seen = (problem.root_weight > 0).astype(float)
+    N, b = np.zeros((len(known), 3, 3)), np.zeros((len(known), 3))
+    np.add.at(N, problem.point, np.einsum("mk,mki,mkj->mij", seen, rows, rows))
+    np.add.at(b, problem.point, np.einsum("mk,mki,mk->mi", seen, rows, right))
+    sure = ~known & (np.linalg.cond(N) < MOST_CONDITION)
+    xyz = state.xyz.copy()
+    xyz[sure] = np.linalg.solve(N[sure], b[sure][..., None])[..., 0]
+    return replace(state, xyz=xyz)
+
+
+def _oriented(network: Network, problem: Problem) -> State:
+    """Orient every station by the points that the network's observations see, as they are."""
     stations = resectable(network)
     state = oriented_stations(network, stations)
     found = {s: Pose(state.pose_rotation[k], state.pose_shift[k]) for k, s in enumerate(stations)}

@@ -13,7 +13,7 @@ from core.calibrate.options import AdjustOptions
 from core.calibrate.problem import base_devices, estimated
 from core.calibrate.rigid import mean_relative_poses, rigidity_of
 from core.calibrate.shared import with_shared_errors
-from core.errors import AdjustmentError
+from core.errors import AdjustmentError, InputError
 from core.geometry.pairs import names_of, orientation_names
 from core.model import (
     Adjustment,
@@ -91,10 +91,7 @@ def calibrate_photogrammetric(
     _check_tied(bases)
     if len(kept) - len(set(kept)) > 1:
         progress(0.8, "was the rig rigid?")
-        test = rigidity_of(solved, kept, progress.part(0.8, 1.0))
-        if not test.rigid:
-            advice = "" if not rigid else "; adjust with free stations, and mount the devices firmly"
-            warnings.append(f"{test}{advice}")
+        warnings += _rigidity(solved, kept, rigid, progress.part(0.8, 1.0))
     solved = with_shared_errors(solved, targets)
     adjustment = result_of(solved, warnings)
     others = [name for name, base in bases.items() if base != name]
@@ -121,6 +118,17 @@ def calibrate_photogrammetric(
         warnings=adjustment.warnings,
     )
     return calibration, adjustment
+
+
+def _rigidity(solved: Solved, kept: Sequence[int], rigid: bool, progress: Progress) -> list[str]:
+    """Warn of a rig that was not rigid, or of which that cannot be told."""
+    try:
+        test = rigidity_of(solved, kept, progress)
+    except (InputError, AdjustmentError) as error:  # the other assumption leaves too much open: no fault of this one
+        return [f"whether the rig was rigid cannot be tested: {error.where}: {error.seen}"]
+    if test.rigid:
+        return []
+    return [f"{test}; adjust with free stations, and mount the devices firmly" if rigid else str(test)]
 
 
 def _check_tied(bases: dict[str, str]) -> None:

@@ -19,7 +19,7 @@ _CV_FROM_DEVICE = np.diag([1.0, -1.0, -1.0])  # OpenCV's camera looks along +Z w
 
 
 def resect(points: Array, tangents: Array) -> list[Pose]:
-    """All ``device_from_object`` that explain a view, those behind the device left out, at most three.
+    """All ``device_from_object`` that explain a view, those behind the device left out: a few.
 
     Parameters
     ----------
@@ -46,6 +46,8 @@ def resect(points: Array, tangents: Array) -> list[Pose]:
         poses += _pnp(flat, image, cv2.SOLVEPNP_IPPE)
     if extent[2] > 1e-6 * extent[0] or not poses:
         poses += _pnp(local, image, cv2.SOLVEPNP_SQPNP)
+    if len(points) == 4 and extent[2] >= FLAT * extent[1]:  # of so few the general solution misses one in fifty
+        poses += _pnp(local, image, cv2.SOLVEPNP_AP3P)
     shifted = [Pose(p.rotation, p.translation_mm - p.rotation @ centre) for p in poses]
     return [p for p in shifted if (p.apply(points)[:, 2] < 0).all()]
 

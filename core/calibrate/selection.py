@@ -146,7 +146,7 @@ def adjustable(network: Network) -> tuple[Network, list[str]]:
             raise AdjustmentError(
                 "the network",
                 "no point is seen by two rays from stations with enough points",
-                f"every station needs {LEAST_POINTS} points that another station sees too",
+                f"every station needs {LEAST_POINTS} points that another station sees too, or that are known",
             )
         if keep.all() and not len(few) and not len(single):
             _check_connected(network)
@@ -163,7 +163,7 @@ def _weak_stations(network: Network) -> NDArray[np.int64]:
 
 
 def _single_ray_points(network: Network) -> NDArray[np.int64]:
-    """Points with fewer than two stations or fewer than three observed coordinates; what is known of one counts."""
+    """Points with fewer than two stations or fewer than three observed coordinates; what is known counts."""
     n = len(network.point_names)
     if network.point_sigma_mm is not None:
         known = np.isfinite(network.point_sigma_mm).sum(axis=1)
@@ -171,18 +171,26 @@ def _single_ray_points(network: Network) -> NDArray[np.int64]:
         known = np.zeros(n, np.int64)
     stations = np.bincount(network.observation_point, minlength=n)
     coordinates = np.bincount(network.observation_point, np.isfinite(network.observation_uv).sum(axis=1), minlength=n)
-    return np.flatnonzero(((stations < 2) & (known == 0)) | (coordinates + known < 3))
+    return np.flatnonzero((stations == 0) | ((stations < 2) & (known == 0)) | (coordinates + known < 3))
+
+
+def known_points(network: Network) -> Bools:
+    """Which points are known before in all three coordinates, shape (n,)."""
+    if network.point_sigma_mm is None:
+        return np.zeros(len(network.point_names), bool)
+    return np.asarray(np.isfinite(network.point_sigma_mm).all(axis=1))
 
 
 def _check_connected(network: Network) -> None:
-    """Refuse a network that falls into parts without common points."""
+    """Refuse a network that falls into parts without common points; known ones are common to all."""
     _, pose = np.unique(np.array(network.station_pose), return_inverse=True)
-    part = np.arange(len(network.point_names))
+    part, known = np.arange(len(network.point_names)), known_points(network)
     while True:  # every pose hands the least number among its points to all of them
         lowest = np.full(pose.max() + 1, len(part))
         np.minimum.at(lowest, pose[network.observation_station], part[network.observation_point])
         spread = part.copy()
         np.minimum.at(spread, network.observation_point, lowest[pose[network.observation_station]])
+        spread[known] = spread[known].min(initial=len(part))
         if np.array_equal(spread, part):
             break
         part = spread

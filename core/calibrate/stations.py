@@ -150,7 +150,7 @@ def oriented_stations(network: Network, stations: list[int]) -> State:
 
 
 def _candidates(network: Network, problem: Problem, stations: list[int]) -> list[tuple[Array, Array]]:
-    """Resections of every station with the nominal focal lengths: up to three sets of poses."""
+    """Resections of every station with the nominal focal lengths: a few sets of poses."""
     seen = np.all(problem.root_weight > 0, axis=1)
     nominal = problem.interior_known[problem.device, 0]
     offset = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2]

@@ -178,6 +178,17 @@ def test_captures_without_projector_coordinates_are_refused(measured):
         calibrate_photogrammetric(rig, field, blind, scale=bar)
 
 
+def test_a_rig_that_cannot_be_tested_is_calibrated_and_that_is_said(measured):
+    """Two columns and rows of one capture's projector do not orient it without the rig."""
+    _, rig, field, sets, bar = measured
+    few = sets[3].projector_uv.copy()
+    few[2:] = np.nan
+    sets[3] = replace(sets[3], projector_uv=few)
+    calibration, _ = calibrate_photogrammetric(rig, field, sets, scale=bar)
+    (told,) = (w for w in calibration.warnings if "rigid" in w)
+    assert told.startswith("whether the rig was rigid cannot be tested: station testfield-04/projector: its orient")
+
+
 def test_one_device_alone_can_be_adjusted_from_targets(measured):
     simulated, rig, field, sets, bar = measured
     for name in ("camera", "projector"):

@@ -1,0 +1,83 @@
+"""Control points: resection and intersection as textbooks have them, seen by the collinearity equations written out."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from core.calibrate import adjust
+from core.errors import AdjustmentError
+from core.project import read_network
+
+C_MM, PITCH_MM, WIDTH, HEIGHT = 8.0, 0.0045, 1600, 1200
+SIGMA_PX = 0.05
+PLACES = {"left": (-180.0, 20.0, 450.0), "right": (170.0, -30.0, 480.0)}
+
+
+def seen_from(name: str, point: np.ndarray) -> np.ndarray:
+    """Pixel of a point from one of the places, looking at the origin."""
+    place = np.array(PLACES[name])
+    turn = Rotation.align_vectors([[0, 0, 1]], [place / np.linalg.norm(place)])[0].as_matrix()
+    X, Y, Z = turn @ (point - place)
+    x, y = -C_MM * X / Z, -C_MM * Y / Z
+    return np.array([x / PITCH_MM + (WIDTH - 1) / 2, (HEIGHT - 1) / 2 - y / PITCH_MM])
+
+
+def network_of(folder: Path, points, told, sigma, seen):  # type: ignore[no-untyped-def]
+    """Write a network of a camera that is known; `seen` maps stations to the numbers of the points they see."""
+    camera = {"width": WIDTH, "height": HEIGHT, "pitch_mm": [PITCH_MM] * 2, "nominal_c_mm": C_MM, "estimate": []}
+    stations = {name: {"device": "cam"} for name in seen}
+    data = {"format": "stripe-network", "version": 2, "devices": {"cam": camera}, "stations": stations}
+    (folder / "network.json").write_text(json.dumps(data))
+    with open(folder / "points.csv", "w", newline="") as file:
+        write = csv.writer(file).writerow
+        write(["point", "x_mm", "y_mm", "z_mm", "sigma_x_mm", "sigma_y_mm", "sigma_z_mm"])
+        for i, (xyz, s) in enumerate(zip(told, sigma, strict=True)):
+            write([f"P{i}", *xyz, *([s] * 3 if np.isfinite(s) else [""] * 3)])
+    rng = np.random.default_rng(5)
+    with open(folder / "observations.csv", "w", newline="") as file:
+        write = csv.writer(file).writerow
+        write(["station", "point", "u", "v", "sigma_px"])
+        for name, numbers in seen.items():
+            for i in numbers:
+                uv = seen_from(name, points[i]) + rng.normal(0, SIGMA_PX, 2)
+                write([name, f"P{i}", *uv, SIGMA_PX])
+    return read_network(folder)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_new_points_are_intersected_from_control_however_rough_their_places(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-100, 100, (9, 3))
+    sigma = np.where(np.arange(9) < 5, 0.0, np.inf)
+    told = points + np.where(np.isinf(sigma), 1.0, 0.0)[:, None] * rng.normal(0, 200, points.shape)
+    result = adjust(network_of(tmp_path, points, told, sigma, dict.fromkeys(PLACES, range(9))))
+    new = slice(5, None)
+    sigmas = np.sqrt(np.diagonal(result.point_cov_mm2[new], axis1=1, axis2=2)) / result.sigma0
+    assert np.abs((result.points_mm[new] - points[new]) / sigmas).max() < 4.5
+    assert np.array_equal(result.points_mm[:5], points[:5])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_four_control_points_orient_an_image(seed, tmp_path):
+    points = np.random.default_rng(seed).uniform(-100, 100, (4, 3))
+    result = adjust(network_of(tmp_path, points, points, np.zeros(4), {"left": range(4)}))
+    assert result.redundancy == 2
+    assert np.sqrt(result.redundancy) * result.sigma0 < 4.0
+    pose = result.station_from_object[0]
+    assert np.linalg.norm(-pose.rotation.T @ pose.translation_mm - PLACES["left"]) < 2.0
+
+
+def test_control_ties_images_together_and_what_nobody_sees_is_no_hindrance(tmp_path):
+    points = np.random.default_rng(1).uniform(-100, 100, (13, 3))
+    seen = {"left": range(6), "right": range(6, 12)}
+    result = adjust(network_of(tmp_path, points, points, np.zeros(13), seen))
+    assert result.redundancy == 2 * 12 - 2 * 6
+    assert 0.5 < result.sigma0 < 1.7  # chi-square of 12 degrees of freedom, 1 in 1000
+    assert result.warnings == ("left out, not seen by two rays: point P12",)
+    loose = np.where(np.isin(np.arange(13), [2, 3, 4, 5]), np.inf, 0.0)
+    with pytest.raises(AdjustmentError, match=r"every station needs 4 points .* or that are known"):
+        adjust(network_of(tmp_path, points, points, np.where(np.arange(13) > 7, np.inf, loose), seen))
