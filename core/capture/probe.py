@@ -57,7 +57,7 @@ def probe_device(profile: str, port: str, progress: Progress = SILENT) -> Iterat
 
 def _questions(profile: Profile) -> Iterator[tuple[str, dict[str, Value]]]:
     """Give the commands, each with the values of a first pattern."""
-    first = min(profile.stored.values(), default=profile.first_slot)
+    first = profile.lowest
     for name in profile.commands:
         if name == "load":
             yield from ((name, {"slot": first, **values}) for values in load_values(profile, White()))

@@ -87,7 +87,7 @@ class Dialogue:
                 self.repeats += 1
                 self.note(self.name, f"{command}: {reason}, try {attempt + 1}")
             self.asked += 1
-            self._tag = self._tag % 250 + 1
+            self._tag = self._tag if step.send is None else self._tag % 250 + 1  # what comes unasked has the last one
             sent = {**values, "tag": self._tag}
             self.sent, self.heard = b"", bytearray()
             if step.send is not None:
@@ -115,6 +115,7 @@ class Dialogue:
         wrong: list[bytes] = []
         echo = self.profile.echo and step.send is not None
         while True:
+            echo = echo and not self._past_echo()
             body = unwrap(self.profile.answers, self._buffer, wrong)
             if wrong:
                 reason = "wrong checksum"
@@ -138,13 +139,25 @@ class Dialogue:
                     self._await_prompt(until_s)
                     return values, ""
                 if "tag" not in differing:
-                    return None, f"the answer has another {_base(differing[0])}"
+                    told, meant = (_shown(v) for v in (values[differing[0]], calculated(differing[0], sent)))
+                    return None, f"the answer says {differing[0]} {told} in place of {meant}"
                 reason = "an answer to another question"
             elif (refused := self._refused(body, sent)) is not None:
                 self._await_prompt(until_s)
                 return None, refused
             else:
                 reason = f"an answer that cannot be read ({body[:_SHOWN_BYTES].hex(' ')})"
+
+    def _past_echo(self) -> bool:
+        """Take what was sent out of the bytes that came, with its own end or with that of answers."""
+        ends = {self.profile.framing.end, self.profile.answers.end}
+        stem = self.sent.removesuffix(self.profile.framing.end)
+        for end in sorted(ends, key=len, reverse=True):
+            more = [e for e in ends if e != end and e.startswith(end) and len(self._buffer) < len(stem + e)]
+            if self._buffer.startswith(stem + end) and not more:
+                del self._buffer[: len(stem + end)]
+                return True
+        return False
 
     def _refused(self, body: bytes, sent: Values) -> str | None:
         """Say what a refusal means; None where a body is none of this question."""
@@ -215,6 +228,10 @@ class Dialogue:
                     self.do("stop")
             link.close()
             self._link = None
+
+
+def _shown(value: Value) -> str:
+    return value[:_SHOWN_BYTES].hex(" ") if isinstance(value, bytes) else str(value)
 
 
 def _base(name: str) -> str:

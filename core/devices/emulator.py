@@ -13,7 +13,6 @@ from core.devices.faults import LINK_FAULTS, Faults
 from core.devices.framing import unwrap, wrap
 from core.devices.profile import Profile
 from core.devices.scene import Lines
-from core.devices.sums import CHECKS
 from core.devices.template import Value, Values
 from core.devices.virtual import Stage
 from core.patterns import Black
@@ -62,7 +61,7 @@ class Emulator:
         self._slots: dict[int, tuple[Lines, Lines]] = {}
         self._chunks = bytearray()
         self._dark = np.zeros(columns, bool), np.zeros(rows, bool)
-        self._slot, self._lamp = self.profile.first_slot, 0
+        self._slot, self._lamp = self.profile.first_slot, int("lamp" not in self.profile.commands)
         self.stage.switch(Black())
 
     def gap(self) -> None:
@@ -192,7 +191,7 @@ class Emulator:
         held = dict(zip("xy", self._slots.get(slot, self._dark), strict=True))
         if profile.by_axis:
             held = dict(zip("xy", self._dark, strict=True))
-        check = CHECKS[profile.lines_check].of(b"".join(_bytes(values[n]) for n in plates.values()))
+        check = profile.lines_check.of(b"".join(_bytes(values[n]) for n in plates.values()))
         for axis, name in plates.items():
             count, data = {"x": profile.columns, "y": profile.rows}[axis], _bytes(values[name])
             size = -(-count * profile.bits.depth // 8)

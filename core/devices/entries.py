@@ -33,7 +33,7 @@ class Entries(Fields):
     def place(self, key: str) -> str:
         """Name file, line and entry of a key."""
         path = f"{self.path}.{key}" if self.path else key
-        line = self.lines.get(path)
+        line = self.lines.get(path, self.lines.get(self.path) if self.path else None)
         return f"{self.file}: {path}" if line is None else f"{self.file}, line {line}: {path}"
 
     def refuse(self, key: str, value: object, remedy: str) -> InputError:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from core.devices.framing import Framing
+from core.devices.sums import CheckSum
 from core.devices.template import LineBits, Template, Value
 from core.patterns import Pattern
 from core.patterns.kinds import KINDS
@@ -65,6 +66,7 @@ class Step:
     every_s: float
     within_s: float
     pause_s: float
+    only: Mapping[str, Value] = field(default_factory=dict)  # of a pattern: what the device takes for granted
 
 
 Command = tuple[Step, ...]
@@ -91,7 +93,7 @@ class Profile:
     axis: str
     bits: LineBits
     chunk: int  # bytes that one command loads at most; 0: all
-    lines_check: str
+    lines_check: CheckSum
     answer_s: float
     load_s: float
     gap_s: float
@@ -104,6 +106,11 @@ class Profile:
     stored: Mapping[Pattern, int] = field(default_factory=dict)  # what stands in the device beforehand, and its slot
     per_image: int = 1  # of these slots
     two_swapped: bool = False  # two images are listed in reverse order
+
+    @property
+    def lowest(self) -> int:
+        """The first slot with a pattern, where the device stands after `rewind`."""
+        return min(self.stored.values(), default=self.first_slot)
 
     @property
     def both_plates(self) -> bool:

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from core.devices.entries import Entries, key_lines
 from core.devices.profile import COMMANDS, MEANINGS, SHOWN, TOLD, Command, Port, Profile, Step
-from core.devices.sums import CHECKS
 from core.devices.template import LineBits, Template, Value, Words, make_template
-from core.devices.wrapping import read_framings
+from core.devices.wrapping import read_check, read_framings
 from core.errors import InputError
 from core.patterns import Pattern, parse_sequence, pattern_from_dict
 from core.resources import resource
@@ -114,7 +113,7 @@ def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
             lines.flag("backward"),
         ),
         chunk,
-        lines.text("check", default="crc16", among=tuple(CHECKS)),
+        read_check(lines, "check", "crc16"),
         answer_s,
         load_s,
         timing.real("gap_ms", above=0.0, default=30.0) / 1000,
@@ -235,6 +234,13 @@ def _commands(
     return commands
 
 
+def _only(table: Entries, sendable: set[str]) -> Mapping[str, Value]:
+    """Read what a device takes for granted of the patterns that a command describes."""
+    table.asked.update(sendable)
+    table.finish()
+    return table.data
+
+
 def _step(
     entry: Entries,
     every: Entries,
@@ -269,6 +275,7 @@ def _step(
         entry.real("every_ms", above=0.0, default=200.0) / 1000,
         entry.real("within_ms", above=0.0, default=10_000.0) / 1000,
         entry.real("pause_ms", least=0.0, default=pause_ms) / 1000,
+        _only(entry.table("only"), sendable),
     )
     entry.finish()
     return step

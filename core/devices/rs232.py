@@ -15,10 +15,9 @@ from core.devices.dialogue import Dialogue, EmptyError, UnansweredError
 from core.devices.link import LineDownError
 from core.devices.profile import Profile
 from core.devices.protocol import Check, Note, check_sequence, no_check, no_note, pattern_at, refuse_grey
-from core.devices.sums import CHECKS
 from core.devices.template import Value
 from core.errors import Cancelled, DeviceError, InputError
-from core.patterns import CrossPatternLcd, Pattern, axis_of, brightness
+from core.patterns import CrossPatternLcd, Pattern, axis_of, brightness, reference_sequence
 from core.patterns.kinds.kind import fields_of
 
 _RECOVERIES = 3  # of a lost line or sequence, in one call
@@ -47,6 +46,9 @@ class SerialProjector:
         self.can_follow = profile.goes("follow")
         self.capacity = profile.slots if "load" in profile.commands or profile.listed else _MANY
         self.sequence: tuple[Pattern, ...] | None = tuple(profile.stored) or None
+        if "load" in profile.commands and len(profile.plates) == 1:
+            whole = reference_sequence(profile.columns, profile.rows)
+            self.sequence = tuple(p for p in whole if axis_of(p) in (None, profile.axis))
         self._loaded: tuple[Pattern, ...] = ()
         self._shown, self._open = -1, True
         self._listed: tuple[str, tuple[Pattern, ...]] = ("", ())  # by which command it goes, and the sequence
@@ -75,7 +77,9 @@ class SerialProjector:
             return refuse_grey(pattern) if profile.bits.depth == 1 else None
         if profile.stored:
             return None if pattern in profile.stored else "it is not among the patterns that are stored in the device"
-        return None if f"show-{pattern.kind}" in profile.commands else f"the profile has no command show-{pattern.kind}"
+        if f"show-{pattern.kind}" not in profile.commands:
+            return f"the profile has no command show-{pattern.kind}"
+        return _unsaid(profile, pattern)
 
     def show(self, pattern: Pattern, check: Check = no_check) -> None:
         if self._loaded != (pattern,):
@@ -181,10 +185,10 @@ class SerialProjector:
         if "select" in self.profile.commands:
             self.dialogue.do("select", slot=slot)
             return
-        first, at = self.profile.first_slot, self._shown if self._shown >= 0 else None
+        at = self._shown if self._shown >= 0 else None
         for _ in range(2 * slot + 8):
             if at is None or at > slot:
-                at = self._move("rewind", first)
+                at = self._move("rewind", self.profile.lowest)
             elif at == slot and self._shown == slot:
                 return
             elif at < slot:
@@ -198,6 +202,8 @@ class SerialProjector:
             return _whole(self.dialogue.do(command, once=command == "step", slot=expected).get("slot", expected))
         except UnansweredError:
             if "query" not in self.profile.commands:
+                if command == "rewind":
+                    raise
                 return None
             state = self.dialogue.do("query")
             if _whole(state["loaded"]) < len(self._loaded):
@@ -251,7 +257,7 @@ def load_values(profile: Profile, pattern: Pattern) -> list[dict[str, Any]]:
             for v in loads
             for at in range(0, len(v["lines"]), profile.chunk)
         ]
-    check = CHECKS[profile.lines_check]
+    check = profile.lines_check
     return [{**v, "check": check.of(b"".join(d for d in v.values() if isinstance(d, bytes)))} for v in loads]
 
 
@@ -264,6 +270,23 @@ def described(pattern: Pattern) -> dict[str, Any]:
     if "value" in values:
         values["level"] = round(255 * values.pop("value"))
     return values
+
+
+def _unsaid(profile: Profile, pattern: Pattern) -> str | None:
+    """Say what of a pattern its command would not tell the device; None where it is all told, or taken for granted."""
+    steps, values = profile.commands[f"show-{pattern.kind}"], described(pattern)
+    sent = {f for step in steps if step.send for f in step.send.fields}
+    granted = {"inverse": False, "profile": "sine", **{k: v for step in steps for k, v in step.only.items()}}
+    if sent & {"step", "shift_deg"}:  # one of them tells the other
+        sent |= {"step", "steps", "shift_deg"}
+    lines = profile.rows if values.get("axis") == "y" else profile.columns
+    if "bits" in sent and values.get("cell", 0) << values.get("bits", 0) == lines:
+        sent |= {"cell"}  # the whole width, in equal cells
+    unsaid = [k for k, v in values.items() if k not in sent and (k not in granted or granted[k] != v)]
+    if not unsaid:
+        return None
+    told = f"show-{pattern.kind} of the profile does not send {unsaid[0]}, which is {values[unsaid[0]]}"
+    return f"{told}: send it, or say what the device takes for granted by `only`"
 
 
 def _whole(value: Value) -> int:

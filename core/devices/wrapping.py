@@ -37,7 +37,7 @@ def _framing(table: Entries, kind: str, side: str, templates: list[Template]) ->
         table.asked.update((name, f"answer_{name}"))
         return side + name if side + name in table.data else name
 
-    check = _check(table, key("check"))
+    check = read_check(table, key("check"))
     order = "little" if table.text(key("check_order"), default="high", among=("high", "low")) == "low" else "big"
     prompt = table.text("prompt", default="").encode("ascii") if side or kind == "frame" else b""
     table.asked.add("prompt")
@@ -129,10 +129,10 @@ def _bytes(table: Entries, key: str) -> bytes:
         raise table.refuse(key, table.data[key], "write bytes as two hexadecimal digits") from error
 
 
-def _check(table: Entries, key: str) -> CheckSum:
+def read_check(table: Entries, key: str, default: str = "none") -> CheckSum:
     """Read a check value: by its name, or by its parameters."""
     if not isinstance(table.data.get(key), Mapping):
-        return CHECKS[table.text(key, default="none", among=tuple(CHECKS))]
+        return CHECKS[table.text(key, default=default, among=tuple(CHECKS))]
     crc = table.table(key)
     bits = crc.integer("bits", 8, 32)
     if bits % 8:

@@ -262,6 +262,7 @@ settle_ms = 1
 [commands.show-gray]
 send = "GRAY {axis} {bit+1:02X}/{bits} {inverse}"
 expect = "OK"
+only = { cell = 1 }
 [commands.show-phase]
 send = "SINE {axis} {period:.2f} {shift_deg:05.1f}"
 expect = "OK"
@@ -287,6 +288,9 @@ def test_patterns_are_described_by_their_parameters(own) -> None:
         for pattern in (Code("gray", "y", 9, 12, 1, True), Phase("x", 12.5, 4, 1, np.pi / 2), Level(0.5)):
             projector.show(pattern)
         assert "show-white" in projector.refusal(White())
+        assert "does not send cell, which is 2" in projector.refusal(Code("gray", "x", 0, 4, 2))
+        assert projector.refusal(Code("gray", "x", 0, 5, 2)) is None  # the whole width in 32 cells
+        assert "profile, which is square" in projector.refusal(Phase("x", 4.0, 4, 0, 0.0, "square"))
         projector.close()
     assert device.heard == b"GRAY H 0A/12 1\nSINE V 12.50 090.0\nFULL 80\n"
 
@@ -384,6 +388,16 @@ def test_probe_shows_every_byte_and_what_was_not_understood(own, capsys) -> None
     assert "NOT UNDERSTOOD" in bad.err
     assert b"what?".hex(" ") in bad.err
     assert "2 of 2 commands were not understood (load, select)" in bad.err
+
+
+def test_an_answer_that_says_something_else_is_told_with_both(own) -> None:
+    device = Prompting()
+    device.spoil = lambda data: data.replace(b"$A001*D2", b"$A003*D4")
+    with plugged(device) as port:
+        talk = Dialogue(port, read_profile(own(PROMPTING)))
+        with pytest.raises(DeviceError, match="says slot 3 in place of 1"):
+            talk.do("load", once=True, slot=1, plate="X", lines=b"\xff\xff")
+        talk.close()
 
 
 def test_bytes_that_cannot_be_read_are_shown_in_the_error(own) -> None:
