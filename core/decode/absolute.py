@@ -169,11 +169,10 @@ def decode(
         )
     taken = spread(shape)
     late = late_frames(patterns, sample, range(*taken[0].indices(height)), (u[taken].ravel(), v[taken].ravel()), limits)
-    notes = (*late, *notes_on(arrays, sample, flags[taken].ravel(), limits, tables, max(refused, default=0.0)))
+    notes, dim = notes_on(arrays, sample, flags[taken].ravel(), limits, tables, max(refused, default=0.0))
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]
-    return PhaseMap(
-        u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape), flags, curve, misfit, notes
-    )
+    planes_seen = (u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape))
+    return PhaseMap(*planes_seen, flags, curve, misfit, (*late, *notes), dim_notes=notes if dim else ())
 
 
 def _measure(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,7 +26,6 @@ DETOUR = (
     "the periods contradict each other too much to count fringes: light reaches the surface by a second way, by gloss "
     "or from a facing wall. Dull the surface, show more periods or add a code."
 )
-WEAK = re.compile("Only .* fringes are too weak")
 LARGER = "Compare its width and height in project.json with those that the patterns were made for."
 ORDER = int(Flag.DISAGREEMENT | Flag.UNSURE)
 HALF = 0.5
@@ -41,8 +39,10 @@ def notes_on(
     limits: Limits,
     tables: tuple[AxisTable, AxisTable],
     refused: float = 0.0,
-) -> tuple[str, ...]:
+) -> tuple[tuple[str, ...], bool]:
     """Say in sentences why far fewer pixels of a capture decode than are lit; nothing where all is well.
+
+    Also tell whether it is nothing but too little light for the noise.
 
     Parameters
     ----------
@@ -62,34 +62,30 @@ def notes_on(
     wanted = [flag for flag, table in zip((Flag.NO_U, Flag.NO_V), tables, strict=True) if table.start != NOTHING]
     missing = flags & np.uint8(sum(int(flag) for flag in wanted)) != 0
     if missing.mean() <= MANY:
-        return ()
+        return (), False
     contrast = sample.max(axis=0) - sample.min(axis=0)
     noise = np.sqrt(_variance(limits, contrast))
     lit = contrast > LIT * noise
     if lit.mean() > NOWHERE and missing[lit].mean() <= 1 - PROMISED:
-        return ()
+        return (), False
     excess = _excess(images, limits)  # what was taken for noise may be none
     lit = contrast > LIT * noise / excess
     if lit.mean() < NOWHERE:
         level = f"their frames differ by {np.median(contrast):.0f} grey values in the median"
         remedy = "See that the projector reaches the object, that its frames are those shown, and expose longer"
-        return (f"The projector lights no pixel visibly: {level}. {remedy}.",)
+        return (f"The projector lights no pixel visibly: {level}. {remedy}.",), False
     seen, lost = flags[lit], missing[lit]
     if lost.mean() <= 1 - PROMISED:
-        return ()
+        return (), False
     clipped = (sample.max(axis=0)[lit] >= limits.saturation) & (seen & np.uint8(ORDER) != 0)
     seen = np.where(clipped, np.uint8(Flag.SATURATED), seen)
     head = f"Only {1 - lost.mean():.0%} of the pixels that the projector lights decode"
     usual = float(np.median(noise[lit]))
-    first, *others = _causes(seen[lost], len(seen), limits, (usual, usual / excess), tables, refused > HALF) or [""]
-    return (f"{head}: {first}" if first else f"{head}.", *(f"{text[0].upper()}{text[1:]}" for text in others))
-
-
-def but_weak_fringes(notes: Sequence[str]) -> tuple[str, ...]:
-    """Notes without the one that most of what is lit is too dark, which is no fault of a board between its targets."""
-    weak = [WEAK.match(note) is not None for note in notes]
-    alone = [not after.startswith("In ") for after in (*notes, "")[1:]]
-    return tuple(note for note, *both in zip(notes, weak, alone, strict=True) if not all(both))
+    causes = _causes(seen[lost], len(seen), limits, (usual, usual / excess), tables, refused > HALF)
+    if not causes:
+        return (f"{head}.",), False
+    (first, *others), dim = zip(*causes, strict=True)
+    return (f"{head}: {first}", *(f"{text[0].upper()}{text[1:]}" for text in others)), all(dim)
 
 
 def _variance(limits: Limits, level: Singles) -> Singles:
@@ -117,21 +113,25 @@ def _causes(
     noises: tuple[float, float],
     tables: tuple[AxisTable, AxisTable],
     detour: bool,
-) -> list[str]:
-    """The causes, the most frequent first; flags of the pixels that are lost, and how many are lit.
+) -> list[tuple[str, bool]]:
+    """The causes, the most frequent first, and whether each is too little light for the noise.
+
+    Given flags of the pixels that are lost, and how many are lit.
 
     `noises` are that of their grey values as it was taken, and as the smoothest frame shows it.
     """
     told = any(len(table.period) > 1 or len(table.sign) for table in tables)
     full, (noise, grain) = float(limits.saturation), noises
+    grainy = noise <= APART * grain
     remedy = "Focus, expose longer or use longer periods."
     weak = f"the fringes are too weak for the noise of {noise:.1f} grey values. {remedy}"
-    if noise > APART * grain:
+    if not grainy:
         agree = f"frames that should agree differ by {noise:.1f} grey values, where their noise is {grain:.1f}."
         weak = f"{agree} {MIXED}"
     contrary = f"the frames contradict each other. {MIXED}" if told else "the phase is too noisy. Expose longer."
     open_order = np.count_nonzero(lost & int(Flag.UNSURE)) > HALF * np.count_nonzero(lost & ORDER)
-    if open_order and noise <= APART * grain and all(table.start in (NOTHING, PHASES) for table in tables):
+    open_order &= grainy and not detour and all(table.start in (NOTHING, PHASES) for table in tables)
+    if open_order:
         more = "Expose longer, show more steps, or add a code or a longer period."
         contrary = f"the noise of {noise:.1f} grey values leaves the order of the fringe open. {more}"
     contrary = DETOUR if detour else contrary
@@ -143,4 +143,5 @@ def _causes(
     }
     parts = {text: float(np.count_nonzero(lost & bits)) / lit for bits, text in kinds.items()}
     ordered = sorted(parts.items(), key=lambda part: -part[1])
-    return [f"in {part:.0%} of them {text}" for text, part in ordered if part > MANY]
+    dim = {weak: grainy, contrary: bool(open_order)}
+    return [(f"in {part:.0%} of them {text}", dim.get(text, False)) for text, part in ordered if part > MANY]

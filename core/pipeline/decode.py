@@ -15,6 +15,8 @@ from core.model import Capture, PhaseMap, Project
 from core.progress import SILENT, Progress
 from core.project import atomic_write, find_project, iterate_images, read_capture, read_project
 
+NOTES = "notes", "dim_notes"  # of a phase map
+
 
 def decode_capture(
     folder: Path, progress: Progress = SILENT, *, camera: str = "", projector: str = "", estimate: bool = False
@@ -110,7 +112,7 @@ def phase_maps(
 def write_phase(out: Path, phase: PhaseMap) -> None:
     """Write a phase map as NPZ, one array for each of its fields; no response, no array."""
     arrays = {f.name: getattr(phase, f.name) for f in fields(PhaseMap)}
-    arrays["notes"] = np.array(phase.notes, dtype=np.str_)
+    arrays |= {name: np.array(arrays[name], dtype=np.str_) for name in NOTES}
     with atomic_write(out) as file:
         np.savez(file, **{name: array for name, array in arrays.items() if array is not None})
 
@@ -119,6 +121,6 @@ def read_phase(path: Path) -> PhaseMap:
     """Read what `write_phase` wrote."""
     with np.load(path, allow_pickle=False) as stored:
         arrays = {f.name: stored[f.name] for f in fields(PhaseMap) if f.name in stored}
-    values: dict[str, Any] = {**arrays, "notes": tuple(arrays.get("notes", np.zeros(0, np.str_)).tolist())}
+    values: dict[str, Any] = {**arrays, **{name: tuple(arrays.get(name, np.zeros(0)).tolist()) for name in NOTES}}
     values |= {name: str(arrays[name]) for name in ("camera", "projector") if name in arrays}
     return PhaseMap(**values)

@@ -127,7 +127,6 @@ def measured_capture(
     capture: Capture, phase: PhaseMap, project: Project, side: Side
 ) -> tuple[TargetSet, Sequence[Labelling]]:
     """Measure one decoded capture, from its picks or without; give the labellings that the targets allow, too."""
-    from core.decode.notes import but_weak_fringes
     from core.measure import MeasureOptions, labellings, measure_targets, recognise
 
     field, camera = capture.testfield, project.rig.cameras[capture.camera]
@@ -143,7 +142,8 @@ def measured_capture(
         targets, ways = measure_targets(phase, field, capture.seeds, camera, **how), labellings(field)
     else:
         targets, ways = recognise(phase, field, camera, **how)
-    said = but_weak_fringes(phase.notes) if len(targets.row) > len(targets.missing) else phase.notes
+    dim = phase.dim_notes if len(targets.row) > len(targets.missing) else ()
+    said = (note for note in phase.notes if note not in dim)
     told = replace(targets, notes=(*said, *targets.notes), response=phase.response)
     return _named(told, capture), ways
 
