@@ -2,12 +2,15 @@
 
 For each interpreter that is here, the lowest and the newest versions that the bounds admit are installed into an
 environment of their own with uv, every module is imported, and a small project goes the road from simulation to report.
-At the end `pip uninstall` has to leave nothing behind. Prints a table; the exit code is 1 if anything failed.
+At the end `pip uninstall` has to leave nothing behind. First of all, wheel and archive of the sources are built twice,
+by people whose files have other rights, and have to be equal byte for byte. Prints a table; the exit code is 1 if
+anything failed.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import os
 import shutil
 import subprocess
@@ -45,7 +48,7 @@ def main() -> int:
     if uv is None:
         print("versions: uv is missing; install it: pip install uv", file=sys.stderr)
         return 1
-    failed = False
+    failed = not equal_builds(uv)
     for python in options.python:
         found = subprocess.run([uv, "python", "find", "--no-python-downloads", python], capture_output=True, text=True)
         if found.returncode:
@@ -59,12 +62,40 @@ def main() -> int:
     return int(failed)
 
 
+def equal_builds(uv: str) -> bool:
+    """Build twice with one SOURCE_DATE_EPOCH; print and give whether the files are equal."""
+    made = []
+    for rights in (0o022, 0o077):
+        with tempfile.TemporaryDirectory(prefix="stripe-versions-") as folder:
+            before = os.umask(rights)
+            try:
+                copy(Path(folder) / "source")
+                out = Path(folder) / "out"
+                own = {**os.environ, "SOURCE_DATE_EPOCH": "1700000000"}
+                build = [uv, "build", "-q", "--out-dir", str(out), str(Path(folder) / "source")]
+                subprocess.run(build, env=own, check=True)
+            finally:
+                os.umask(before)
+            made.append({path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(out.glob("s*"))})
+    differing = [name for name in made[0] if made[0][name] != made[1].get(name)]
+    print(
+        f"two builds  {'FAILED: ' + ', '.join(differing) + ' differ' if differing else 'equal: ' + ', '.join(made[0])}"
+    )
+    return bool(made[0]) and not differing
+
+
+def copy(source: Path) -> None:
+    """Copy what a build needs, with the rights that files get here."""
+    ignored = shutil.ignore_patterns(
+        ".git", ".venv", "*.pyc", "__pycache__", "build", "dist", ".bundle-venv", "*.egg-info"
+    )
+    shutil.copytree(ROOT, source, ignore=ignored, copy_function=shutil.copyfile)
+
+
 def trial(uv: str, interpreter: str, which: str, folder: Path) -> str:
     """Install, import, go the road, remove; give what became of it."""
     source, home = folder / "source", folder / "home"
-    shutil.copytree(
-        ROOT, source, ignore=shutil.ignore_patterns(".git", ".venv", "*.pyc", "__pycache__", "build", "dist")
-    )
+    copy(source)
     home.mkdir()
     environment = folder / "env"
     python = environment / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
