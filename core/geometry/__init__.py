@@ -10,7 +10,7 @@ Conventions, told once for the whole program:
 
 from core.geometry.device import image_to_pixel, pixel_to_image, project, ray_directions
 from core.geometry.lens import LENSES, Lens, at_radius, distort, fitted, lens_of, nominal, regular, undistort
-from core.geometry.pairs import calibration_of_pair, pair_for, pair_of, perturbed
+from core.geometry.pairs import calibration_of_pair, pair_derivatives, pair_for, pair_of, perturbed
 from core.geometry.projection import Projection, project_with_derivatives
 from core.geometry.rotation import (
     Pose,
@@ -36,6 +36,7 @@ __all__ = [
     "matrix_from_axis_angle",
     "matrix_from_rotation_vector",
     "nominal",
+    "pair_derivatives",
     "pair_for",
     "pair_of",
     "perturbed",

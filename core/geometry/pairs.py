@@ -76,16 +76,26 @@ def pair_of(calibration: PhotogrammetricCalibration | Pair, camera: str = "", pr
     camera_from_base = Pose() if to_camera is None else to_camera.device_from_base
     projector_from_base = Pose() if to_projector is None else to_projector.device_from_base
     relative = projector_from_base @ camera_from_base.inverse()
+    L = pair_derivatives(calibration, camera, projector)
+    devices = calibration.devices
+    return Pair(devices[camera], devices[projector], relative, L @ calibration.covariance @ L.T)
+
+
+def pair_derivatives(calibration: PhotogrammetricCalibration, camera: str, projector: str) -> Array:
+    """How the parameters of a pair, in the order of its covariance, change with the calibration's, (k, p)."""
+    to_camera, to_projector = (calibration.orientations.get(name) for name in (camera, projector))
+    camera_from_base = Pose() if to_camera is None else to_camera.device_from_base
+    projector_from_base = Pose() if to_projector is None else to_projector.device_from_base
     place = {name: i for i, name in enumerate(calibration.parameter_names)}
-    devices = calibration.devices[camera], calibration.devices[projector]
-    own = [*names_of(camera, devices[0]), *names_of(projector, devices[1])]
+    own = [n for name in (camera, projector) for n in names_of(name, calibration.devices[name])]
     L = np.zeros((len(own) + 6, len(place)))
     L[np.arange(len(own)), [place[name] for name in own]] = 1.0
+    relative = projector_from_base @ camera_from_base.inverse()
     by_camera, by_projector = relative_derivatives(camera_from_base.translation_mm, relative)
     for name, known, M in ((camera, to_camera, by_camera), (projector, to_projector, by_projector)):
         if known is not None:
             L[len(own) :, [place[n] for n in orientation_names(name)]] = M
-    return Pair(devices[0], devices[1], relative, L @ calibration.covariance @ L.T)
+    return L
 
 
 def pair_for(phase: PhaseMap | Capture, calibration: PhotogrammetricCalibration | Pair) -> Pair:

@@ -26,6 +26,7 @@ from core.model.network import Network, NetworkDevice, NetworkScale
 from core.model.orientation import DriftPoint, KnownLength, KnownPoints, RigMotion
 from core.model.phase import PhaseMap
 from core.model.points import PlaneEvaluation, PointCloud
+from core.model.registration import Overlap, Registration
 from core.model.rig import DeviceSpec, Interior, Project, Rig, ScaleBar
 from core.model.targets import MissingTarget, TargetSet, Testfield
 from core.model.verdict import LeftOut, Verdict
@@ -55,12 +56,14 @@ __all__ = [
     "NetworkDevice",
     "NetworkScale",
     "Orientation",
+    "Overlap",
     "Pair",
     "PhaseMap",
     "PhotogrammetricCalibration",
     "PlaneEvaluation",
     "PointCloud",
     "Project",
+    "Registration",
     "Rig",
     "RigMotion",
     "Role",

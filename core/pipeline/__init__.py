@@ -42,6 +42,10 @@ if TYPE_CHECKING:
     from core.pipeline.guessing import guess_picks as guess_picks
     from core.pipeline.live import live_cycles as live_cycles
     from core.pipeline.measure import measure_project as measure_project
+    from core.pipeline.merge import Merged as Merged
+    from core.pipeline.merge import merge_captures as merge_captures
+    from core.pipeline.merge import merge_figures as merge_figures
+    from core.pipeline.merge import merge_words as merge_words
     from core.pipeline.methods import METHODS as METHODS
     from core.pipeline.methods import Calibrated as Calibrated
     from core.pipeline.methods import CalibrationMethod as CalibrationMethod
@@ -104,6 +108,7 @@ _HOMES = {
     "core.pipeline.guessing": "accept_guesses guess_picks",
     "core.pipeline.live": "live_cycles",
     "core.pipeline.measure": "measure_project",
+    "core.pipeline.merge": "Merged merge_captures merge_figures merge_words",
     "core.pipeline.methods": "METHODS Calibrated CalibrationMethod calibration_figures",
     "core.pipeline.options": "CalibrateOptions",
     "core.pipeline.orient": "drift_of orient_capture orient_pairs parse_length",

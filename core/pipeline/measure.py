@@ -207,7 +207,8 @@ def save_targets(project: Project, targets: Sequence[TargetSet]) -> None:
 
 def sides_of(captures: Sequence[Capture]) -> dict[Role, Side]:
     """Give the side from which the boards of each role are seen, see `side_of`."""
-    return {role: side_of([c for c in captures if c.role == role]) for role in BOARDS}
+    sides = {role: side_of([c for c in captures if c.role == role]) for role in BOARDS}
+    return {**sides, "object": sides["testfield"]}  # targets beside an object
 
 
 def side_of(captures: list[Capture]) -> Side:

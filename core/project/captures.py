@@ -107,7 +107,7 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
     if not frames:
         raise fields.refuse("frames", [], "a capture needs frames: record it again")
     testfield = None
-    if role in ("testfield", "depth") and (name := fields.text("testfield", default=None)) is not None:
+    if role != "plane" and (name := fields.text("testfield", default=None)) is not None:
         root = project.path if project else find_project(folder) or folder
         testfield = read_testfield(root / name)
     seeds, excluded = read_picks(folder / "picks.json") if (folder / "picks.json").exists() else ((), ())

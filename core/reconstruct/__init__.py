@@ -3,6 +3,7 @@
 * `points` dispatches: `reconstruct` is the stage;
 * `intersect` forward intersection by the photogrammetric calibration, from 4 or 3 observations;
 * `joint` intersection from all cameras and projectors that saw a point;
+* `stations` a rig moved between captures as one rig;
 * `texture` points without code, matched in the images of two cameras; its kernels in `matching`;
 * `system` what of a photogrammetric calibration is prepared once: camera rays and projection along a ray;
 * `sigma_table` what the calibration's covariance does to a point;
@@ -17,11 +18,14 @@ u and v, which carry the phase noise, say how far along.
 from core.reconstruct.export import EXPORTERS, exporter_for, write_npz, write_ply
 from core.reconstruct.joint import Sight, intersect_all, merged
 from core.reconstruct.points import reconstruct
+from core.reconstruct.stations import at_stations, device_at
 from core.reconstruct.texture import fill_by_texture
 
 __all__ = [
     "EXPORTERS",
     "Sight",
+    "at_stations",
+    "device_at",
     "exporter_for",
     "fill_by_texture",
     "intersect_all",

@@ -33,6 +33,7 @@ from core.reconstruct.placed import Device, moved, placed
 from core.reconstruct.rays import camera_rays
 
 Rays = Literal["all", "cameras"]
+Along = Literal["camera", "base"]  # whose axes: the camera's, or those of the device that orientations refer to
 
 STEPS = 2  # from one camera's own solution
 SLIGHT = 1e-6  # relative change of q for a derivative
@@ -79,6 +80,11 @@ class Scene:
     views: Sequence[View]
     camera: str
     rays: Rays
+    along: Along = "camera"
+
+    def turned(self, vectors: Array) -> Array:
+        """Vectors (..., 3) of the camera's frame along the axes in which sigmas are wanted."""
+        return vectors if self.along == "camera" else vectors @ self.devices[self.camera].from_base.rotation
 
     def directions(self, at: NDArray) -> Array:
         """Directions (n, 3) in which pixels (n, 2) look."""
@@ -144,6 +150,7 @@ def intersect_all(
     camera: str,
     *,
     rays: Rays = "all",
+    along: Along = "camera",
     progress: Progress = SILENT,
 ) -> PointCloud:
     """Intersect the pixels of one camera with all that saw the same points.
@@ -156,6 +163,8 @@ def intersect_all(
         Whose pixels; it must be among `phases`.
     rays : {"all", "cameras"}
         Cameras and projectors, or cameras alone, for which the projector labels places and no more.
+    along : {"camera", "base"}
+        The axes of sigmas; "base" also lets them hold what is not known of where the camera stands.
 
     Returns
     -------
@@ -174,7 +183,10 @@ def intersect_all(
         raise InputError("the capture", f"holds nothing decoded of {camera}", f"choose one of {known}")
     if rays == "cameras" and len(own) == len(phases):
         raise InputError("the capture", "was seen by one camera alone", "use rays from the projector too")
-    scene, alone = Scene(placed(calibration), views, camera, rays), [intersect(phase, calibration) for phase in own]
+    scene, alone = (
+        Scene(placed(calibration), views, camera, rays, along),
+        [intersect(phase, calibration) for phase in own],
+    )
     plane = camera_rays(scene.devices[camera].spec, scene.devices[camera].interior)  # `intersect` has made them
     directions = np.concatenate([plane, np.full_like(plane[..., :1], -1.0)], axis=-1, dtype=np.float64)
     progress(0.3, "intersecting all rays")
@@ -208,7 +220,7 @@ def intersect_all(
         told[told != Sight.JOINT] = Sight.NONE
     q[told == Sight.NONE] = np.nan
     sigma_depth = np.sqrt(noise) / q**2
-    variance = (directions * sigma_depth[..., None]) ** 2
+    variance = scene.turned(directions * sigma_depth[..., None]) ** 2
     for which, by in ((told == Sight.JOINT, scene), ((told != Sight.JOINT) & (told != Sight.NONE), by_itself)):
         variance[which] += by_calibration(by, calibration, which, q)
     progress(1.0, "points are reconstructed")
@@ -233,7 +245,7 @@ def merged(
     -------
     cloud : PointCloud
         Shape (1, n, 3), with `source`. A joint or matched point is taken from the first camera; sigmas stay along
-        the axes of the camera whose point it is.
+        the axes that the clouds have them in.
     image : array, shape (1, n)
     """
     devices, parts = placed(calibration), []
@@ -286,7 +298,8 @@ def by_calibration(scene: Scene, calibration: PhotogrammetricCalibration, which:
             there = replace(scene, devices=moved(scene.devices, calibration, sign * step))
             turned = there.directions(at)
             depth = depths + np.sum(per * (there.terms(at, turned, depths).r - terms.r), axis=1)
-            ends.append(turned / depth[:, None])
+            points, device = turned / depth[:, None], there.devices[there.camera]
+            ends.append(points if scene.along == "camera" else device.from_base.inverse().apply(points))
         G[:, :, k] = (ends[0] - ends[1]) / (2 * step[parameter])
     variance = np.einsum("nik,kl,nil->ni", G, C[np.ix_(uncertain, uncertain)], G)
     scale = np.array([which.shape[1], which.shape[0], np.median(depths)])

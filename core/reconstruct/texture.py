@@ -21,7 +21,7 @@ from core.geometry import project
 from core.model import Array, Floats, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
 from core.progress import SILENT, Progress
-from core.reconstruct.joint import Scene, Sight, Terms, by_calibration
+from core.reconstruct.joint import Along, Scene, Sight, Terms, by_calibration
 from core.reconstruct.matching import FOUND, REACH_PX, match_windows
 from core.reconstruct.placed import Device, placed
 from core.reconstruct.rays import camera_rays
@@ -72,6 +72,7 @@ def fill_by_texture(
     calibration: PhotogrammetricCalibration,
     camera: str,
     *,
+    along: Along = "camera",
     progress: Progress = SILENT,
 ) -> PointCloud:
     """Add points that two cameras see alike where none was decoded.
@@ -86,6 +87,8 @@ def fill_by_texture(
         Grey values (H, W) of all of them in the same light, NaN where they are not known.
     calibration : PhotogrammetricCalibration
     camera : str
+    along : {"camera", "base"}
+        The axes of sigmas, as `cloud` has them.
     progress : Progress
 
     Returns
@@ -113,7 +116,7 @@ def fill_by_texture(
     xyz, sigma, depth, sight = (np.array(a) for a in (cloud.xyz_mm, cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight))
     for k, (name, other) in enumerate(others.items()):
         part = progress.part(k / len(others), (k + 1) / len(others))
-        scene = _Match(devices, (), camera, "all", name, devices)
+        scene = _Match(devices, (), camera, "all", along, name, devices)
         there, variance = _matched(scene, (images[camera], images[name]), rays, q, wanted, part)
         _refuse_elsewhere(scene, other, there)
         better = np.isfinite(there) & (variance < best)
@@ -123,7 +126,7 @@ def fill_by_texture(
         noise = np.sqrt(variance[better]) / there[better] ** 2
         by = by_calibration(scene, calibration, better, there)
         xyz[better] = directions / there[better][:, None]
-        sigma[better] = np.sqrt((directions * noise[:, None]) ** 2 + by)
+        sigma[better] = np.sqrt(scene.turned(directions * noise[:, None]) ** 2 + by)
         depth[better], sight[better] = noise, Sight.TEXTURE
     return replace(cloud, xyz_mm=xyz, sigma_mm=sigma, sigma_depth_mm=depth, sight=sight, object_px=int(covered.sum()))
 

@@ -60,6 +60,12 @@ def add(commands: Commands) -> None:
     add_devices(sub)
     sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="npz ply stl obj glb pcd xyz e57 las")
 
+    sub = commands.add_on_project("merge", _merge, "captures of one object from several stations, as one cloud")
+    sub.add_argument("captures", nargs="+", metavar="CAPTURE", help="the first one's camera gives the frame")
+    words = "what tells how the rig stood: targets of a testfield that captures name, the surface, or both (default)"
+    sub.add_argument("--by", choices=("both", "targets", "surface"), default="both", help=words)
+    sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="npz ply pcd xyz e57 las")
+
     commands.add_on_project("evaluate", _evaluate, "deviations of every plane capture, by every calibration")
 
     sub = commands.add_on_project("report", _report, "the HTML and PDF report")
@@ -190,6 +196,20 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
         figures["covered"] = covered
     _tell_outdated(options)
     return figures
+
+
+def _merge(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.pipeline import check_cloud, merge_captures, merge_figures, merge_words, write_cloud
+    from core.project import read_project
+
+    check_cloud(options.out)
+    merged = merge_captures(read_project(options.project), options.captures, by=options.by, progress=progress)
+    points = write_cloud(options.out, merged.image, merged.cloud)
+    for line in merge_words(merged):
+        print(line)
+    print(f"{options.out}: {points} points")
+    _tell_outdated(options)
+    return {**merge_figures(merged), "out": str(options.out)}
 
 
 def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:

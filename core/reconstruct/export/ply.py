@@ -17,7 +17,8 @@ def write_ply(file: BinaryIO, cloud: PointCloud, image: Image | None = None) -> 
     Parameters
     ----------
     cloud : PointCloud
-        Points (H, W, 3); their sigmas become the properties sigma_x, sigma_y, sigma_z (mm) where there are any.
+        Points (H, W, 3); their sigmas become the properties sigma_x, sigma_y, sigma_z (mm), where there are any;
+        sight and source say what made each point.
     image : array, shape (H, W), optional
         Grey values of the points, stored as red, green and blue from 0 (black) to 255 (the brightest percent).
     """
@@ -27,6 +28,8 @@ def write_ply(file: BinaryIO, cloud: PointCloud, image: Image | None = None) -> 
         columns += [(f"sigma_{n}", "<f4", cloud.sigma_mm[valid, i]) for i, n in enumerate("xyz")]
     elif cloud.sigma_depth_mm is not None:
         columns.append(("sigma_z", "<f4", cloud.sigma_depth_mm[valid]))
+    made_by = (("sight", cloud.sight), ("source", cloud.source))
+    columns += [(name, "u1", codes[valid]) for name, codes in made_by if codes is not None]
     if image is not None:
         grey = grey_bytes(np.asarray(image, np.float32)[valid])
         columns += [(n, "u1", grey) for n in ("red", "green", "blue")]

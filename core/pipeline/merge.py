@@ -1,0 +1,185 @@
+"""Stage 5 for several captures of one object, the rig or the object having been moved: one cloud in one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from core.errors import InputError
+from core.figures import picked
+from core.geometry import rotation_vector_from_matrix
+from core.model import (
+    Capture,
+    Figures,
+    Floats,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    PointCloud,
+    Project,
+    Registration,
+    TargetSet,
+)
+from core.pipeline.calibrate import photogrammetric_calibration
+from core.pipeline.decode import phase_maps
+from core.pipeline.folders import find_capture
+from core.pipeline.measure import boards_of, measured_targets
+from core.progress import SILENT, Progress
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Points of several captures in the frame of the first one's camera.
+
+    `cloud` (1, n, 3) has `source`, positions in `sources`: the camera and the capture by which it has a point. `image`
+    (1, n) are their grey values, `pose_sigmas` (k-1, 6) those of the registration with the calibration's part.
+    """
+
+    cloud: PointCloud
+    image: Floats
+    sources: tuple[tuple[str, str], ...]
+    registration: Registration
+    pose_sigmas: np.ndarray
+
+
+def merge_captures(
+    project: Project,
+    names: Sequence[str],
+    *,
+    by: Literal["both", "targets", "surface"] = "both",
+    progress: Progress = SILENT,
+) -> Merged:
+    """Register captures of one object, and join their points.
+
+    Parameters
+    ----------
+    names : sequence of str
+        At least two captures; points come in the frame of the first one's camera.
+    by : {"both", "targets", "surface"}
+        What tells how the rig stood: targets of a testfield that the captures name, the surface, or all there is.
+
+    Raises
+    ------
+    InputError
+        If the captures lack a common camera and projector, or do not tell how they stand to each other.
+    """
+    from core.orient import View, register, starts_of
+    from core.reconstruct import at_stations, reconstruct
+
+    if len(set(names)) < 2:
+        raise InputError("merge", f"{len(set(names))} capture", "name at least two captures of one object")
+    calibration = photogrammetric_calibration(project)
+    captures = [find_capture(project, name) for name in dict.fromkeys(names)]
+    pair = _common(captures, calibration)
+    phases = _phases(project, captures, calibration, progress.part(0.0, 0.5))
+    views = []
+    for capture, seen in zip(captures, phases, strict=True):
+        phase = next(p for p in seen if (p.camera, p.projector) == pair)
+        views.append(View(phase, reconstruct(phase, calibration), name=capture.name))
+    targets = {t.capture: t for t in _targets(project, captures) if (t.camera, t.projector) == pair}
+    views = [replace(view, targets=targets.get(view.name)) for view in views]
+    starts = starts_of(views, calibration, progress.part(0.5, 0.6))
+    found = register(views, calibration, starts, by=by, progress=progress.part(0.6, 0.8))
+    everywhere = at_stations(calibration, found, pair[0])
+    parts = joined(phases, captures, everywhere, progress.part(0.8, 1.0))
+    return Merged(*parts, found, found.sigmas(calibration.covariance))
+
+
+def _targets(project: Project, captures: Sequence[Capture]) -> list[TargetSet]:
+    """Targets of the captures that name a board; those of the calibration help to tell which way round it lies."""
+    boards = [c for c in captures if c.testfield is not None]
+    if len(boards) < 2:
+        return []
+    named = {c.path for c in boards}
+    with suppress(InputError):  # then the surface may do
+        return measured_targets(project, [*boards, *(c for c in boards_of(project) if c.path not in named)])
+    return []
+
+
+def _common(captures: Sequence[Capture], calibration: PhotogrammetricCalibration) -> tuple[str, str]:
+    for pair in captures[0].pairs:
+        if set(pair) <= set(calibration.devices) and all(pair in capture.pairs for capture in captures):
+            return pair
+    told = ", ".join(capture.name for capture in captures)
+    raise InputError(told, "were not taken by one calibrated camera and projector", "merge captures by the same pair")
+
+
+def _phases(
+    project: Project, captures: Sequence[Capture], calibration: PhotogrammetricCalibration, progress: Progress
+) -> list[list[PhaseMap]]:
+    """Phase maps of every capture by the devices that the calibration knows."""
+    found: dict[str, list[PhaseMap]] = {capture.name: [] for capture in captures}
+    for capture, phase in phase_maps(project, captures, progress):
+        if {phase.camera, phase.projector} <= set(calibration.devices):
+            found[capture.name].append(phase)
+    return list(found.values())
+
+
+def joined(
+    phases: Sequence[Sequence[PhaseMap]],
+    captures: Sequence[Capture],
+    calibration: PhotogrammetricCalibration,
+    progress: Progress,
+) -> tuple[PointCloud, Floats, tuple[tuple[str, str], ...]]:
+    """Points of every station by all devices there, with sigmas along the axes of the common frame."""
+    from core.reconstruct import device_at, intersect_all, merged
+
+    parts: list[tuple[Any, ...]] = []
+    sources: list[tuple[str, str]] = []
+    for k, (own, capture) in enumerate(zip(phases, captures, strict=True)):
+        progress(k / len(captures), f"intersecting {capture.name}")
+        there = [replace(p, camera=device_at(p.camera, k), projector=device_at(p.projector, k)) for p in own]
+        images = {phase.camera: phase.image for phase in there}
+        clouds = {name: intersect_all(there, calibration, name, along="base") for name in images}
+        cloud, image = merged(clouds, images, calibration)
+        assert cloud.source is not None
+        parts.append(
+            (cloud.xyz_mm, cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight, cloud.source + len(sources), image)
+        )
+        sources += [(camera, capture.name) for camera in dict.fromkeys(p.camera for p in own)]
+    xyz, sigma, depth, sight, source, image = (np.concatenate(column, axis=1) for column in zip(*parts, strict=True))
+    return PointCloud(xyz, sigma, depth, sight, source.astype(np.uint8)), image, tuple(sources)
+
+
+def merge_figures(merged: Merged) -> Figures:
+    """What `merge --json` writes."""
+    found = merged.registration
+    counts = (
+        np.bincount(merged.cloud.source.ravel(), minlength=len(merged.sources))
+        if merged.cloud.source is not None
+        else ()
+    )
+    return {
+        "points": int(merged.cloud.xyz_mm.shape[1]),
+        "sources": [
+            {"camera": camera, "capture": capture, "points": int(n)}
+            for (camera, capture), n in zip(merged.sources, counts, strict=True)
+        ],
+        "views": [
+            {
+                "capture": name,
+                "rotation": pose.rotation.tolist(),
+                "translation_mm": pose.translation_mm.tolist(),
+                "sigma_rotation_urad": (1e6 * sigma[:3]).tolist(),
+                "sigma_translation_mm": sigma[3:].tolist(),
+            }
+            for name, pose, sigma in zip(found.captures[1:], found.poses[1:], merged.pose_sigmas, strict=True)
+        ],
+        "overlaps": [picked(o, "captures kind number misfit") for o in found.overlaps],
+    }
+
+
+def merge_words(merged: Merged) -> list[str]:
+    """The same in lines."""
+    found, told = merged.registration, []
+    for name, pose, sigma in zip(found.captures[1:], found.poses[1:], merged.pose_sigmas, strict=True):
+        turn = np.degrees(np.linalg.norm(rotation_vector_from_matrix(pose.rotation)))
+        shift = np.linalg.norm(sigma[3:])
+        mrad = 1e3 * np.linalg.norm(sigma[:3])
+        told.append(f"{name}: turned {turn:.2f}° against {found.captures[0]}, sigma {mrad:.2f} mrad and {shift:.3f} mm")
+    for o in found.overlaps:
+        told.append(f"{' and '.join(o.captures)}: {o.number} {o.kind} in common, misfit {o.misfit:.2f} of their noise")
+    return told

@@ -1,0 +1,82 @@
+"""A rig at several stations as one rig: its devices once for each, with all that is known of where they stood."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from core.geometry import Pose, rotation_vector_from_matrix
+from core.geometry.pairs import names_of, orientation_names
+from core.model import AdjustedDevice, Array, Orientation, PhotogrammetricCalibration, Registration
+from core.reconstruct.placed import moved, placed
+
+
+def device_at(name: str, station: int) -> str:
+    """What a device is called at a station: at the first one as ever."""
+    return f"{name}@{station}" if station else name
+
+
+def at_stations(
+    calibration: PhotogrammetricCalibration, registration: Registration, camera: str
+) -> PhotogrammetricCalibration:
+    """Give a calibration in which every device stands at every station of a registration.
+
+    Parameters
+    ----------
+    calibration : PhotogrammetricCalibration
+        Of the rig.
+    registration : Registration
+        Poses of one of its cameras.
+    camera : str
+        Which one.
+
+    Returns
+    -------
+    calibration : PhotogrammetricCalibration
+        Its covariance is of the calibration's errors, which all stations share, and of the noise of the registration.
+    """
+    base = next((n for n in calibration.devices if n not in calibration.orientations), camera)
+    k, m = len(calibration.covariance), len(registration.covariance)
+    devices: dict[str, AdjustedDevice] = {}
+    for station in range(len(registration.poses)):
+        devices |= {device_at(name, station): device for name, device in calibration.devices.items()}
+
+    def poses(step: Array) -> dict[str, Pose]:
+        """Poses of all devices but the base after a step (k + m,) of the calibration and the registration."""
+        own = moved(placed(calibration), calibration, step[:k])
+        changes = (registration.by_calibration @ step[:k] + step[k:]).reshape(-1, 6)
+        found: dict[str, Pose] = {}
+        for station, pose in enumerate(registration.poses):
+            there = pose if station == 0 else pose.changed(changes[station - 1])
+            from_base = own[camera].from_base.inverse() @ there @ own[camera].from_base
+            found |= {device_at(name, station): d.from_base @ from_base for name, d in own.items()}
+        return {name: pose for name, pose in found.items() if name != base}
+
+    C = np.zeros((k + m, k + m))
+    C[:k, :k], C[k:, k:] = calibration.covariance, registration.covariance
+    here = poses(np.zeros(k + m))
+    inner = {name: names_of(name, device) for name, device in devices.items()}
+    names = [n for own in inner.values() for n in own] + [n for name in here for n in orientation_names(name)]
+    place, own_place = ({n: i for i, n in enumerate(all_of)} for all_of in (names, calibration.parameter_names))
+    T = np.zeros((len(names), k + m))
+    for station in range(len(registration.poses)):
+        for name, device in calibration.devices.items():
+            there = inner[device_at(name, station)]
+            T[[place[n] for n in there], [own_place[n] for n in names_of(name, device)]] = 1.0
+    for j in np.flatnonzero(np.diagonal(C) > 0):
+        step = np.zeros(k + m)
+        step[j] = np.sqrt(C[j, j])
+        up, down = poses(step), poses(-step)
+        for name in here:
+            turn = rotation_vector_from_matrix(up[name].rotation @ down[name].rotation.T)
+            change = np.concatenate([turn, up[name].translation_mm - down[name].translation_mm])
+            T[[place[n] for n in orientation_names(name)], j] = change / (2 * step[j])
+    return replace(
+        calibration,
+        devices=devices,
+        cameras=tuple(device_at(n, s) for s in range(len(registration.poses)) for n in calibration.cameras),
+        orientations={name: Orientation(base, pose) for name, pose in here.items()},
+        covariance=T @ C @ T.T,
+        parameter_names=tuple(names),
+    )
