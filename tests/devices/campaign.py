@@ -1,8 +1,10 @@
-"""`python -m tests.devices.campaign [--random N] [--triggered N]`: faults by the thousand, and what became of them.
+"""`python -m tests.devices.campaign [--random N] [--sequences N]`: faults by the thousand, and what became of them.
 
 First every fault alone: each fault of the serial line at every command of a capture, each fault of the camera at every
-shot, with both profiles. Then captures with many faults at random. A capture ends right, refused (a typed error that
-says what to check), or mislabelled: a listed frame that is not the image of its pattern. The exit code is 1 if one is.
+shot, with both profiles. Then captures with many faults at random, or sequences by triggers that are lost, doubled and
+late: on an emulated timeline, and in real time through the drivers of a DLPC350 and of GenICam. A capture ends right,
+refused (a typed error that says what to check), or mislabelled: a listed frame that is not the image of its pattern.
+The exit code is 1 if one is.
 """
 
 from __future__ import annotations
@@ -14,18 +16,24 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from core.capture import run_capture
 from core.capture.live import Continuous
-from core.devices import CAMERA_FAULTS, LINK_FAULTS, TRIGGER_FAULTS, open_devices
+from core.devices import CAMERA_FAULTS, LINK_FAULTS, TRIGGER_FAULTS, open_devices, open_projector
+from core.devices.genicam import GenicamCamera
 from core.devices.scene import FlatScene
 from core.errors import DeviceError
 from core.model import DeviceSpec, Project, Subject
+from core.patterns import Black, parse_sequence
 from core.project import read_capture, read_image, read_project, write_project
+from tests.devices.cabled import Cable, Cabled, Lit
+from tests.devices.manuals import plugged
 
 PROFILES = ("stripe-lines", "stripe-frames")
 QUICK = "settle_ms=1&answer_ms=15"
@@ -78,18 +86,51 @@ TRIGGERED = {  # which device triggers the other: projector URL, camera URL
 }
 
 
-def triggered(project: Project, setup: str, count: int, seed: int) -> Counter[str]:
-    """Take sequences with lost, doubled and late triggers, 0.1 to 3 % of all, nobody waiting."""
-    rng, counts, scene = random.Random(seed), Counter[str](), FlatScene(noise=0.0)
+CABLED = {  # the same in real time, over a pseudo-terminal and through a producer: options of the camera
+    "projector, DLPC350": {"line": "Line1"},
+    "camera, DLPC350": {"lead": "Line2", "lead_period_s": 1 / 120},
+}
+Wrongs = tuple[Callable[[float], None], Callable[[], int]]  # sets the rate of wrong triggers; how many there were
+
+
+@contextmanager
+def by_urls(project: Project, setup: str, seed: int) -> Iterator[tuple[Continuous, Wrongs]]:
+    """Open devices on an emulated timeline, on which nobody waits."""
     url, camera_url = TRIGGERED[setup]
     with open_devices(url, f"{camera_url}faults=lost-trigger:0&fault_seed={seed}") as (projector, camera):
         camera.stage.patient = False  # type: ignore[attr-defined]
         faults = camera.faults  # type: ignore[attr-defined]
-        rig = Continuous(project, projector, camera)
+
+        def at(rate: float) -> None:
+            faults.rates = dict.fromkeys(TRIGGER_FAULTS, rate / len(TRIGGER_FAULTS))
+
+        yield Continuous(project, projector, camera), (at, lambda: len(faults.committed))
+
+
+@contextmanager
+def by_cable(project: Project, setup: str, seed: int) -> Iterator[tuple[Continuous, Wrongs]]:
+    """Open a DLPC350 and a GenICam camera with a trigger cable between them."""
+    sequence, scene = parse_sequence("paper").patterns((64, 64)), FlatScene()
+    planes = {(slot // 24, slot % 24): scene.frame(pattern, seed) for slot, pattern in enumerate(sequence)}
+    dark, cable = scene.frame(Black(), seed), Cable(seed)
+    device = Lit(cable)
+    producer = Cabled(device, cable, lambda plane: planes.get(plane, dark))
+    with plugged(device) as port, closing(GenicamCamera("A1", harvester=producer, **CABLED[setup])) as camera:
+        url = f"serial:{port}?profile=lightcrafter4500&columns=64&rows=64&settle_ms=1"
+        with closing(open_projector(url)) as projector:
+            rates = partial(setattr, cable, "rate")
+            yield Continuous(project, projector, camera), (rates, lambda: cable.wrong)
+
+
+def triggered(project: Project, setup: str, count: int, seed: int) -> Counter[str]:
+    """Take sequences with lost, doubled and late triggers, 0.1 to 3 % of all."""
+    rng, counts, scene = random.Random(seed), Counter[str](), FlatScene(noise=0.0)
+    opened = by_cable if setup in CABLED else by_urls
+    with opened(project, setup, seed) as (rig, (at, wrong)):
         wanted = [scene.frame(pattern, 0).astype(float) for pattern in rig.plan.patterns]
         for _ in range(count):
-            faults.rates = dict.fromkeys(TRIGGER_FAULTS, 10 ** rng.uniform(-3.0, -1.5) / len(TRIGGER_FAULTS))
-            faults.committed.clear()
+            at(10 ** rng.uniform(-3.0, -1.5))
+            before = wrong()
             try:
                 taken = rig.take()
                 worst = max(np.abs(i - w).mean() for i, w in zip(taken.images, wanted, strict=True))
@@ -97,17 +138,17 @@ def triggered(project: Project, setup: str, count: int, seed: int) -> Counter[st
                 counts["taken again"] += taken.retakes
             except DeviceError:
                 counts["refused"] += 1
-            counts["wrong triggers"] += len(faults.committed)
-            counts["sequences with any"] += bool(faults.committed)
+            counts["wrong triggers"] += wrong() - before
+            counts["sequences with any"] += wrong() > before
     return counts
 
 
-def triggers(count: int, seed: int) -> int:
-    """Print what became of sequences by triggers; give the exit code."""
-    wrong = 0
+def triggers(whole: int, seed: int, setups: Sequence[str]) -> int:
+    """Print what became of so many sequences by triggers; give the exit code."""
+    wrong, count = 0, -(-whole // len(setups))
     columns = ("right", "refused", "mislabelled", "wrong triggers", "sequences with any", "taken again")
     print(f"{'who triggers':20s} {'sequences':>10s} " + " ".join(f"{name:>18s}" for name in columns) + "   CPU s")
-    for setup in TRIGGERED:
+    for setup in setups:
         begun = time.process_time()
         with tempfile.TemporaryDirectory() as folder:
             result = triggered(make_project(Path(folder)), setup, count, seed)
@@ -132,12 +173,16 @@ def main() -> int:
     """Run the campaign and print what became of it."""
     parser = argparse.ArgumentParser(prog="tests.devices.campaign", description=__doc__)
     parser.add_argument("--random", type=int, default=0, metavar="N", help="captures with faults at random instead")
-    parser.add_argument("--triggered", type=int, default=0, metavar="N", help="sequences by triggers, of each setup")
+    parser.add_argument("--sequences", type=int, default=0, metavar="N", help="sequences by triggers, of all setups")
+    parser.add_argument(
+        "--only", choices=("timeline", "cable"), help="of these, on an emulated timeline or in real time"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the first of them")
     options = parser.parse_args()
     start = time.monotonic()
-    if options.triggered:
-        return triggers(options.triggered, options.seed)
+    if options.sequences:
+        setups = {"timeline": TRIGGERED, "cable": CABLED, None: {**TRIGGERED, **CABLED}}[options.only]
+        return triggers(options.sequences, options.seed, list(setups))
     cases = [many(options.seed + i) for i in range(options.random)] if options.random else list(every_fault_alone())
     counts: Counter[tuple[str, str]] = Counter()
     longest = 0.0
