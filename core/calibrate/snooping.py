@@ -20,21 +20,23 @@ LEAST_REDUNDANCY = 0.05  # an observation checked less than this cannot be judge
 SURE = 0.3  # of the worst normalised residual: errors that are smaller may be its shadow
 FAR = 2.0  # times the critical value: beyond chance, and so much that good observations look bad beside it
 WHOLE = 0.5  # share of a station's observations above which the station is named, not every point
-ERROR_LEVEL = 0.01  # chance that one report appears among observations that are all good
+ERROR_LEVEL = 0.001  # chance that one report appears among observations that are all good: it casts doubt
+OUTER = 1.96  # standard deviations, within which are 95 % of normal residuals
 
 
 def normalised_residuals(problem: Problem, equations: Equations, numbers: Array) -> Array:
     """Residuals over their own standard deviations, shape (m, 2), NaN where unobserved or unchecked.
 
-    The standard deviation of unit weight is the lesser of the adjustment's and a robust one, the median, which gross
-    errors do not raise. Source: Baarda, *A testing procedure for use in geodetic networks*, 1968.
+    The standard deviation of unit weight is the lesser of the adjustment's and a robust one, which gross errors do not
+    raise: by the median, or by the 95th percentile where that is larger, as it is where sigmas are not all equally
+    good. Source: Baarda, *A testing procedure for use in geodetic networks*, 1968.
     """
     checked = numbers > LEAST_REDUNDANCY
     with np.errstate(invalid="ignore"):
         residuals = np.where(checked, equations.w / np.sqrt(np.where(checked, numbers, 1.0)), np.nan)
     if not checked.any():
         return residuals
-    robust = sigma_by_median(residuals)
+    robust = max(sigma_by_median(residuals), float(np.nanquantile(np.abs(residuals), 0.95)) / OUTER)
     sigma0 = float(np.sqrt(equations.cost / problem.redundancy))
     unit = min(robust, sigma0) if np.count_nonzero(checked) > 50 else sigma0
     return residuals / unit if unit > 1e-6 else np.where(checked, 0.0, np.nan)
