@@ -67,10 +67,13 @@ def late_frames(
         outside[first:last] = last - first > MOST * len(rows)
         seen = (grey[:, some] - low[some]) / (high - low)[some]
         if _unchanged(n, patterns, seen, [_Surface(each.reshape(lit.shape), outside, some) for each in place]):
-            where = "" if whole else f" in rows {rows[first]} to {rows[last - 1]}"
+            told = f"Frame {n} shows the pattern of frame {n - 1}"
             notes[n] = (
-                f"Frame {n} shows the pattern of frame {n - 1}{where}: it was exposed before or while the pattern "
-                "changed. Wait longer after showing a pattern, and take the capture again."
+                f"{told}: it was exposed before the pattern changed, or the projector did not change it. Wait longer "
+                "after showing a pattern, look at the line to the projector, and take the capture again."
+                if whole
+                else f"{told} in rows {rows[first]} to {rows[last - 1]}: it was exposed while the pattern changed. "
+                "Wait longer after showing a pattern, and take the capture again."
             )
     return tuple(notes.values())
 
