@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QDialog,
+    QDialogButtonBox,
+    QFileDialog,
+    QLabel,
+    QListWidget,
+    QListWidgetItem,
+    QMessageBox,
+    QVBoxLayout,
+    QWidget,
+)
 
 
 class Dialogs:
@@ -21,6 +33,30 @@ class Dialogs:
     def save_file(self, parent: QWidget | None, title: str, kinds: str, start: Path | None = None) -> Path | None:
         """Ask where to write a file."""
         return _path(QFileDialog.getSaveFileName(parent, title, str(start or ""), kinds)[0])
+
+    def choose_several(
+        self, parent: QWidget | None, title: str, text: str, names: Sequence[str], chosen: Collection[str]
+    ) -> list[str]:
+        """Ask which of some names are meant; none when the operator changed their mind."""
+        box = QDialog(parent)
+        box.setWindowTitle(title)
+        words, listed = QLabel(text), QListWidget()
+        words.setWordWrap(True)
+        for name in names:
+            entry = QListWidgetItem(name, listed)
+            entry.setCheckState(Qt.CheckState.Checked if name in chosen else Qt.CheckState.Unchecked)
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel)
+        buttons.accepted.connect(box.accept)
+        buttons.rejected.connect(box.reject)
+        layout = QVBoxLayout(box)
+        for widget in (words, listed, buttons):
+            layout.addWidget(widget)
+        box.resize(420, 360)
+        agreed = box.exec() == QDialog.DialogCode.Accepted
+        entries = [listed.item(i) for i in range(listed.count())] if agreed else []
+        found = [entry.text() for entry in entries if entry.checkState() == Qt.CheckState.Checked]
+        box.deleteLater()
+        return found
 
     def confirm(self, parent: QWidget | None, title: str, text: str, yes: str, no: str) -> bool:
         """Ask a question with two answers; `no` is the safe one."""

@@ -134,6 +134,8 @@ def reported_now(project: Project, contents: Look | None = None) -> Record:
     hashes |= {"sign-off": signed} if (signed := signed_state(project)) else {}
     drift = {path.name: contents.of(path) for path in sorted(result_path(project, "drift").glob("*.npz"))}
     hashes |= {"drift chart": hash_value(drift)} if len(drift) > 1 else {}
+    merged = result_path(project, "merged.npz")
+    hashes |= {"merged captures": contents.of(merged)} if merged.exists() else {}
     return reported_from(project, {**calibration_hashes(project), **hashes})
 
 

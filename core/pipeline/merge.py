@@ -11,7 +11,7 @@ import numpy as np
 
 from core.errors import InputError
 from core.figures import picked
-from core.geometry import rotation_vector_from_matrix
+from core.geometry import pair_of, rotation_vector_from_matrix
 from core.model import (
     Capture,
     Figures,
@@ -25,9 +25,13 @@ from core.model import (
 )
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
-from core.pipeline.folders import find_capture
+from core.pipeline.folders import find_capture, result_path
 from core.pipeline.measure import boards_of, measured_targets
+from core.pipeline.orient import signature_of
 from core.progress import SILENT, Progress
+from core.project import load_archive, save_archive
+
+KEPT = "merged.npz"
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,27 @@ def merge_captures(
     found = register(views, calibration, starts, by=by, progress=progress.part(0.6, 0.8))
     everywhere = at_stations(calibration, found, pair[0])
     parts = joined(phases, captures, everywhere, progress.part(0.8, 1.0))
-    return Merged(*parts, found, found.sigmas(calibration.covariance))
+    sigmas = found.sigmas(calibration.covariance)
+    with suppress(InputError):  # the project may only be read
+        save_archive(result_path(project, KEPT), (found, sigmas, signature_of(pair_of(calibration, *pair))))
+    return Merged(*parts, found, sigmas)
+
+
+def kept_registration(
+    project: Project, calibration: PhotogrammetricCalibration
+) -> tuple[Registration, np.ndarray] | None:
+    """Give the poses that captures were merged by last, and their sigmas, if it was by this calibration."""
+    path = result_path(project, KEPT)
+    with suppress(InputError):
+        if path.exists():
+            found, sigmas, signature = load_archive(path, tuple)
+            if any(
+                signature == signature_of(pair_of(calibration, camera, projector))
+                for camera in calibration.cameras
+                for projector in calibration.projectors
+            ):
+                return found, sigmas
+    return None
 
 
 def _targets(project: Project, captures: Sequence[Capture]) -> list[TargetSet]:

@@ -101,7 +101,7 @@ def orient_capture(
     if keep:
         _keep(project, capture, pair, motion)
     if correct:
-        save_archive(_corrected(project, capture), (motion, _signature(pair)))
+        save_archive(_corrected(project, capture), (motion, signature_of(pair)))
     return motion
 
 
@@ -182,7 +182,7 @@ def oriented(project: Project, capture: Capture, calibration: PhotogrammetricCal
     if not path.exists():
         raise InputError(path, "no corrected orientation is kept for this capture", again)
     motion, signature = load_archive(path, tuple)
-    if signature != _signature(pair):
+    if signature != signature_of(pair):
         raise InputError(path, "was found with another calibration", again)
     corrected: Pair = motion.pair
     return corrected
@@ -284,10 +284,10 @@ def _keep(project: Project, capture: Capture, pair: Pair, motion: RigMotion) -> 
 
 
 def _made_from(project: Project, capture: Capture, pair: Pair) -> dict[str, Any]:
-    return {**decoded_from(project, capture), "calibration": _signature(pair), "orient": VERSION}
+    return {**decoded_from(project, capture), "calibration": signature_of(pair), "orient": VERSION}
 
 
-def _signature(pair: Pair) -> str:
+def signature_of(pair: Pair) -> str:
     """What tells one calibration from another: the digits of its orientation and interiors."""
     pose, interiors = pair.projector_from_camera, (pair.camera.interior.vector, pair.projector.interior.vector)
     return hashlib.sha256(b"".join(a.tobytes() for a in (pose.rotation, pose.translation_mm, *interiors))).hexdigest()

@@ -26,6 +26,7 @@ from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, known_truth, result_path
 from core.pipeline.graph import project_states
 from core.pipeline.holdings import reported_now
+from core.pipeline.merge import kept_registration
 from core.pipeline.methods import METHODS
 from core.pipeline.orient import drift_of
 from core.pipeline.picking import current_target_sets
@@ -64,6 +65,7 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
         volume=_volume(project, calibrations["photogrammetric"]),
         drift=_drift(project, calibrations["photogrammetric"]),
         responses=_responses(project),
+        merged=None if (found := calibrations["photogrammetric"]) is None else kept_registration(project, found),
     )
 
 

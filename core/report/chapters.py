@@ -25,6 +25,7 @@ from core.report.numbers import (
     depth_table,
     drift_table,
     interior_tables,
+    merged_table,
     plane_table,
     published_of,
     response_table,
@@ -115,6 +116,7 @@ CHAPTERS: dict[str, Chapter] = {
         _response_drawings,
     ),
     "drift": Chapter("Drift of the rig", lambda data: [drift_table(chart) for chart in data.drift], _drift_drawings),
+    "merged": Chapter("Merged captures", lambda data: [merged_table(*data.merged)] if data.merged is not None else []),
     "sign-off": Chapter(
         "Sign-off", lambda data: [sign_off_table(data.sign_off, data.evaluations)] if data.sign_off is not None else []
     ),

@@ -20,6 +20,7 @@ from core.model import (
     PhotogrammetricCalibration,
     PlaneEvaluation,
     Project,
+    Registration,
     Verdict,
 )
 
@@ -75,6 +76,8 @@ class ReportData:
         The control charts of the pairs of devices whose captures `orient` has looked at.
     responses : mapping
         By projector and capture, the curves (k, 2) of level and light (0 to 1) that measuring has found.
+    merged : tuple, optional
+        Poses by which captures of one object were merged last, and their sigmas (n-1, 6) in rad and mm.
     """
 
     project: Project
@@ -92,6 +95,7 @@ class ReportData:
     volume: tuple[Mapping[str, Any], Mapping[str, Array]] | None = None
     drift: tuple[tuple[DriftPoint, ...], ...] = ()
     responses: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    merged: tuple[Registration, Array] | None = None
 
     @property
     def name(self) -> str:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from core.geometry import LENSES, at_radius, lens_of, pair_of
-from core.model import AdjustedDevice, DepthCalibration, DriftPoint, Interior, PlaneEvaluation
+from core.geometry import LENSES, at_radius, lens_of, pair_of, rotation_vector_from_matrix
+from core.model import AdjustedDevice, DepthCalibration, DriftPoint, Interior, PlaneEvaluation, Registration
 from core.report.data import CalibratedDevice, ReportData, calibrated_devices, side_by_side
 from core.report.published import Published, published_names, read_published
 from core.report.table import Cell, Number, Table
@@ -212,6 +212,25 @@ def drift_table(chart: Sequence[DriftPoint]) -> Table:
         "warning: p below 0.05; action: below 0.001, the share of false alarms of a rig at rest.",
     )
     return Table(title, ("capture", *names, "p", "state"), tuple(rows), notes)
+
+
+def merged_table(registration: Registration, sigmas: Array) -> Table:
+    """How the rig stood in captures of one object that were merged."""
+    first, rows = registration.captures[0], list[tuple[Cell, ...]]()
+    posed = zip(registration.captures[1:], registration.poses[1:], sigmas, strict=True)
+    for name, pose, sigma in posed:
+        turn = np.degrees(np.linalg.norm(rotation_vector_from_matrix(pose.rotation)))
+        own = [o for o in registration.overlaps if name in o.captures]
+        counts: list[Cell] = [str(sum(o.number for o in own if o.kind == kind)) for kind in ("targets", "places")]
+        spread = 1e3 * float(np.linalg.norm(sigma[:3])), float(np.linalg.norm(sigma[3:]))
+        numbers = (Number(float(turn), ".2f"), Number(spread[0], ".3f"), Number(spread[1], ".3f"))
+        rows.append((name, *numbers, *counts, Number(max(o.misfit for o in own), ".2f")))
+    columns = ("capture", "turned [°]", "σ turn [mrad]", "σ shift [mm]", "targets", "places", "misfit")
+    note = (
+        "Targets and places of the surface in common with the others. Misfit: the largest of what remains between two "
+        "captures, over its standard deviation by noise. σ: of all three elements, with the calibration's part."
+    )
+    return Table(f"Captures merged with {first}", columns, tuple(rows), (note,))
 
 
 def response_table(projector: str, curves: Mapping[str, Array]) -> Table:

@@ -2618,6 +2618,14 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Die Punkte als PLY, XYZ oder NPZ schreiben.</translation>
     </message>
     <message>
+        <source>Merge captures…</source>
+        <translation>Aufnahmen verbinden…</translation>
+    </message>
+    <message>
+        <source>Join captures of one object from several stations to one cloud.</source>
+        <translation>Aufnahmen eines Objekts von mehreren Standpunkten zu einer Punktwolke verbinden.</translation>
+    </message>
+    <message>
         <source>Reconstruct the chosen capture (F5).</source>
         <translation>Die gewählte Aufnahme rekonstruieren (F5).</translation>
     </message>
@@ -2640,6 +2648,18 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>{n} points written to {path}.</source>
         <translation>{n} Punkte nach {path} geschrieben.</translation>
+    </message>
+    <message>
+        <source>Merge captures</source>
+        <translation>Aufnahmen verbinden</translation>
+    </message>
+    <message>
+        <source>Captures of one object. The points come in the frame of the first one&apos;s camera.</source>
+        <translation>Aufnahmen eines Objekts. Die Punkte stehen im System der Kamera der ersten.</translation>
+    </message>
+    <message>
+        <source>{n} captures, poses to {sigma:.3f} mm.</source>
+        <translation>{n} Aufnahmen, Posen auf {sigma:.3f} mm.</translation>
     </message>
     <message>
         <source>Calibrate first.</source>

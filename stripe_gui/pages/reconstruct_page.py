@@ -5,10 +5,11 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from PySide6.QtWidgets import QCheckBox, QComboBox, QStackedWidget
 
 from core.model import Floats, PointCloud
-from core.pipeline import coverage, keep_points, reconstruct_views, seen_by_several
+from core.pipeline import Merged, coverage, keep_points, reconstruct_views, seen_by_several
 from stripe_gui.pages.map_page import MapPage
 from stripe_gui.presenters.maps import MapView
 from stripe_gui.presenters.reconstruct import (
@@ -27,7 +28,7 @@ from stripe_gui.presenters.reconstruct import (
 from stripe_gui.presenters.space import Scene
 from stripe_gui.presenters.status import methods_of
 from stripe_gui.presenters.told import told
-from stripe_gui.presenters.work import export_points
+from stripe_gui.presenters.work import export_points, merge_points
 from stripe_gui.widgets.health_strip import HealthStrip
 from stripe_gui.widgets.layout import boxed, choice, column, refill
 from stripe_gui.widgets.space_view import SpaceView
@@ -54,6 +55,8 @@ class ReconstructPage(MapPage):
         self.method.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.export_button = self.add_button(self.tr("Export points…"), self.export, "export")
         self.export_button.setToolTip(self.tr("Write the points as PLY, XYZ or NPZ."))
+        self.merge_button = self.add_button(self.tr("Merge captures…"), self.merge)
+        self.merge_button.setToolTip(self.tr("Join captures of one object from several stations to one cloud."))
         self.run_button = self.add_button(self.tr("Reconstruct"), self.run, "run", primary=True)
         self.run_button.setToolTip(self.tr("Reconstruct the chosen capture (F5)."))
         self._joint: tuple[tuple[str, bool], PointCloud] | None = None  # of which capture, and whether filled
@@ -109,6 +112,34 @@ class ReconstructPage(MapPage):
                 on_done=lambda count: self.bench.notify("success", done.format(n=count, path=out)),
             )
 
+    def merge(self) -> None:
+        """Ask which captures are of one object and where to, and join their points."""
+        title, name = self.tr("Merge captures"), self.session.capture_name
+        text = self.tr("Captures of one object. The points come in the frame of the first one's camera.")
+        names = [entry.name for entry in self.session.opened.captures() if entry.capture is not None]
+        chosen = self.bench.dialogs.choose_several(self, title, text, names, {name})
+        if not chosen:
+            return
+        kinds = self.tr("Point clouds (*.ply *.xyz *.npz)")
+        out = self.bench.dialogs.save_file(self, title, kinds, Path.home() / f"{chosen[0]}-merged.ply")
+        if out is not None:
+            self.bench.run_stage("reconstruct", merge_points, chosen, out, on_done=partial(self._merged, out))
+
+    def _merged(self, out: Path, merged: Merged) -> None:
+        """Show by which capture every point was made, until something else is chosen."""
+        count = merged.cloud.xyz_mm.shape[1]
+        self.bench.notify("success", self.tr("{n} points written to {path}.").format(n=count, path=out))
+        several = len({camera for camera, _ in merged.sources}) > 1
+        named = [f"{capture}, {camera}" if several else capture for camera, capture in merged.sources]
+        scene, words = joint_scene(merged.cloud, "joint-source", named)
+        sigmas = merged.pose_sigmas[:, 3:]
+        said = self.tr("{n} captures, poses to {sigma:.3f} mm.")
+        sigma = float(np.sqrt((sigmas**2).sum(axis=1)).max())
+        self.say(f"{said.format(n=len(merged.registration.captures), sigma=sigma)}   {words}")
+        self._points = None
+        self.space.show_scene(scene)
+        self.stack.setCurrentWidget(self.space)
+
     @property
     def _of_all(self) -> bool:
         """Whether the points of all cameras are looked at."""
@@ -129,6 +160,7 @@ class ReconstructPage(MapPage):
         able = self.can_run()
         self.run_button.setEnabled(able)
         self.export_button.setEnabled(able)
+        self.merge_button.setEnabled(able and len(self.session.opened.project.captures) > 1)
         if not able:
             self._clear(self.tr("Calibrate first.") if self.method.currentData() is None else "")
             return

@@ -44,6 +44,14 @@ def export_points(
     return pipeline.write_cloud(out, image, cloud)
 
 
+def merge_points(project: Project, names: list[str], out: Path, progress: Progress = SILENT) -> pipeline.Merged:
+    """Join captures of one object, and write their points for another program."""
+    pipeline.check_cloud(out)
+    merged = pipeline.merge_captures(project, names, progress=progress)
+    pipeline.write_cloud(out, merged.image, merged.cloud)
+    return merged
+
+
 def decode_one(capture: Capture, progress: Progress = SILENT) -> PhaseMap:
     """Decode one capture, of one camera and one projector, for a look at it."""
     return pipeline.decode_capture(capture.path, progress, camera=capture.camera, projector=capture.projector)

@@ -41,6 +41,10 @@ class Answers(Dialogs):
         self.asked.append(title)
         return self.path
 
+    def choose_several(self, parent, title, text, names, chosen):
+        self.asked.append(title)
+        return list(names)[:2]
+
     def confirm(self, parent, title, text, yes, no):
         self.asked.append(text)
         return self.agree

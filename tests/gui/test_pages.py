@@ -214,6 +214,21 @@ def test_reconstructing_shows_the_surface_and_exports_it(
     assert points.shape == (page._points.count, 3)
 
 
+def test_captures_are_merged_and_shown_by_what_made_them(
+    open_window, window, answers, finished_project, tmp_path, qtbot
+) -> None:
+    page = open_window(finished_project, "reconstruct")
+    answers.path = tmp_path / "both.ply"
+    click(page.merge_button, qtbot)
+    idle(window, qtbot)
+    assert page.stack.currentWidget() is page.space
+    said, points = page.state.text(), answers.path.read_bytes().partition(b"element vertex ")[2].split(b"\n")[0]
+    assert "2 captures" in said
+    counts = [int(part.split()[-1]) for part in said.partition("span")[2].split("   ")]
+    assert "testfield-01" in said
+    assert sum(counts) == int(points)
+
+
 def test_the_planes_are_shown_on_one_scale_and_zoom_together(open_window, finished: Path, qtbot) -> None:
     page = open_window(finished, "evaluate")
     maps = page.deviations.maps

@@ -18,8 +18,11 @@ from core.model import Capture
 from core.numerics import chi_square_limit
 from core.orient import View, register, starts_of
 from core.pipeline.merge import joined
+from core.pipeline.report import report_data
 from core.progress import SILENT
+from core.project import read_project
 from core.reconstruct import at_stations, reconstruct
+from core.report.chapters import tables
 from tests.core.orient.views import Observed, calibration, draw, observe, station
 
 FOUND = calibration()
@@ -116,6 +119,8 @@ def test_captures_of_a_project_are_merged_by_a_command(calibrated: Path) -> None
     off = error(Pose(np.array(view["rotation"]), np.array(view["translation_mm"])), second @ first.inverse())
     sigma = np.array([*np.array(view["sigma_rotation_urad"]) * 1e-6, *view["sigma_translation_mm"]])
     assert np.abs(off / sigma).max() < 1.4 * 5
+    (table,) = [t for t in tables(report_data(read_project(calibrated), ())) if t.title.startswith("Captures merged")]
+    assert [row[0] for row in table.rows] == names[1:]
     with np.load(out) as stored:
         points, source = stored["xyz"][0].astype(float), stored["source"][0]
     on_board = first.inverse().apply(points)
