@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from core.devices.dialogue import Dialogue
 from core.devices.link import LineDownError
-from core.devices.profile import Profile
+from core.devices.profile import COMMANDS, Profile
 from core.devices.profiles import read_profile
 from core.devices.rs232 import described, load_values
 from core.devices.template import Value
@@ -49,18 +49,19 @@ def probe_device(profile: str, port: str, progress: Progress = SILENT) -> Iterat
     talk.cancel = progress.check
     try:
         talk.settle()
-        for name, values in _questions(once):
+        for name, values in questions(once):
             yield from _steps(talk, once, name, values)
     finally:
         talk.close()
 
 
-def _questions(profile: Profile) -> Iterator[tuple[str, dict[str, Value]]]:
+def questions(profile: Profile) -> Iterator[tuple[str, dict[str, Value]]]:
     """Give the commands, each with the values of a first pattern."""
     first = profile.lowest
     for name in profile.commands:
         if name == "load":
-            yield from ((name, {"slot": first, **values}) for values in load_values(profile, White()))
+            slots = (first, first + 1) if "step" in profile.commands else (first,)
+            yield from ((name, {"slot": slot, **v}) for slot in slots for v in load_values(profile, White()))
         elif name.startswith("show-"):
             kind = name.removeprefix("show-")
             bit = Code("binary" if kind == "binary" else "gray", "x", 0, 6)
@@ -69,7 +70,9 @@ def _questions(profile: Profile) -> Iterator[tuple[str, dict[str, Value]]]:
             yield name, {"slot": first + 1}
         else:
             table = {"place": 0, "image": first // profile.per_image, "swap": 1, "images": 1, "shown": 1}
-            yield name, {"slot": first, "on": 1, "count": 1, "period_us": 100_000, **table}
+            values = {"slot": first, "on": 1, "count": 1, "period_us": 100_000, **table}
+            # no more than is sent: a lamp that is still off answers `start` as it may
+            yield name, {k: v for k, v in values.items() if k in COMMANDS[name] or name == "rewind"}
 
 
 def _steps(talk: Dialogue, profile: Profile, name: str, values: dict[str, Value]) -> Iterator[Exchange]:

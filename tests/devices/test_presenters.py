@@ -14,6 +14,7 @@ from core.patterns import Black, Line, White
 from core.resources import resource
 from tests.devices.manuals import Device, plugged
 from tests.devices.presenters import Barco, Dlpc900, Epson, Hitachi, Nec, Pjlink, Ricoh
+from tests.devices.tables import DEVICES, tried
 
 QUICK = (("every_ms = 1000", "every_ms = 1"), ("gap_ms = 100", "gap_ms = 5"), ("gap_ms = 50", "gap_ms = 5"))
 
@@ -75,24 +76,17 @@ def test_a_projector_that_does_not_get_warm_is_told(own, name: str, device: Devi
         offer_screens(None)
 
 
-@pytest.mark.parametrize(("name", "device"), [("epson", Epson()), ("nec", Nec()), ("hitachi", Hitachi())])
-def test_a_damaged_answer_costs_a_repetition(own, name: str, device: Device) -> None:
-    count = [0]
+@pytest.mark.parametrize("name", DEVICES)
+def test_every_command_is_understood_though_answers_are_spoilt(name: str, tmp_path: Path) -> None:
+    understood, whole, repeats, _ = tried(name, "one bit", tmp_path)
+    assert understood == whole
+    assert repeats >= 1
 
-    def spoil(data: bytes) -> bytes:
-        count[0] += 1
-        return b"" if count[0] == 2 else data
 
-    device.spoil = spoil
-    offer_screens(lambda number: SimpleNamespace(size=(64, 48), present=list, close=list))
-    text = resource("profiles", f"{name}.toml").read_text().replace("answer_ms = 3000", "answer_ms = 60")
-    try:
-        with plugged(device) as port:
-            path = own(text.replace("answer_ms = 1000", "answer_ms = 60"))
-            open_projector(f"screen:1?control={port}&profile={path}").close()
-    finally:
-        offer_screens(None)
-    assert count[0] >= 3
+def test_a_lamp_that_is_not_warm_yet_is_waited_for_by_a_probe(tmp_path: Path) -> None:
+    assert tried("optoma", "", tmp_path)[:2] == (2, 2)
+    with plugged(Epson(warming=3)) as port:
+        assert main(["probe", "epson", port]) == 0
 
 
 def test_a_refusal_of_one_byte_and_one_of_three_are_told_at_once(own) -> None:

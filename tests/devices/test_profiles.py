@@ -11,9 +11,13 @@ import pytest
 from core.cli import main
 from core.devices import link, offer_screens, open_projector, ports
 from core.devices.dialogue import Dialogue
+from core.devices.emulator import Emulator
 from core.devices.framing import unwrap, wrap
 from core.devices.profiles import profile_names, read_profile
+from core.devices.scene import FlatScene
+from core.devices.server import EmulatedLine
 from core.devices.sums import CHECKS, CheckSum
+from core.devices.virtual import Stage
 from core.errors import DeviceError, InputError
 from core.patterns import Black, Code, Level, Line, Phase, White, parse_sequence
 from core.resources import resource
@@ -210,12 +214,6 @@ def test_a_dlpc350_follows_triggers_of_a_camera(lightcrafter: tuple) -> None:
         assert device.shown[-1] == (pulse // 24, pulse % 24)
     device.trigger(9000 * count)  # once through, then no more
     assert len(device.shown) == count
-
-
-@pytest.mark.parametrize(("name", "make"), [("lightcrafter4500", Dlpc350), ("lightcrafter4500-i2c", Dlpc350OverI2c)])
-def test_every_command_to_a_dlpc350_is_understood(name: str, make: type[Dlpc350]) -> None:
-    with plugged(make()) as port:
-        assert main(["probe", name, port]) == 0
 
 
 def test_a_dlpc350_that_finds_a_table_wrong_is_told(own) -> None:
@@ -440,3 +438,13 @@ def test_a_port_that_does_not_open_says_whose_it_is_or_which_are_there(tmp_path:
     assert f"usermod -aG {group}" in ports.opening_remedy(str(port))
     monkeypatch.setattr(ports, "_BY_ID", tmp_path)
     assert str(port) in ports.opening_remedy(str(tmp_path / "ttyUSB7"))
+
+
+@pytest.mark.parametrize("name", ["stripe-lines", "stripe-frames"])
+def test_every_command_of_an_emulated_projector_is_understood_by_a_probe(own, name: str) -> None:
+    path = own(resource("profiles", f"{name}.toml").read_text().replace('"even"', '"none"'))
+    line = EmulatedLine(Emulator(read_profile(path), Stage(FlatScene(projector_size=(640, 640)))))
+    try:
+        assert main(["probe", path, line.url]) == 0
+    finally:
+        line.close()
