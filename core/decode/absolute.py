@@ -188,7 +188,7 @@ def _measure(
         sample[n] /= np.float32(gain)
     response = estimate_response(sequence.waves, patterns, sample, saturation, images)
     bent = sequence.waves if response else ()
-    noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images, bent)
+    noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images, bent, gains)
     tables = straighten(tables, response, sequence.waves) if response else tables
     x, y = (
         measure_ripple(table, sequence.frames.axes.get(axis), sample, noise)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.decode.frames import Image, LineFrames, Numbers, SortedFrames
 from core.decode.noise import LEAST, MEDIAN_OF_SQUARE, Noise, estimate_noise, spatial_residual, without_harmonics
@@ -23,6 +25,7 @@ OWN = 0.7  # part of the contrast of white and black that that of bits and their
 SEVERAL = 0.03  # part of the lit pixels in which it is less, from which the bits themselves tell the contrast
 USUAL = 0.6  # part of the usual contrast that a code alone must have
 LEAST_CONTRAST = np.float32(1e-6)  # that divides
+BRIGHT = 0.6  # part of the range of mean grey values beyond which a pixel is bright
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
 
 
@@ -89,17 +92,20 @@ def measure_noise(
     saturation: float,
     images: Sequence[Image],
     bent: Sequence[Wave] = (),
+    gains: Mapping[int, float] = MappingProxyType({}),
 ) -> Noise:
     """Noise model from the redundancy of the frames, their `contrasts`; without any, from the scene's smoothness.
 
-    What the harmonics of `bent` waves explain of that is none.
+    What the harmonics of `bent` waves explain of that is none. `gains` are those that `sample` is free of.
     """
     step = quantum(sample) if images[0].itemsize > 1 else 1.0
     lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
     if len(found):
         used = np.abs(found).max(axis=0) > 0
         every = max(1, min(len(found) * sample.shape[1] // RESIDUALS, sample.shape[1] // FEWEST))
-        g = sample[used, ::every]
+        numbers = np.arange(len(used)) if bent else np.flatnonzero(used)
+        telling = _with_more_bright(sample, every, images, gains, numbers)
+        g = telling[used[numbers]]
         g_top = g.max(axis=0)
         g = np.compress(g_top < saturation, g, axis=1)  # an index would leave it in a slower order
         if g.shape[1] < UNSATURATED < len(g_top):
@@ -107,7 +113,7 @@ def measure_noise(
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
         residual = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g)
         if bent:
-            whole = np.compress(g_top < saturation, sample[:, ::every], axis=1)
+            whole = np.compress(g_top < saturation, telling, axis=1)
             residual = without_harmonics(residual, [wave.seen(whole) for wave in bent])
         level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
         if np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
@@ -118,6 +124,31 @@ def measure_noise(
     else:
         residual, level = _smoothness(frames, images, saturation, bent)
     return estimate_noise(residual.ravel(), level.ravel(), step)
+
+
+def _with_more_bright(
+    sample: Singles, every: int, images: Sequence[Image], gains: Mapping[int, float], numbers: NDArray[np.intp]
+) -> Singles:
+    """Every so many pixels of some frames' sample; where few are bright, as on black boards, with their neighbours.
+
+    White dots on black are what is measured, and only they show the shot noise.
+    """
+    sample = sample[numbers]
+    level = sample.mean(axis=0)
+    low, high = np.quantile(level, (0.005, 0.995))
+    limit = low + BRIGHT * (high - low)
+    bright = np.flatnonzero(level > limit)
+    if len(bright) > FEWEST:
+        return sample[:, ::every]
+    parts, around = spread(images[0].shape), []
+    index = np.divmod(bright, len(range(*parts[1].indices(images[0].shape[1]))))
+    for at, part, size in zip(index, parts, images[0].shape, strict=True):
+        reach = min(1, (part.step - 1) // 2)  # none twice
+        around.append(np.clip((part.start or 0) + at[:, None] * part.step + np.arange(-reach, reach + 1), 0, size - 1))
+    rows, columns = around
+    near = (rows[:, :, None], columns[:, None, :])
+    more = np.stack([images[n][near].ravel() / np.float32(gains.get(n, 1.0)) for n in numbers.tolist()])
+    return np.concatenate([sample[:, ::every], more[:, more.mean(axis=0) > limit]], axis=1)
 
 
 def _without_misfit(

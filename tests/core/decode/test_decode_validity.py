@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from core.decode import DecodeOptions, Flag, decode
 from core.decode.frames import sort_frames
 from core.decode.noise import contrasts, estimate_noise
+from core.decode.sample import measure_noise, take_sample
 from core.patterns import Black, Lines, Phase, White, brightness, gray_and_phase, reference_sequence
 
 N = 640
@@ -43,6 +46,25 @@ def test_the_noise_model_is_found(steps, inverse, reference) -> None:
     # at the middle grey value, from at least 20,000 residuals: their variance is known to 1 %
     assert noise.dark + noise.shot * 70 == pytest.approx(3.0 + 0.05 * 70, rel=0.05)
     assert noise.shot == pytest.approx(0.05, rel=0.2)
+
+
+def test_few_white_dots_on_black_tell_their_noise(bench) -> None:
+    """A sample of all pixels holds some 150 of the dots'; their level is 60, the board's 8."""
+    patterns = gray_and_phase("x", N, cell=8, periods=[16], steps=4)
+    frames = sort_frames(patterns)
+    found = contrasts(frames, len(patterns))
+    v, u = np.mgrid[0:288, 0:372]
+    dots = np.hypot(u % 31 - 15, v % 31 - 15) < 3.6
+    variances = []
+    for seed in range(8):
+        scene = replace(bench(seed=seed), u=1.2 * u + 20, gain=np.where(dots, 110.0, 4.0))
+        images = replace(scene, ambient=6.0, dark=2.0, shot=0.025).take(patterns)
+        noise = measure_noise(frames, found, take_sample(images), 255.0, images)
+        variances.append(float(noise.variance(np.array([60.0]))[0]))
+    # from some 600 residuals each: 6 %, and 2 % for the mean of 8; quantisation adds 1/12
+    true = 2.0 + 0.025 * 60 + 1 / 12
+    assert np.mean(variances) == pytest.approx(true, rel=0.06)
+    assert np.std(variances) < 0.06 * true
 
 
 def test_three_steps_and_nothing_else_have_no_redundancy() -> None:

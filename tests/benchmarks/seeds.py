@@ -1,0 +1,220 @@
+"""`python -m tests.benchmarks.seeds [--seeds N] [--keep FOLDER]`: errors over sigmas of the reference experiment.
+
+Every stage against what the bench knows, over all seeds together: r.m.s. of error over sigma and the squared
+Mahalanobis distance over its degrees of freedom, both 1 where sigmas hold. Beside them, the interval in which 95 % of
+such figures would lie by chance: of as many adjustments of true places with errors drawn by the stated covariances
+(`--drawn` of them for each seed, taken together at random). FOLDER keeps the simulated captures, which take longest.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.bench import Experiment, experiment, true_targets, truth_maps
+from core.calibrate import calibrate_photogrammetric
+from core.geometry import rotation_vector_from_matrix, similarity
+from core.measure import kind_of
+from core.model import Adjustment, PhotogrammetricCalibration, TargetSet
+from core.pipeline import METHODS, CalibrateOptions, captures_of, phase_maps, simulate_project
+from core.pipeline.methods.photogrammetric import ADJUSTMENT
+from core.progress import SILENT
+from core.project import read_project
+from core.reconstruct import reconstruct
+
+Array = NDArray[np.float64]
+
+MEASURED = ("centre", "coordinate", "coordinate where read")
+ADJUSTED = ("camera", "projector", "orientation", "all parameters", "points")
+DRAWINGS = 400
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Errors over their sigmas, any number of them, and the sum of squared Mahalanobis distances."""
+
+    ratios: Array
+    square: float
+    dof: int
+
+
+def of_groups(error: Array, cov: Array) -> Deviations:
+    """Deviations of n small vectors (n, k) with their covariances (n, k, k); those with a NaN do not count."""
+    known = np.isfinite(error).all(axis=1) & np.isfinite(cov).all(axis=(1, 2))
+    error, cov = error[known], cov[known]
+    square = float(np.einsum("ni,nij,nj->", error, np.linalg.inv(cov), error))
+    return Deviations((error / np.sqrt(np.diagonal(cov, axis1=1, axis2=2))).ravel(), square, error.size)
+
+
+def true_places(truth: Experiment, targets: TargetSet) -> tuple[Array, Array]:
+    """Camera and projector coordinates (n, 2) of the targets of one set as they are."""
+    true = true_targets(truth.rig, truth.shot(targets.capture).scene)
+    place = {key: i for i, key in enumerate(zip(true.row.tolist(), true.col.tolist(), strict=True))}
+    rows = [place[key] for key in zip(targets.row.tolist(), targets.col.tolist(), strict=True)]
+    return true.camera_uv[rows], true.projector_uv[rows]
+
+
+def recentred(truth: Experiment, targets: TargetSet) -> TargetSet:
+    """Take the eccentricity from the true camera, as the adjustment takes it from the adjusted one."""
+    shot, rig = truth.shot(targets.capture), truth.rig
+    testfield = truth.testfields[shot.testfield or ""]
+    correct = kind_of(testfield).recentred
+    assert correct is not None
+    return correct(targets, testfield, rig.camera, rig.camera_interior, shot.scene.camera_from_board)
+
+
+def measured(truth: Experiment, targets: list[TargetSet]) -> dict[str, Deviations]:
+    """Deviations of centres, of projector coordinates, and of these at the centres as measured."""
+    parts: dict[str, list[tuple[Array, Array]]] = {name: [] for name in MEASURED}
+    for each in targets:
+        t = recentred(truth, each)
+        camera, projector = true_places(truth, t)
+        assert t.gradient is not None
+        off, lines, cov = t.camera_uv - camera, t.projector_uv - projector, t.cov
+        read = lines - np.einsum("nij,nj->ni", t.gradient, off)
+        of_centre = t.gradient @ t.camera_cov @ np.swapaxes(t.gradient, 1, 2)
+        parts["centre"].append((off, t.camera_cov))
+        parts["coordinate"].append((lines, cov[:, 2:, 2:]))
+        parts["coordinate where read"].append((read, cov[:, 2:, 2:] - of_centre))
+    return {name: of_groups(*map(np.concatenate, zip(*each, strict=True))) for name, each in parts.items()}
+
+
+def adjusted(truth: Experiment, found: PhotogrammetricCalibration, adjustment: Adjustment) -> dict[str, Deviations]:
+    """Deviations of parameters and of points, the true ones laid onto the adjusted ones."""
+    rig, relative = truth.rig, found.projector_from_camera
+    turned = rotation_vector_from_matrix(relative.rotation @ rig.projector_from_camera.rotation.T)
+    error = np.concatenate(
+        [
+            found.camera.interior.vector - rig.camera_interior.vector,
+            found.projector.interior.vector - rig.projector_interior.vector,
+            turned,
+            relative.translation_mm - rig.projector_from_camera.translation_mm,
+        ]
+    )
+    groups = {
+        "camera": slice(0, 9),
+        "projector": slice(9, 18),
+        "orientation": slice(18, 24),
+        "all parameters": slice(0, 24),
+    }
+    result = {name: of_groups(error[None, own], found.covariance[None, own, own]) for name, own in groups.items()}
+    board = truth.shots[0].scene.board.targets
+    assert board is not None
+    index = board.index()
+    true = board.xyz_mm[[index[p.row, p.col] for p in adjustment.network.point_ids]]
+    _, R, shift = similarity(true, adjustment.points_mm, scaled=False)
+    return result | {"points": of_groups(adjustment.points_mm - true @ R.T - shift, adjustment.point_cov_mm2)}
+
+
+def drawn(truth: Experiment, targets: list[TargetSet], rng: np.random.Generator) -> list[TargetSet]:
+    """Give the targets as if measured with errors of the stated covariances, and with no other."""
+    result = []
+    for t in targets:
+        camera, projector = true_places(truth, t)
+        by_rows = t.row_cov
+        cov = t.camera_cov.copy()
+        cov[:, 0, 0] -= np.diagonal(by_rows)
+        off = np.einsum("nij,nj->ni", np.linalg.cholesky(cov), rng.standard_normal(camera.shape))
+        off[:, 0] += rng.multivariate_normal(np.zeros(len(by_rows)), by_rows, method="eigh")
+        assert t.gradient is not None
+        shared = np.einsum("nij,njk,nik->ni", t.gradient, t.camera_cov, t.gradient)
+        own = np.sqrt(t.projector_sigma**2 - shared) * rng.standard_normal(camera.shape)
+        lines = projector + np.einsum("nij,nj->ni", t.gradient, off) + own
+        result.append(replace(t, camera_uv=camera + off, projector_uv=np.where(np.isfinite(own), lines, np.nan)))
+    return result
+
+
+def depths(project_folder: Path, truth: Experiment, found: PhotogrammetricCalibration) -> Deviations:
+    """Deviations of the depths of all planes."""
+    project, ratios = read_project(project_folder), []
+    for capture, phase in phase_maps(project, captures_of(project, "plane")):
+        cloud = reconstruct(phase, found)
+        true = truth_maps(truth.rig, truth.shot(capture.name).scene)
+        assert cloud.sigma_mm is not None
+        z = (cloud.xyz_mm[..., 2] - true.xyz_mm[..., 2]) / cloud.sigma_mm[..., 2]
+        ratios.append(z[np.isfinite(z) & true.lit])
+    whole = np.concatenate(ratios).astype(np.float64)
+    return Deviations(whole, float(whole @ whole), len(whole))
+
+
+def of_seed(folder: Path, seed: int, count: int) -> tuple[dict[str, Deviations], list[dict[str, Deviations]]]:
+    """What the program finds from one seed's captures, and from `count` draws of what it says of its measurements."""
+    if not (folder / "project.json").exists():
+        simulate_project(folder, "paper", seed)
+    project, truth, method = read_project(folder), experiment("paper", seed), METHODS["photogrammetric"]
+    captures = captures_of(project, "testfield")
+    made = method.calibrate(project, captures, CalibrateOptions(), SILENT)
+    found, adjustment, targets = made.calibration, made.beside[ADJUSTMENT], list(made.targets)
+    assert isinstance(found, PhotogrammetricCalibration)
+    assert isinstance(adjustment, Adjustment)
+    result = measured(truth, targets) | adjusted(truth, found, adjustment) | {"depth": depths(folder, truth, found)}
+    testfield, scale, rng = captures[0].testfield, project.scale, np.random.default_rng([seed, 3])
+    assert testfield is not None
+    assert scale is not None
+    board = truth.shots[0].scene.board.targets
+    assert board is not None
+    length = float(
+        np.linalg.norm(np.subtract(*(board.xyz_mm[board.index()[end]] for end in (scale.start, scale.stop))))
+    )
+    chance = []
+    for _ in range(count):
+        bar = replace(scale, length_mm=length + scale.sigma_mm * rng.standard_normal())
+        again, its = calibrate_photogrammetric(project.rig, testfield, drawn(truth, targets, rng), scale=bar)
+        chance.append(adjusted(truth, again, its))
+    return result, chance
+
+
+def together(parts: list[Deviations]) -> tuple[float, float]:
+    """R.m.s. of error over sigma, and squared Mahalanobis distance over its degrees of freedom."""
+    ratios = np.concatenate([part.ratios for part in parts])
+    return float(np.sqrt(np.mean(ratios**2))), sum(part.square for part in parts) / sum(part.dof for part in parts)
+
+
+def by_chance(chance: list[list[dict[str, Deviations]]], stage: str, rng: np.random.Generator) -> Array:
+    """Limits (2, 2) of 95 % of both figures: one draw of every seed, combined again and again."""
+    figures = [together([draws[rng.integers(len(draws))][stage] for draws in chance]) for _ in range(DRAWINGS)]
+    return np.asarray(np.quantile(figures, (0.025, 0.975), axis=0))
+
+
+def rows(results: list[dict[str, Deviations]], chance: list[list[dict[str, Deviations]]]) -> Iterator[str]:
+    """Lines of Markdown."""
+    yield "| stage | n | r.m.s. of error/σ | by chance | Mahalanobis²/dof | by chance |"
+    yield "|---|---|---|---|---|---|"
+    rng = np.random.default_rng(0)
+    for stage in results[0]:
+        parts = [result[stage] for result in results]
+        ratio, square = together(parts)
+        limits = [["", ""], ["", ""]]
+        if stage in ADJUSTED and all(chance):
+            limits = [[f"{value:.2f}" for value in row] for row in by_chance(chance, stage, rng)]
+        cells = [f"{low}..{high}" if low else "" for low, high in zip(*limits, strict=True)]
+        n = sum(part.dof for part in parts)
+        yield f"| {stage} | {n} | {ratio:.3f} | {cells[0]} | {square:.3f} | {cells[1]} |"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(prog="tests.benchmarks.seeds", description=__doc__)
+    parser.add_argument("--seeds", type=int, nargs="+", default=list(range(10)))
+    parser.add_argument("--drawn", type=int, default=20)
+    parser.add_argument("--keep", type=Path)
+    options = parser.parse_args()
+    results, chance = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in options.seeds:
+            found, draws = of_seed((options.keep or Path(folder)) / str(seed), seed, options.drawn)
+            results.append(found)
+            chance.append(draws)
+            figures = " ".join("{} {:.2f} {:.2f}".format(stage, *together([part])) for stage, part in found.items())
+            print(f"seed {seed}: {figures}", flush=True)
+    print(*rows(results, chance), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
