@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.bench import Experiment, experiment, true_targets, truth_maps
+from core.bench.truth import TruthMaps
 from core.calibrate import calibrate_photogrammetric
 from core.geometry import rotation_vector_from_matrix, similarity
 from core.measure import kind_of
-from core.model import Adjustment, PhotogrammetricCalibration, TargetSet
+from core.model import Adjustment, PhaseMap, PhotogrammetricCalibration, TargetSet
 from core.pipeline import METHODS, CalibrateOptions, captures_of, phase_maps, simulate_project
 from core.pipeline.methods.photogrammetric import ADJUSTMENT
 from core.progress import SILENT
@@ -31,8 +32,32 @@ from core.reconstruct import reconstruct
 Array = NDArray[np.float64]
 
 MEASURED = ("centre", "coordinate", "coordinate where read")
-ADJUSTED = ("camera", "projector", "orientation", "all parameters", "points")
+ADJUSTED = ("camera", "projector", "orientation", "all parameters", "points", "depth")
 DRAWINGS = 400
+FEW = 1000  # ratios that need wider bars
+STAGES = ("centre", "coordinate", "interior", "orientation", "points", "depth")
+WORDS = {
+    "en": (
+        "Centres of targets",
+        "Their projector coordinates",
+        "Interior orientations",
+        "Relative orientation",
+        "Points of the testfield",
+        "Depths of planes",
+        "error / sigma",
+        "r.m.s. {:.2f}",
+    ),
+    "de": (
+        "Mitten der Zielmarken",
+        "Ihre Projektorkoordinaten",
+        "Innere Orientierungen",
+        "Relative Orientierung",
+        "Punkte des Testfelds",
+        "Tiefen der Ebenen",
+        "Fehler / Sigma",
+        "quadr. Mittel {:.2f}",
+    ),
+}  # stages, the axis below, and what each panel says
 
 
 @dataclass(frozen=True)
@@ -130,17 +155,26 @@ def drawn(truth: Experiment, targets: list[TargetSet], rng: np.random.Generator)
     return result
 
 
-def depths(project_folder: Path, truth: Experiment, found: PhotogrammetricCalibration) -> Deviations:
-    """Deviations of the depths of all planes."""
-    project, ratios = read_project(project_folder), []
-    for capture, phase in phase_maps(project, captures_of(project, "plane")):
+def drawn_phase(phase: PhaseMap, true: TruthMaps, rng: np.random.Generator) -> PhaseMap:
+    """Give a phase map as if decoded with the stated noise, and with no other error."""
+    lines = [
+        (place + sigma * rng.standard_normal(sigma.shape, np.float32)).astype(np.float32)
+        for place, sigma in ((true.u, phase.sigma_u), (true.v, phase.sigma_v))
+    ]
+    return replace(phase, u=lines[0], v=lines[1])
+
+
+def depths(planes: Sequence[tuple[PhaseMap, TruthMaps]], found: PhotogrammetricCalibration) -> Deviations:
+    """Deviations of the depths of all planes' pixels; of their squares the mean counts, not each one."""
+    squares, ratios = [], []
+    for phase, true in planes:
         cloud = reconstruct(phase, found)
-        true = truth_maps(truth.rig, truth.shot(capture.name).scene)
         assert cloud.sigma_mm is not None
         z = (cloud.xyz_mm[..., 2] - true.xyz_mm[..., 2]) / cloud.sigma_mm[..., 2]
-        ratios.append(z[np.isfinite(z) & true.lit])
-    whole = np.concatenate(ratios).astype(np.float64)
-    return Deviations(whole, float(whole @ whole), len(whole))
+        z = z[np.isfinite(z) & true.lit]
+        squares.append(float(np.mean(np.square(z, dtype=np.float64))))
+        ratios.append(z[:: len(z) // 1000])
+    return Deviations(np.concatenate(ratios).astype(np.float64), float(np.sum(squares)), len(planes))
 
 
 def of_seed(folder: Path, seed: int, count: int) -> tuple[dict[str, Deviations], list[dict[str, Deviations]]]:
@@ -153,20 +187,24 @@ def of_seed(folder: Path, seed: int, count: int) -> tuple[dict[str, Deviations],
     found, adjustment, targets = made.calibration, made.beside[ADJUSTMENT], list(made.targets)
     assert isinstance(found, PhotogrammetricCalibration)
     assert isinstance(adjustment, Adjustment)
-    result = measured(truth, targets) | adjusted(truth, found, adjustment) | {"depth": depths(folder, truth, found)}
+    planes = [
+        (phase, truth_maps(truth.rig, truth.shot(capture.name).scene))
+        for capture, phase in phase_maps(project, captures_of(project, "plane"))
+    ]
+    result = measured(truth, targets) | adjusted(truth, found, adjustment) | {"depth": depths(planes, found)}
     testfield, scale, rng = captures[0].testfield, project.scale, np.random.default_rng([seed, 3])
+    board = truth.shots[0].scene.board.targets
     assert testfield is not None
     assert scale is not None
-    board = truth.shots[0].scene.board.targets
     assert board is not None
-    length = float(
-        np.linalg.norm(np.subtract(*(board.xyz_mm[board.index()[end]] for end in (scale.start, scale.stop))))
-    )
+    index = board.index()
+    length = float(np.linalg.norm(board.xyz_mm[index[scale.start]] - board.xyz_mm[index[scale.stop]]))
     chance = []
     for _ in range(count):
         bar = replace(scale, length_mm=length + scale.sigma_mm * rng.standard_normal())
         again, its = calibrate_photogrammetric(project.rig, testfield, drawn(truth, targets, rng), scale=bar)
-        chance.append(adjusted(truth, again, its))
+        again_seen = [(drawn_phase(phase, true, rng), true) for phase, true in planes]
+        chance.append(adjusted(truth, again, its) | {"depth": depths(again_seen, again)})
     return result, chance
 
 
@@ -198,12 +236,33 @@ def rows(results: list[dict[str, Deviations]], chance: list[list[dict[str, Devia
         yield f"| {stage} | {n} | {ratio:.3f} | {cells[0]} | {square:.3f} | {cells[1]} |"
 
 
+def write_picture(path: Path, results: list[dict[str, Deviations]], words: Sequence[str]) -> None:
+    """Draw how errors over sigmas are distributed in six stages, beside the normal distribution."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.2, 4.2), layout="constrained", facecolor="white")
+    x, edges = np.linspace(-4, 4, 161), np.linspace(-4, 4, 33)
+    for axes, stage, title in zip(figure.subplots(2, 3, sharex=True, sharey=True).flat, STAGES, words, strict=False):
+        parts = ("camera", "projector") if stage == "interior" else (stage,)
+        ratios = np.concatenate([result[part].ratios for result in results for part in parts])
+        counts = edges if len(ratios) > FEW else edges[::2]
+        axes.hist(np.clip(ratios, -4, 4), counts, density=True, color="#9cc4e4")
+        axes.plot(x, np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi), color="#222222", linewidth=1.2)
+        axes.set_title(title, fontsize=10)
+        axes.text(0.03, 0.9, words[-1].format(np.sqrt(np.mean(ratios**2))), transform=axes.transAxes, fontsize=8)
+        axes.set(xlim=(-4, 4), yticks=[])
+        axes.spines[["top", "left", "right"]].set_visible(False)
+    figure.supxlabel(words[-2], fontsize=10)
+    figure.savefig(path, dpi=100)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="tests.benchmarks.seeds", description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=list(range(10)))
     parser.add_argument("--drawn", type=int, default=20)
     parser.add_argument("--keep", type=Path)
+    parser.add_argument("--pictures", type=Path, metavar="HELP", help="draw images/sigmas.png and de/images/sigmas.png")
     options = parser.parse_args()
     results, chance = [], []
     with tempfile.TemporaryDirectory() as folder:
@@ -214,6 +273,9 @@ def main() -> None:
             figures = " ".join("{} {:.2f} {:.2f}".format(stage, *together([part])) for stage, part in found.items())
             print(f"seed {seed}: {figures}", flush=True)
     print(*rows(results, chance), sep="\n")
+    if options.pictures:
+        for language, folder in (("en", options.pictures), ("de", options.pictures / "de")):
+            write_picture(folder / "images" / "sigmas.png", results, WORDS[language])
 
 
 if __name__ == "__main__":
