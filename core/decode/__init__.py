@@ -21,7 +21,7 @@ kernel.py     the one compiled pass over the pixels; its steps:
   compiled.py   the bricks: grey values by address, sums over frames, the angle
 estimate.py   on demand: every pixel adjusted to all its frames, the blur found tile by tile
   refined.py    its kernels
-  footprint.py  coordinates that changing reflectance has drawn to the brighter side
+footprint.py  coordinates that edges have drawn to the brighter side, and light from beside
 agreement.py  how far several periods contradict each other, and what that adds to sigma
 sections.py   light sections: the centroid over a sweep of lines
 likelihood.py words that only a look-up tells apart, by the likelihood of all frames

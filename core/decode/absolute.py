@@ -15,6 +15,7 @@ from core.decode.estimate import Planes, estimable, refine
 from core.decode.exposures import DEEPEST, fuse_exposures
 from core.decode.fitting import estimate_response
 from core.decode.flicker import steady
+from core.decode.footprint import draw_back
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
 from core.decode.harmonics import SquareWave, measure_bend, square_waves
 from core.decode.kernel import decode_pixels, scratch_for
@@ -163,10 +164,13 @@ def decode(
             refused.append(refuse_open_orders(arrays, tables[axis], limits, sequence.image_rows, apart.turns, mine))
     misfit = None
     if options.estimate and estimable(sequence.frames):
-        refined = Planes(place, sigma, image, width)
+        refined = Planes(place, sigma, width)
         misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, gains, refined, progress).reshape(
             shape
         )
+    cofactor = max((float(t.covariance[0, 0]) for t in tables if len(t.covariance)), default=1.0)
+    x_even, y_even = (t.start == SWEEP or len(t.period) > 0 for t in tables)
+    draw_back((place, sigma), (image, modulation), flags, sequence.image_rows, limits, cofactor, (x_even, y_even))
     taken = spread(shape)
     late = late_frames(patterns, sample, range(*taken[0].indices(height)), (u[taken].ravel(), v[taken].ravel()), limits)
     notes, dim = notes_on(arrays, sample, flags[taken].ravel(), limits, tables, max(refused, default=0.0))

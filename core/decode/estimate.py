@@ -2,8 +2,7 @@
 
 Edges of bits, white and black carry position too, not the phase steps alone. Of every pixel the ambient light, the gain
 and both coordinates are adjusted to all its frames, from where the decoder put it. How much the pattern is blurred is
-found in the same residuals, tile by tile. An error that no residual shows is taken out afterwards: where reflectance
-changes within a pixel's footprint, the coordinate is drawn to the brighter side.
+found in the same residuals, tile by tile.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.curves import light_at
-from core.decode.footprint import draw_back
 from core.decode.frames import AxisFrames, Image, SortedFrames
 from core.decode.refined import PAD, PER_LINE, SUMS, TILE, AxisModel, Light, blur_costs, refine_pixels, rows_for
 from core.decode.response import Response
@@ -37,11 +35,10 @@ GROUP = 8  # frames: a row of the tables is a multiple of them
 
 @dataclass(frozen=True)
 class Planes:
-    """Flat: coordinates and standard deviations (2, pixels) in lines, which are refined; the evenly lit image."""
+    """Flat: coordinates and standard deviations (2, pixels) in lines, which are refined."""
 
     place: Singles
     sigma: Singles
-    image: Singles
     columns: int
 
     @property
@@ -131,11 +128,6 @@ def refine(
     if beyond > 1:  # what the model does not hold counts for sigma
         np.multiply(planes.sigma, np.float32(np.sqrt(beyond)), out=planes.sigma, where=np.isfinite(misfit))
         misfit /= np.float32(beyond)
-    progress(1.0, "drawing back")
-    shape = (planes.rows, planes.columns)
-    both = planes.place.reshape(2, *shape), planes.sigma.reshape(2, *shape)
-    noise = np.sqrt(max(limits.dark + limits.shot * float(np.median(planes.image)), limits.floor))
-    draw_back(*both, gain.reshape(shape), planes.image.reshape(shape), noise)
     return misfit
 
 

@@ -1,102 +1,267 @@
 """What no frame's residual shows: coordinates drawn to the brighter side.
 
-A pixel sees the light of its footprint, and sees it where it is reflected most: with reflectance A and a footprint of
-covariance S the coordinate is off by ``grad(u) . S . grad(A) / A``. S is the camera's; it is found in the coordinates
-themselves where reflectance changes.
+A pixel sees the light of its footprint, and sees it where it is reflected most. Of a footprint that is a Gaussian of
+variance S, the light L has its middle ``S grad(L) / L`` beside the pixel's, whatever the surface is, and the coordinate
+is off by its slope times that. S is the camera's; it is found in the coordinates themselves where the light changes.
+What is lit by the blur of its neighbours alone, beyond the rim of a surface, is no measurement.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from core.decode.tables import Array, Singles
+from core.decode.compiled import HALF, INT, ONE, TINY, F, fast, part
+from core.decode.options import Flag
+from core.decode.tables import Array, Limits, Rows, Shorts, Singles
+from core.parallel import run_in_bands
 
-USUAL, DIFFERENT = 0.38, 0.15  # px²: twice a footprint's variance, see `_change`, and by how much cameras differ
-UNSURE = 0.3  # part of the correction that may be wrong
-NOTICED = 0.8  # times the noise of a grey value: three standard deviations of the light's change over a pixel
-STRONG = 0.1  # lines per px² of a footprint, second difference that tells it
-LARGEST = 0.5  # lines of a correction
+USUAL, DIFFERENT = 0.5, 0.2  # px²: twice a footprint's variance, see `_change`, and by how much cameras differ
+UNSURE = F(0.3)  # part of the correction that may be wrong
+NOTICED = 1.2  # times the noise of a grey value: less draws coordinates by less than half of their own noise
+REACH = 3  # px from an edge to where it draws no more
+STRONG, STRONGEST = 0.1, 2.0  # lines per px² of a footprint that tell it
+LARGEST = 2.0  # lines, differences of coordinates: more is a jump
+UNCERTAIN = 0.15  # part of what an edge draws by which its sharpness changes that
 OUTLIER = 4.0  # standard deviations
+SAMPLE = 1500  # places that tell
+BESIDE = F(1)  # px that light has its middle beside the pixel: it comes from its neighbours
+BETWEEN = F(2)  # lines that it may draw a coordinate where it jumps: more tells of neither side
+PULLS = 6  # numbers a pixel, see `find_changes`
+
+_NO_U, _NO_V = np.uint8(Flag.BESIDE | Flag.NO_U), np.uint8(Flag.BESIDE | Flag.NO_V)
 
 
-def draw_back(place: Singles, sigma: Singles, gain: Singles, image: Singles, noise: float) -> float:
-    """Take out, in place, what changes of the reflectance do to coordinates.
+def draw_back(
+    coordinates: tuple[Singles, Singles],
+    lit: tuple[Singles, Singles],
+    flags: NDArray[np.uint8],
+    rows: Rows,
+    limits: Limits,
+    cofactor: float,
+    even: tuple[bool, bool],
+) -> float:
+    """Take out, in place, what changes of the light do to coordinates.
 
     Parameters
     ----------
-    place, sigma : float32 (2, H, W)
+    coordinates : (place, sigma), float32 (2, pixels)
         Coordinates and their standard deviations in lines; NaN where there is none.
-    gain : float32 (H, W)
-        Light of the projector in grey values, NaN where it is not known.
-    image : float32 (H, W)
-        The scene lit evenly, which tells the light beside those pixels.
-    noise : float
-        Standard deviation of a grey value.
+    lit : (image, modulation), float32 (pixels,)
+        The scene lit evenly, ambient light among it, and the amplitude of the fringes; in grey values.
+    flags : uint8 (H, W)
+    rows : Rows
+        The image's frames; without any the modulation tells the light.
+    limits : Limits
+        Noise of their grey values.
+    cofactor : float
+        Variance of the modulation in units of theirs.
+    even : (bool, bool)
+        Whether u and v change evenly, and not by whole cells of a code: the others are not drawn.
 
     Returns
     -------
     footprint : float
         Twice its variance in px², of both directions.
     """
-    known = np.isfinite(gain)
+    shape = height, width = flags.shape
+    place, sigma = (a.reshape(2, *shape) for a in coordinates)
+    modulation = lit[1].reshape(shape)
+    light = lit[0].reshape(shape) if len(rows.value) else modulation
+    scale = float(rows.value @ rows.value) if len(rows.value) else ONE
+    some = slice(None, None, max(1, light.size // SAMPLE))
+    known = np.isfinite(coordinates[0][:, some]).any(axis=0) & (lit[1][some] > 0)
     if not known.any():
         return USUAL
-    ambient = np.median((image - gain)[known])
-    light = np.where(known, gain, np.maximum(image - ambient, 0))
-    relative = [_change(light, axis, NOTICED * noise) / gain for axis in (1, 0)]
-    drawn = [_slope(p, 1, 2) * relative[0] + _slope(p, 0, 2) * relative[1] for p in place]
-    footprint = _footprint(place, sigma, drawn)
-    for p, s, d in zip(place, sigma, drawn, strict=True):
-        shift = np.clip(np.where(np.isfinite(d), footprint * d, 0), -LARGEST, LARGEST).astype(np.float32)
-        p -= shift
-        s[:] = np.sqrt(s * s + np.square(UNSURE * shift))
+    unit = F(np.median(light.ravel()[some][known] / lit[1][some][known]))
+    fields, share = (light, modulation, place), F(cofactor / (NOTICED**2 * scale))
+    least = tuple(F(NOTICED**2 * scale * n) for n in (limits.dark, limits.shot, limits.floor))
+    at, pull = np.empty(light.size, INT), np.empty((light.size, PULLS), F)
+    found: list[tuple[int, int]] = []
+
+    def look(first: int, last: int) -> None:
+        start, mask = first * width, np.empty(width, np.uint8)
+        count = find_changes(first, last, *fields, even, unit, share, least, mask, at[start:], pull[start:])
+        found.append((start, start + count))
+
+    run_in_bands(look, height)
+    found.sort()
+    there = np.concatenate([at[a:b] for a, b in found]), np.concatenate([pull[a:b] for a, b in found])
+    footprint = _footprint(place, sigma, *there)
+    take_out(F(footprint), *there, place, sigma, flags)
     return footprint
 
 
-def _change(light: Singles, axis: int, least: float) -> Singles:
-    """Change of the light (H, W) per px, about half of it at an edge as sharp as the footprint; 0 below `least`.
+@part
+def _change(ahead, behind):  # type: ignore[no-untyped-def]
+    """Change of the light per px, about half of it at an edge as sharp as the footprint.
 
     Of the changes f and b to either side, of equal sign, ``4 f b / (sqrt f + sqrt b)²``: beside a sharp edge, where
     their mean is several times too large, this is the same part of the true one as at the edge itself.
     """
-    step = np.diff(light, axis=axis)
-    ends = [(0, 0), (0, 0)]
-    ends[axis] = (1, 0)
-    behind = np.pad(step, ends)
-    ends[axis] = (0, 1)
-    ahead = np.pad(step, ends)
-    size = np.sqrt(np.abs(ahead)) + np.sqrt(np.abs(behind))
-    change = 4 * np.maximum(ahead * behind, 0) / np.maximum(size, np.float32(1e-6)) ** 2
-    return np.where(change > least, np.copysign(change, ahead), 0)
+    if ahead * behind <= F(0):
+        return F(0)
+    size = np.sqrt(abs(ahead)) + np.sqrt(abs(behind))
+    return F(4) * ahead * abs(behind) / (size * size + TINY)
 
 
-def _slope(values: Singles, axis: int, reach: int) -> Singles:
-    """Change of values (H, W) per px along an axis, over `reach` px on either side, or over fewer, or to one side."""
-    slope = np.full_like(values, np.nan)
-    step = np.diff(values, axis=axis)
-    for first, last in ((None, -1), (1, None)):
-        to: list[slice] = [slice(None)] * 2
-        to[axis] = slice(first, last)
-        slope[tuple(to)] = np.where(np.isfinite(step), step, slope[tuple(to)])
-    for r in range(1, reach + 1):
-        ahead, behind, middle = ([slice(None)] * 2 for _ in range(3))
-        ahead[axis], behind[axis], middle[axis] = slice(2 * r, None), slice(None, -2 * r), slice(r, -r)
-        wide = (values[tuple(ahead)] - values[tuple(behind)]) / np.float32(2 * r)
-        slope[tuple(middle)] = np.where(np.isfinite(wide), wide, slope[tuple(middle)])
-    return slope
+@part
+def _slope(values, row, column, down, right):  # type: ignore[no-untyped-def]
+    """Change of values per px along rows or columns, and how far that of one side may differ from it.
+
+    Over two pixels on either side; where there are none, over two a pixel off, which the rim has drawn less.
+    """
+    height, width = values.shape
+    here = values[row, column]
+    sides, number, low, high = F(0), 0, F(0), F(0)
+    for side in range(-1, 2, 2):
+        near_row, near = row + side * down, column + side * right
+        far_row, far = row + 2 * side * down, column + 2 * side * right
+        if far_row < 0 or far_row >= height or far < 0 or far >= width:
+            continue
+        slope = HALF * F(side) * (values[far_row, far] - here)
+        last_row, last = row + 3 * side * down, column + 3 * side * right
+        if last_row >= 0 and last_row < height and last >= 0 and last < width:
+            other_row, other = row - side * down, column - side * right
+            if (
+                other_row < 0
+                or other_row >= height
+                or other < 0
+                or other >= width
+                or np.isnan(values[other_row, other])
+            ):
+                slope = HALF * F(side) * (values[last_row, last] - values[near_row, near])
+        if not np.isnan(slope):
+            sides += slope
+            low, high = (min(low, slope), max(high, slope)) if number > 0 else (slope, slope)
+            number += 1
+    if number == 0:
+        return F(0), F(0)
+    return sides / F(number), high - low
 
 
-def _footprint(place: Singles, sigma: Singles, drawn: list[Singles]) -> float:
-    """Variance of the footprint by second differences along rows, weighted with what is usual."""
-    found: list[tuple[Array, Array]] = []
-    for p, s, d in zip(place, sigma, drawn, strict=True):
-        bent = d[:, :-2] - 2 * d[:, 1:-1] + d[:, 2:]
-        row, column = np.nonzero(np.abs(bent) > STRONG)
-        seen = p[row, column] - 2 * p[row, column + 1] + p[row, column + 2]
-        noise = np.sqrt(6.0) * s[row, column + 1]
-        good = np.isfinite(seen) & (np.abs(seen) < 2 * LARGEST)
-        found.append(((bent[row, column] / noise)[good].astype(float), (seen / noise)[good].astype(float)))
-    x, y = (np.concatenate(each) for each in zip(*found, strict=True))
+@fast
+def find_changes(first, last, light, modulation, place, even, unit, share, least, mask, at, pull):  # type: ignore[no-untyped-def]
+    """Find the pixels of the rows ``first <= row < last`` where the light changes by more than noise does.
+
+    Parameters
+    ----------
+    unit : float
+        Light in units of the modulation.
+    share : float
+        The modulation's variance in units of the noticed change's.
+    least : (dark, shot, floor)
+        Of squares of changes that are noticed.
+    mask : uint8 (W,)
+        Scratch memory.
+    at : int32 (n,)
+        Written: numbers of these pixels.
+    pull : float32 (n, 6)
+        Written, for a footprint of 1 px²: shifts of u and v in lines, what sides of a jump make of them, and how far
+        the middle of the light surely lies beside the pixel's along row and column, px.
+
+    Returns
+    -------
+    count : int
+        Of the pixels found.
+    """
+    height, width = light.shape
+    dark, shot, floor = least
+    count = 0
+    for row in range(first, last):
+        here = light[row]
+        above, below = light[max(row - 1, 0)], light[min(row + 1, height - 1)]
+        lone = row == 0 or row == height - 1
+        for c in range(1, width - 1):
+            g = here[c]
+            noise = max(dark + shot * g, floor)
+            across, down = (here[c + 1] - g) * (g - here[c - 1]), (below[c] - g) * (g - above[c])
+            steep = (below[c] - above[c]) * (below[c] - above[c]) if lone else down
+            mask[c] = (across > noise) | (steep > noise)
+        mask[0] = mask[width - 1] = 1
+        for c in range(width):
+            if mask[c] == 0 or (np.isnan(place[0, row, c]) and np.isnan(place[1, row, c])):
+                continue
+            g = here[c]
+            noise = spread = max(dark + shot * g, floor)
+            right, left = here[min(c + 1, width - 1)] - g, g - here[max(c - 1, 0)]
+            down, up = below[c] - g, g - above[c]
+            x = _change(right, left) if 0 < c < width - 1 else right + left
+            y = _change(down, up) if not lone else down + up
+            if lone or not 0 < c < width - 1:  # at the border one side tells, less surely
+                noise *= F(4)
+            x, y = x if x * x > noise else F(0), y if y * y > noise else F(0)
+            if x == F(0) and y == F(0):
+                continue
+            own = modulation[row, c] + TINY
+            per = ONE / (unit * own)
+            sure = max(ONE - np.sqrt(spread * share) / own, HALF)
+            x, y = x * per, y * per
+            at[count] = row * width + c
+            for k in range(2):
+                if np.isnan(place[k, row, c]) or not even[k]:
+                    pull[count, k] = pull[count, 2 + k] = F(0)
+                    continue
+                shift, doubt = F(0), F(0)
+                if x != F(0):
+                    slope, apart = _slope(place[k], row, c, 0, 1)
+                    smooth = apart <= abs(slope)
+                    shift += x * slope if smooth else F(0)
+                    doubt += F(0) if smooth else abs(x) * (abs(slope) + apart)
+                if y != F(0):
+                    slope, apart = _slope(place[k], row, c, 1, 0)
+                    smooth = apart <= abs(slope)
+                    shift += y * slope if smooth else F(0)
+                    doubt += F(0) if smooth else abs(y) * (abs(slope) + apart)
+                pull[count, k], pull[count, 2 + k] = shift, doubt
+            pull[count, 4], pull[count, 5] = sure * x, sure * y
+            count += 1
+    return count
+
+
+@fast
+def take_out(footprint, at, pull, place, sigma, flags):  # type: ignore[no-untyped-def]
+    """Draw the pixels `at` back by what a footprint (px²) makes of their `pull`, and drop those lit from beside."""
+    width = flags.shape[1]
+    for n in range(len(at)):
+        row, c = at[n] // width, at[n] % width
+        beside = footprint * footprint * (pull[n, 4] * pull[n, 4] + pull[n, 5] * pull[n, 5]) > BESIDE * BESIDE
+        beside = beside or footprint * max(pull[n, 2], pull[n, 3]) > BETWEEN
+        for k in range(2):
+            if np.isnan(place[k, row, c]):
+                continue
+            if beside:
+                place[k, row, c] = sigma[k, row, c] = F(np.nan)
+                flags[row, c] |= _NO_U if k == 0 else _NO_V
+                continue
+            shift, doubt, s = footprint * pull[n, k], footprint * pull[n, 2 + k], sigma[k, row, c]
+            place[k, row, c] -= shift
+            sigma[k, row, c] = np.sqrt(s * s + UNSURE * UNSURE * shift * shift + doubt * doubt)
+
+
+def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles) -> float:
+    """Twice the variance of the footprint by differences from the middle of two pixels beyond an edge."""
+    if len(at) == 0:
+        return USUAL
+    height, width = place.shape[1:]
+    n = np.arange(0, len(at), max(1, len(at) // SAMPLE))
+    row, column = np.divmod(at[n], width)
+    down = np.abs(pull[n, 5]) > np.abs(pull[n, 4])
+    inside = np.where(down, (row >= REACH) & (row < height - REACH), (column >= REACH) & (column < width - REACH))
+    n, step = n[inside], np.where(down[inside], width * REACH, REACH)
+    here = at[n]
+    told: list[tuple[Array, Array]] = []
+    for k in (0, 1):
+        p, s = place[k].ravel(), sigma[k].ravel()
+        drawn, seen = pull[n, k].astype(float), p[here].astype(float)
+        for side in (here - step, here + step):
+            beside = np.minimum(np.searchsorted(at, side), len(at) - 1)
+            drawn -= np.where(at[beside] == side, pull[beside, k], 0) / 2
+            seen -= p[side] / 2
+        good = (np.abs(drawn) > STRONG) & (np.abs(drawn) < STRONGEST) & (np.abs(seen) < LARGEST)
+        noise = np.sqrt(1.5) * s[here[good]] + UNCERTAIN * np.abs(drawn[good])
+        told.append((drawn[good] / noise, seen[good] / noise))
+    x, y = (np.concatenate(each) for each in zip(*told, strict=True))
     value = USUAL
     for _ in range(3):
         left = y - value * x

@@ -19,6 +19,8 @@ class Flag(IntFlag):
     """Code and phase, or the phases of several periods, contradict each other."""
     OUTSIDE = 16
     """The coordinate is none of the projector's lines."""
+    BESIDE = 32
+    """Lit by the blur of brighter neighbours alone, as beyond the rim of a surface."""
     NO_U = 64
     """u is NaN."""
     NO_V = 128

@@ -1117,6 +1117,10 @@
         <translation>außerhalb</translation>
     </message>
     <message>
+        <source>lit from beside</source>
+        <translation>Licht von nebenan</translation>
+    </message>
+    <message>
         <source>no u</source>
         <translation>kein u</translation>
     </message>

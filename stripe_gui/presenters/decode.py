@@ -70,6 +70,7 @@ def flag_words(flags: int) -> list[str]:
         Flag.UNSURE: translate("Decode", "unsure"),
         Flag.DISAGREEMENT: translate("Decode", "disagreement"),
         Flag.OUTSIDE: translate("Decode", "outside"),
+        Flag.BESIDE: translate("Decode", "lit from beside"),
         Flag.NO_U: translate("Decode", "no u"),
         Flag.NO_V: translate("Decode", "no v"),
     }

@@ -13,7 +13,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.special import erf
 
-from core.decode import DecodeOptions, decode
+from core.decode import DecodeOptions, Flag, decode
 from core.model import PhaseMap
 from core.patterns import Pattern, brightness, gray_and_phase, reference_sequence
 from core.pipeline import decode_capture
@@ -45,11 +45,18 @@ def test_all_frames_tell_more_than_the_steps(bench, blur: float, part: float) ->
     assert plain.misfit is None
 
 
-def dots(lines: int = 128, size: int = 160, fine: int = 4, footprint_px: float = 0.4) -> tuple[list, list, np.ndarray]:
+def dots(
+    lines: int = 128,
+    size: int = 160,
+    fine: int = 4,
+    footprint_px: float = 0.4,
+    dark: float = 0.2,
+    ambient: float = 10.0,
+) -> tuple[list, list, np.ndarray]:
     """A slanted board of white dots, seen by pixels of a Gaussian footprint: patterns, images, true u."""
     y, x = (np.mgrid[: size * fine, : size * fine] - (fine - 1) / 2) / fine
     u, v = 4 + 0.71 * x + 0.06 * y, 4.3 + 0.73 * y - 0.04 * x
-    albedo = np.where(np.hypot((x + 3) % 20 - 10, (y + 1) % 20 - 10) < 6, 0.85, 0.2)
+    albedo = np.where(np.hypot((x + 3) % 20 - 10, (y + 1) % 20 - 10) < 6, 0.85, dark)
     patterns, rng = reference_sequence(lines, lines), np.random.default_rng(4)
     images = []
     for pattern in patterns:
@@ -58,26 +65,47 @@ def dots(lines: int = 128, size: int = 160, fine: int = 4, footprint_px: float =
         place = np.arange(-8.0, lines + 8, 1 / 32)
         steps = (1 + erf((place[:, None] - (np.flatnonzero(edges) - 0.5)) / (0.6 * np.sqrt(2)))) / 2
         light = np.interp(v if getattr(pattern, "axis", "x") == "y" else u, place, steps @ edges[edges != 0])
-        seen = gaussian_filter(albedo * (10 + 150 * light), footprint_px * fine)[fine // 2 :: fine, fine // 2 :: fine]
+        seen = gaussian_filter(albedo * (ambient + 150 * light), footprint_px * fine)[
+            fine // 2 :: fine, fine // 2 :: fine
+        ]
         images.append(np.clip(np.rint(seen + rng.normal(0, 1.5, seen.shape)), 0, 255).astype(np.uint8))
     at = slice(fine // 2, None, fine)
     return patterns, images, np.stack([u[at, at], v[at, at], gaussian_filter(albedo, footprint_px * fine)[at, at]])
 
 
-def test_edges_of_dots_are_not_drawn_to_the_brighter_side() -> None:
+def test_edges_of_dots_are_not_drawn_to_the_brighter_side(monkeypatch) -> None:
     patterns, images, (u, v, albedo) = dots()
-    plain, refined = both(patterns, images, 128)
+    found = both(patterns, images, 128)
+    monkeypatch.setattr("core.decode.absolute.draw_back", lambda *_: None)
+    drawn = both(patterns, images, 128)
     for axis, truth, along in (("u", u, 1), ("v", v, 0)):
         slope = np.gradient(albedo, axis=along) / albedo
         edge = np.abs(slope) > 0.2
         edge[:3] = edge[-3:] = edge[:, :3] = edge[:, -3:] = False
-        before, after = (getattr(each, axis) - truth for each in (plain, refined))
-        signed = [np.nanmean((e * np.sign(slope))[edge]) for e in (before, after)]
-        assert signed[0] > 0.04
-        assert abs(signed[1]) < 0.02  # of a line, the bound that was asked for
-        assert np.nanstd(after[edge]) < 0.75 * np.nanstd(before[edge])
-        z = (after / getattr(refined, f"sigma_{axis}"))[edge]
-        assert np.sqrt(np.nanmean(z**2)) < 1.3
+        for phase, before in zip(found, drawn, strict=True):
+            after, was = ((getattr(each, axis) - truth)[edge] for each in (phase, before))
+            assert np.isfinite(after).sum() == np.isfinite(was).sum()
+            assert np.nanmean(was * np.sign(slope[edge])) > 0.04
+            assert abs(np.nanmean(after * np.sign(slope[edge]))) < 0.02  # of a line, the bound that was asked for
+            assert np.nanstd(after) < 0.75 * np.nanstd(was)
+            assert np.sqrt(np.nanmean((after / getattr(phase, f"sigma_{axis}")[edge]) ** 2)) < 1.3
+
+
+def test_light_beyond_a_rim_is_no_measurement() -> None:
+    """Pixels of a Gaussian footprint see a plate's rim from more than a pixel away."""
+    patterns, images, (u, v, albedo) = dots(dark=0.0, footprint_px=0.7, ambient=0.0)
+    phase = decode(patterns, images, lines=(128, 128))
+    inner = (np.abs(u - 64) < 60) & (np.abs(v - 64) < 60)
+    seen = np.isfinite(phase.u) & np.isfinite(phase.v)
+    own, beyond = inner & (albedo > 0.34), inner & (albedo < 0.17)  # of 0.85: 0.2 px and 0.6 px beyond the rim
+    assert seen[own].all()
+    beside = phase.flags[beyond] & Flag.BESIDE > 0
+    assert beside.sum() > 500
+    assert seen[beyond].sum() < 0.1 * beside.sum()
+    for axis, truth in (("u", u), ("v", v)):
+        error = getattr(phase, axis) - truth
+        assert np.nanmax(np.abs(error[inner])) < 1.0
+        assert np.sqrt(np.mean((error / getattr(phase, f"sigma_{axis}"))[seen & inner & ~own] ** 2)) < 1.5
 
 
 def test_a_pixel_that_moved_stands_out_by_its_misfit(bench) -> None:
