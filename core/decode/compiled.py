@@ -17,6 +17,8 @@ HALF, ONE, TINY = F(0.5), F(1), F(1e-20)
 # sums of 32-bit integers are 64-bit ones until they are cast: half as many fit into a vector register
 INT = np.int32
 NONE = INT(0)
+# numba compiles a function once more for every whole number written where it is called; these are no such numbers
+ZEROTH, FIRST = np.int64(0), np.int64(1)
 TILE = 4096  # pixels taken together: long enough to read every frame in runs, short enough for the cache
 # arctan(z) / (2 pi z) on [0, 1] as a polynomial in z², least maximum error: 2.4e-8 turns in single precision
 C0, C1, C2, C3 = F(0.159154832), F(-0.0530461147), F(0.0317458808), F(-0.0221359655)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import HALF, INT, NONE, ONE, F, part, pixel_sum, turn_of
+from core.decode.compiled import HALF, INT, NONE, ONE, ZEROTH, F, part, pixel_sum, turn_of
 from core.decode.options import Flag
 from core.decode.words import cell_of, word_of
 
@@ -35,7 +35,7 @@ def settle(table, source, limits, turns, noise, seen, count, soft, place, flags)
     soft = soft[: len(fading)]
     for i in range(count):
         if doubtful[i] != NONE:
-            turn, loose, per_contrast = F(0), 0, ONE / contrast[i]
+            turn, loose, per_contrast = F(0), ZEROTH, ONE / contrast[i]
             for j in range(steps.shape[1]):
                 turn += steps[0, j] * turns[j, i]
             for b in range(len(soft)):

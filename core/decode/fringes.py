@@ -14,6 +14,7 @@ from core.decode.compiled import (
     ONE,
     TILE,
     TINY,
+    ZEROTH,
     F,
     angle,
     fast,
@@ -97,7 +98,7 @@ def _leave_out(table, source, limits, i, scratch, turns, variance, means, amplit
     holes, missing = scratch.holes, scratch.missing
     seen, plain = holes[len(holes) - 2], holes[len(holes) - 1]
     for j in range(len(table.covariance)):
-        first, size, number = fits.first[j], fits.first[j + 1] - fits.first[j], 0
+        first, size, number = fits.first[j], fits.first[j + 1] - fits.first[j], ZEROTH
         hat, value = hats[j], fits.value[:, first : first + size]
         for a in range(size):
             g = grey_of(source, fits.frame[first + a], i)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.compiled import HALF, INT, NONE, ONE, TILE, F, brightest, fast, fill, part, weighted_sum
+from core.decode.compiled import FIRST, HALF, INT, NONE, ONE, TILE, ZEROTH, F, brightest, fast, fill, part, weighted_sum
 from core.decode.doubt import settle
 from core.decode.fringes import fit_phases, unwrap, weigh
 from core.decode.joint import join
@@ -126,7 +126,7 @@ def decode_pixels(  # type: ignore[no-untyped-def]
         count = min(TILE, stop - first)
         # views of what is written: an index that may be negative would not compile to vector instructions
         here, source = slice(first, first + count), (addresses, item_size, first)
-        fill(every, 0, count, 0)
+        fill(every, 0, count, NONE)
         fill(least, 0, count, F(np.inf))
         for axis in range(2):
             table, u_out, s_out = tables[axis], place[axis, here], sigma[axis, here]
@@ -143,18 +143,18 @@ def decode_pixels(  # type: ignore[no-untyped-def]
             fill(m, 0, count, F(0))
             fitted = (turns, variance, means, amplitudes, m, flag, doubtful)
             any_mended = fit_phases(table, source, limits, count, scratch, *fitted)
+            known = table.start == CODE and table.has_contrast and table.lift == F(0)
             if table.start != CODE:
-                join(table, limits, count, turns, variance, means, amplitudes, one, two, False)
+                join(table, limits, count, turns, variance, means, amplitudes, one, two, known)
             fill(u, 0, count, HALF * (table.lines - ONE))
             if table.start == CODE:
-                weighted_sum(table.rows, 0, source, count, threshold)
-                weighted_sum(table.rows, 1, source, count, contrast)
+                weighted_sum(table.rows, ZEROTH, source, count, threshold)
+                weighted_sum(table.rows, FIRST, source, count, contrast)
                 if any_mended != NONE:
                     _reset_middle(means, m, doubtful, count, threshold, contrast)
                 if table.lift != F(0):
                     _lift(table.lift, table.contrast_lift, m, count, threshold, contrast)
-                both = table.has_contrast and table.lift == F(0)
-                join(table, limits, count, turns, variance, means, amplitudes, threshold, contrast, both)
+                join(table, limits, count, turns, variance, means, amplitudes, threshold, contrast, known)
                 contrast_of(table, source, limits, count, threshold, contrast, m, one, two, s, flag)
                 read_bits(table, source, limits, count, threshold, contrast, one, scratch, masks)
                 locate(table, turns, variance, word, unsure, near, count, u, one, doubtful)
@@ -197,6 +197,6 @@ def _reset_middle(means, modulation, mended, count, threshold, contrast):  # typ
 def _even_image(image_rows, plain, source, count, out):  # type: ignore[no-untyped-def]
     """The evenly lit image of a tile, or the brightest of the plain frames where none follows."""
     if len(image_rows.value) > 0:
-        weighted_sum(image_rows, 0, source, count, out)
+        weighted_sum(image_rows, ZEROTH, source, count, out)
     else:
         brightest(plain, source, count, out)
