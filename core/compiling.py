@@ -23,6 +23,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property, partial
+from io import BytesIO
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -90,7 +91,7 @@ class _KernelCache:
         try:
             if (entry := self._entry(sig, target_context.codegen())) is not None:
                 _offer_runtime()
-                found = _loaded(target_context, *pickle.loads(entry.read_bytes()))
+                found = _loaded(target_context, *_Entry(BytesIO(entry.read_bytes())).load())
                 if time.time() - entry.stat().st_mtime > 86400:
                     os.utime(entry)  # what is in use stays
                 return found
@@ -113,6 +114,13 @@ class _KernelCache:
             pass
 
 
+class _Entry(pickle.Unpickler):
+    """What was kept, without the modules of numba it was compiled from: they are its compiler's, and long to import."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        return _rebuild_env if name == _rebuild_env.__name__ else super().find_class(module, name)
+
+
 def _loaded(target_context: Any, library: Any, function: Any, *rest: Any) -> Any:
     """Make a kernel of what was kept, without the bitcode for those that would be linked with it.
 
@@ -126,6 +134,18 @@ def _loaded(target_context: Any, library: Any, function: Any, *rest: Any) -> Any
     found = CompileResult._rebuild(target_context, without, function, *rest)
     assert callable(found.library._get_module_for_linking)
     found.library._get_module_for_linking = cache(lambda: parse_bitcode(bitcode))
+    return found
+
+
+def _rebuild_env(module: str, constants: list[Any], name: str) -> Any:
+    """Do what numba's function of this name does; compiled code asks for the constants, not for the module."""
+    from numba.core import environment
+
+    if module in sys.modules or not module.startswith("numba."):
+        return environment._rebuild_env(module, constants, name)
+    if (found := environment.lookup_environment(name)) is None:
+        environment.Environment._memo[name] = found = environment.Environment({"__name__": module})
+        found.consts[:], found.env_name = constants, name
     return found
 
 

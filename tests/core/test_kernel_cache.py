@@ -106,6 +106,20 @@ def test_every_process_gives_a_kernel_the_same_name() -> None:
     assert len(names) == 1
 
 
+def test_a_kept_kernel_runs_without_the_modules_it_was_compiled_from(tmp_path: Path) -> None:
+    program = tmp_path / "allocates.py"
+    program.write_text(
+        "import sys, numpy\n"
+        "from core.compiling import njit\n"
+        "@njit(cache=True)\n"
+        "def sums(values): return numpy.zeros(3) + values\n"
+        "print(sums(numpy.ones(3)).sum(), 'numba.np.arrayobj' in sys.modules)\n"
+    )
+    where = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)}
+    told = [subprocess.run([sys.executable, program], check=True, env=where, capture_output=True) for _ in range(2)]
+    assert [done.stdout.split() for done in told] == [[b"3.0", b"True"], [b"3.0", b"False"]]
+
+
 def test_a_broken_entry_is_compiled_anew(run: Callable[..., tuple[float, bool]], tmp_path: Path) -> None:
     assert run() == (32, True)
     (entry,) = tmp_path.glob("*.kernel")
