@@ -144,7 +144,7 @@ def search(known: dict[str, Reader], folder: Path, options: argparse.Namespace, 
         name = rng.choice(list(known))
         reader, pool = known[name], pools[name]
         data = mutated(rng.choice(pool), rng.choice(pool), rng)
-        traced, lines.new = done % 50 == 0, 0  # tracing costs most of the time
+        traced, lines.new = done % 10 == 0, 0  # tracing costs time
         sys.settrace(lines.trace if traced else None)
         try:
             wrong = fails(reader, folder, data)

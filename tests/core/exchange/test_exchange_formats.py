@@ -248,6 +248,15 @@ def test_foreign_files_are_refused_in_one_line(name, content, tmp_path) -> None:
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize("text", ["[" * 100_000, "- " * 100_000, "? " * 100_000, "a: 1\n" * 300_000])
+def test_yaml_that_would_take_the_stack_or_minutes_is_refused(text: str, tmp_path: Path) -> None:
+    """libyaml ends the process at 100,000 lists within lists, and takes quadratic time for brackets."""
+    path = tmp_path / "file.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"deep|characters"):
+        FORMATS["kalibr"].read(path)
+
+
 def test_a_damaged_mat_file_ends_nothing_but_its_reader(tmp_path: Path) -> None:
     """These bytes end the process that SciPy reads them in (bus error in 1.17)."""
     path = tmp_path / "damaged.mat"
