@@ -45,6 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return tour(options.tour, options.project)
     program = Program(make_application())
     program.watch_faults()
+    program.heed_signals()
     program.window.show()
     threading.Thread(target=_warm_up, daemon=True).start()
     if options.project is not None:

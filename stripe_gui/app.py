@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import signal
+import socket
 import sys
 import traceback
-from types import TracebackType
+from types import FrameType, TracebackType
 
-from PySide6.QtCore import QLibraryInfo, QLocale, QObject, Qt, QTranslator
+from PySide6.QtCore import QLibraryInfo, QLocale, QObject, QSocketNotifier, Qt, QTranslator
 from PySide6.QtGui import QFont, QFontDatabase, QIcon
 from PySide6.QtWidgets import QApplication
 
@@ -90,6 +92,22 @@ class Program(QObject):
                 self._translators.append(translator)
         speak(language)
         QLocale.setDefault(QLocale(QLocale.Language.C))  # numbers as in the report: a point, no grouping
+
+    def heed_signals(self) -> None:
+        """Close in good order when the system, or who started the program, ends it."""
+        wake, self._woken = socket.socketpair()
+        for end in (wake, self._woken):
+            end.setblocking(False)
+        signal.set_wakeup_fd(wake.detach())
+        notifier = QSocketNotifier(self._woken.fileno(), QSocketNotifier.Type.Read, self)
+        notifier.activated.connect(lambda: self._woken.recv(64))  # Python calls the handler before
+        for name in ("SIGTERM", "SIGHUP", "SIGINT"):
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), self._end)
+
+    def _end(self, number: int, _frame: FrameType | None) -> None:
+        self.window.end()
+        self.app.exit(128 + number)
 
     def watch_faults(self) -> None:
         """Tell faults of the program in a notice instead of only on the terminal."""

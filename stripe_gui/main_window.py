@@ -338,12 +338,16 @@ class MainWindow(QMainWindow):
             if not ask(self, self.tr("Work is running"), text, self.tr("Stop and close"), self.tr("Keep working")):
                 event.ignore()
                 return
+        self.end()
+        event.accept()
+
+    def end(self) -> None:
+        """Stop all work, and remember the window."""
         self.bench.jobs.shut_down()
         self.bench.views.shut_down()
         self.bench.watch.shut_down()
         self.bench.states.shut_down()
         self.remember()
-        event.accept()
 
     def remember(self) -> None:
         """Keep size, place and the split for the next start."""

@@ -1,12 +1,15 @@
-"""The window killed in the middle of a calibration: the project opens as it was."""
+"""The window killed or ended in the middle of a calibration: the project opens as it was."""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 from core.pipeline import current_runs, project_states
 from core.project import read_project
@@ -25,20 +28,22 @@ from stripe_gui.workbench import Workbench
 
 app, bench = make_application(), Workbench(Settings(Path(sys.argv[2])))
 program = Program(app, bench)
+program.heed_signals()
 
 def look():
     job, page = bench.jobs.running, program.window.page
     if job is None and page.can_run():
         page.run()
     elif job is not None and job.fraction > 0.3:
+        timer.stop()
         print("killed at", job.fraction, job.message, flush=True)
-        os.kill(os.getpid(), signal.SIGKILL)
+        os.kill(os.getpid(), int(sys.argv[3]))
 
 timer = QTimer(interval=5)
 timer.timeout.connect(look)
 assert bench.open_project(Path(sys.argv[1]), "calibrate")
 timer.start()
-app.exec()
+sys.exit(app.exec())
 """
 
 
@@ -49,18 +54,24 @@ def contents(folder: Path) -> dict[str, str]:
     return {name: value for name, value in found.items() if "lock" not in name and not Path(name).name.startswith(".")}
 
 
-def test_a_window_killed_while_calibrating_leaves_the_project_as_it_was(finished_project: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -9), (signal.SIGTERM, 143)])
+def test_a_window_killed_while_calibrating_leaves_the_project_as_it_was(
+    finished_project: Path, tmp_path: Path, number: int, code: int
+) -> None:
     (finished_project / "results" / "targets.npz").unlink()  # so that there is something to do
     before, states = contents(finished_project), project_states(read_project(finished_project))
     runs = current_runs(read_project(finished_project))
     ended = subprocess.run(
-        [sys.executable, "-c", KILLED, str(finished_project), str(tmp_path / "own.ini")],
+        [sys.executable, "-c", KILLED, str(finished_project), str(tmp_path / "own.ini"), str(int(number))],
         env={**os.environ, "QT_QPA_PLATFORM": "offscreen"},
         capture_output=True,
         text=True,
         timeout=120,
     )
-    assert ended.returncode == -9, ended.stderr
+    assert ended.returncode == code, ended.stderr
+    assert "Traceback" not in ended.stderr
+    if number == signal.SIGTERM:  # who is asked to end leaves nothing behind
+        assert not [path for path in finished_project.rglob("*") if path.name.endswith((".part", ".lock"))]
     assert "killed at" in ended.stdout
     after = contents(finished_project)
     assert {name: after.get(name) for name in before} == before  # nothing is lost or changed

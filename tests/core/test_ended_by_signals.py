@@ -1,0 +1,29 @@
+"""A command that is told to end does so as by Ctrl-C: in one line, with nothing half written."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.skipif(os.name == "nt", reason="has no such signals")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_command_ends_in_one_line_and_leaves_nothing(number: int, tmp_path: Path) -> None:
+    out = tmp_path / "bench"
+    command = [sys.executable, "-m", "core", "simulate", str(out), "--scenario", "quick"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as program:
+        while not out.exists() and program.poll() is None:
+            time.sleep(0.01)
+        program.send_signal(number)
+        time.sleep(0.01)
+        program.send_signal(number if number != signal.SIGINT else 0)  # impatience does not disturb the tidying up
+        _, told = program.communicate(timeout=60)
+    assert program.returncode == 128 + number
+    assert told == "stripe-core: the command: cancelled; start it again when you want the result\n"
+    assert not [path for path in tmp_path.rglob("*") if path.name.endswith((".part", ".lock"))]
