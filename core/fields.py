@@ -147,6 +147,15 @@ def regular(path: Path) -> Path:
     return path
 
 
+def kept_object(path: Path) -> dict[str, Any]:
+    """Read a JSON object that the program keeps for itself; an empty one where none is that can be read."""
+    try:
+        found = json.loads(regular(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
 def read_document(path: Path, kind: str) -> Fields:
     """Read a JSON file and check its format name and version.
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from core.atomic import is_leftover, sweep
 from core.errors import StripeError
-from core.fields import read_document
+from core.fields import kept_object, read_document
 from core.model import Capture, Method, PlaneEvaluation, Project, TargetSet
 from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.runs import DELETED, SIGN_OFF, list_runs, read_run, run_folder
@@ -52,7 +52,7 @@ Finding = tuple[Path, str, str, Callable[[], object] | None]  # where, seen, rem
 
 
 def check_project(folder: Path, repair: bool = False, progress: Progress = SILENT) -> tuple[Inconsistency, ...]:
-    """Look for everything in a project's folder that does not fit together.
+    """Look for everything in a project's folder that does not fit together; sweep what killed programs left.
 
     Parameters
     ----------
@@ -69,13 +69,13 @@ def check_project(folder: Path, repair: bool = False, progress: Progress = SILEN
     folder = Path(folder)
     read_document(folder / "project.json", "stripe-project")
     found: list[Inconsistency] = []
+    for step in (_locks, _leftovers):  # nobody's any more: they go whether asked for or not
+        found += [_told(finding, folder, True) for finding in list(step(folder, progress))]
     if not repair:
-        once: dict[tuple[str, str], Inconsistency] = {}
-        for item in (_told(finding, folder, False) for step in (_locks, *_STEPS) for finding in step(folder, progress)):
+        once = {(item.where, item.seen): item for item in found}
+        for item in (_told(finding, folder, False) for step in _STEPS for finding in step(folder, progress)):
             once.setdefault((item.where, item.seen), item)
         return tuple(once.values())
-    found += [_told(finding, folder, True) for finding in _locks(folder, progress)]
-    found += [_told(finding, folder, True) for finding in _leftovers(folder, progress)]
     with writing_results(folder, "check"):
         for step in _STEPS:
             found += [_told(finding, folder, True) for finding in list(step(folder, progress))]
@@ -97,7 +97,14 @@ def _told(finding: Finding, folder: Path, repair: bool) -> Inconsistency:
 def _locks(folder: Path, progress: Progress) -> Iterator[Finding]:
     for path in (folder / "results" / RESULTS_LOCK, folder / DOCUMENT_LOCK):
         if path.exists() and holder_of(path) is None:
-            yield path, "a lock that nobody holds", "removed: it never was in anyone's way", path.unlink
+            yield path, "a lock that nobody holds", "removed: it never was in anyone's way", partial(_unlock, path)
+
+
+def _unlock(path: Path) -> None:
+    with lock(path, "check"):
+        pass  # it goes with whoever has held it
+    if path.exists():
+        raise PermissionError(path)
 
 
 def _leftovers(folder: Path, progress: Progress) -> Iterator[Finding]:
@@ -216,7 +223,7 @@ def _pointer(folder: Path, progress: Progress) -> Iterator[Finding]:
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
         numbers = {m: int(stored[m]) for m in METHODS if m in stored}
-    except (OSError, ValueError, TypeError):
+    except (OSError, ValueError, TypeError, OverflowError, RecursionError):
         seen = "the pointer to the runs in use cannot be read"
         yield path, seen, "points to the newest runs", partial(_point, folder)
         return
@@ -242,10 +249,7 @@ def _point(folder: Path) -> None:
     """Point to the newest run of every method that is whole; what is whole where it points stays."""
     project = read_project(folder)
     path = folder / "results" / "current.json"
-    try:
-        stored = dict(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
-        stored = {}
+    stored = kept_object(path)
     numbers: dict[str, int] = {}
     for method in METHODS:
         kept = [run.number for run in list_runs(project) if _whole(project, method, run.number)]
@@ -280,7 +284,7 @@ def _results(folder: Path, progress: Progress) -> Iterator[Finding]:
             yield path, seen, "set aside; `stripe-core update` makes it anew", partial(_set_aside, folder, path)
 
 
-_STEPS = (_leftovers, _listed, _captures, _runs, _pointer, _results)
+_STEPS = (_listed, _captures, _runs, _pointer, _results)
 
 
 def _set_aside(folder: Path, path: Path) -> None:

@@ -29,7 +29,7 @@ from core.pipeline.views import joint_clouds
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
 from core.project.contents import contents_of
-from core.project.lock import writing_results
+from core.project.lock import read_only, writing_results
 
 TOGETHER = "all devices"  # in place of the projector, where all that saw a point made it
 OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to a plane
@@ -45,19 +45,26 @@ def evaluate_project(
     """Judge plane captures by calibrations, all of either unless some are named; keep the deviations in the project.
 
     A plane that several cameras or projectors saw is judged by each pair, and by the points of all together in every
-    camera's raster.
+    camera's raster. A project that may only be read is judged all the same, and keeps nothing.
 
     Raises
     ------
     InputError
         If there is no such plane capture or calibration; nothing has been written then.
     """
+    if read_only(project.path):
+        return _evaluate(project, captures, methods, progress, keep=False)
     with writing_results(project.path, "evaluate"):
-        return _evaluate(project, captures, methods, progress)
+        return _evaluate(project, captures, methods, progress, keep=True)
 
 
 def _evaluate(
-    project: Project, captures: Collection[str] | None, methods: Collection[Method] | None, progress: Progress
+    project: Project,
+    captures: Collection[str] | None,
+    methods: Collection[Method] | None,
+    progress: Progress,
+    *,
+    keep: bool,
 ) -> tuple[PlaneEvaluation, ...]:
     calibrations = {m: c for m, c in load_calibrations(project).items() if methods is None or m in methods}
     planes = [c for c in captures_of(project, "plane") if captures is None or c.name in captures]
@@ -75,8 +82,9 @@ def _evaluate(
     # of what is there before it is read: what is changed meanwhile is seen to have changed
     record = evaluated_from(project, planes, calibration_hashes(project, calibrations), choice, contents)
     result = _judge(project, planes, calibrations, progress)
-    save_archive(result_path(project, "evaluation.npz"), result, record)
-    write_json(result_path(project, "evaluation.json"), evaluation_figures(result))
+    if keep:
+        save_archive(result_path(project, "evaluation.npz"), result, record)
+        write_json(result_path(project, "evaluation.json"), evaluation_figures(result))
     contents.keep()
     return result
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from core.fields import kept_object
 from core.project import write_json
 
 
@@ -21,14 +21,12 @@ class StageFailure:
 
 def read_failures(folder: Path) -> dict[str, StageFailure]:
     """Give the failures by stage; a file that cannot be read counts as none."""
-    try:
-        stored = json.loads(_file(folder).read_text(encoding="utf-8"))
-        names = ("happened", "remedy", "details", "read")
-        return {
-            stage: StageFailure(**{name: str(entry.get(name, "")) for name in names}) for stage, entry in stored.items()
-        }
-    except (OSError, ValueError, TypeError, AttributeError):
-        return {}
+    names = ("happened", "remedy", "details", "read")
+    return {
+        stage: StageFailure(**{name: str(entry.get(name, "")) for name in names})
+        for stage, entry in kept_object(_file(folder)).items()
+        if isinstance(entry, dict)
+    }
 
 
 def keep_failure(folder: Path, stage: str, failure: StageFailure) -> None:

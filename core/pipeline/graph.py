@@ -170,7 +170,7 @@ class Graph(Holdings):
         each = {name: state for _, states in self.calibrations.values() for name, state in states.items()}
         return each, worst(state for state, _ in self.calibrations.values())
 
-    def _of_calibrations(self, methods: Iterable[str]) -> tuple[str, ...]:
+    def of_calibrations(self, methods: Iterable[str]) -> tuple[str, ...]:
         """Say which of the calibrations that a result was made by are outdated themselves."""
         found = worst(state for method, (state, _) in self.calibrations.items() if method in methods)
         return upstream_words("calibrate", found) if found.state == "outdated" else ()
@@ -214,7 +214,7 @@ class Graph(Holdings):
         if then is None:
             return State("outdated", (UNKNOWN,))
         now = reconstructed_from(self.project, capture, calibration_hashes(self.project, [method]), self.contents)
-        changed = (*self._of_calibrations([method]), *differences(then, now))
+        changed = (*self.of_calibrations([method]), *differences(then, now))
         return State("outdated", changed) if changed else CURRENT
 
     def _reconstruct_all(self, each: Mapping[str, State], evaluate: State) -> State:
@@ -234,7 +234,7 @@ class Graph(Holdings):
             return {c.name: state for c in planes}, state
         now, used = self._evaluated_now(then)
         each = {}
-        upstream = self._of_calibrations((then.get("options") or {}).get("methods") or METHODS)
+        upstream = self.of_calibrations((then.get("options") or {}).get("methods") or METHODS)
         for c in planes:
             state = part_of(then, now, c.name, "results", "methods", "rig")
             if c not in used:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from core.errors import StripeError
+from core.fields import kept_object
 from core.model import Capture, Method, Project
 from core.pipeline.folders import result_path
 from core.pipeline.inputs import Record, reported_from
@@ -116,11 +117,12 @@ class Holdings:
 
 def decoded_figures(project: Project) -> dict[str, dict[str, Any]]:
     """Read what was decoded for its own sake: figures or an error by capture, each with its record."""
-    try:
-        stored = json.loads(result_path(project, "decode.json").read_text(encoding="utf-8"))
-        return {str(name): dict(entry) for name, entry in stored["captures"].items()}
-    except (OSError, ValueError, KeyError, AttributeError, TypeError):
-        return {}
+    captures = kept_object(result_path(project, "decode.json")).get("captures")
+    return (
+        {name: entry for name, entry in captures.items() if isinstance(entry, dict)}
+        if isinstance(captures, dict)
+        else {}
+    )
 
 
 def reported_now(project: Project, contents: Look | None = None) -> Record:
@@ -156,13 +158,13 @@ def stored_record(path: Path, files: Mapping[str, str | None]) -> Record | str:
         return dict(record)
     except FileNotFoundError:
         return UNKNOWN
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return f"{path.name} is damaged"
 
 
 def _record(text: Any) -> Record | None:
     try:
         record = json.loads(text)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         return None
     return record if isinstance(record, dict) else None

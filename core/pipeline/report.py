@@ -24,7 +24,7 @@ from core.model import (
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, known_truth, result_path
-from core.pipeline.graph import project_states
+from core.pipeline.graph import Graph, project_states
 from core.pipeline.holdings import reported_now
 from core.pipeline.merge import kept_registration
 from core.pipeline.methods import METHODS
@@ -36,7 +36,7 @@ from core.pipeline.volumes import volume_figures
 from core.progress import SILENT, Progress
 from core.project import load_archive, write_json
 from core.project.contents import hash_file
-from core.project.lock import writing_results
+from core.project.lock import read_only, writing_results
 
 if TYPE_CHECKING:
     from core.report import ReportData, ReportPaths
@@ -111,15 +111,20 @@ def report_project(
     """Write the HTML and PDF report from the project's calibrations.
 
     Its planes are evaluated by them first, unless `evaluations` of a moment ago are given or those that are kept are
-    current. What it says of results that are outdated stands among its warnings.
+    current. What it says of results that are outdated stands among its warnings. Where a project may only be read, the
+    report that it has is given if it is current.
     """
-    from core.report import write_report
+    from core.report import ReportPaths, write_report
 
     own = result_path(project, "report")
-    out = out or own
+    out, fixed = out or own, read_only(project.path)
+    there = ReportPaths(own / "report.html", own / "report.pdf")
+    if fixed and out == own and there.pdf.exists() and project_states(project).stages["report"].state == "current":
+        return there
     for name in ("report.html", "report.pdf"):
         check_place(out / name)
-    with writing_results(project.path, "report") if evaluations is None or out == own else nullcontext():
+    writes = not fixed and (evaluations is None or out == own)
+    with writing_results(project.path, "report") if writes else nullcontext():
         data = report_data(project, evaluations or ())  # what is damaged is told before the evaluation is written anew
         if evaluations is None:
             evaluations = _planes(project, progress.part(0.0, 0.5))
@@ -149,8 +154,13 @@ def _planes(project: Project, progress: Progress) -> tuple[PlaneEvaluation, ...]
     return evaluate_project(project, progress)
 
 
-def outdated_words(project: Project) -> tuple[str, ...]:
-    """Say in a sentence each which results that evaluating and reporting use do not follow from what is there."""
+def outdated_words(project: Project, method: Method | None = None) -> tuple[str, ...]:
+    """Say in a sentence each which results that evaluating and reporting use do not follow from what is there.
+
+    With a method, whether its calibration does.
+    """
+    if method is not None:
+        return Graph(project).of_calibrations([method])
     states = project_states(project)
     return states.outdated("calibrate") or states.outdated("evaluate")
 

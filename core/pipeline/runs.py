@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from core.atomic import flush_folder, make_folder, part_prefix
-from core.errors import InputError
+from core.errors import InputError, StripeError
+from core.fields import kept_object
 from core.model import Figures, Method, Project
 from core.pipeline.folders import result_path
 from core.pipeline.inputs import Record
@@ -35,7 +36,7 @@ from core.project.lock import writing_results
 MOST_RUNS = 20
 NAME, SIGN_OFF, DELETED = "name.json", "sign-off.json", "deleted.json"  # what people add to a run
 _FORMAT = {"format": "stripe-run", "version": 2}
-_UNREADABLE = (OSError, ValueError, TypeError, KeyError, AttributeError)
+_UNREADABLE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,8 @@ def keep_run(project: Project, run: Run, archives: Mapping[str, object]) -> Run:
                 write_json(part / NAME, {"name": run.name})
             part.rename(run_folder(project, number))
             flush_folder(root)
+        except StripeError as error:  # of a folder that nobody will find
+            raise type(error)(root, error.seen, error.remedy) from error
         finally:
             shutil.rmtree(part, ignore_errors=True)
         make_current(project, run)
@@ -157,10 +160,8 @@ def read_run(folder: Path) -> Run | None:
         run = _from_dict(json.loads((folder / "run.json").read_text(encoding="utf-8")))
     except _UNREADABLE:
         return None
-    with suppress(*_UNREADABLE):
-        name = json.loads((folder / NAME).read_text(encoding="utf-8"))["name"]
-        run = replace(run, name=str(name))
-    return run
+    name = kept_object(folder / NAME).get("name")
+    return run if name is None else replace(run, name=str(name))
 
 
 def current_runs(project: Project) -> dict[Method, int]:
@@ -197,11 +198,8 @@ def calibration_hashes(project: Project, methods: Iterable[Method] | None = None
 
 
 def _pointer(project: Project) -> dict[Method, int]:
-    try:
-        stored = json.loads(result_path(project, "current.json").read_text(encoding="utf-8"))
-        return {m: int(stored[m]) for m in METHODS if m in stored}
-    except (OSError, ValueError, TypeError):
-        return {}
+    stored = kept_object(result_path(project, "current.json"))
+    return {m: stored[m] for m in METHODS if isinstance(stored.get(m), int)}
 
 
 def archive_of(project: Project, method: Method, name: str, number: int) -> Path | None:

@@ -117,7 +117,7 @@ class Contents:
                         str(k): (tuple(seen), int(at), str(v)) for k, (seen, at, v) in stored["files"].items()
                     }
                     return
-            except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
                 continue
 
 

@@ -23,6 +23,7 @@ from typing import Any
 
 from core.atomic import is_running, sweep, unwritable
 from core.errors import BusyError
+from core.fields import kept_object
 from core.project.contents import FILE as CONTENTS
 
 try:
@@ -39,6 +40,11 @@ DOCUMENT_LOCK = ".project.lock"  # beside project.json
 _WITHOUT = {getattr(errno, name) for name in ("ENOLCK", "EOPNOTSUPP", "ENOSYS", "EINVAL") if hasattr(errno, name)}
 _held: dict[str, tuple[int, int]] = {}  # by path: the thread that has it, and how many times
 _guard = threading.Lock()
+
+
+def read_only(folder: Path) -> bool:
+    """Whether a project's results may only be read."""
+    return not all(os.access(place, os.W_OK) for place in (folder, folder / "results") if place.exists())
 
 
 @contextmanager
@@ -214,11 +220,7 @@ def _who(work: str) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any] | None:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return found if isinstance(found, dict) else None
+    return kept_object(path) or None
 
 
 def _busy(path: Path, holder: dict[str, Any]) -> BusyError:

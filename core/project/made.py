@@ -6,7 +6,6 @@ somebody: it is neither replaced nor deleted, but named.
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -16,6 +15,7 @@ from typing import Any
 from core import atomic
 from core.atomic import PART, write_json
 from core.errors import BusyError, InputError, StripeError
+from core.fields import kept_object
 from core.project.contents import FILE as CONTENTS
 from core.project.contents import contents_of, hash_file
 from core.project.lock import DOCUMENT_LOCK, RESULTS_LOCK, lock
@@ -27,11 +27,9 @@ _MOST_NAMED = 3
 
 def read_made(folder: Path) -> dict[str, Any]:
     """Read what is listed of a folder; an empty list where nothing is that can be read."""
-    try:
-        stored = json.loads((Path(folder) / FILE).read_text(encoding="utf-8"))
-        return {**stored, "files": {str(k): str(v) for k, v in stored["files"].items()}}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return {"files": {}}
+    stored = kept_object(Path(folder) / FILE)
+    files = stored.get("files")
+    return {**stored, "files": {k: str(v) for k, v in files.items()}} if isinstance(files, dict) else {"files": {}}
 
 
 def note_made(folder: Path, facts: Mapping[str, Any]) -> None:

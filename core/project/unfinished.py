@@ -63,5 +63,5 @@ def is_intact(folder: Path, entry: dict[str, Any]) -> bool:
     try:
         pixels = read_image(folder / entry["file"])
         return zlib.crc32(pixels.tobytes()) == entry["crc"] and isinstance(entry["planned"], int) and "bits" in entry
-    except (InputError, KeyError, TypeError):
+    except (InputError, KeyError, TypeError, ValueError):
         return False

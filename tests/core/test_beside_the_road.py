@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -210,3 +211,15 @@ def test_calibrations_over_the_working_volume(tmp_path, calibrated_original, cap
     assert all(0 < one["gain"] < one["most"] < 0.6 for one in poses)  # one pose beside eight
     assert main(["compare", str(calibrated_original), "7"]) == 2
     assert "no photogrammetric calibration of run 7" in capsys.readouterr().err
+
+
+def test_a_project_that_may_only_be_read_is_judged(evaluated: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+    """Nothing is written into it, and `report` takes a place elsewhere."""
+    before = {path: path.stat().st_mtime_ns for path in evaluated.rglob("*")}
+    monkeypatch.setattr("os.access", lambda path, mode: mode != os.W_OK)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    planes = figures(tmp_path, "evaluate", evaluated)["planes"]
+    assert [p["rms_mm"] for p in planes] == [e.rms_mm for e in load_evaluation(read_project(evaluated))]
+    written = figures(tmp_path, "report", evaluated, "--out", tmp_path / "elsewhere")
+    assert all(Path(written[kind]).is_file() for kind in ("html", "pdf"))
+    assert {path: path.stat().st_mtime_ns for path in evaluated.rglob("*")} == before

@@ -16,10 +16,18 @@ from core.exchange import FORMATS
 from core.geometry import pair_of
 from core.model import Adjustment, PhotogrammetricCalibration, TargetSet
 from core.patterns.spec import read_sequence_file
-from core.pipeline.runs import read_run
+from core.pipeline.failures import read_failures
+from core.pipeline.holdings import decoded_figures, stored_record
+from core.pipeline.runs import calibration_file, read_run
+from core.pipeline.signed import load_sign_off
 from core.project import load_archive, read_capture, read_image, read_network, read_project, save_archive
 from core.project.captures import read_picks, read_testfield
+from core.project.contents import FILE as CONTENTS
+from core.project.contents import Contents
+from core.project.lock import holder_of, words_of
 from core.project.made import read_made
+from core.project.unfinished import is_intact, transcript
+from core.report.seal import verify
 from tests.core.checks.rigs import simulate
 
 BOARD = "row,col,x_mm,y_mm,z_mm,diameter_mm\n" + "".join(
@@ -91,6 +99,38 @@ def text_of(document: object) -> bytes:
     return json.dumps(document).encode()
 
 
+def own_records(folder: Path) -> dict[str, Reader]:
+    """Readers of what the program keeps for itself: what is damaged counts as absent."""
+    project = read_project(folder)
+    record = {"files": {"a.npz": "0" * 64}, "made_from": {"rig": "0", "captures": {"a": {"000.png": "1"}}}}
+    shot = {"event": "shot", "planned": 0, "file": "0.png", "crc": 1, "bits": 8}
+    sign_off = {"format": "stripe-sign-off", "version": 1, "operator": "A", "signed": []}
+    seal = {"operator": "A", "date": "B", "instrument": "C", "sha256": "0" * 64}
+    holder = {"pid": 1, "host": "a", "user": "b", "program": "c", "since": "d"}
+    failure = {"calibrate": {"happened": "a", "remedy": "b", "details": "c", "read": "d"}}
+
+    def of(file: str, document: object, read: Callable[[Path], object]) -> Reader:
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).write_bytes(text_of(document))
+        return Reader(file, text_of(document), read)
+
+    in_use = "photogrammetric.npz"
+    sealed = b"x\n<!-- stripe-report " + text_of(seal) + b" -->\n"
+    decoded = {"captures": {"a": {"valid": 1, "made_from": {}}}}
+    known = {"version": 1, "files": {"/a": [[1, 2, 3, 4], 5, "0" * 64]}}
+    return {
+        "failures": of("results/failures.json", failure, read_failures),
+        "decoded": of("results/decode.json", decoded, lambda f: decoded_figures(project)),
+        "pointer": of("results/current.json", {"photogrammetric": 1}, lambda f: calibration_file(project, in_use)),
+        "record": of("results/a.json", record, lambda f: stored_record(f / "results/a.json", {"a.npz": "0" * 64})),
+        "holder": of("results/.lock", holder, lambda f: words_of(holder_of(f / "results/.lock") or {})),
+        "contents": of(f"results/{CONTENTS}", known, lambda f: Contents(f).of(f / "testfield.csv")),
+        "transcript": of("transcript.jsonl", shot, lambda f: [is_intact(f, entry) for entry in transcript(f)]),
+        "sign-off": of("results/sign-off.json", sign_off, lambda f: load_sign_off(project, ())),
+        "seal": Reader("report.html", sealed, lambda f: verify(f / "report.html")),
+    }
+
+
 def readers(folder: Path) -> dict[str, Reader]:
     """Fill a folder with sound files, and give the readers of each."""
     (folder / "captures/a").mkdir(parents=True)
@@ -125,6 +165,7 @@ def readers(folder: Path) -> dict[str, Reader]:
         return Reader(file, (folder / file).read_bytes(), read)
 
     found = {
+        **own_records(folder),
         "project": of("project.json", read_project),
         "board": of("testfield.csv", lambda f: read_testfield(f / "testfield.csv")),
         "capture": of("captures/a/capture.json", lambda f: read_capture(f / "captures/a", read_project(f))),

@@ -155,6 +155,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
         METHODS,
         check_cloud,
         coverage,
+        load_calibrations,
         reconstruct_capture,
         reconstruct_views,
         seen_by_several,
@@ -194,7 +195,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
             "of the {object_px} pixels of the object {by_code:.1%} by code, {filled:.1%} with texture".format(**covered)
         )
         figures["covered"] = covered
-    _tell_outdated(options)
+    _tell_outdated(options, options.method or next(iter(load_calibrations(project))))
     return figures
 
 
@@ -239,11 +240,11 @@ def _report(options: Options, progress: Progress) -> dict[str, Any]:
     return {"html": str(paths.html), "pdf": str(paths.pdf)}
 
 
-def _tell_outdated(options: Options) -> None:
+def _tell_outdated(options: Options, method: str | None = None) -> None:
     """Say in a line on stderr if the calibrations that were used do not follow from what the project holds."""
     from core.pipeline import outdated_words
     from core.project import read_project
 
-    if words := outdated_words(read_project(options.project)):
+    if words := outdated_words(read_project(options.project), method):
         told = f"{'; '.join(words)}; run `stripe-core update {options.project}`"
         print(f"stripe-core: made from something else than the project holds now: {told}", file=sys.stderr)
