@@ -193,7 +193,8 @@ class Loop:
         raise DeviceError(
             self.store.folder,
             f"after {ROUNDS} further tries {reasons}",
-            "check the projector's settle time, its cable and the camera's trigger; then start the same capture again",
+            "check the projector's settle time, its cable, the camera's trigger and, of a folder camera, its "
+            "latency_ms; then start the same capture again",
         )
 
     def take(self, shots: Sequence[int], progress: Progress) -> None:

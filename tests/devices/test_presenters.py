@@ -1,5 +1,7 @@
 """Profiles of presentation projectors and of a DLPC900 against devices that were written from their manuals."""
 
+import socket
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -56,6 +58,37 @@ def test_a_projector_is_lit_before_the_first_picture(own, name: str, device: Dev
     finally:
         offer_screens(None)
     assert seen == [True]
+
+
+def test_a_projector_is_switched_on_over_the_network_too(own) -> None:
+    """PJLink greets whoever connects."""
+    device, seen = Pjlink(), []
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        connection, _ = server.accept()
+        connection.sendall(b"PJLINK 0\r")
+        buffer = bytearray()
+        while data := connection.recv(4096):
+            buffer += data
+            for answer in device.take(buffer):
+                connection.sendall(answer)
+        connection.close()
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    surface = SimpleNamespace(size=(64, 48), present=lambda image: seen.append(device.muted), close=list)
+    offer_screens(lambda number: surface)
+    try:
+        path = own(resource("profiles", "pjlink.toml").read_text())
+        place = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        projector = open_projector(f"screen:1?control={place}&profile={path}")
+        projector.show(White())
+        projector.close()
+    finally:
+        offer_screens(None)
+        server.close()
+    assert seen == ["30"]
 
 
 @pytest.mark.parametrize(
