@@ -95,15 +95,16 @@ def photograph(
     turn = cv2.Rodrigues(np.deg2rad(tilt_deg) * np.array([np.cos(about), np.sin(about), 0.0]))[0]
     turn = turn @ cv2.Rodrigues(np.array([0, 0, roll]))[0] @ np.diag([1.0, -1.0, -1.0])
     shift = np.array([*rng.uniform(-8, 8, 2), 480.0 if tilt_deg < 45 else 430.0]) - turn @ middle
-    rays = _sight_lines()
-    reach = (turn[:, 2] @ shift) / (rays @ turn[:, 2])
-    place = ((rays * reach[:, None] - shift) @ turn)[:, :2]
-    at = np.column_stack([place, np.ones(len(place))]) @ board.to_texels
-    shape = (SPEC.height * FINE, SPEC.width * FINE)
-    albedo = cv2.remap(board.picture, *at.T.reshape(2, *shape).astype(np.float32), cv2.INTER_LINEAR, borderValue=0.4)
+    reach = turn[:, 2] @ shift
+    across = np.vstack([(turn[:, :2] * reach - np.outer(turn[:, 2], shift @ turn[:, :2])).T, turn[:, 2]])
+    x, y, far = (_sight_lines() @ across.T.astype(np.float32)).transpose(2, 0, 1)
+    x, y = x / far, y / far  # on the board, mm
+    to = board.to_texels.astype(np.float32)
+    texels = (x * to[0, k] + y * to[1, k] + to[2, k] for k in (0, 1))
+    albedo = cv2.remap(board.picture, *texels, cv2.INTER_LINEAR, borderValue=0.4)
     if hidden:
         side = rng.choice([-1, 1], 2)
-        albedo[np.all(side * (place - middle[:2]) > 0, axis=1).reshape(shape)] = 0.3
+        albedo[(side[0] * (x - middle[0]) > 0) & (side[1] * (y - middle[1]) > 0)] = 0.3
     image = cv2.GaussianBlur(grey[0] + (grey[1] - grey[0]) * albedo, (0, 0), rng.uniform(*blur) * FINE)
     image = cv2.resize(image, (SPEC.width, SPEC.height), interpolation=cv2.INTER_AREA)
     image = image * np.linspace(1.2 / light, 1.2, SPEC.width)
@@ -115,7 +116,7 @@ def photograph(
 def _sight_lines() -> np.ndarray:
     v, u = (np.mgrid[0 : SPEC.height * FINE, 0 : SPEC.width * FINE] + 0.5) / FINE - 0.5
     rays = cv2.undistortPoints(np.stack([u.ravel(), v.ravel()], 1)[:, None], K, LENS).reshape(-1, 2)
-    return np.column_stack([rays, np.ones(len(rays))])
+    return np.column_stack([rays, np.ones(len(rays))]).astype(np.float32).reshape(*v.shape, 3)
 
 
 def phase_of(image: np.ndarray) -> PhaseMap:

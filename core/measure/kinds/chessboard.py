@@ -7,9 +7,10 @@ for boards of tags.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 
 import cv2
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from core.errors import NotRecognisedError
 from core.measure.board import Board, board_from_testfield
 from core.measure.corners import fit_corners
+from core.measure.crossings import blocks_of_crossings
 from core.measure.kinds.kind import Guesses, Marks, Patch, Sight, TargetKind
 from core.measure.missing import EXCLUDED
 from core.measure.picks import check_picks
@@ -33,7 +35,8 @@ ASIDE = 0.5  # radii from a corner along both its edges, where the squares are l
 LEAST_CONTRAST = 5.0  # of the noise
 APART = 0.3  # of the mean difference between dark and bright quadrants: where one alone differs, noise is left of it
 FAINT = 0.25  # of the usual contrast: light may fall to a third
-TRIES = 12  # to find a part of a board that it grows from: some 0.05 s each
+TRIES = 4  # of blocks of corners that no board found before holds: some 0.05 s each
+NOTHING = np.zeros((0, 0, 2))
 LEAST_OF_LINE = 2  # corners that make the outermost row or column of a board seen in part
 SMEARED = 1.5  # blur over the usual one from which something else lies across an edge
 LEAST_RADIUS_PX, MOST_RADIUS_PX = 2.6, 10.0
@@ -69,8 +72,15 @@ def _guess_plain(
     if len(testfield.row) != rows * cols:
         return np.zeros((0, 2)), ()
     grey = eight_bits(image)
+    blocks = blocks_of_crossings(grey)
+    first = next(blocks, None)
+    if first is None and min(rows, cols) > 2:
+        return np.zeros((0, 2)), ()
     found, corners = cv2.findChessboardCornersSB(grey, (cols, rows), flags=cv2.CALIB_CB_EXHAUSTIVE)
-    uv = corners.reshape(rows, cols, 2).astype(np.float64) if found else _seen_in_part(image, grey, camera, rows, cols)
+    if found:
+        uv: Array | None = np.asarray(corners, np.float64).reshape(rows, cols, 2)
+    else:
+        uv = _seen_in_part(image, grey, camera, chain([] if first is None else [first], blocks), (rows, cols))
     if uv is None:
         return np.zeros((0, 2)), ()
     row, col = np.mgrid[0:rows, 0:cols]
@@ -88,59 +98,60 @@ def _guess_plain(
 _WAYS = np.array([(-1.0, -1.01), (-1.0, 1.01), (1.0, 1.01), (1.0, -1.01)])
 
 
-def _seen_in_part(image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, rows: int, cols: int) -> Array | None:
+def _seen_in_part(
+    image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, blocks: Iterable[Array], size: tuple[int, int]
+) -> Array | None:
     """Corners (rows, cols, 2), NaN where none is seen; None unless corners of all rows and all columns are."""
-    least = max(3, (min(rows, cols) + 1) // 2)  # what stays of a board with a quarter hidden
-    for k in range(TRIES):
-        cv2.setRNGSeed(k)  # it goes by chance, and may take a hand's edge for corners
-        flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER | (0 if k % 2 else cv2.CALIB_CB_NORMALIZE_IMAGE)
-        size = ((least, least), (least + 1, 3), (3, 3))[k // 2 % 3]
-        found, corners, block = cv2.findChessboardCornersSBWithMeta(grey, size, flags)
-        if found:
-            start = corners.reshape(*block.shape, 2).astype(np.float64)
-            uv = _round_block(image, grey, camera, start, rows, cols)
-            if uv is not None:
-                return uv
+    done, tries = np.zeros((0, 2)), 0
+    for block in blocks:
+        middle = block[1, 1]
+        if np.linalg.norm(done - middle, axis=1).min(initial=np.inf) < OFF * np.linalg.norm(middle - block[1, 0]):
+            continue
+        uv = _round_block(image, grey, camera, block, max(size))
+        if sorted(uv.shape[:2]) == sorted(size):
+            return uv if uv.shape[:2] == size else uv.swapaxes(0, 1)
+        done = np.vstack([done, middle, uv[np.isfinite(uv[..., 0])]])
+        tries += 1
+        if tries == TRIES:
+            break
     return None
 
 
-def _round_block(
-    image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, block: Array, rows: int, cols: int
-) -> Array | None:
-    """All corners (rows, cols, 2) of the board that a block (h, w, 2) is a part of; None where they do not span it."""
-    high, wide = block.shape[:2]
-    first = max(rows, cols) - 1  # the block may be any part of the board, either way round
-    row, col = (x.ravel() for x in np.mgrid[0 : high + 2 * first, 0 : wide + 2 * first])
+def _round_block(image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, block: Array, most: int) -> Array:
+    """All corners (h, w, 2) of the board that a block (3, 3, 2) is a part of, NaN where none is seen.
+
+    Lines of it hold `most` corners at most.
+    """
+    side = len(block) + 2 * (most - 1)  # the block may be any part of the board, either way round
+    row, col = (x.ravel() for x in np.mgrid[0:side, 0:side])
     xyz = np.column_stack([col, -row, 0 * row]).astype(np.float64)
-    around = board_from_testfield(Testfield(row, col, xyz, np.ones(len(row)), kind="chessboard"))
-    start = np.flatnonzero((row >= first) & (row < first + high) & (col >= first) & (col < first + wide))
+    start = np.flatnonzero(np.all(np.abs(np.stack([row, col]) - side // 2) <= 1, axis=0))
     start_uv = block.reshape(-1, 2)
     view = first_view(camera, xyz[start], start_uv)
     if view is None:
-        return None
+        return NOTHING
     arms = np.full((len(row), 2), PLAIN)
     sure = is_corner(grey, start_uv, view.jacobian(xyz[start]) * PLAIN)
     start, start_uv = start[sure], start_uv[sure]
     view = first_view(camera, xyz[start], start_uv) if len(start) >= 4 else None
     if view is None:
-        return None
+        return NOTHING
+    around = board_from_testfield(Testfield(row, col, xyz, np.ones(len(row)), kind="chessboard"))
     uv, view = _outwards(grey, around, view, start, start_uv, arms, single=False)
     seen = np.flatnonzero(np.isfinite(uv[:, 0]))
     if len(seen) < 4:
-        return None
+        return NOTHING
     fit = fit_corners(np.asarray(image, np.float32), uv[seen], _area(view, xyz[seen], arms[seen]))
     contrast = np.where((row + col)[seen] % 2 == 0, fit.contrast, -fit.contrast)  # squares are dark in turn
     usual = float(np.nanmedian(contrast[np.isin(seen, start)]))  # beyond the board, noise looks like corners
     with np.errstate(invalid="ignore"):
         seen = seen[contrast / usual > FAINT]
-    uv = np.where(np.isin(np.arange(len(row)), seen)[:, None], uv, np.nan).reshape(high + 2 * first, -1, 2)
+    uv = np.where(np.isin(np.arange(len(row)), seen)[:, None], uv, np.nan).reshape(side, side, 2)
     there = [np.flatnonzero(np.isfinite(uv[..., 0]).sum(axis=axis) >= LEAST_OF_LINE) for axis in (1, 0)]
     if not all(len(lines) for lines in there):
-        return None
+        return NOTHING
     (top, foot), (left, right) = ((int(lines[0]), int(lines[-1]) + 1) for lines in there)
-    uv = uv[top:foot, left:right]
-    uv = uv if uv.shape[:2] == (rows, cols) else uv.swapaxes(0, 1)
-    return uv if uv.shape[:2] == (rows, cols) else None
+    return np.asarray(uv[top:foot, left:right])
 
 
 def _first_dark(grey: NDArray[np.uint8], uv: Array, row: NDArray[np.int64], col: NDArray[np.int64]) -> bool:

@@ -8,6 +8,8 @@ import pytest
 
 from core.errors import NotRecognisedError
 from core.measure import recognise
+from core.measure.crossings import blocks_of_crossings
+from core.measure.kinds.chessboard import eight_bits
 from core.model import DeviceSpec, PhaseMap, Testfield
 
 SPEC = DeviceSpec(512, 384, (0.01, 0.01), 8.0)
@@ -107,6 +109,36 @@ def test_a_chessboard_is_measured_without_picks(tilt_deg):
         assert np.abs(found.camera_uv - truth[found.row, found.col]).max() < 0.5
         squares.append(ratios(found, truth) ** 2)
     assert 0.75 < np.sqrt(np.mean(np.concatenate(squares))) < 1.25
+
+
+def test_a_chessboard_seen_in_part_leaves_opencvs_chance_alone():
+    image, truth = photograph("chessboard", np.random.default_rng(7), 40, hidden=True)
+    drawn = []
+    for look in (False, True):
+        cv2.setRNGSeed(5)
+        if look:
+            found, _ = recognise(phase_of(image), field_of("chessboard"), SPEC)
+            assert np.abs(found.camera_uv - truth[found.row, found.col]).max() < 0.5
+        drawn.append(cv2.randu(np.zeros(4), 0, 1))
+    assert np.array_equal(*drawn)
+
+
+def test_blocks_of_corners_lie_on_the_board_in_its_order():
+    """Every block is three by three neighbours, its rows to the right of its columns as in the image."""
+    image, truth = photograph("chessboard", np.random.default_rng(3), 30)
+    places = truth.reshape(-1, 2)
+    blocks = list(blocks_of_crossings(eight_bits(image)))
+    assert len(blocks) > 0.6 * (ROWS - 2) * (COLS - 2)
+    right = []
+    for block in blocks:
+        near = np.linalg.norm(places - block.reshape(-1, 1, 2), axis=2)
+        row, col = (x.reshape(3, 3) for x in np.divmod(near.argmin(axis=1), COLS))
+        steps = {(row[0, 1] - row[0, 0], col[0, 1] - col[0, 0]), (row[1, 0] - row[0, 0], col[1, 0] - col[0, 0])}
+        turned = steps in ({(0, 1), (1, 0)}, {(1, 0), (0, -1)}, {(0, -1), (-1, 0)}, {(-1, 0), (0, 1)})
+        right.append(turned and near.min(axis=1).max() < 4)  # corners are 15 px and more apart
+        down, across = block[1, 0] - block[0, 0], block[0, 1] - block[0, 0]
+        assert across[0] * down[1] - across[1] * down[0] > 0
+    assert np.mean(right) > 0.95
 
 
 def test_no_board_is_no_board():
