@@ -18,6 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from core.capture.lookup import dictionary
 from core.errors import InputError
+from core.numerics import quantiles
 from core.patterns import Axis, Pattern, axis_of, brightness, describe, level_of, use_of
 from core.progress import SILENT, Progress
 
@@ -64,7 +65,7 @@ def recognise(
                 "order the files by name, or by a list that says what each shows",
             )
     stack = np.stack([np.asarray(image, np.float32) for image in images])
-    white, black = np.quantile(stack[:, ::4, ::4], 0.95, axis=0), np.quantile(stack[:, ::4, ::4], 0.05, axis=0)
+    black, white = quantiles(stack[:, ::4, ::4], 0.05, 0.95)
     contrast = float(np.quantile(white - black, 0.98))
     if contrast < 4:
         raise InputError(where, "the images hardly differ from each other", "give frames lit by the patterns")
@@ -134,7 +135,7 @@ def _strips(stack: Array, contrast: float) -> _Strips:
     rows, columns = (np.linspace(0, n - 1, min(n, STRIPS)).astype(int) for n in (height, width))
     counted = []
     for part in (stack[:, rows, :], stack[:, :, columns].transpose(0, 2, 1)):
-        high, low = np.quantile(part, 0.9, axis=0), np.quantile(part, 0.1, axis=0)
+        low, high = quantiles(part, 0.1, 0.9)
         lit = high - low > 0.2 * contrast
         on = part > (high + low) / 2
         sure = np.abs(part - (high + low) / 2) > 0.15 * (high - low)

@@ -28,7 +28,7 @@ def sigma_about_median(values: ArrayLike) -> float:
     return sigma_by_median(given - np.nanmedian(given))
 
 
-def quantiles(values: Array, *shares: float) -> list[Array]:
+def quantiles(values: Array | Floats, *shares: float) -> list[Array]:
     """Quantiles (n,) of each column of finite values (k, n), as `numpy.quantile` interpolates; sorted once for all.
 
     Examples

@@ -116,8 +116,8 @@ def read_codes(image: NDArray[np.float32], spots: Blobs) -> list[int]:
         ]
     ).reshape(at.shape[0], len(radii), len(angle))
     ground, ink = np.median(value[:, 1:4], axis=(1, 2)), value[:, 0, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (value - ground[:, None, None]) / (ink - ground)[:, None, None]
+    contrast = np.where(ink == ground, np.nan, ink - ground)
+    share = (value - ground[:, None, None]) / contrast[:, None, None]
     even = np.abs(share[:, 1:4].mean(axis=1)).max(axis=1) < 0.5  # nothing between dot and ring
     ring = share[:, 4:].mean(axis=1)
     turned = np.stack([np.roll(ring, -k, axis=1) for k in range(TURNS)], axis=1).reshape(len(ring), TURNS, BITS, TURNS)
