@@ -2,7 +2,8 @@
 
 ``u = W/2 + cx + x' f + x' b1 + y' b2``, ``v = H/2 + cy + y' f`` from the corner of the top-left pixel, with
 ``x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2x²) + 2 p2 x y``: p1 and p2 are OpenCV's p2 and p1, and b1 = fx - fy.
-The projector's `transform` takes its coordinates to the camera's, as that of a Metashape camera does to its chunk's.
+The projector's `transform` takes its coordinates to the camera's, as that of a Metashape camera does to its chunk's,
+and `parameter_covariance` beside it is this program's own.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from core.exchange.formats.format import (
     METRE_MM,
     Format,
+    covariance,
     numbers,
     read_text,
     reading,
@@ -27,17 +29,25 @@ from core.exchange.pinhole import Pair, Pinhole
 if TYPE_CHECKING:
     from xml.etree import ElementTree
 
+_SIGMAS = "parameter_covariance"
+
 
 def _write(pair: Pair, path: Path) -> list[Path]:
     pose = np.eye(4)
     pose[:3, :3] = pair.rotation.T
     pose[:3, 3] = -pair.rotation.T @ np.asarray(pair.translation_mm) / METRE_MM
-    transform = " ".join(repr(float(v)) for v in pose.ravel())
+    more = f"  <transform>{_line(pose)}</transform>\n"
+    if pair.covariance is not None:
+        more += f"  <{_SIGMAS}>{_line(pair.covariance)}</{_SIGMAS}>\n"
     texts = {
         path: _text(pair.camera),
-        second_file(path): _text(pair.projector, f"  <transform>{transform}</transform>\n"),
+        second_file(path): _text(pair.projector, more),
     }
     return write_texts(texts)
+
+
+def _line(values: np.ndarray) -> str:
+    return " ".join(repr(float(v)) for v in values.ravel())
 
 
 def _text(p: Pinhole, more: str = "") -> str:
@@ -68,8 +78,10 @@ def _read(path: Path) -> Pair:
         if text is None:
             raise KeyError("transform")
         pose = numbers([float(v) for v in text.split()], (4, 4))
+        told = root.findtext(_SIGMAS)
+        known = None if told is None else covariance([float(v) for v in told.split()])
     R = pose[:3, :3].T
-    return Pair(first, second, R, -R @ pose[:3, 3] * METRE_MM)
+    return Pair(first, second, R, -R @ pose[:3, 3] * METRE_MM, known)
 
 
 def _device(name: str, path: Path) -> tuple[Pinhole, ElementTree.Element]:
@@ -78,7 +90,7 @@ def _device(name: str, path: Path) -> tuple[Pinhole, ElementTree.Element]:
         root = xml_root(text)
         if (root.findtext("projection") or "frame") != "frame":
             raise ValueError(f"projection {root.findtext('projection')}; frame can be read")
-        v = {e.tag: float(e.text or 0) for e in root if e.tag not in ("projection", "date", "transform")}
+        v = {e.tag: float(e.text or 0) for e in root if e.tag not in ("projection", "date", "transform", _SIGMAS)}
         if v.get("b2") or v.get("k4"):
             raise ValueError("b2 or k4, which this program does not have")
         f = v["f"]

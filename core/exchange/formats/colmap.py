@@ -1,7 +1,8 @@
 """COLMAP: `cameras.txt` with two FULL_OPENCV cameras; pixels count from the corner of the top-left one, so cx + 0.5.
 
 The orientation stands in `images.txt` beside it, one image of each device: world to camera, Hamilton quaternion with w
-first, mm; with the empty `points3D.txt` that makes a model which COLMAP opens.
+first, mm; with the empty `points3D.txt` that makes a model which COLMAP opens. The covariance is a comment in
+`cameras.txt`.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from core.exchange.formats.format import Format, numbers, read_text, reading, write_texts
+from core.exchange.formats.format import Format, noted, noted_covariance, numbers, read_text, reading, write_texts
 from core.exchange.pinhole import Pair, Pinhole
 from core.geometry import matrix_from_rotation_vector, rotation_vector_from_matrix
 
@@ -36,7 +37,7 @@ def _write(pair: Pair, path: Path) -> list[Path]:
         f"1 1.0 0.0 0.0 0.0 0.0 0.0 0.0 1 camera.png\n\n2 {pose} 2 projector.png\n\n"
     )
     texts = {
-        path: cameras,
+        path: cameras + noted(pair),
         path.with_name("images.txt"): images,
         path.with_name("points3D.txt"): "# no points\n",
     }
@@ -50,6 +51,7 @@ def _read(path: Path) -> Pair:
         devices = {fields[0]: _device(fields) for fields in _lines(cameras)}
         if len(devices) != 2:
             raise ValueError(f"{len(devices)} cameras in place of camera and projector")
+        known = noted_covariance(cameras)
     with reading(beside, "colmap"):
         poses = {}
         for line in images.splitlines():  # every second line holds points, and may be empty
@@ -59,7 +61,7 @@ def _read(path: Path) -> Pair:
         first, second = sorted(devices, key=int)
         (R1, t1), (R2, t2) = (_pose(poses[key]) for key in (first, second))
     R = R2 @ R1.T
-    return Pair(devices[first], devices[second], R, t2 - R @ t1)
+    return Pair(devices[first], devices[second], R, t2 - R @ t1, known)
 
 
 def _pose(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -143,8 +143,22 @@ def coefficients(values: Any) -> tuple[float, ...]:
     return tuple(found.tolist())
 
 
+NOTE = "# parameter_covariance: "
+
+
+def noted(pair: Pair) -> str:
+    """Give the covariance of a pair as a comment, for formats whose readers know no further entries."""
+    return "" if pair.covariance is None else f"{NOTE}{' '.join(repr(float(v)) for v in pair.covariance.ravel())}\n"
+
+
+def noted_covariance(text: str) -> np.ndarray | None:
+    """Read what `noted` wrote."""
+    line = next((line for line in text.splitlines() if line.startswith(NOTE)), None)
+    return None if line is None else covariance([float(v) for v in line[len(NOTE) :].split()])
+
+
 def covariance(values: Any) -> np.ndarray:
-    """Give the covariance of a `Pair`, which three formats carry as an entry of this program's own."""
+    """Give the covariance of a `Pair`, which all formats carry as an entry or a comment of this program's own."""
     found = numbers(values, (30, 30))
     if np.abs(found - found.T).max() > 1e-6 * np.abs(found).max() or np.diagonal(found).min() < 0:
         raise ValueError("parameter_covariance is none")

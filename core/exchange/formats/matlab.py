@@ -2,7 +2,8 @@
 
 ``IntrinsicMatrix`` is transposed, and rows multiply from the left: ``[x]2 = [x]1 RotationOfCamera2 +
 TranslationOfCamera2`` in mm. In MATLAB: ``s = load(file); p = stereoParameters(s.stereoParams)``; the camera alone:
-``cameraParameters(s.stereoParams.CameraParameters1)``.
+``cameraParameters(s.stereoParams.CameraParameters1)``. `parameterCovariance` beside it is this program's own: MATLAB
+keeps the errors that it estimates in an object apart.
 """
 
 from __future__ import annotations
@@ -17,14 +18,15 @@ import numpy as np
 
 from core.atomic import atomic_write
 from core.errors import InputError
-from core.exchange.formats.format import LARGEST, Format, numbers, reading
+from core.exchange.formats.format import LARGEST, Format, covariance, numbers, reading
 from core.exchange.pinhole import Pair, Pinhole
 
 # on some damaged files the library does not raise, but ends its process: it gets one of its own
 _READER = """
 import json, sys, scipy.io
 stored = scipy.io.loadmat(sys.argv[1], squeeze_me=True, simplify_cells=True)
-json.dump(stored["stereoParams"], sys.stdout, default=lambda value: value.tolist())
+found = stored["stereoParams"], stored.get("parameterCovariance")
+json.dump(found, sys.stdout, default=lambda value: value.tolist())
 """
 _LONGEST_S = 60.0
 
@@ -40,7 +42,8 @@ def _write(pair: Pair, path: Path) -> list[Path]:
     import scipy.io
 
     with atomic_write(path) as file:
-        scipy.io.savemat(file, {"stereoParams": stored}, oned_as="row")
+        known = {} if pair.covariance is None else {"parameterCovariance": pair.covariance}
+        scipy.io.savemat(file, {"stereoParams": stored, **known}, oned_as="row")
     return [path]
 
 
@@ -76,7 +79,7 @@ def _read(path: Path) -> Pair:
         done = subprocess.run(
             [sys.executable, "-c", _READER, str(path)], capture_output=True, timeout=_LONGEST_S, check=True
         )
-        s = json.loads(done.stdout)
+        s, known = json.loads(done.stdout)
     except (subprocess.SubprocessError, ValueError) as error:
         seen = "no .mat file of version 7 or earlier with the struct stereoParams"
         raise InputError(path, seen, "save it with -v7") from error
@@ -84,7 +87,7 @@ def _read(path: Path) -> Pair:
         R = numbers(s["RotationOfCamera2"], (3, 3)).T
         t = numbers(s["TranslationOfCamera2"], (3,))
         first, second = _device("camera", s["CameraParameters1"]), _device("projector", s["CameraParameters2"])
-        return Pair(first, second, R, t)
+        return Pair(first, second, R, t, None if known is None else covariance(known))
 
 
 def _device(name: str, s: dict[str, Any]) -> Pinhole:

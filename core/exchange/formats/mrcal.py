@@ -1,6 +1,7 @@
 """mrcal: a `.cameramodel` of each device, LENSMODEL_OPENCV5 (k1, k2, p1, p2, k3); the projector's beside it, metres.
 
-The reference frame is the camera's: its extrinsics are zero, the projector's are ``rt_projector_camera``.
+The reference frame is the camera's: its extrinsics are zero, the projector's are ``rt_projector_camera``. The
+covariance is a comment in the camera's file: mrcal's own `optimization_inputs` are all observations of a calibration.
 """
 
 from __future__ import annotations
@@ -11,7 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from core.exchange.formats.format import METRE_MM, Format, numbers, read_text, reading, second_file, write_texts
+from core.exchange.formats.format import (
+    METRE_MM,
+    Format,
+    noted,
+    noted_covariance,
+    numbers,
+    read_text,
+    reading,
+    second_file,
+    write_texts,
+)
 from core.exchange.pinhole import Pair, Pinhole
 from core.geometry import matrix_from_rotation_vector, rotation_vector_from_matrix
 
@@ -21,7 +32,7 @@ _LENSES = {"LENSMODEL_PINHOLE": 0, "LENSMODEL_OPENCV4": 4, "LENSMODEL_OPENCV5": 
 def _write(pair: Pair, path: Path) -> list[Path]:
     pose = [*rotation_vector_from_matrix(pair.rotation), *(np.asarray(pair.translation_mm) / METRE_MM)]
     texts = {
-        path: _text(pair.camera, [0.0] * 6),
+        path: _text(pair.camera, [0.0] * 6) + noted(pair),
         second_file(path): _text(pair.projector, pose),
     }
     return write_texts(texts)
@@ -46,8 +57,10 @@ def _list(values: Any) -> str:
 def _read(path: Path) -> Pair:
     first, R1, t1 = _device("camera", path)
     second, R2, t2 = _device("projector", second_file(path))
+    with reading(path, "mrcal"):
+        known = noted_covariance(read_text(path))
     R = R2 @ R1.T
-    return Pair(first, second, R, (t2 - R @ t1) * METRE_MM)
+    return Pair(first, second, R, (t2 - R @ t1) * METRE_MM, known)
 
 
 def _device(name: str, path: Path) -> tuple[Pinhole, np.ndarray, np.ndarray]:

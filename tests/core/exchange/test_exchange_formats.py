@@ -184,7 +184,7 @@ def test_what_was_written_comes_back(name, calibration, points, tmp_path) -> Non
         assert np.sqrt(np.mean((before - after)[seen] ** 2)) < LEFT_PX.get(name, 0.035) + 0.005
 
 
-@pytest.mark.parametrize("name", ["kalibr", "opencv", "ros"])
+@pytest.mark.parametrize("name", sorted(FORMATS))
 def test_sigmas_go_there_and_come_back(name, calibration, points, tmp_path) -> None:
     """The scatter of points in the image, by a thousand draws of parameters, is the same before and after."""
     rng = np.random.default_rng(2)
