@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from core.devices.dialogue import Dialogue
+from core.devices.dialogue import Dialogue, shown
 from core.devices.link import LineDownError
 from core.devices.profile import COMMANDS, Profile
 from core.devices.profiles import read_profile
@@ -80,7 +80,7 @@ def _steps(talk: Dialogue, profile: Profile, name: str, values: dict[str, Value]
         begun = time.monotonic()
         try:
             told = talk.take(name, step, True, values)
-            words, understood = ", ".join(f"{k} = {_shown(v)}" for k, v in told.items() if k != "tag"), True
+            words, understood = ", ".join(f"{k} = {shown(v)}" for k, v in told.items() if k != "tag"), True
             words = words or ("understood" if step.expect else "sent; the profile expects no answer")
         except DeviceError as error:
             if isinstance(error, LineDownError):
@@ -88,7 +88,3 @@ def _steps(talk: Dialogue, profile: Profile, name: str, values: dict[str, Value]
             understood, words = False, error.seen.removeprefix(f"{name}: ")
         title = name if len(profile.commands[name]) == 1 else f"{name} {number}/{len(profile.commands[name])}"
         yield Exchange(title, talk.sent, bytes(talk.heard), understood, words, time.monotonic() - begun)
-
-
-def _shown(value: Value) -> str:
-    return value.hex(" ") if isinstance(value, bytes) else str(value)

@@ -139,7 +139,7 @@ class Dialogue:
                     self._await_prompt(until_s)
                     return values, ""
                 if "tag" not in differing:
-                    told, meant = (_shown(v) for v in (values[differing[0]], calculated(differing[0], sent)))
+                    told, meant = (shown(v) for v in (values[differing[0]], calculated(differing[0], sent)))
                     return None, f"the answer says {differing[0]} {told} in place of {meant}"
                 reason = "an answer to another question"
             elif (refused := self._refused(body, sent)) is not None:
@@ -230,7 +230,8 @@ class Dialogue:
             self._link = None
 
 
-def _shown(value: Value) -> str:
+def shown(value: Value) -> str:
+    """Write a value down, bytes in hexadecimal."""
     return value[:_SHOWN_BYTES].hex(" ") if isinstance(value, bytes) else str(value)
 
 

@@ -398,6 +398,21 @@ def test_an_answer_that_says_something_else_is_told_with_both(own) -> None:
         talk.close()
 
 
+def test_a_device_that_an_edge_would_reset_is_opened_without_one(own, monkeypatch: pytest.MonkeyPatch) -> None:
+    set_, text = [], PROMPTING.replace("[device]", "[port]\ndtr = false\n[device]")
+
+    class Port(SimpleNamespace):
+        def __setattr__(self, name: str, value: object) -> None:
+            set_.append((name, value))
+
+        def open(self) -> None:
+            set_.append(("open", True))
+
+    monkeypatch.setattr(link, "_pyserial", lambda: SimpleNamespace(serial_for_url=lambda *a, **k: Port()))
+    link.Link("/dev/none", read_profile(own(text)).port)
+    assert set_ == [("dtr", False), ("rts", True), ("open", True)]
+
+
 def test_bytes_that_cannot_be_read_are_shown_in_the_error(own) -> None:
     device = Prompting()
     device.spoil = lambda data: b"\xfe\xff\x00"
