@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from stripe_gui.pages.page import Page
@@ -69,8 +70,9 @@ class MapPage(Page):
     def fit(self) -> None:
         self.view.fit()
 
-    def say(self, text: str) -> None:
-        """Tell the state of the map in a line; none where there is nothing to tell."""
+    def say(self, text: str, *, rich: bool = False) -> None:
+        """Tell the state of the map in a line, `rich` with tags; none where there is nothing to tell."""
+        self.state.setTextFormat(Qt.TextFormat.RichText if rich else Qt.TextFormat.PlainText)
         self.state.setText(text)
         self.state.setHidden(not text)
 

@@ -135,7 +135,8 @@ class ReconstructPage(MapPage):
         sigmas = merged.pose_sigmas[:, 3:]
         said = self.tr("{n} captures, poses to {sigma:.3f} mm.")
         sigma = float(np.sqrt((sigmas**2).sum(axis=1)).max())
-        self.say(f"{said.format(n=len(merged.registration.captures), sigma=sigma)}   {words}")
+        told = said.format(n=len(merged.registration.captures), sigma=sigma)
+        self.say(f"{told}&emsp;{words}", rich=True)
         self._points = None
         self.space.show_scene(scene)
         self.stack.setCurrentWidget(self.space)
@@ -208,10 +209,10 @@ class ReconstructPage(MapPage):
             return
         self._joint = wanted, made[1]
         scene, words = joint_scene(made[1], self.kind.currentData(), cameras)
-        said = self.tr("{n} points.").format(n=made[1].xyz_mm.shape[1])
+        said = [self.tr("{n} points.").format(n=made[1].xyz_mm.shape[1])]
         if covered := coverage(made[1]):
-            said += "   " + self.tr("Of the object {by_code:.1%} by code, {filled:.1%} with texture.").format(**covered)
-        self.say(f"{said}   {words}")
+            said.append(self.tr("Of the object {by_code:.1%} by code, {filled:.1%} with texture.").format(**covered))
+        self.say("&emsp;".join([*said, words]), rich=True)
         self.space.show_scene(scene)
         self.stack.setCurrentWidget(self.space)
 

@@ -46,7 +46,7 @@ class RigPage(PartsPage):
         self.said = label("", "muted", wrap=True)
         self.look_button = button(self.tr("Look at all captures"), self.run, "run")
         top = row((self.said, 1), self.pair, self.look_button)
-        drift = column(top, (self.chart, 3), (self.captures, 2), spacing=8)
+        drift = column(top, (self.chart, 3), (self.captures, 2), None, spacing=8)
         self.add_step("drift", self.tr("Drift"), boxed(drift))
         bench.session.project_changed.connect(self._forget)
         self._forget()
@@ -106,6 +106,8 @@ class RigPage(PartsPage):
         reach = max([ACTION, *(float(np.abs(np.asarray(curve.y)).max()) for curve in curves)])
         self.chart.set_curves(curves, (0.5, max(len(chart), 1) + 0.5), (-1.1 * reach, 1.1 * reach), self.said.text())
         self.captures.show_table(drift_table(chart) if chart else EMPTY)
+        for widget in (self.chart, self.captures):
+            widget.setVisible(bool(chart))
 
     def _choose(self, index: int) -> None:
         """Look at a capture of the chart on the other pages, too."""

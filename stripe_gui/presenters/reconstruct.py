@@ -137,7 +137,7 @@ def joint_scene(cloud: PointCloud, kind: str, cameras: Sequence[str]) -> tuple[S
         colours = table[of % len(PATCHES)]
         words = dict(enumerate(cameras)) if kind == "joint-source" else sight_words()
         counts = np.bincount(of, minlength=max(words) + 1)
-        text = "   ".join(
+        text = "&emsp;".join(
             f'<span style="color:{PATCHES[i % len(PATCHES)]}">■</span> {word} {counts[i]}'
             for i, word in words.items()
             if counts[i]

@@ -79,7 +79,8 @@ def rig_scene(devices: dict[str, Stand], reach: tuple[float, float], targets: Ar
         lines.append(Line(seen(np.stack([places[first], places[name]])), "text", 2.0))
         length = float(np.linalg.norm(places[name] - places[first]))
         text = translate("Rig", "{mm:.1f} mm").format(mm=length)
-        names.append(Name(seen((places[first] + places[name]) / 2), text, "text"))
+        share = 0.7 if devices[name].camera else 0.5  # a projector often stands midway between cameras
+        names.append(Name(seen(places[first] + share * (places[name] - places[first])), text, "text"))
     lines += [Line(seen(slice_), "ok", filled=True) for slice_ in common_slices(devices, reach)]
     colours = np.broadcast_to(np.array(TARGET, np.uint8), targets.shape)
     return Scene(seen(targets), colours, tuple(lines), tuple(names), spacing_mm=0.004 * middle)

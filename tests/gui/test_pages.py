@@ -224,7 +224,8 @@ def test_captures_are_merged_and_shown_by_what_made_them(
     assert page.stack.currentWidget() is page.space
     said, points = page.state.text(), answers.path.read_bytes().partition(b"element vertex ")[2].split(b"\n")[0]
     assert "2 captures" in said
-    counts = [int(part.split()[-1]) for part in said.partition("span")[2].split("   ")]
+    counts = [int(part.split()[-1]) for part in said.split("&emsp;")[1:]]
+    assert page.state.textFormat() == Qt.TextFormat.RichText  # else the colours' tags are shown as they are written
     assert "testfield-01" in said
     assert sum(counts) == int(points)
 

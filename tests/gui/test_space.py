@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 
 from core.geometry import Pose
@@ -114,7 +115,8 @@ def test_a_capture_by_several_cameras_offers_the_points_of_all(
     page.kind.setCurrentIndex(page.kind.findData("joint-sight"))
     idle(window, qtbot)
     assert page.stack.currentWidget() is page.space
-    assert page.state.text().startswith("500 points.   <")
+    assert page.state.text().startswith("500 points.&emsp;<")
+    assert page.state.textFormat() == Qt.TextFormat.RichText
     page.fill.setChecked(True)
     idle(window, qtbot)
     assert "Of the object 40.0% by code, 50.0% with texture." in page.state.text()
