@@ -28,6 +28,7 @@ from core.calibrate.snooping import (
     normalised_residuals,
     outlier_warning,
     sizes,
+    within_images,
 )
 from core.calibrate.state import State, interior_of, station_orientations
 from core.calibrate.weakness import ORIENTATION, check_estimable, geometry_warnings, singular_error, unsolved_error
@@ -165,7 +166,8 @@ def _solve_despite(
 
 def _sizes_of_errors(solved: Solved) -> Array:
     """Normalised residuals of the observations, shape (m,); of a robust solution where large ones raise others."""
-    size = sizes(normalised_residuals(solved.problem, solved.equations, solved.redundancy_numbers))
+    normalised = normalised_residuals(solved.problem, solved.equations, solved.redundancy_numbers)
+    size = sizes(within_images(solved.problem, normalised))
     if masked(solved.problem, size):
         with suppress(SingularNormalsError):
             return misfits(solved.problem, robust_state(solved.problem, solved.state))

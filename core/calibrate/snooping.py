@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LEAST_REDUNDANCY = 0.05  # an observation checked less than this cannot be judged by its residual
+LEAST_OF_IMAGE, MOST_OF_IMAGE = 20, 2.0  # points; times the common standard deviation of unit weight
 SURE = 0.3  # of the worst normalised residual: errors that are smaller may be its shadow
 FAR = 2.0  # times the critical value: beyond chance, and so much that good observations look bad beside it
 WHOLE = 0.5  # share of a station's observations above which the station is named, not every point
@@ -40,6 +41,20 @@ def normalised_residuals(problem: Problem, equations: Equations, numbers: Array)
     sigma0 = float(np.sqrt(equations.cost / problem.redundancy))
     unit = min(robust, sigma0) if np.count_nonzero(checked) > 50 else sigma0
     return residuals / unit if unit > 1e-6 else np.where(checked, 0.0, np.nan)
+
+
+def within_images(problem: Problem, normalised: Array) -> Array:
+    """Normalised residuals, shape (m, 2), in the unit of their own image where that is larger, up to twice.
+
+    The sigmas of one image may be too small or too large as a whole: that makes no gross errors of single points.
+    """
+    image = problem.pose * len(problem.device_names) + problem.device
+    own, number, count = np.unique(image, return_inverse=True, return_counts=True)
+    units = np.ones(len(own))
+    for k in np.flatnonzero(count >= LEAST_OF_IMAGE):
+        if np.isfinite(mine := normalised[number == k]).any():
+            units[k] = np.clip(sigma_by_median(mine), 1.0, MOST_OF_IMAGE)
+    return np.asarray(normalised / units[number][:, None])
 
 
 def critical_value(observations: int) -> float:

@@ -166,3 +166,12 @@ def test_large_residuals_that_no_parameter_explains_do_not_keep_it_from_convergi
     sigma = np.sqrt(np.diagonal(quick.point_cov_mm2, axis1=1, axis2=2))
     assert np.max(np.abs(quick.points_mm - slow.points_mm) / sigma) < 1e-3
     assert quick.sigma0 == pytest.approx(slow.sigma0, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_an_image_whose_sigmas_hold_is_not_accused_where_those_of_others_are_too_large(simulate, seed):
+    network = simulate(seed=seed, poses=10).network
+    good = np.isin(network.observation_station, [3, 4])
+    sigma = network.observation_sigma * np.where(good, 1.0, 2.0)[:, None]
+    found = adjust(replace(network, observation_sigma=sigma), options=AdjustOptions(variance_components=True))
+    assert not [w for w in found.warnings if "gross errors" in w]
