@@ -110,12 +110,12 @@ def refine(
 
     progress(0.0, "finding the blur")
     pixels = _pixels_of_tiles(planes, [k for k in (0, 1) if shown[k][0]])
-    gain, misfit = np.full((2, planes.place.shape[1]), np.nan, np.float32)
+    misfit = np.full(planes.place.shape[1], np.nan, np.float32)
     if pixels.max() < 0:
         return misfit
     chosen, blur = _find_blur(models, source, light, planes, pixels)
     x, y = models(*chosen)
-    out = (planes.place, planes.sigma, gain, misfit)
+    out = (planes.place, planes.sigma, misfit)
     for top in progress.over(range(0, planes.rows, 512), "refining from row {}"):
 
         def band(first: int, last: int, top: int = top) -> None:

@@ -213,11 +213,11 @@ def refine_pixels(  # type: ignore[no-untyped-def]
         Which width the blur of each axis has.
     grey : float32 (SPAN, ...)
         Memory of this thread alone, of `rows_for`.
-    out : (place, sigma, gain, misfit)
-        Changed: coordinates and standard deviations in lines, float32 (2, pixels). Written: gain in grey values and
-        mean squared residual over its expectation, float32 (pixels,), NaN where the pixel is left as it is.
+    out : (place, sigma, misfit)
+        Changed: coordinates and standard deviations in lines, float32 (2, pixels). Written: mean
+        squared residual over its expectation, float32 (pixels,), NaN where the pixel is left as it is.
     """
-    place, sigma, gain, misfit = out
+    place, sigma, misfit = out
     for row in range(start, stop):
         for first in range(0, columns, SPAN):
             count = min(SPAN, columns - first)
@@ -226,7 +226,7 @@ def refine_pixels(  # type: ignore[no-untyped-def]
                 n = row * columns + first + i
                 u, v = place[0, n], place[1, n]
                 has_x, has_y = u == u and len(x.frames) > 0, v == v and len(y.frames) > 0
-                gain[n] = misfit[n] = F(np.nan)
+                misfit[n] = F(np.nan)
                 if not (has_x or has_y) or _brightest(grey[i]) >= light.saturation:
                     continue
                 here, there = u if has_x else F(0), v if has_y else F(0)
@@ -235,7 +235,7 @@ def refine_pixels(  # type: ignore[no-untyped-def]
                 new_u, new_v, var_u, var_v, s, left = _fit(*seen, x, y, light, wx, wy, here, there, has_x, has_y, LOOKS)
                 if not (s > F(0) and abs(new_u - here) < FARTHEST and abs(new_v - there) < FARTHEST):
                     continue
-                gain[n], misfit[n] = s, left
+                misfit[n] = left
                 if has_x:
                     place[0, n], sigma[0, n] = new_u, np.sqrt(var_u)
                 if has_y:
