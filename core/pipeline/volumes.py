@@ -32,10 +32,18 @@ def volume_figures(
         `projector_lines`, after the best place of the device. Noise of a capture is no part of them.
     maps : dict
         The same over the grid, shape (depths, rows, columns), NaN where the projector lights nothing; `uv`, `xyz_mm`.
+
+    Raises
+    ------
+    InputError
+        If the calibration tells no sigmas.
     """
     from core.checks.volume import form_of_fields, image_fields, point_fields, sigmas_of, volume_of
 
     pair, depths = _known(project, run, camera, projector)
+    if not pair.covariance.any():
+        seen = "the calibration is another program's, which tells no sigmas"
+        raise InputError(project.path, seen, "calibrate here, or import a file that has parameter_covariance")
     volume = volume_of(pair, depths)
     fields, split = point_fields(pair, volume), len(pair.camera.interior.vector)
     end = split + len(pair.projector.interior.vector)
@@ -68,8 +76,9 @@ def difference_figures(
     -------
     figures : dict
         `significant` by the chi-square test of `statistic` with `dof` against `limit`, both calibrations taken as
-        independent; under "depths" r.m.s. and largest `difference_mm`, its `sigma_mm`, and the same of `form`, what is
-        left after the best movement of all points as one.
+        independent, None where one of them tells no sigmas; under "depths" r.m.s. and largest `difference_mm`, its
+        `sigma_mm`, where it is known, and the same of `form`, what is left after the best movement of all points as
+        one.
     maps : dict
         Of every node.
     """
@@ -94,6 +103,9 @@ def difference_figures(
         "form_sigma_mm": maps["form_sigma_mm"],
     }
     test = {"statistic": found.statistic, "dof": found.dof, "limit": found.limit, "significant": found.significant}
+    if not (pair.covariance.any() and second.covariance.any()):
+        test = {**dict.fromkeys(test), "dof": 0}
+        maps, sizes = ({n: v for n, v in of.items() if "sigma" not in n} for of in (maps, sizes))
     return {**test, "depths": _by_depth(depths, sizes)}, maps
 
 

@@ -175,6 +175,8 @@ def _compare(options: Options, progress: Progress) -> dict[str, Any]:
         word = "differ by more than chance" if figures["significant"] else "agree within their sigmas"
         test = f"chi-square {figures['statistic']:.3g} of {figures['dof']}, limit {figures['limit']:.3g}"
         print(f"they {word}: {test}")
+    else:
+        print("one of them tells no sigmas, so that chance cannot be told from a difference")
     return figures
 
 
