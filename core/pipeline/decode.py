@@ -65,6 +65,8 @@ def decode_images(
     patterns = [frame.pattern for frame in capture.frames]
     exposures = [frame.exposure_ms for frame in capture.frames]
     where = str(capture.path)
+    if project and not project.rig.is_pair:
+        where += f", {capture.camera} with {capture.projector}"
     options = DecodeOptions(estimate=estimate or (project is not None and project.estimate))
     phase = decode(
         patterns, images, lines=lines, options=options, exposures_ms=exposures, where=where, progress=progress

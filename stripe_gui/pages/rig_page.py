@@ -46,7 +46,7 @@ class RigPage(PartsPage):
         self.said = label("", "muted", wrap=True)
         self.look_button = button(self.tr("Look at all captures"), self.run, "run")
         top = row((self.said, 1), self.pair, self.look_button)
-        drift = column(top, (self.chart, 3), (self.captures, 2), None, spacing=8)
+        drift = column(top, (self.chart, 30), (self.captures, 20), None, spacing=8)
         self.add_step("drift", self.tr("Drift"), boxed(drift))
         bench.session.project_changed.connect(self._forget)
         self._forget()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -18,7 +19,7 @@ from core.geometry import pair_of
 from core.geometry import project as project_points
 from core.model import PhotogrammetricCalibration, Project
 from core.pipeline import calibrate_project, load_calibrations, reconstruct_capture, seen_by_several, simulate_project
-from core.pipeline.decode import decode_capture
+from core.pipeline.decode import decode_capture, phase_maps
 from core.pipeline.exchange import export_calibration
 from core.pipeline.measure import kept_targets
 from core.project import read_capture, read_project
@@ -115,6 +116,11 @@ def test_whose_frames_must_be_said(project: Project) -> None:
     assert decode_capture(folder, camera="right").camera == "right"
     with pytest.raises(InputError, match="no frames of top"):
         reconstruct_capture(project, "plane+00", camera="top")
+    whole = read_capture(folder, project)
+    of_right = [k for k, frame in enumerate(whole.frames) if frame.camera == "right"][3:]
+    lacking = replace(whole, frames=tuple(f for k, f in enumerate(whole.frames) if k not in of_right))
+    with pytest.raises(InputError, match=r"plane\+00, right with projector, axis x: .* is missing"):
+        list(phase_maps(project, [lacking]))
 
 
 def test_other_programs_get_the_camera_that_is_named(project: Project, tmp_path: Path) -> None:
