@@ -253,6 +253,22 @@ def one_frame(k: int, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[I
     return lambda images: [change(i) if n == k else i for n, i in enumerate(images)]
 
 
+def binned(images: Images) -> Images:
+    """Binned by two and enlarged again."""
+    h, w = images[0].shape
+    return [cv2.resize(i[: h // 2 * 2 : 2, : w // 2 * 2 : 2], (w, h), interpolation=cv2.INTER_NEAREST) for i in images]
+
+
+def wrapped(images: Images) -> Images:
+    """One bit shifted out at the top."""
+    return [(i.astype(int) * 2) % (full(i) + 1) for i in images]
+
+
+def fields_exchanged(images: Images) -> Images:
+    """Even rows of the video image in the place of odd ones."""
+    return [i[np.minimum(np.arange(len(i)) ^ 1, len(i) - 1)] for i in images]
+
+
 def other_size(folder: Path) -> None:
     path = (
         named(folder, "testfield-04")[0]
@@ -416,6 +432,12 @@ KINDS: dict[str, tuple[Change, str]] = {
     "frames of a plane mirrored": (frames(lambda f: [i[:, ::-1] for i in f], "plane+15"), r"plane\+15.*mirror"),
     "all frames inverted": (frames(lambda f: [full(i) - i for i in f]), "invert|exchanged"),
     "the lamp fades in mid-capture": (frames(lamp, "testfield-02"), "testfield-02.*light"),
+    "binned and enlarged in one capture": (frames(binned, "testfield-03"), "testfield-03"),
+    "the highest bit lost in one capture": (frames(wrapped, "testfield-03"), "testfield-03"),
+    "grey values by a gamma in one capture": (frames(lambda f: [full(i) * (i / full(i)) ** (1 / 2.2) for i in f], "testfield-03"), "testfield-03"),
+    "fields of the video exchanged": (frames(fields_exchanged, "testfield-03"), "testfield-03"),
+    "padded at the left and top": (frames(lambda f: [np.pad(i, ((10, 0), (14, 0)))[: i.shape[0], : i.shape[1]] for i in f], "testfield-03"), "testfield-03"),
+    "square said to be sine, or the reverse": (patterns(of("phase", profile=lambda p: "sine" if p["profile"] == "square" else "square")), "profile|sine|square"),
     "one frame of another size": (other_size, r"testfield-04.*x"),
     "one frame cut short": (cut, "testfield-04"),
     "one frame is missing": (gone, "testfield-04"),
