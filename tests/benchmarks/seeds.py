@@ -3,7 +3,8 @@
 Every stage against what the bench knows, over all seeds together: r.m.s. of error over sigma and the squared
 Mahalanobis distance over its degrees of freedom, both 1 where sigmas hold. Beside them, the interval in which 95 % of
 such figures would lie by chance: of as many adjustments of true places with errors drawn by the stated covariances
-(`--drawn` of them for each seed, taken together at random). FOLDER keeps the simulated captures, which take longest.
+(`--drawn` for each seed, of all of which as many as seeds are taken at random). FOLDER keeps the simulated captures,
+which take longest.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ WORDS = {
         "Depths of planes",
         "error / sigma",
         "r.m.s. {:.2f}",
+        ".",
     ),
     "de": (
         "Mitten der Zielmarken",
@@ -55,9 +57,10 @@ WORDS = {
         "Punkte des Testfelds",
         "Tiefen der Ebenen",
         "Fehler / Sigma",
-        "quadr. Mittel {:.2f}",
+        "RMS {:.2f}",
+        ",",
     ),
-}  # stages, the axis below, and what each panel says
+}  # stages, the axis below, what each panel says, the decimal sign
 
 
 @dataclass(frozen=True)
@@ -214,13 +217,13 @@ def together(parts: list[Deviations]) -> tuple[float, float]:
     return float(np.sqrt(np.mean(ratios**2))), sum(part.square for part in parts) / sum(part.dof for part in parts)
 
 
-def by_chance(chance: list[list[dict[str, Deviations]]], stage: str, rng: np.random.Generator) -> Array:
-    """Limits (2, 2) of 95 % of both figures: one draw of every seed, combined again and again."""
-    figures = [together([draws[rng.integers(len(draws))][stage] for draws in chance]) for _ in range(DRAWINGS)]
+def by_chance(draws: list[dict[str, Deviations]], stage: str, seeds: int, rng: np.random.Generator) -> Array:
+    """Limits (2, 2) of 95 % of both figures: as many draws as seeds, which are all of one plan, again and again."""
+    figures = [together([draws[k][stage] for k in rng.integers(len(draws), size=seeds)]) for _ in range(DRAWINGS)]
     return np.asarray(np.quantile(figures, (0.025, 0.975), axis=0))
 
 
-def rows(results: list[dict[str, Deviations]], chance: list[list[dict[str, Deviations]]]) -> Iterator[str]:
+def rows(results: list[dict[str, Deviations]], draws: list[dict[str, Deviations]]) -> Iterator[str]:
     """Lines of Markdown."""
     yield "| stage | n | r.m.s. of error/σ | by chance | Mahalanobis²/dof | by chance |"
     yield "|---|---|---|---|---|---|"
@@ -229,8 +232,8 @@ def rows(results: list[dict[str, Deviations]], chance: list[list[dict[str, Devia
         parts = [result[stage] for result in results]
         ratio, square = together(parts)
         limits = [["", ""], ["", ""]]
-        if stage in ADJUSTED and all(chance):
-            limits = [[f"{value:.2f}" for value in row] for row in by_chance(chance, stage, rng)]
+        if stage in ADJUSTED and draws:
+            limits = [[f"{value:.2f}" for value in row] for row in by_chance(draws, stage, len(results), rng)]
         cells = [f"{low}..{high}" if low else "" for low, high in zip(*limits, strict=True)]
         n = sum(part.dof for part in parts)
         yield f"| {stage} | {n} | {ratio:.3f} | {cells[0]} | {square:.3f} | {cells[1]} |"
@@ -249,10 +252,12 @@ def write_picture(path: Path, results: list[dict[str, Deviations]], words: Seque
         axes.hist(np.clip(ratios, -4, 4), counts, density=True, color="#9cc4e4")
         axes.plot(x, np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi), color="#222222", linewidth=1.2)
         axes.set_title(title, fontsize=10)
-        axes.text(0.03, 0.9, words[-1].format(np.sqrt(np.mean(ratios**2))), transform=axes.transAxes, fontsize=8)
+        rms = words[-2].format(np.sqrt(np.mean(ratios**2)))
+        rms = rms[:-3] + words[-1] + rms[-2:]
+        axes.text(0.03, 0.9, rms, transform=axes.transAxes, fontsize=8)
         axes.set(xlim=(-4, 4), yticks=[])
         axes.spines[["top", "left", "right"]].set_visible(False)
-    figure.supxlabel(words[-2], fontsize=10)
+    figure.supxlabel(words[-3], fontsize=10)
     figure.savefig(path, dpi=100)
 
 
@@ -264,15 +269,16 @@ def main() -> None:
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--pictures", type=Path, metavar="HELP", help="draw images/sigmas.png and de/images/sigmas.png")
     options = parser.parse_args()
-    results, chance = [], []
+    results: list[dict[str, Deviations]] = []
+    draws: list[dict[str, Deviations]] = []
     with tempfile.TemporaryDirectory() as folder:
         for seed in options.seeds:
-            found, draws = of_seed((options.keep or Path(folder)) / str(seed), seed, options.drawn)
+            found, more = of_seed((options.keep or Path(folder)) / str(seed), seed, options.drawn)
             results.append(found)
-            chance.append(draws)
+            draws += more
             figures = " ".join("{} {:.2f} {:.2f}".format(stage, *together([part])) for stage, part in found.items())
             print(f"seed {seed}: {figures}", flush=True)
-    print(*rows(results, chance), sep="\n")
+    print(*rows(results, draws), sep="\n")
     if options.pictures:
         for language, folder in (("en", options.pictures), ("de", options.pictures / "de")):
             write_picture(folder / "images" / "sigmas.png", results, WORDS[language])
