@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 
 FACTOR_TOLERANCE = 1e-4  # relative change at which variance components have settled
 FACTOR_ROUNDS = 20
+LEAST_FACTOR = 1e-8  # of a variance: simulated observations without noise count as ten thousand times better, no more
 
 
 @dataclass(frozen=True)
@@ -207,9 +208,9 @@ def _solve(network: Network, problem: Problem, state: State, options: AdjustOpti
             own = problem.device == d
             if not own.any():
                 continue
-            factor = float(np.sum(equations.w[own] ** 2) / np.nansum(numbers[own]))
-            settled &= abs(factor - 1) < FACTOR_TOLERANCE
-            factors[name] *= factor
+            before = factors[name]
+            factors[name] = max(before * float(np.sum(equations.w[own] ** 2) / np.nansum(numbers[own])), LEAST_FACTOR)
+            settled &= abs(factors[name] / before - 1) < FACTOR_TOLERANCE
         if settled:
             break
         weighted = weighted_problem(network, factors)

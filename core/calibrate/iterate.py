@@ -16,7 +16,7 @@ from core.progress import SILENT, Progress
 
 LEAST_CONTRACTION = 0.01  # ratio of two steps: what remains is not trusted to shrink faster than that
 SLOW = 0.5  # ratio of two steps from which their length is looked for
-ROUNDING_GAIN = 1e-18  # a decrease of vᵀPv below this is rounding, even for observations without noise
+ROUNDING = 1e-15  # of a coordinate: a decrease of vᵀPv by less than such errors make is none, even without noise
 SHORTEST = 1 / 100  # part of a step that is still tried
 SHORTEST_WELCOME = 1 / 5  # a step that must be shortened more calls for damping
 LEAST_DAMPING = 1e-8
@@ -76,6 +76,7 @@ def iterate(
     cost = cost_of(problem, state)
     convergence = [cost]
     damping, before = 0.0, 0.0
+    rounding = float(np.sum((ROUNDING * problem.uv * problem.root_weight) ** 2))
     for iteration in range(max_iterations):
         progress(iteration / max_iterations, f"iteration {iteration + 1}")
         reduced, damping = regular(problem, state, damping)
@@ -84,7 +85,7 @@ def iterate(
         ratio = min(step.gain / before, 1.0) if before > 0 else 1.0
         remaining = max(ratio, LEAST_CONTRACTION**2) * step.gain
         limit = max(tolerance**2 / max(problem.redundancy, 1), ROUNDING_SHARE) * cost
-        last = damping == 0 and remaining <= max(limit, ROUNDING_GAIN)
+        last = damping == 0 and remaining <= max(limit, rounding)
         share, trial, trial_cost = shortened(problem, state, cost, step)
         # where vᵀPv no longer falls, all that is left to gain is the rounding of its own sum
         stalled = share == 0 and step.gain < ROUNDING_STALL * cost

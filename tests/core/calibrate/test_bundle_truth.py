@@ -142,6 +142,15 @@ def test_variance_components_find_the_noise_of_each_device(simulate):
     assert adjustment.sigma0 == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-6])
+def test_variance_components_of_observations_without_noise_end_with_the_truth(simulate, noise):
+    simulated = simulate(noise=noise)
+    adjustment = adjust(simulated.network, options=AdjustOptions(variance_components=True, reject_beyond=6.0))
+    for name, device in adjustment.devices.items():
+        assert device.interior.c_mm == pytest.approx(simulated.interior[name].c_mm, rel=1e-6)
+    assert not adjustment.warnings
+
+
 def test_sigma0_is_that_of_the_given_weights_unless_variance_components_are_asked_for(simulate):
     network = simulate(poses=8, scale=False).network
     doubled = adjust(replace(network, observation_sigma=2 * network.observation_sigma))
