@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -76,17 +76,17 @@ def update_project(project: Project, progress: Progress = SILENT, listen: Listen
         "report": _report,
     }
     spans = {"measure": 0.4, "calibrate": 0.6, "reconstruct": 0.68, "evaluate": 0.82, "decode": 0.87, "report": 1.0}
-    start = 0.0
-    with writing_results(project.path, "update"):
+    start, states = 0.0, project_states(project)
+    due = any(states.stages[stage].state in DUE for stage in work)
+    with writing_results(project.path, "update") if due else nullcontext():  # what is current may be read only
         for stage, do in work.items():
             part, start = progress.part(start, spans[stage]), spans[stage]
-            states = project_states(project)
             if states.stages[stage].state not in DUE:
                 continue
             with _noted(project, stage, problems):
                 if text := do(project, states, part):
                     tell(f"{stage}: {text}")
-        states = project_states(project)
+            states = project_states(project)
     if problems:
         raise problems[0]
     progress(1.0, "everything is current")
