@@ -70,7 +70,7 @@ def draw_back(
     light = lit[0].reshape(shape) if len(rows.value) else modulation
     scale = float(rows.value @ rows.value) if len(rows.value) else ONE
     some = slice(None, None, max(1, light.size // SAMPLE))
-    known = np.isfinite(coordinates[0][:, some]).any(axis=0) & (lit[1][some] > 0)
+    known = np.isfinite(coordinates[0][:, some]).any(axis=0) & (lit[1][some] > TINY)
     if not known.any():
         return USUAL
     unit = F(np.median(light.ravel()[some][known] / lit[1][some][known]))
