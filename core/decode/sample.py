@@ -160,6 +160,8 @@ def _without_misfit(
     used = np.flatnonzero(np.abs(found).max(axis=0) > 0)
     g = np.stack([images[int(n)][rows] for n in used]).astype(np.float32)
     good = g.max(axis=0)[:, 1:-1] < saturation
+    if not good.any():  # too narrow an image, or nothing in it below saturation
+        return whole
     factors = found[:, used].astype(np.float32)
     residual = spatial_residual(np.einsum("kf,frw->krw", factors, g))[0]
     if bent:

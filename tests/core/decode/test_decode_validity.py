@@ -204,3 +204,18 @@ def test_options_set_the_thresholds(bench) -> None:
     assert (strict.flags & Flag.LOW_MODULATION > 0).all()
     capped = decode(patterns, images, lines=(N, N), options=DecodeOptions(saturation=50.0))
     assert (capped.flags & Flag.SATURATED > 0).mean() > 0.9
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 6), (5, 1), (2, 3)])
+def test_images_of_a_few_pixels_are_decoded(shape: tuple[int, int]) -> None:
+    patterns = list(reference_sequence())
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        place = {axis: rng.uniform(50, 60, shape) for axis in "xy"}
+        images = []
+        for pattern in patterns:
+            along = place.get(getattr(pattern, "axis", ""), place["x"])
+            light = np.interp(along, np.arange(N), brightness(pattern, np.arange(N)))
+            images.append((20 + 180 * light + rng.normal(0, 1, shape)).astype(np.uint8))
+        found = decode(patterns, images, lines=(N, N), where="a few pixels")
+        assert np.nanmax(np.abs(found.u - place["x"])) < 1
