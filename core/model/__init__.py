@@ -18,7 +18,7 @@ from core.model.calibration import (
     Pair,
     PhotogrammetricCalibration,
 )
-from core.model.capture import Capture, Frame, Role, Seed, Subject
+from core.model.capture import Capture, Frame, Role, Subject
 from core.model.features import Feature
 from core.model.finding import Finding
 from core.model.ids import StationId, TargetId
@@ -28,7 +28,7 @@ from core.model.phase import PhaseMap
 from core.model.points import PlaneEvaluation, PointCloud
 from core.model.registration import Overlap, Registration
 from core.model.rig import DeviceSpec, Interior, Project, Rig, ScaleBar
-from core.model.targets import MissingTarget, TargetSet, Testfield
+from core.model.targets import MissingTarget, Seed, TargetSet, Testfield
 from core.model.verdict import LeftOut, Verdict
 
 __all__ = [

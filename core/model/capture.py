@@ -6,23 +6,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from core.model.targets import Testfield
+from core.model.targets import Seed, Testfield
 
 if TYPE_CHECKING:
     from core.patterns import Pattern
 
 Role = Literal["testfield", "depth", "plane", "object"]
-
-
-@dataclass(frozen=True)
-class Seed:
-    """A target the operator picked: its identity and where it was clicked (px)."""
-
-    row: int
-    col: int
-    u: float
-    v: float
-    camera: str = ""  # in whose image; empty where the rig has one
 
 
 @dataclass(frozen=True)

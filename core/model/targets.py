@@ -5,14 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from core.model.arrays import Array, Ints
 
-if TYPE_CHECKING:
-    from core.model.capture import Seed
+
+@dataclass(frozen=True)
+class Seed:
+    """A target the operator picked: its identity and where it was clicked (px)."""
+
+    row: int
+    col: int
+    u: float
+    v: float
+    camera: str = ""  # in whose image; empty where the rig has one
 
 
 @dataclass(frozen=True)
