@@ -2430,10 +2430,6 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>beurteilt</translation>
     </message>
     <message>
-        <source>captured {when}</source>
-        <translation>aufgenommen {when}</translation>
-    </message>
-    <message>
         <source>calibrated {when}</source>
         <translation>kalibriert {when}</translation>
     </message>

@@ -20,19 +20,11 @@ MANY = 300  # captures
 
 @dataclass(frozen=True)
 class CaptureEntry:
-    """One capture that project.json lists: read, or the error that says why not.
-
-    Attributes
-    ----------
-    recorded_ns : int
-        When the newest of its frames, or capture.json, was written: to be shown, and to tell what was read from it
-        before from what would be read now. 0 where it could not be read.
-    """
+    """One capture that project.json lists: read, or the error that says why not."""
 
     folder: Path
     capture: Capture | None
     error: StripeError | None
-    recorded_ns: int = 0
 
     @property
     def name(self) -> str:
@@ -124,15 +116,13 @@ class ProjectFolder:
         now = (version(folder / "capture.json"), version(folder / "picks.json"), boards)
         kept = self._read.get(folder)
         capture: Capture | None = kept[1] if kept is not None and kept[0] == now else None
-        frames = [version(frame.path) for frame in capture.frames] if capture else []
-        if capture is None or None in frames:  # not read yet, or a frame has gone since
+        if capture is None or not all(frame.path.exists() for frame in capture.frames):  # not read yet, or gone since
             try:
                 capture = read_capture(folder, self.project)
             except StripeError as error:
                 return CaptureEntry(folder, None, error)
             self._read[folder] = (now, capture)
-            frames = [version(frame.path) for frame in capture.frames]
-        return CaptureEntry(folder, capture, None, max(v[0] for v in (now[0], *frames) if v))
+        return CaptureEntry(folder, capture, None)
 
 
 def version(path: Path) -> tuple[int, int] | None:

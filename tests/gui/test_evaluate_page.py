@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import shutil
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +127,16 @@ def test_only_what_is_ticked_is_evaluated_and_reported(open_page, window, calibr
     assert "plane+00" in html
     assert "plane+15" not in html
     assert open_page(None)._evaluated()  # what is ticked is still what is evaluated
+
+
+def test_a_copied_calibration_keeps_its_date(open_page, calibrated, tmp_path) -> None:
+    copy = shutil.copytree(calibrated, tmp_path / "copy")
+    run = json.loads((copy / "results" / "runs" / "0001" / "run.json").read_text())
+    for path in copy.rglob("*.npz"):
+        os.utime(path, (2e9, 2e9))
+    lines = [open_page(copy).calibrations.item(row).text() for row in range(2)]
+    made = f"{datetime.fromisoformat(run['made_at']):%Y-%m-%d %H:%M}"
+    assert all(f"calibrated {made}, run 1, up to date" in line for line in lines)
 
 
 def test_unticking_everything_says_what_is_missing(open_page, calibrated, qtbot) -> None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from datetime import datetime
 
 from PySide6.QtCore import QCoreApplication
 
-from core import pipeline
-from core.pipeline import METHODS
+from core.pipeline import METHODS, current_run
 from stripe_gui.presenters.evaluate import EvaluationView, angle_text
-from stripe_gui.presenters.folder import ProjectFolder, written_ns
+from stripe_gui.presenters.folder import ProjectFolder
+from stripe_gui.presenters.runs import made_at
 from stripe_gui.presenters.stages import StageStatus, State
 from stripe_gui.presenters.status import graph_of
 from stripe_gui.presenters.told import told
@@ -29,7 +28,7 @@ class Choice:
 
 
 def plane_choices(folder: ProjectFolder) -> list[Choice]:
-    """List the plane captures with angle, date, and whether they are evaluated as they are now."""
+    """List the plane captures with angle and whether they are evaluated as they are now."""
     states = graph_of(folder).states().captures
     words = {
         "current": translate("PlaneTable", "evaluated"),
@@ -38,23 +37,21 @@ def plane_choices(folder: ProjectFolder) -> list[Choice]:
     found = []
     for entry in folder.of_role("plane"):
         state = words.get(states[entry.name]["evaluate"].state, translate("PlaneTable", "not evaluated"))
-        when = translate("PlaneTable", "captured {when}").format(when=_when(entry.recorded_ns))
-        found.append(Choice(entry.name, f"{entry.name}   {angle_text(entry.angle_deg)}".rstrip(), f"{when}, {state}"))
+        found.append(Choice(entry.name, f"{entry.name}   {angle_text(entry.angle_deg)}".rstrip(), state))
     return found
 
 
 def calibration_choices(folder: ProjectFolder, statuses: Mapping[str, StageStatus]) -> list[Choice]:
     """List the calibrations with date, run, and whether they are out of date."""
-    runs = pipeline.current_runs(folder.project)
     status = statuses.get("calibrate")
     found = []
     for method in METHODS:
-        at = written_ns(folder.result_file(f"{method}.npz"))
-        if at is None:
+        if not folder.result_file(f"{method}.npz").is_file():
             continue
-        parts = [translate("PlaneTable", "calibrated {when}").format(when=_when(at))]
-        if method in runs:
-            parts.append(translate("PlaneTable", "run {n}").format(n=runs[method]))
+        parts = []
+        if (run := current_run(folder.project, method)) is not None:
+            parts.append(translate("PlaneTable", "calibrated {when}").format(when=made_at(run)))
+            parts.append(translate("PlaneTable", "run {n}").format(n=run.number))
         if status is not None and status.state is State.STALE:
             parts.append(translate("PlaneTable", "out of date: {reason}").format(reason=status.reason))
         else:
@@ -74,7 +71,3 @@ def is_evaluated(
         return False
     made = {(e.capture, e.method) for e in view.evaluations if e.camera is not None}
     return made == {(c, m) for c in captures for m in methods} and graph_of(folder).evaluation_fits
-
-
-def _when(at_ns: int) -> str:
-    return f"{datetime.fromtimestamp(at_ns / 1e9):%Y-%m-%d %H:%M}"
