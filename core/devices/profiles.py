@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -51,86 +52,118 @@ def read_profile(name: str, columns: int = 0, rows: int = 0) -> Profile:
     return _profile(Entries(data, where, key_lines(text), "", where), Path(where).stem, columns, rows)
 
 
+@dataclass(frozen=True)
+class _Dialogue:
+    """What holds for every command and answer of a device."""
+
+    kind: str  # of framing
+    lengths: Lengths
+    words: Words
+    pause_ms: float  # after a command
+    prompted: bool  # the device answers by a prompt where nothing else is expected
+
+    def template(self, table: Entries, key: str, fields: Iterable[str], text: str | None = None) -> Template:
+        """Read a command or an answer, and see that it has no other than these fields."""
+        made = make_template(
+            table.text(key) if text is None else text, self.kind, self.lengths, table.place(key), self.words
+        )
+        for name in made.fields:
+            if name not in fields and not (key == "expect" and name.startswith("_")):
+                near = get_close_matches(name, list(fields), 1, 0.6)
+                allowed = f"write {near[0]}, or use " if near else "use "
+                raise InputError(table.place(key), f"field {name!r}", allowed + ", ".join(sorted(fields)))
+        return made
+
+
 def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
     top.text("format", among=("stripe-projector-profile",))
     top.integer("version", 1, 1)
     device, lines, timing = top.table("device"), top.table("lines"), top.table("timing")
     if "framing" not in top.data:
         raise InputError(top.where, "no table [framing]", "say how commands are wrapped")
+    frames, told, stored = top.table("framing"), top.table("refusal"), top.table("stored")
     own = device.integer("columns", 1), device.integer("rows", 1)
-    columns, rows = columns or own[0], rows or own[1]
-    frames = top.table("framing")
+    size = columns or own[0], rows or own[1]
+    plates, axis = _plates(device)
+    bits, chunk = _line_bits(lines), lines.integer("chunk", 0, default=0)
     kind = frames.text("kind", among=("text", "frame"))
-    plates = tuple(device.items("plates")) if "plates" in device.data else ("C", "R")
-    axis = device.text("axis", default="x", among=("x", "y"))
-    if not 1 <= len(plates) <= 2 or len(set(plates)) != len(plates):
-        raise device.refuse("plates", list(plates), "name the column plate and the row plate, or the only one")
-    bits = lines.integer("bits", 1, 8, default=1)
-    if bits not in (1, 8):
-        raise lines.refuse("bits", bits, "use 1 (on or off) or 8 (a grey value in a byte)")
-    chunk = lines.integer("chunk", 0, default=0)
-    sizes = {axis_: -(-count * bits // 8) for axis_, count in (("column", columns), ("row", rows))}
-    lengths: dict[str, int | None] = {"column_lines": sizes["column"], "row_lines": sizes["row"]}
-    if len(plates) == 1:
-        lengths["lines"] = sizes["column" if axis == "x" else "row"]
-    elif columns == rows:
-        lengths["lines"] = sizes["column"]
-    if chunk:
-        lengths["lines"] = None if any(size % chunk for size in sizes.values()) else chunk
-    words = _words(top.table("words"))
-    answer_s = timing.real("answer_ms", above=0.0) / 1000
-    load_s = timing.real("load_ms", above=0.0, default=1000 * answer_s) / 1000
-    pause_ms = timing.real("pause_ms", least=0.0, default=0.0)
-    prompted = "prompt" in frames.data
-    commands = _commands(top.table("commands"), kind, lengths, words, pause_ms, prompted)
-    told = top.table("refusal")
-    refusals = tuple(_template(told, "expect", kind, lengths, words, TOLD, text) for text in told.texts("expect"))
-    codes = told.table("codes")
-    meanings = {codes.integer(m, 0): m for m in MEANINGS if m in codes.data}
-    codes.finish(MEANINGS)
     lines.text("as", default=None, among=("hex",) if kind == "text" else ("bytes",))
+    lengths = _lengths(size, bits.depth, plates, axis, chunk)
+    pause_ms = timing.real("pause_ms", least=0.0, default=0.0)
+    dialogue = _Dialogue(kind, lengths, _words(top.table("words")), pause_ms, "prompt" in frames.data)
+    commands = _commands(top.table("commands"), dialogue)
+    refusals = tuple(dialogue.template(told, "expect", TOLD, text) for text in told.texts("expect"))
     sending, answers = read_framings(frames, kind, commands, refusals)
-    stored = top.table("stored")
-    per_image = stored.integer("per_image", 1, default=1)
-    two_swapped = stored.text("two_images", default="in order", among=("in order", "swapped")) == "swapped"
+    answer_ms = timing.real("answer_ms", above=0.0)
     profile = Profile(
-        name,
-        top.text("title", default=name),
-        _port(top.table("port")),
-        sending,
-        answers,
-        frames.flag("echo"),
-        columns,
-        rows,
-        device.integer("slots", 1, default=1),
-        device.integer("first_slot", 0, default=0),
-        tuple(map(str, plates)),
-        axis,
-        LineBits(
-            lines.text("first", default="high", among=("high", "low")),
-            bits,
-            lines.integer("lit", 0, 1, default=1),
-            lines.flag("backward"),
-        ),
-        chunk,
-        read_check(lines, "check", "crc16"),
-        answer_s,
-        load_s,
-        timing.real("gap_ms", above=0.0, default=30.0) / 1000,
-        timing.real("settle_ms", least=0.0) / 1000,
-        timing.real("period_ms", least=0.0, default=0.0) / 1000,
-        timing.integer("retries", 0, 20, default=3),
-        commands,
-        refusals,
-        meanings,
-        _stored(stored, (columns, rows)),
-        per_image,
-        two_swapped,
+        name=name,
+        title=top.text("title", default=name),
+        port=_port(top.table("port")),
+        framing=sending,
+        answers=answers,
+        echo=frames.flag("echo"),
+        columns=size[0],
+        rows=size[1],
+        slots=device.integer("slots", 1, default=1),
+        first_slot=device.integer("first_slot", 0, default=0),
+        plates=plates,
+        axis=axis,
+        bits=bits,
+        chunk=chunk,
+        lines_check=read_check(lines, "check", "crc16"),
+        answer_s=answer_ms / 1000,
+        load_s=timing.real("load_ms", above=0.0, default=answer_ms) / 1000,
+        gap_s=timing.real("gap_ms", above=0.0, default=30.0) / 1000,
+        settle_s=timing.real("settle_ms", least=0.0) / 1000,
+        period_s=timing.real("period_ms", least=0.0, default=0.0) / 1000,
+        retries=timing.integer("retries", 0, 20, default=3),
+        commands=commands,
+        refusals=refusals,
+        codes=_codes(told.table("codes")),
+        per_image=stored.integer("per_image", 1, default=1),
+        two_swapped=stored.text("two_images", default="in order", among=("in order", "swapped")) == "swapped",
+        stored=_stored(stored, size),
     )
-    for table in (top, device, lines, timing, frames, told):
+    for table in (top, device, lines, timing, frames, told, stored):
         table.finish()
     _check_whole(top, profile)
     return profile
+
+
+def _plates(device: Entries) -> tuple[tuple[str, ...], str]:
+    """Read the plates, and the axis of the only one."""
+    plates = tuple(device.items("plates")) if "plates" in device.data else ("C", "R")
+    if not 1 <= len(plates) <= 2 or len(set(plates)) != len(plates):
+        raise device.refuse("plates", list(plates), "name the column plate and the row plate, or the only one")
+    return tuple(map(str, plates)), device.text("axis", default="x", among=("x", "y"))
+
+
+def _line_bits(lines: Entries) -> LineBits:
+    bits = lines.integer("bits", 1, 8, default=1)
+    if bits not in (1, 8):
+        raise lines.refuse("bits", bits, "use 1 (on or off) or 8 (a grey value in a byte)")
+    first = lines.text("first", default="high", among=("high", "low"))
+    return LineBits(first, bits, lines.integer("lit", 0, 1, default=1), lines.flag("backward"))
+
+
+def _lengths(size: tuple[int, int], bits: int, plates: tuple[str, ...], axis: str, chunk: int) -> Lengths:
+    """Give how many bytes the lines of a pattern are, by the field that carries them."""
+    column, row = (-(-count * bits // 8) for count in size)
+    lengths: dict[str, int | None] = {"column_lines": column, "row_lines": row}
+    if chunk:
+        lengths["lines"] = None if column % chunk or row % chunk else chunk
+    elif len(plates) == 1:
+        lengths["lines"] = column if axis == "x" else row
+    elif size[0] == size[1]:
+        lengths["lines"] = column
+    return lengths
+
+
+def _codes(codes: Entries) -> dict[int, str]:
+    """Read what the numbers mean that a device refuses by."""
+    meanings = {codes.integer(m, 0): m for m in MEANINGS if m in codes.data}
+    codes.finish(MEANINGS)
+    return meanings
 
 
 def _check_whole(top: Entries, profile: Profile) -> None:
@@ -197,39 +230,15 @@ def _stored(table: Entries, lines: tuple[int, int]) -> dict[Pattern, int]:
     for entry in table.tables("patterns"):
         slot = entry.integer("slot", 0)
         stored[pattern_from_dict({k: v for k, v in entry.data.items() if k != "slot"}, entry.where)] = slot
-    table.finish()
     return stored
 
 
-def _template(
-    table: Entries,
-    key: str,
-    kind: str,
-    lengths: Lengths,
-    words: Words,
-    fields: Iterable[str],
-    text: str | None = None,
-) -> Template:
-    made = make_template(table.text(key) if text is None else text, kind, lengths, table.place(key), words)
-    for name in made.fields:
-        if name not in fields and not (key == "expect" and name.startswith("_")):
-            near = get_close_matches(name, list(fields), 1, 0.6)
-            allowed = f"write {near[0]}, or use " if near else "use "
-            raise InputError(table.place(key), f"field {name!r}", allowed + ", ".join(sorted(fields)))
-    return made
-
-
-def _commands(
-    table: Entries, kind: str, lengths: Lengths, words: Words, pause_ms: float, prompted: bool
-) -> dict[str, Command]:
+def _commands(table: Entries, dialogue: _Dialogue) -> dict[str, Command]:
     commands: dict[str, Command] = {}
     for name, sendable in COMMANDS.items():
-        if name not in table.data:
-            continue
-        steps = table.tables(name)
-        commands[name] = tuple(
-            _step(entry, table, kind, lengths, words, sendable | {"tag"}, pause_ms, prompted) for entry in steps
-        )
+        if name in table.data:
+            fields = sendable | {"tag"}
+            commands[name] = tuple(_step(entry, table, dialogue, fields) for entry in table.tables(name))
     table.finish({*COMMANDS, "expect"})
     return commands
 
@@ -241,23 +250,14 @@ def _only(table: Entries, sendable: set[str]) -> Mapping[str, Value]:
     return table.data
 
 
-def _step(
-    entry: Entries,
-    every: Entries,
-    kind: str,
-    lengths: Lengths,
-    words: Words,
-    sendable: set[str],
-    pause_ms: float,
-    prompted: bool,
-) -> Step:
+def _step(entry: Entries, every: Entries, dialogue: _Dialogue, sendable: set[str]) -> Step:
     until: dict[str, tuple[Value, ...]] = {}
     for key, value in entry.table("until").data.items():
         until[key] = tuple(value) if isinstance(value, list) else (value,)
     waited = {re.split(r"\W", key)[0] for key in until}
     expect, answered = None, entry if "expect" in entry.data else every
     if answered.data.get("expect"):
-        expect = _template(answered, "expect", kind, lengths, words, sendable | TOLD | waited)
+        expect = dialogue.template(answered, "expect", sendable | TOLD | waited)
     asked = set(expect.fields) if expect else set()
     entry.asked.add("expect")
     if missing := sorted(waited - asked):
@@ -267,14 +267,14 @@ def _step(
         raise InputError(entry.place("send"), "missing", "say what is sent, or expect what comes unasked")
     answer_ms = entry.real("answer_ms", above=0.0, default=None)
     step = Step(
-        None if silent else _template(entry, "send", kind, lengths, words, sendable),
+        None if silent else dialogue.template(entry, "send", sendable),
         expect,
-        prompted and "expect" not in answered.data,
+        dialogue.prompted and "expect" not in answered.data,
         None if answer_ms is None else answer_ms / 1000,
         until,
         entry.real("every_ms", above=0.0, default=200.0) / 1000,
         entry.real("within_ms", above=0.0, default=10_000.0) / 1000,
-        entry.real("pause_ms", least=0.0, default=pause_ms) / 1000,
+        entry.real("pause_ms", least=0.0, default=dialogue.pause_ms) / 1000,
         _only(entry.table("only"), sendable),
     )
     entry.finish()
