@@ -5,6 +5,22 @@ Every error names the place (a file, a field, a device), what was seen there and
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
+MANY = 12  # names are not listed in a message: the likeliest are
+
+
+def choose_among(name: str, names: Collection[str]) -> str:
+    """Say as a remedy which names there are; of many, those most like the one that is unknown."""
+    if not names:
+        return "there is none yet"
+    if len(names) <= MANY:
+        return f"choose among {', '.join(names)}"
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, names, 5, 0.5) or list(names)[:5]
+    return f"choose among {', '.join(near)} and others, {len(names)} in all"
+
 
 class StripeError(Exception):
     """Anything this program refuses or fails at.

@@ -18,7 +18,7 @@ from core.bench.render import Exposure, Prepared, expose, prepare
 from core.bench.rig import Rig
 from core.bench.scene import BLACK, Block, Board, Form, Scene, Sphere, board_as_made, random_form
 from core.bench.truth import operator_picks, true_targets
-from core.errors import InputError
+from core.errors import InputError, choose_among
 from core.geometry import Pose, matrix_from_axis_angle
 from core.model import Role, ScaleBar, Seed, Testfield
 from core.patterns import Pattern
@@ -153,7 +153,7 @@ class Experiment:
         for shot in self.shots:
             if shot.name == name:
                 return shot
-        raise InputError("scenario", f"no capture {name!r}", f"choose among {', '.join(s.name for s in self.shots)}")
+        raise InputError("scenario", f"no capture {name!r}", choose_among(name, [s.name for s in self.shots]))
 
     def take(
         self, shot: Shot, fault_names: Sequence[str] = (), *, progress: Progress = SILENT

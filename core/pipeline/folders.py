@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from core.errors import InputError
+from core.errors import InputError, choose_among
 from core.fields import read_document
 from core.model import Capture, Project, Role
 from core.project import read_capture
@@ -41,5 +41,5 @@ def find_capture(project: Project, name: str) -> Capture:
     for folder in (*(f for f in project.captures if f.name == name), project.path / name, Path(name)):
         if os.path.isfile(folder / "capture.json"):  # false for any text that cannot be a path, too
             return read_capture(folder, project)
-    names = ", ".join(folder.name for folder in project.captures) or "no captures"
-    raise InputError(project.path, f"no capture {name!r}", f"choose among {names}")
+    names = [folder.name for folder in project.captures]
+    raise InputError(project.path, f"no capture {name!r}", choose_among(name, names))

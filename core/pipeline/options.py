@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from core.errors import InputError
+from core.errors import InputError, choose_among
 from core.geometry import lens_of
 from core.model import Project
 
@@ -44,7 +44,7 @@ def check_options(project: Project, options: CalibrateOptions) -> None:
     names = [folder.name for folder in project.captures]
     for name in options.without:
         if name not in names:
-            raise InputError(project.path, f"no capture {name!r} to leave out", f"choose among {', '.join(names)}")
+            raise InputError(project.path, f"no capture {name!r} to leave out", choose_among(name, names))
     for name in options.hold:
         device, _, parameter = name.partition(".")
         spec = project.rig.devices.get(device, project.camera)
