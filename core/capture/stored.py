@@ -32,12 +32,16 @@ SHARE = 0.12  # of the pixels that contradict themselves; sound captures have be
 LEAST_LIT = 150  # sampled pixels without which nothing is told
 DARK = 0.01  # of the image that must be lit
 SATURATED = 0.05  # of the lit pixels
+BRIGHT, SATURATED_DOTS = 0.3, 0.25  # of nearly the highest contrast; of the pixels with more, on a board
 OFF_PLANE = 0.35  # share of a plane's pixels that no projective map holds
 PLANE_LINES = 3.0
 WRONG_HAND = 0.5
 MOVED_PX = 0.5
 MOVED_RESPONSE = 0.3  # of the correlation's peak; without texture there is none
 DRIFT = 0.15
+BESIDE = 4  # grey values to either side that tell how often one is expected
+FILLED = 40  # times
+LEAST_VALUES = 16
 
 
 def check_stored(capture: Capture, images: Sequence[NDArray], phase: PhaseMap, lines: tuple[int, int]) -> list[Finding]:
@@ -61,7 +65,7 @@ def check_stored(capture: Capture, images: Sequence[NDArray], phase: PhaseMap, l
         return []  # frames of several devices or exposures are no one sequence
     plan = Plan(Subject(capture.role, capture.name), tuple(f.pattern for f in capture.frames), ())
     sampled = _sample(plan, images)
-    found = [*_light(sampled, phase), *_plain(plan, sampled)]
+    found = [*_light(sampled, capture.role in ("testfield", "depth")), *_plain(plan, sampled)]
     if not any(f.check in ("light", "saturation") for f in found):
         found += _contradictions(plan, sampled, lines)
     if not any(f.level == "bad" for f in found):
@@ -80,18 +84,39 @@ def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
     return replace(found, white=np.maximum(found.white, *quantiles(grey, 0.9)))
 
 
-def _light(sampled: Sampled, phase: PhaseMap) -> list[Finding]:
+def gaps_among(images: Sequence[NDArray]) -> float:
+    """Share of grey values that no frame takes, of those that have well-filled values just below and above.
+
+    A camera's own values fill up: one that is expected `FILLED` times is never empty by chance. Frames that were
+    brightened, given another gamma or cut to fewer bits after the camera leave values out.
+    """
+    height, width = images[0].shape
+    stride = max(1, round((height * width / GRID) ** 0.5))
+    grey = np.concatenate([image[stride // 2 :: stride, stride // 2 :: stride].ravel() for image in images])
+    count = np.pad(np.bincount(grey), BESIDE)
+    beside = range(1, BESIDE + 1)
+    own = len(count) - 2 * BESIDE
+    below, above = (np.max([count[BESIDE + sign * k :][:own] for k in beside], axis=0) for sign in (-1, 1))
+    told = np.minimum(below, above) >= FILLED
+    return float(np.mean(count[BESIDE : BESIDE + own][told] == 0)) if np.count_nonzero(told) >= LEAST_VALUES else 0.0
+
+
+def _light(sampled: Sampled, board: bool) -> list[Finding]:
     contrast = sampled.white - sampled.black
     lit = contrast > 0.03 * sampled.full
     if lit.mean() < DARK:
         text = "hardly any light of the projector in the image: lamp, lens, exposure, or frames of another capture"
         return [Finding("light", "bad", text, {"lit": float(lit.mean())})]
-    share = float(np.mean(np.max(sampled.grey[:, lit], axis=0) >= sampled.full))
-    if share > SATURATED:
-        text = (
-            f"{share:.0%} of the lit pixels are saturated: shorten the exposure or close the aperture, and record again"
-        )
-        return [Finding("saturation", "warning", text, {"saturated": share})]
+    full = np.max(sampled.grey, axis=0) >= sampled.full
+    dots = contrast > BRIGHT * float(np.quantile(contrast, 0.97))  # of a black board, small beside what is lit
+    for share, most, what in (
+        (float(np.mean(full[lit])), SATURATED, "lit"),
+        (float(np.mean(full[dots])) if board else 0.0, SATURATED_DOTS, "bright"),
+    ):
+        if share > most:
+            remedy = "shorten the exposure or close the aperture, and record again"
+            text = f"{share:.0%} of the {what} pixels are saturated: {remedy}"
+            return [Finding("saturation", "warning", text, {"saturated": share})]
     return []
 
 

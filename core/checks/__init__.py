@@ -10,6 +10,7 @@ plates.py    ... where the plates stood, seen by camera and projector
 volume.py    how sure a calibration is over the working volume, and how far two differ in it
 planes.py    deviations from planes: form apart from noise, angles, one method against the other
 sequences.py what captures say they show: code and the light's end against projector lines
+greys.py     captures whose grey values are unlike the others'
 sizes.py     dots' diameters as seen and as given
 files.py     the same frames twice
 left_out.py  points and captures that had no part, with the reasons
@@ -17,6 +18,7 @@ left_out.py  points and captures that had no part, with the reasons
 
 from core.checks.concern import Concern, verdict_of
 from core.checks.files import repeated_frames, repeated_targets
+from core.checks.greys import grey_concerns
 from core.checks.left_out import left_out_of
 from core.checks.lengths import bar_notes, length_concerns
 from core.checks.network import adjustment_concerns, nominal_concerns, variance_ratios
@@ -34,6 +36,7 @@ __all__ = [
     "code_concerns",
     "end_notes",
     "form_of",
+    "grey_concerns",
     "left_out_of",
     "length_concerns",
     "light_end",

@@ -23,6 +23,8 @@ class PhaseMap:
     residual of a pixel's frames over its expectation: far above 1 where it sees motion, two surfaces, or light by
     detours. `notes` say in sentences what is wrong with the capture, and the remedy; `dim_notes` are those of them that
     tell of nothing but too little light for the noise, which is no fault of a board between its measured targets.
+    `gaps` is the share of grey values that no frame takes although frames take values just below and above; None where
+    nobody asked.
     """
 
     u: Floats
@@ -38,3 +40,4 @@ class PhaseMap:
     camera: str = "camera"
     projector: str = "projector"
     dim_notes: tuple[str, ...] = ()
+    gaps: float | None = None

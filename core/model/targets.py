@@ -72,8 +72,8 @@ class TargetSet:
     how many lines it changes per px of the camera's u and v, and `cov` is the covariance of all four. Every row of
     the image is shifted along u as a whole, by `row_shift_px` (standard deviation; part of `camera_cov`): targets that
     share rows, `height_px` (n,) high, share that error. `made_from` signs what they were measured from, empty where
-    nobody asked; `notes` are those of the decoded capture, and of picks and turns; `response` (k, 2) is that of its
-    `PhaseMap`.
+    nobody asked; `notes` are those of the decoded capture, and of picks and turns; `response` (k, 2) and `gaps` are
+    those of its `PhaseMap`.
     """
 
     capture: str
@@ -94,6 +94,7 @@ class TargetSet:
     row_shift_px: float = 0.0
     height_px: Array | None = None
     response: Array | None = None
+    gaps: float | None = None
 
     @property
     def row_cov(self) -> Array:

@@ -74,11 +74,11 @@ def decode_images(
     phase = replace(phase, camera=capture.camera, projector=capture.projector)
     if lines is None or not images:
         return phase
-    from core.capture.stored import check_stored
+    from core.capture.stored import check_stored, gaps_among
 
     progress.check()
     told = [finding.text for finding in check_stored(capture, images, phase, lines)]
-    return replace(phase, notes=(*phase.notes, *told))
+    return replace(phase, notes=(*phase.notes, *told), gaps=gaps_among(images))
 
 
 def phase_maps(
@@ -125,4 +125,5 @@ def read_phase(path: Path) -> PhaseMap:
         arrays = {f.name: stored[f.name] for f in fields(PhaseMap) if f.name in stored}
     values: dict[str, Any] = {**arrays, **{name: tuple(arrays.get(name, np.zeros(0)).tolist()) for name in NOTES}}
     values |= {name: str(arrays[name]) for name in ("camera", "projector") if name in arrays}
+    values |= {name: float(arrays[name]) for name in ("gaps",) if name in arrays}
     return PhaseMap(**values)

@@ -30,19 +30,20 @@ def judge_adjustment(adjustment: Adjustment) -> Adjustment:
 
 def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
     """Judge the calibrations of one run, each by itself and against the other, and list what was left out."""
-    from core.checks import code_concerns, repeated_frames, repeated_targets
+    from core.checks import code_concerns, grey_concerns, repeated_frames, repeated_targets
 
     projector = evidence.project.projector
     taking_part = {c.name for chosen in evidence.used.values() for c in chosen}
     looked_at = [c for c in evidence.captures if c.name in taking_part or c.role in ("plane", "object")]
     contents = contents_of(evidence.project.path).learn(frame.place for c in looked_at for frame in c.frames)
     twice = repeated_frames(looked_at, (projector.width, projector.height), contents)
-    twice = twice or repeated_targets([t for t in evidence.sets if t.capture in taking_part])
-    of_captures = [*twice, *code_concerns(evidence.captures, projector)]
+    sets = [t for t in evidence.sets if t.capture in taking_part]
+    twice = twice or repeated_targets(sets)
+    of_captures, greys = [*twice, *code_concerns(evidence.captures, projector)], grey_concerns(sets)
     result: dict[Method, Any] = dict(evidence.calibrations)
     for name, calibration in result.items():
         found = METHODS[name].judge(evidence, name, calibration)
-        verdict = _verdict([*of_captures, *evidence.said(name)], found.concerns, found.sound)
+        verdict = _verdict([*of_captures, *evidence.said(name), *greys], found.concerns, found.sound)
         result[name] = replace(calibration, verdict=verdict, left_out=found.left_out)
     return result
 

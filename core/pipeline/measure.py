@@ -144,7 +144,7 @@ def measured_capture(
         targets, ways = recognise(phase, field, camera, **how)
     dim = phase.dim_notes if len(targets.row) > len(targets.missing) else ()
     said = (note for note in phase.notes if note not in dim)
-    told = replace(targets, notes=(*said, *targets.notes), response=phase.response)
+    told = replace(targets, notes=(*said, *targets.notes), response=phase.response, gaps=phase.gaps)
     return _named(told, capture), ways
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from tests.wrong.kinds import Change, edit, named, on
+from tests.wrong.changes import Change, edit, named, on
 
 FIRST = "captures/testfield-01"
 

@@ -7,308 +7,60 @@ matches its pattern. Captures of every project are testfield-01 to 08, depth-01 
 # ruff: noqa: E501 - tables, a line an entry
 from __future__ import annotations
 
-import csv
-import io
-import json
-import shutil
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import cv2
 import numpy as np
 
-Change = Callable[[Path], None]
-Images = list[np.ndarray]
-
-
-def edit(path: Path, change: Callable[[Any], Any]) -> None:
-    document = json.loads(path.read_text())
-    path.write_text(json.dumps(change(document) or document))
-
-
-def documents(change: Callable[[dict[str, Any]], Any]) -> Change:
-    """Change project.json."""
-    return lambda folder: edit(folder / "project.json", change)
-
-
-def on(*keys: str | int, to: Callable[[Any], Any]) -> Change:
-    """Change one value of project.json."""
-
-    def change(document: Any) -> None:
-        node = document
-        for key in keys[:-1]:
-            node = node[key]
-        node[keys[-1]] = to(node[keys[-1]])
-
-    return documents(change)
-
-
-def named(folder: Path, begin: str) -> list[Path]:
-    return sorted(p for p in (folder / "captures").iterdir() if p.name.startswith(begin))
-
-
-def captures(begin: str, change: Callable[[dict[str, Any]], Any]) -> Change:
-    """Change capture.json of captures whose names begin so."""
-
-    def all_of(folder: Path) -> None:
-        for capture in named(folder, begin):
-            edit(capture / "capture.json", change)
-
-    return all_of
-
-
-def patterns(change: Callable[[dict[str, Any]], Any], begin: str = "") -> Change:
-    """Change the patterns that frames are said to show, in all captures or some."""
-
-    def in_all(document: dict[str, Any]) -> None:
-        for frame in document["frames"]:
-            change(frame["pattern"])
-
-    return captures(begin, in_all)
-
-
-def of(*kinds: str, **changes: Callable[[dict[str, Any]], Any]) -> Callable[[dict[str, Any]], None]:
-    def change(pattern: dict[str, Any]) -> None:
-        if pattern["kind"] in kinds:
-            pattern |= {key: value(pattern) for key, value in changes.items()}
-
-    return change
-
-
-def frames(change: Callable[[Images], Images], begin: str = "") -> Change:
-    """Change the frames of all captures or of some, in the order of capture.json."""
-
-    def write(folder: Path) -> None:
-        for capture in named(folder, begin):
-            names = [f["file"] for f in json.loads((capture / "capture.json").read_text())["frames"]]
-            images = [cv2.imread(str(capture / name), cv2.IMREAD_UNCHANGED) for name in names]
-            for name, old, image in zip(names, images, change(list(images)), strict=True):
-                cv2.imwrite(str(capture / name), image.astype(old.dtype))
-
-    return write
-
-
-def z(change: Callable[[int, float], float]) -> Change:
-    """Change z_mm of the plates, numbered from 1."""
-
-    def write(folder: Path) -> None:
-        for capture in named(folder, "depth-"):
-            edit(capture / "capture.json", lambda d, c=capture: {**d, "z_mm": change(int(c.name[-2:]), d["z_mm"])})
-
-    return write
-
-
-def table(file: str, change: Callable[[list[dict[str, str]]], Any]) -> Change:
-    """Change the rows of a board's file."""
-
-    def write(folder: Path) -> None:
-        lines = (folder / file).read_text().splitlines()
-        comments, rest = [t for t in lines if t.startswith("#")], [t for t in lines if not t.startswith("#")]
-        rows = list(csv.DictReader(rest))
-        rows = change(rows) or rows
-        out = io.StringIO()
-        writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        (folder / file).write_text("\n".join([*comments, out.getvalue()]))
-
-    return write
-
-
-def times(file: str, **factors: float) -> Change:
-    def change(rows: list[dict[str, str]]) -> None:
-        for row in rows:
-            row |= {key: f"{float(row[key]) * factor:.6f}" for key, factor in factors.items()}
-
-    return table(file, change)
-
-
-def all_times(file: str, factor: float) -> Change:
-    return times(file, x_mm=factor, y_mm=factor, z_mm=factor, diameter_mm=factor)
-
-
-def exchanged(file: str, a: str, b: str) -> Change:
-    return table(file, lambda rows: [{**row, a: row[b], b: row[a]} for row in rows])
-
-
-def picks(begin: str, change: Callable[[list[dict[str, Any]]], list[dict[str, Any]]]) -> Change:
-    def write(folder: Path) -> None:
-        for capture in named(folder, begin):
-            edit(capture / "picks.json", lambda d: {**d, "seeds": change(d["seeds"])})
-
-    return write
-
-
-def both(*changes: Change) -> Change:
-    def write(folder: Path) -> None:
-        for change in changes:
-            change(folder)
-
-    return write
-
-
-def copied(a: str, b: str, *, file: Callable[[str], bool] = lambda name: True, again: bool = False) -> Change:
-    """Put the frames of one capture into another; written again, the bytes are others."""
-
-    def write(folder: Path) -> None:
-        for path in sorted((folder / "captures" / a).iterdir()):
-            if path.suffix != ".json" and file(path.stem):
-                to = folder / "captures" / b / path.name
-                shutil.copy(path, to)
-                if again:
-                    cv2.imwrite(str(to), cv2.imread(str(path), cv2.IMREAD_UNCHANGED), [cv2.IMWRITE_PNG_COMPRESSION, 9])
-
-    return write
-
-
-def twice(folder: Path) -> None:
-    """A capture under two names."""
-    shutil.copytree(folder / "captures/testfield-02", folder / "captures/testfield-09x")
-    edit(folder / "project.json", lambda d: d["captures"].append("captures/testfield-09x"))
-
-
-def two_patterns(folder: Path) -> None:
-    def change(document: dict[str, Any]) -> None:
-        document["frames"][2]["file"] = document["frames"][5]["file"]
-
-    edit(folder / "captures/testfield-03/capture.json", change)
-
-
-def listed(change: Callable[[list[Any]], list[Any]], begin: str = "") -> Change:
-    """Change the order of files in capture.json, not of patterns."""
-
-    def one(document: dict[str, Any]) -> None:
-        names = change([f["file"] for f in document["frames"]])
-        for frame, name in zip(document["frames"], names, strict=True):
-            frame["file"] = name
-
-    return captures(begin, one)
-
-
-def swapped(i: int, k: int) -> Callable[[list[Any]], list[Any]]:
-    def change(items: list[Any]) -> list[Any]:
-        items[i], items[k] = items[k], items[i]
-        return items
-
-    return change
-
-
-def polarity(folder: Path) -> None:
-    """White dots called black, or the other way round."""
-    path = folder / "testfield.csv"
-    white, black = "white-on-black", "black-on-white"
-    text = path.read_text()
-    path.write_text(text.replace(white, black) if white in text else text.replace(black, white))
-
-
-def exchange_picks(folder: Path) -> None:
-    a, b = (folder / "captures" / name / "picks.json" for name in ("testfield-01", "testfield-02"))
-    first, second = a.read_bytes(), b.read_bytes()
-    a.write_bytes(second)
-    b.write_bytes(first)
-
-
-def full(image: np.ndarray) -> int:
-    return 255 if image.dtype == np.uint8 else 4095
-
-
-def brighter(images: Images) -> Images:
-    return [np.clip(i.astype(float) * 3, 0, full(i)) for i in images]
-
-
-def darker(images: Images) -> Images:
-    return [i // (50 * (full(i) + 1) // 256) for i in images]
-
-
-def moved(px: float) -> Callable[[Images], Images]:
-    return lambda images: [shift(i, px) for i in images]
-
-
-def shift(image: np.ndarray, px: float) -> np.ndarray:
-    M = np.array([[1, 0, px], [0, 1, -px / 2]])
-    return cv2.warpAffine(image, M, image.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
-
-
-def half_moved(images: Images) -> Images:
-    return [shift(i, 3.0) if k >= len(images) // 2 else i for k, i in enumerate(images)]
-
-
-def lens_changed(images: Images) -> Images:
-    """As with another focus: 1 % larger."""
-    h, w = images[0].shape
-    return [cv2.warpAffine(i, cv2.getRotationMatrix2D((w / 2, h / 2), 0, 1.01), (w, h)) for i in images]
-
-
-def turned_a_little(images: Images) -> Images:
-    h, w = images[0].shape
-    return [cv2.warpAffine(i, cv2.getRotationMatrix2D((w / 2, h / 2), 0.6, 1.0), (w, h)) for i in images]
-
-
-def lamp(images: Images) -> Images:
-    return [i * (1.0 if k < len(images) // 2 else 0.6) for k, i in enumerate(images)]
-
-
-def one_frame(k: int, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Images], Images]:
-    return lambda images: [change(i) if n == k else i for n, i in enumerate(images)]
-
-
-def binned(images: Images) -> Images:
-    """Binned by two and enlarged again."""
-    h, w = images[0].shape
-    return [cv2.resize(i[: h // 2 * 2 : 2, : w // 2 * 2 : 2], (w, h), interpolation=cv2.INTER_NEAREST) for i in images]
-
-
-def wrapped(images: Images) -> Images:
-    """One bit shifted out at the top."""
-    return [(i.astype(int) * 2) % (full(i) + 1) for i in images]
-
-
-def fields_exchanged(images: Images) -> Images:
-    """Even rows of the video image in the place of odd ones."""
-    return [i[np.minimum(np.arange(len(i)) ^ 1, len(i) - 1)] for i in images]
-
-
-def other_size(folder: Path) -> None:
-    path = (
-        named(folder, "testfield-04")[0]
-        / json.loads((named(folder, "testfield-04")[0] / "capture.json").read_text())["frames"][2]["file"]
-    )
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    cv2.imwrite(str(path), image[:-2, :-4])
-
-
-def cut(folder: Path) -> None:
-    path = next(p for p in sorted(named(folder, "testfield-04")[0].iterdir()) if p.suffix != ".json")
-    path.write_bytes(path.read_bytes()[:3000])
-
-
-def gone(folder: Path) -> None:
-    next(p for p in sorted(named(folder, "testfield-04")[0].iterdir()) if p.suffix != ".json").unlink()
-
-
-def interior(name: str, factor: float) -> Change:
-    def change(document: dict[str, Any]) -> None:
-        c = document[name]["nominal_c_mm"] * factor
-        document["version"] = 2
-        document[name]["interior"] = {"model": "A1..A6", "c_mm": c, "x0_mm": 0, "y0_mm": 0, "hold": True}
-
-    return documents(change)
-
-
-def further_length(document: dict[str, Any]) -> None:
-    bar = document["scale"]
-    document |= {"version": 2, "lengths": [{**bar, "length_mm": bar["length_mm"] * 1.02}]}
-
-
-def without_picks(folder: Path) -> None:
-    for path in folder.glob("captures/*/picks.json"):
-        path.unlink()
-
-
-def other_role(name: str, role: str, **more: Any) -> Change:
-    return captures(name, lambda d: d.update({"role": role, **more}))
-
+from tests.wrong.changes import (
+    Change,
+    all_times,
+    angles_exchanged,
+    binned,
+    both,
+    brighter,
+    captures,
+    copied,
+    cropped,
+    cut,
+    darker,
+    documents,
+    exchange_picks,
+    exchanged,
+    fields_exchanged,
+    frames,
+    full,
+    further_length,
+    gone,
+    half_moved,
+    interior,
+    jpeg,
+    lamp,
+    lens_changed,
+    listed,
+    moved,
+    neighbours_averaged,
+    of,
+    on,
+    one_channel,
+    one_frame,
+    other_role,
+    other_size,
+    patterns,
+    picks,
+    polarity,
+    quarter,
+    resized,
+    rewritten,
+    stretched,
+    swapped,
+    table,
+    times,
+    turned_a_little,
+    twice,
+    two_patterns,
+    without_picks,
+    wrapped,
+    z,
+)
 
 CODE = ("gray", "binary")
 OTHER = {"x": "y", "y": "x"}
@@ -459,4 +211,75 @@ KINDS: dict[str, tuple[Change, str]] = {
     "a board's capture called a plate": (other_role("testfield-02", "depth", z_mm=13.0), "testfield-02"),
     "a plate's capture called a board": (other_role("depth-02", "testfield"), "plate.csv|board|depth-02"),
     "a board's capture called a plane": (other_role("testfield-02", "plane", angle_deg=7), "testfield-02.*(angle|flat|clean)"),
+    # added: picks
+    "picks at half resolution": (picks("testfield-02", lambda s: [{**a, "u": a["u"] / 2, "v": a["v"] / 2} for a in s]), "testfield-02.*pick"),
+    "picks counted from below": (picks("testfield-02", lambda s: [{**a, "v": 239 - a["v"]} for a in s]), "testfield-02.*pick"),
+    "rows and columns of picks exchanged": (picks("testfield-02", lambda s: [{**a, "row": a["col"], "col": a["row"]} for a in s]), "testfield-02.*(pick|row)"),
+    "picks counted from 1": (picks("testfield-02", lambda s: [{**a, "row": a["row"] + 1, "col": a["col"] + 1} for a in s]), "testfield-02"),
+    "all picks counted from 1": (picks("", lambda s: [{**a, "row": a["row"] + 1, "col": a["col"] + 1} for a in s]), "pick|row"),
+    "one pick on its neighbour": (picks("testfield-02", lambda s: [{**s[0], "u": s[1]["u"], "v": s[1]["v"]}, *s[1:]]), "testfield-02.*pick"),
+    # boards
+    "one target of the board 2 mm off": (table("testfield.csv", lambda rows: [{**r, "x_mm": float(r["x_mm"]) + 2.0 * (r["row"] == "3" and r["col"] == "4")} for r in rows]), "row 3, col 4"),
+    "one target of the plate 2 mm off": (table("plate.csv", lambda rows: [{**r, "x_mm": float(r["x_mm"]) + 2.0 * (r["row"] == "2" and r["col"] == "3")} for r in rows]), "row 2, col 3|plate"),
+    "rows and columns of the plate exchanged": (exchanged("plate.csv", "row", "col"), "plate|mirror|pick"),
+    "x and y of the board exchanged": (exchanged("testfield.csv", "x_mm", "y_mm"), "testfield|mirror|pick|side"),
+    "y of the board downwards": (times("testfield.csv", y_mm=-1.0), "mirror|side|back"),
+    "a column of the board missing": (table("testfield.csv", lambda rows: [r for r in rows if r["col"] != "4"]), "testfield"),
+    "diameters of the plate x0.5": (times("plate.csv", diameter_mm=0.5), "diameter_mm"),
+    # lengths
+    "scale bar between targets one row beside": (on("scale", "from", to=lambda v: [v[0] - 1, v[1]]), BAR),
+    "scale bar's ends on one side": (on("scale", "to", to=lambda v: [v[0], 0]), BAR),
+    "plates' order reversed": (z(lambda k, v: -v), Z),
+    "plates 5 mm farther each": (z(lambda k, v: v + 5 * (k - 3)), Z),
+    "plates numbered, no depths": (z(lambda k, v: float(k)), Z),
+    "angles of two planes exchanged": (angles_exchanged, "angle_deg"),
+    "angle of one plane in rad": (captures("plane+15", lambda d: d.update(angle_deg=round(np.deg2rad(d["angle_deg"]), 3))), "angle_deg"),
+    # devices
+    "width and height of the projector exchanged": (documents(lambda d: d["projector"].update(width=d["projector"]["height"], height=d["projector"]["width"])), "projector|width|height"),
+    "projector's height +11 %": (on("projector", "height", to=lambda v: round(v * 800 / 720)), "projector.*height|by project.json the projector has"),
+    "projector's height -10 %": (on("projector", "height", to=lambda v: round(v * 0.9)), "projector.*height"),
+    "camera's pitch in um": (on("camera", "pitch_mm", to=lambda v: [1000 * x for x in v]), "camera.*pitch_mm"),
+    "projector's pitch in um": (on("projector", "pitch_mm", to=lambda v: [1000 * x for x in v]), "projector.*pitch_mm"),
+    "a capture listed twice": (documents(lambda d: d["captures"].append(d["captures"][1])), "twice|two entries|listed"),
+    # patterns
+    "shift left out": (patterns(of("phase", shift_rad=lambda p: 0.0)), "shift_rad"),
+    "shift left out in one capture": (patterns(of("phase", shift_rad=lambda p: 0.0), "testfield-03"), "testfield-03.*shift_rad"),
+    "two phase steps exchanged": (listed(swapped(-4, -5)), "exchanged|shift_rad"),
+    "phase steps counted from 1": (patterns(of("phase", step=lambda p: p["step"] + 1)), "step"),
+    "one phase step left out": (captures("", lambda d: d["frames"].pop(-4)), "step|phase"),
+    "cell + 1": (patterns(of(*CODE, cell=lambda p: p["cell"] + 1)), "cell"),
+    "bits + 1": (patterns(of(*CODE, bits=lambda p: p["bits"] + 1)), "bits|room for"),
+    "bit counted from 1": (patterns(of(*CODE, bit=lambda p: min(p["bit"] + 1, p["bits"] - 1))), "bit"),
+    "period of x and of y exchanged": (patterns(of("phase", axis=lambda p: OTHER[p["axis"]])), "axis|axes|exchanged|period|shift"),
+    "steps of x and y exchanged in one": (patterns(of("phase", axis=lambda p: OTHER[p["axis"]]), "testfield-03"), "testfield-03.*(axis|axes|exchanged|shift|frames)"),
+    "white and black left out": (captures("", lambda d: d.update(frames=d["frames"][:-2])), "white|harmless"),
+    # frames
+    "frames of one capture 2 % larger": (frames(resized(1.02, 1.02), "testfield-03"), "testfield-03"),
+    "frames of one capture 2 % wider": (frames(resized(1.0, 1.02), "testfield-03"), "testfield-03"),
+    "frames 5 % wider": (frames(resized(1.0, 1.05)), "pitch|pixels|width"),
+    "frames of one plate cropped": (frames(cropped, "depth-02"), "depth-02"),
+    "frames of one board cropped": (frames(cropped, "testfield-03"), "testfield-03"),
+    "frames of the planes cropped": (frames(cropped, "plane"), "plane.*(moved|does not hold)"),
+    "frames turned by 90° in one capture": (frames(quarter, "testfield-03"), "testfield-03"),
+    "frames turned by 90°": (frames(quarter), "pick|turned|mirror|principal"),
+    "frames turned by 180°": (frames(lambda f: [i[::-1, ::-1] for i in f]), "pick|turned"),
+    "frames of a plane turned by 180°": (frames(lambda f: [i[::-1, ::-1] for i in f], "plane+15"), r"plane\+15.*(turned|moved)"),
+    "frames of a plate turned by 180°": (frames(lambda f: [i[::-1, ::-1] for i in f], "depth-02"), "depth-02"),
+    "8-bit values in 16-bit files, one capture": (rewritten(lambda i: i.astype(np.uint16), "testfield-03"), "testfield-03|harmless"),
+    "8-bit values in 16-bit files": (rewritten(lambda i: i.astype(np.uint16)), "harmless"),
+    "values x257 in 16-bit files": (rewritten(lambda i: i.astype(np.uint16) * np.uint16(257 if i.dtype == np.uint8 else 16)), "harmless"),
+    "16-bit cut to 8": (rewritten(lambda i: i.astype(np.uint8)), "harmless"),
+    "one colour channel in one capture": (rewritten(one_channel, "testfield-03"), "testfield-03"),
+    "JPEG 90 in one capture": (frames(jpeg(90), "testfield-03"), "testfield-03|harmless"),
+    "JPEG 50 in one capture": (frames(jpeg(50), "testfield-03"), "testfield-03"),
+    "JPEG 50 in all": (frames(jpeg(50)), "JPEG"),
+    "JPEG 20 in all": (frames(jpeg(20)), "JPEG"),
+    "denoised by a Gaussian of 1.5 px, all": (frames(lambda f: [cv2.GaussianBlur(i, (0, 0), 1.5) for i in f]), "smooth|harmless"),
+    "denoised by a median of 5 px, all": (frames(lambda f: [cv2.medianBlur(i, 5) for i in f]), "smooth"),
+    "each frame stretched to full range": (frames(stretched), "stretched|light|level"),
+    "each frame stretched in one capture": (frames(stretched, "testfield-03"), "testfield-03"),
+    "exposed over two patterns": (frames(neighbours_averaged), "frame|light|pattern"),
+    "exposed over two patterns in one": (frames(neighbours_averaged, "testfield-03"), "testfield-03"),
+    "a plane's frames of another plane": (copied("plane+00", "plane+15", again=True), "angle|same"),
+    "a plate's frames of another plate": (copied("depth-02", "depth-04", again=True), "depth-0[24]"),
 }  # fmt: skip

@@ -1,0 +1,68 @@
+"""Grey values that a capture leaves out, against those of the others of its camera."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from core.capture.stored import gaps_among
+from core.checks import grey_concerns
+from core.model import TargetSet
+
+Images = list[np.ndarray]
+
+
+def taken(bits: int, noise: float, seed: int = 0) -> Images:
+    """A dark board with brighter spots, as a camera digitises it: noise of a few grey values, or hardly any."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.linspace(0, 9, 160), np.linspace(0, 7, 120))
+    scene = 8 + 110 * np.clip(2 * np.sin(2 * x) * np.sin(2 * y) - 0.4, 0, 1) ** 1.5
+    top = 2**bits - 1
+    grey = [np.round(top / 255 * (k * scene + rng.normal(0, noise, scene.shape))) for k in np.linspace(0.4, 1.6, 20)]
+    return [np.clip(g, 0, top).astype(np.uint8 if bits == 8 else np.uint16) for g in grey]
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 16])
+@pytest.mark.parametrize("noise", [0.0, 0.3, 2.0])
+def test_a_camera_leaves_no_grey_value_out(bits: int, noise: float) -> None:
+    assert gaps_among(taken(bits, noise)) < 0.01
+
+
+SPOILT: dict[str, tuple[Callable[[np.ndarray], np.ndarray], float]] = {  # and the share that arithmetic leaves out
+    "twice as bright": (lambda i: np.minimum(2 * i.astype(int), 255), 1 / 2),
+    "brighter by a quarter": (lambda i: np.minimum(np.round(1.25 * i), 255), 1 / 5),
+    "two bits fewer": (lambda i: i // 4 * 4, 3 / 4),
+    "the same": (lambda i: i, 0.0),
+    "half as bright": (lambda i: i // 2, 0.0),
+}
+
+
+@pytest.mark.parametrize("kind", list(SPOILT))
+def test_what_was_stretched_after_the_camera_leaves_values_out(kind: str) -> None:
+    change, share = SPOILT[kind]
+    assert gaps_among([change(i).astype(np.uint8) for i in taken(8, 2.0)]) == pytest.approx(share, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("gaps", "told"),
+    [
+        ([0.0, 0.33, 0.0, 0.001, 0.0], ["b"]),
+        ([0.0, 0.33, 0.0], []),  # three do not say what is usual
+        ([0.0, 0.33, 0.33, 0.0, 0.0], []),  # two of five: taken by another setting
+        ([0.4, 0.5, 0.4, 0.4, 0.4], []),  # the camera's own table
+        ([0.0, 0.05, 0.0, None, 0.0, 0.0], []),
+    ],
+)
+def test_one_capture_unlike_the_others_is_named(gaps: list[float | None], told: list[str]) -> None:
+    none = np.zeros((0, 2))
+    empty = np.zeros(0, np.int64)
+    sets = [
+        TargetSet(name, empty, empty, none, np.zeros((0, 2, 2)), none, none, none, np.zeros(0), gaps=share)
+        for name, share in zip("abcdef", gaps, strict=False)
+    ]
+    concerns = grey_concerns(sets)
+    assert [c.text[0] for c in concerns] == told
+    assert all(re.search("leave out 33% of the grey values, those of the other captures 0%", c.text) for c in concerns)
