@@ -30,6 +30,8 @@ OF_TILE = 12  # pixels of a tile that tell its blur
 USUAL = 2.0  # pixels' worth of the whole image's blur in that of a tile, for every pixel of it
 BEST_TILES = 64  # that tell the whole image's blur
 MEDIAN = 0.97  # of the mean of some twenty squares of normal deviates
+FAR = 9.0  # times the variance: no squared difference counts more, and where the surface is rougher, none
+NOISE_OF_BEND = 6.0  # variance of second differences by that of their values
 GROUP = 8  # frames: a row of the tables is a multiple of them
 
 
@@ -115,6 +117,7 @@ def refine(
         return misfit
     chosen, blur = _find_blur(models, source, light, planes, pixels)
     x, y = models(*chosen)
+    before = planes.place.copy(), planes.sigma.copy()
     out = (planes.place, planes.sigma, misfit)
     for top in progress.over(range(0, planes.rows, 512), "refining from row {}"):
 
@@ -123,12 +126,52 @@ def refine(
             refine_pixels(top + first, top + last, planes.columns, *source, x, y, light, blur, grey, out)
 
         run_in_bands(band, min(512, planes.rows - top))
+    _hold_against(planes, *before)
     known = misfit[np.isfinite(misfit)]
     beyond = float(np.median(known)) / MEDIAN if len(known) else 1.0
-    if beyond > 1:  # what the model does not hold counts for sigma
-        np.multiply(planes.sigma, np.float32(np.sqrt(beyond)), out=planes.sigma, where=np.isfinite(misfit))
+    if beyond > 1:
         misfit /= np.float32(beyond)
     return misfit
+
+
+def _hold_against(planes: Planes, place: Singles, sigma: Singles) -> None:
+    """Hold the estimate, in place, against what was decoded before, and undo it where it is no better.
+
+    Where all frames are as their patterns say, it differs from what was decoded by the noise it has taken away, and is
+    smoother by as much. What a tile's differences are more than that is its own error. By so much less its variance is
+    below the former one (Hausman 1978 compares estimates so).
+    """
+    shape = planes.rows, planes.columns
+    for new, new_sigma, old, old_sigma in zip(planes.place, planes.sigma, place, sigma, strict=True):
+        left, middle, right = ([a.reshape(shape)[1::2, k : k - 2 or None : 2] for a in (old, new)] for k in range(3))
+        bends = [a + c - 2 * b for a, b, c in zip(left, middle, right, strict=True)]
+        before, after = (np.square(a.reshape(shape)[1::2, 1:-1:2]) for a in (old_sigma, new_sigma))
+        moved = np.square(middle[0] - middle[1])
+        told = (moved > 0) & (np.square(bends[0] + bends[1]) < 4 * NOISE_OF_BEND * FAR * before)
+        weight = np.where(told, 1 / np.square(before), 0)
+        smoother = (np.square(bends[0]) - np.square(bends[1])) / NOISE_OF_BEND
+        gained, expected = (
+            _around(np.where(told, weight * a, 0), shape)
+            for a in (2 * smoother - np.minimum(moved, FAR * before), before - after)
+        )
+        part = np.clip(gained / np.maximum(expected, np.float32(1e-20)), 0, 1)
+        for number, tiles in enumerate(np.repeat(part, TILE, axis=1)[:, : planes.columns]):
+            rows = slice(number * TILE * planes.columns, (number + 1) * TILE * planes.columns)
+            was = np.square(old_sigma[rows]).reshape(-1, planes.columns)
+            less = was - np.square(new_sigma[rows]).reshape(-1, planes.columns)
+            new_sigma[rows] = np.sqrt(was - tiles * less).ravel()
+        worse = ~(new_sigma < old_sigma)
+        new[worse], new_sigma[worse] = old[worse], old_sigma[worse]
+
+
+def _around(values: Singles, shape: tuple[int, int]) -> Singles:
+    """Sums over three by three tiles of values of every second row and column."""
+    down, across = (-(-size // TILE) + 2 for size in shape)
+    half = TILE // 2
+    padded = np.zeros((half * down, half * across), np.float32)
+    padded[half : half + values.shape[0], half : half + values.shape[1]] = values
+    tiles = padded.reshape(down, half, across, half).sum(axis=(1, 3))
+    return np.asarray(sum(tiles[i : i + down - 2, j : j + across - 2] for i in range(3) for j in range(3)))
 
 
 def _shown(axis: AxisFrames | None, patterns: Sequence[Pattern]) -> tuple[tuple[int, ...], tuple[Pattern, ...]]:

@@ -137,15 +137,32 @@ def test_a_project_may_ask_for_it(quick, edit_json) -> None:
     assert np.nanmedian(refined.sigma_u) < 0.92 * np.nanmedian(plain.sigma_u)
 
 
-def test_a_flickering_lamp_does_not_undo_the_refinement(bench, judge) -> None:
-    """Bits keep their own light: a third of what they add stays, where all of it was lost and more."""
-    patterns = gray_and_phase("x", 640, cell=8, periods=[16.0])
+@pytest.mark.parametrize("fault", ["flicker", "room", "scattered"])
+@pytest.mark.parametrize("fringes", ["square", "sine"])
+def test_light_that_contradicts_the_patterns_does_no_harm(bench, judge, fringes: str, fault: str) -> None:
+    """A lamp that flickers, a room that grows bright, light that comes back from where the pattern is another."""
+    patterns = (
+        reference_sequence(axes=["x"]) if fringes == "square" else gray_and_phase("x", 640, cell=8, periods=[16.0])
+    )
     b, (y, x) = bench(), np.mgrid[:200, :320]
     b = replace(b, u=30 + 1.7 * x + 0.3 * y, v=None, gain=110.0)
-    flicker = 1 + 0.05 * np.sin(2.1 * np.arange(len(patterns)) + 0.3)
-    images = [np.uint8(np.rint(i * g)) for i, g in zip(b.take(patterns), flicker, strict=True)]
+    seen = b.take(patterns)
+    part = np.linspace(0, 1, len(patterns))
+    scattered = replace(b, u=600 - b.u, blur=6.0)
+    images = []
+    for n, (image, pattern) in enumerate(zip(seen, patterns, strict=True)):
+        light = image.astype(float)
+        if fault == "flicker":
+            light *= 1 + 0.05 * np.sin(2.1 * n + 0.3)
+        elif fault == "room":
+            light += 3 * b.ambient * part[n]
+        else:
+            light += 0.2 * b.gain * scattered.light(pattern)
+        images.append(np.uint8(np.rint(light)))
     plain, refined = (
         judge(decode(patterns, images, lines=(640, 640), options=DecodeOptions(estimate=e)), b.u, 2)
         for e in (False, True)
     )
-    assert refined.rms < 1.15 * plain.rms
+
+    assert refined.rms < 1.02 * plain.rms  # the sampling of 64,000 pixels' noise is 0.3 %
+    assert 0.9 < refined.sigma_ratio / plain.sigma_ratio < 1.1
