@@ -1,8 +1,12 @@
-"""What pyproject.toml cannot say: the data folder's installed name, a description that stands alone, equal builds."""
+"""What pyproject.toml cannot say: the data folder's installed name, a description that stands alone, equal builds.
+
+With STRIPE_KERNELS, a folder made by `packaging/kernels.py`, a wheel holds these kernels and is of this platform.
+"""
 
 import gzip
 import os
 import re
+import shutil
 import tarfile
 from pathlib import Path
 
@@ -19,9 +23,18 @@ os.umask(0o022)  # whoever builds
 class EqualWheel(bdist_wheel):
     """The files of a wheel have the same rights, whoever has checked them out."""
 
+    kernels = os.environ.get("STRIPE_KERNELS")
+
+    def finalize_options(self):
+        """Say that compiled kernels are of one Python and processor."""
+        super().finalize_options()
+        self.root_is_pure = not self.kernels
+
     def egg2dist(self, egginfo_path, distinfo_path):
         """Write the metadata, when all else is there."""
         super().egg2dist(egginfo_path, distinfo_path)
+        if self.kernels:
+            shutil.copytree(self.kernels, Path(self.bdist_dir) / "core/kernels")
         for path in Path(self.bdist_dir).rglob("*"):
             path.chmod(0o755 if path.is_dir() else 0o644)
 

@@ -6,6 +6,9 @@ of all it is made from: its own code, that of every function it calls, their con
 version, the kinds of its arguments and the processor. An edit elsewhere, a comment or another checkout compiles
 nothing anew. Only kernels of this package are kept so: nothing of numba's own settings is touched.
 
+A bundle or a wheel may bring kernels along, compiled for a level of processors that nearly all reach
+(`packaging/kernels.py`). They bear the same names: what does not fit versions or sources is not found, and compiled.
+
 `njit` compiles what Python calls. What only kernels call is marked `inner`: without wrappers through which Python could
 call it, and in one version for constants and variables alike, it costs a third less to compile.
 
@@ -40,6 +43,8 @@ from core.progress import announce
 __all__ = ["inner", "njit"]
 
 _KEPT_DAYS, _KEPT_BYTES = 60, 256_000_000
+_BROUGHT = Path(__file__).parent / "kernels"
+_LEVEL, _LEVEL_HAS = "x86-64-v3", {"+avx2", "+bmi", "+bmi2", "+f16c", "+fma", "+lzcnt", "+movbe"}
 _FOREIGN = {"numba", "numpy", "llvmlite", "math", "builtins"}  # signed by numba's version
 
 
@@ -79,22 +84,29 @@ class _KernelCache:
 
     def flush(self) -> None: ...
 
-    def _entry(self, signature: Any, codegen: Any) -> Path | None:
-        folder = kernel_folder()
-        if folder is None:
-            return None
-        made_for = repr((list(_described(signature)), codegen.magic_tuple()))
+    def _name(self, signature: Any, processor: tuple[str, ...]) -> str:
+        made_for = repr((list(_described(signature)), processor))
         name = hashlib.sha256(f"{self._made_from} {made_for}".encode()).hexdigest()[:24]
-        return folder / f"{self._kernel.py_func.__module__}.{self._kernel.py_func.__name__}-{name}.kernel"
+        return f"{self._kernel.py_func.__module__}.{self._kernel.py_func.__name__}-{name}.kernel"
+
+    def _kept(self, signature: Any, processor: tuple[str, str, str]) -> bytes:
+        """Read what this user's processor compiled, else what was brought along."""
+        system, _, features = processor
+        if (folder := kernel_folder()) is not None:
+            own = folder / self._name(signature, processor)
+            if own.exists():
+                if time.time() - own.stat().st_mtime > 86400:
+                    os.utime(own)  # what is in use stays
+                return own.read_bytes()
+        if not set(features.split(",")) >= _LEVEL_HAS:
+            raise FileNotFoundError
+        return (_BROUGHT / self._name(signature, (system, _LEVEL, ""))).read_bytes()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
-            if (entry := self._entry(sig, target_context.codegen())) is not None:
-                _offer_runtime()
-                found = _loaded(target_context, *_Entry(BytesIO(entry.read_bytes())).load())
-                if time.time() - entry.stat().st_mtime > 86400:
-                    os.utime(entry)  # what is in use stays
-                return found
+            kept = self._kept(sig, target_context.codegen().magic_tuple())
+            _offer_runtime()
+            return _loaded(target_context, *_Entry(BytesIO(kept)).load())
         except Exception:  # absent, cut off, or written by something else: compiled anew
             target_context.refresh()
         announce("compiling for this processor, once")
@@ -104,11 +116,11 @@ class _KernelCache:
         try:
             from numba.core.serialize import dumps
 
-            entry = self._entry(sig, data.codegen)
-            if entry is None or data.library.has_dynamic_globals or any(not part.can_cache for part in data.lifted):
+            folder, library = kernel_folder(), data.library
+            if folder is None or library.has_dynamic_globals or any(not part.can_cache for part in data.lifted):
                 return
-            _sweep(entry.parent)
-            with atomic_write(entry, durable=False) as file:
+            _sweep(folder)
+            with atomic_write(folder / self._name(sig, data.codegen.magic_tuple()), durable=False) as file:
                 file.write(dumps(data._reduce()))
         except Exception:  # a full disk, or another numba, takes nothing from the result
             pass
@@ -164,7 +176,7 @@ def _offer_runtime() -> None:
 def content(kernel: Any) -> str:
     """Sign all that a kernel is made from."""
     seen: dict[int, Any] = {}
-    parts = [numba.__version__, np.__version__, sys.version.split()[0], *_parts(kernel, seen)]
+    parts = [numba.__version__, *np.__version__.split(".")[:2], str(sys.version_info[:2]), *_parts(kernel, seen)]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 

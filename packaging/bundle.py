@@ -1,8 +1,8 @@
 """Build the bundle: `.bundle-venv/bin/python packaging/bundle.py [--quick]` (`make bundle`).
 
 One folder, dist/stripe-workbench, runs on a machine without Python: `stripe-gui`, `stripe-core`, what they need and its
-licences, a desktop entry with icons and AppStream data below share, and a script that installs them. `stripe.spec` says
-what goes in, out of the environment this runs in. At the end the bundle is tried.
+licences, kernels compiled ahead, a desktop entry with icons and AppStream data below share, and a script that installs
+them. `stripe.spec` says what goes in, out of the environment this runs in. At the end the bundle is tried.
 """
 
 from __future__ import annotations
@@ -62,6 +62,8 @@ def complete(folder: Path) -> None:
     (folder / "stripe-gui").hardlink_to(folder / "stripe-core")
     # the core's sources lie in the bundle: compiled beside them, whatever the clock says after copying
     compileall.compile_dir(folder / "_internal/core", quiet=1, invalidation_mode=PycInvalidationMode.UNCHECKED_HASH)
+    compile_kernels = [sys.executable, str(PACKAGING / "kernels.py"), str(folder / "_internal/core/kernels")]
+    subprocess.run([*compile_kernels, str(folder / "stripe-core")], check=True)
     share = folder / "share"
     place(PACKAGING / f"desktop/{ID}.desktop", share / "applications")
     place(PACKAGING / f"desktop/{ID}.metainfo.xml", share / "metainfo")

@@ -143,15 +143,17 @@ def check_experiment(bundle: Bundle) -> str:
 
 
 def check_kernels(bundle: Bundle) -> str:
-    """Kernels are compiled once, into the user's cache."""
+    """The stages load the bundle's kernels; a processor below their level compiles its own, once."""
     before = bundle.kernels()
-    expect(bool(before), "no compiled kernels in the user's cache")
+    level = {"avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe"} <= set(Path("/proc/cpuinfo").read_text().split())
+    expect(level != bool(before), f"{len(before)} kernels were compiled though the bundle brings them: {list(before)}")
     started = time.monotonic()
     capture = bundle.work / "project/captures/plane+00"
     bundle.run("stripe-core", "decode", capture, "--out", bundle.work / "phase.npz")
     seconds = time.monotonic() - started
     expect(bundle.kernels() == before, "kernels were compiled again at the next start")
-    return f"{len(before)} files of kernels in the user's cache serve the next start (decode {seconds:.1f} s)"
+    brought = len(list((bundle.folder / "_internal/core/kernels").iterdir()))
+    return f"{brought} kernels came with the bundle, {len(before)} were compiled (decode {seconds:.1f} s)"
 
 
 def check_reference(bundle: Bundle) -> str:

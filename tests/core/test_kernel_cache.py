@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from llvmlite.binding import get_host_cpu_features
 from numba.core import serialize
 from numba.core.compiler import CompileResult
 from numba.core.runtime import nrt
@@ -118,6 +119,34 @@ def test_a_kept_kernel_runs_without_the_modules_it_was_compiled_from(tmp_path: P
     where = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)}
     told = [subprocess.run([sys.executable, program], check=True, env=where, capture_output=True) for _ in range(2)]
     assert [done.stdout.split() for done in told] == [[b"3.0", b"True"], [b"3.0", b"False"]]
+
+
+def test_kernels_brought_along_are_loaded_where_they_fit(tmp_path: Path) -> None:
+    program = tmp_path / "brings.py"
+    program.write_text(
+        "import sys, pathlib, numpy\n"
+        "from core import compiling\n"
+        "compiling._BROUGHT = pathlib.Path(sys.argv[1])\n"
+        "compiling._LEVEL_HAS = set(sys.argv[2:])\n"
+        "@compiling.njit(cache=True)\n"
+        "def halves(values): return (values / 2).sum()\n"
+        "print(halves(numpy.ones(3)), sum(halves.stats.cache_hits.values()))\n"
+    )
+
+    def told(cache: Path, *arguments: object, **more: str) -> list[str]:
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(cache), **more}
+        command = [sys.executable, str(program), *map(str, arguments)]
+        return subprocess.run(command, check=True, env=environment, capture_output=True, text=True).stdout.split()
+
+    brought = tmp_path / "ahead/stripe-workbench/kernels"
+    level = {"NUMBA_CPU_NAME": compiling._LEVEL, "NUMBA_CPU_FEATURES": ""}
+    assert told(tmp_path / "ahead", tmp_path, **level) == ["1.5", "0"]
+    assert told(tmp_path / "one", brought, "+lacks") == ["1.5", "0"]
+    features = {f"+{name}" for name, has in get_host_cpu_features().items() if has}
+    if features >= compiling._LEVEL_HAS:
+        assert told(tmp_path / "two", brought, *compiling._LEVEL_HAS) == ["1.5", "1"]
+        assert not list(tmp_path.glob("two/stripe-workbench/kernels/*"))
+    assert told(tmp_path / "one", brought, "+lacks") == ["1.5", "1"]
 
 
 def test_a_broken_entry_is_compiled_anew(run: Callable[..., tuple[float, bool]], tmp_path: Path) -> None:
