@@ -23,6 +23,7 @@ LEAST_BLOCK = 2  # pixels a side: the changes within a block tell where its refl
 SMOOTH_PX = 1.5  # of brightness, where it changes slowly
 FLATTEST = 0.2, 0.84  # share of the blocks by which grey noise is told, and how far below the mean of a normal it lies
 EDGE = 3.0  # sigmas of noise by which a block's own slope differs from the smoothed one where there is an edge
+GRAZING = 1.4  # times the usual slope of the coordinates: the phase of a footprint is no longer that of its middle
 CREASED, STEPPED = 5.0, 0.15  # sigmas and lines: what a block of one smooth surface may leave of a plane, r.m.s.
 
 
@@ -93,7 +94,8 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float
     Also given are the blocks' side, px, and in blocks that of squares of which so many `tiles` hold the pixels.
 
     The epipolar condition is nearly linear over a block (see `of_middles`), so that means keep it, with less noise.
-    Blocks that lack a pixel or hold more than one smooth surface are left out: an edge, a wrong word.
+    Blocks that lack a pixel or hold more than one smooth surface are left out: an edge, a wrong word. So are those seen
+    at a grazing angle, as towards the outline of a ball.
     """
     whole = np.isfinite(phase.u) & np.isfinite(phase.v) & np.isfinite(phase.sigma_u) & np.isfinite(phase.sigma_v)
     count = int(np.count_nonzero(whole))
@@ -118,7 +120,11 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float
     (u, off_u), (v, off_v), (grey, off_grey) = means(phase.u), means(phase.v), means(phase.image)
     variance = np.stack([means(s**2)[0][:, 0] for s in (phase.sigma_u, phase.sigma_v)], axis=1)
     smooth = (np.stack([off_u, off_v], axis=1) < np.maximum(CREASED**2 * variance, STEPPED**2)).all(axis=1)
-    slopes = _slopes(
+    slopes = np.stack([u[:, 1:], v[:, 1:]], axis=1)
+    steep = np.linalg.norm(slopes, axis=(1, 2))
+    if smooth.any():
+        smooth &= steep < GRAZING * np.median(steep[smooth])
+    grey_slopes = _slopes(
         grey[:, 1:],
         means(np.asarray(cv2.GaussianBlur(phase.image, (0, 0), SMOOTH_PX), np.float32))[0][:, 1:],
         off_grey,
@@ -126,12 +132,11 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float
         square,
     )
     with np.errstate(invalid="ignore", divide="ignore"):
-        brighter = slopes / grey[:, :1]
-        pull = np.stack([np.sum(slopes[:, 1:] * brighter, axis=1) for slopes in (u, v)], axis=1)
+        pull = np.einsum("nki,ni->nk", slopes, grey_slopes / grey[:, :1])
     tile = max(float(np.sqrt(count / tiles)) / side, 1.0)
     pixels = np.stack([columns, rows], axis=1).astype(np.float64) * side + (side - 1) / 2
     uv = np.stack([u[:, 0], v[:, 0]], axis=1)
-    slopes, pull = np.stack([u[:, 1:], v[:, 1:]], axis=1), np.nan_to_num(pull, posinf=0, neginf=0)
+    pull = np.nan_to_num(pull, posinf=0, neginf=0)
     sight = Sight(np.stack([rows, columns], axis=1), pixels, uv, np.sqrt(variance) / side, slopes, pull)
     return sight.only(np.asarray(smooth)), side, tile
 
