@@ -143,9 +143,9 @@ def calibrate_depth(
     else:
         curves = fit_polynomials(depths, used, judged, options.degree, least)
     progress(0.9, "looking for pixels with gross errors")
-    noise = _mean_sigma([plane.phase.sigma_u if axis == "u" else plane.phase.sigma_v for plane in planes])
+    sigma = _mean_sigma([plane.phase.sigma_u if axis == "u" else plane.phase.sigma_v for plane in planes])
     travel_mm = float(depths[-1] - depths[0])
-    good, lost = _usable(curves, noise, travel_mm)
+    good, lost = _usable(curves, sigma, travel_mm)
     if not good.any():
         raise AdjustmentError(
             WHERE,
@@ -153,6 +153,7 @@ def calibrate_depth(
             "check that the captures show the plate where capture.json says",
         )
     u_range = np.where(good, curves.u_range, np.float32(np.nan))
+    left = min(1.0, 0.5 / (np.sqrt(np.pi) * options.low_pass_px)) if options.low_pass_px else 1.0  # by a Gaussian
     progress(1.0, "the depth is calibrated")
     return DepthCalibration(
         axis=axis,
@@ -167,8 +168,9 @@ def calibrate_depth(
         camera_from_plate=oriented.camera_from_plate,
         axis_direction=oriented.axis_direction,
         warnings=(*oriented.warnings, *lost),
-        noise_rms_mm=_noise_rms(curves, noise, travel_mm, good),
+        noise_rms_mm=_noise_rms(curves, sigma, travel_mm, good),
         covariance=oriented.covariance,
+        curve_noise_lines=left * float(np.sqrt(np.mean(sigma[good].astype(np.float64) ** 2))),
     )
 
 

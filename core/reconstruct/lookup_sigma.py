@@ -1,9 +1,9 @@
-"""What the camera's orientation leaves uncertain of points that were looked up.
+"""What the camera's orientation and the noise of the curves leave uncertain of points that were looked up.
 
 A point is ``X = d s`` on its pixel's ray d, where the plate stood at position z: ``s = (n t + n a z) / (n d)`` is
 linear in z, and so are its derivatives by the interior orientation, the plate's pose and its axis. So each variance is
 a quadratic in z, with coefficients that change slowly over the image: they are worked out on a grid of pixels and
-interpolated.
+interpolated. The curves' noise moves z itself, along the ray as the noise of the capture does.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ NODES = 24  # along the longer side: between them the variances are even to 1 %
 STEP = 0.02  # sigmas, of the numerical derivatives
 
 
-def add_orientation(calibration: DepthCalibration, xyz: Floats, sigma_depth: Floats) -> Floats | None:
-    """Sigmas (H, W, 3) of looked-up points (H, W, 3): of the phase along the ray, and of the camera's orientation.
+def whole_sigma(calibration: DepthCalibration, sigma: Floats, xyz: Floats, sigma_depth: Floats) -> Floats | None:
+    """Sigmas (H, W, 3) of looked-up points (H, W, 3): phase and curve along the ray, and the camera's orientation.
 
-    None where the calibration has no covariance.
+    `sigma` (H, W) is that of the capture's coordinate, lines, and `sigma_depth` what it makes of Z. None where the
+    calibration has no covariance.
     """
     if calibration.covariance is None:
         return None
@@ -33,10 +34,28 @@ def add_orientation(calibration: DepthCalibration, xyz: Floats, sigma_depth: Flo
     result = np.empty(xyz.shape, np.float32)
     with np.errstate(invalid="ignore", divide="ignore"):
         z = ((xyz @ normal.astype(np.float32)) - np.float32(normal @ pose.translation_mm)) / np.float32(per_mm)
+        curve = np.float32(calibration.curve_noise_lines or 0.0) / sigma
+        variance = sigma_depth**2 * (1 + curve**2 * _leverage(calibration, z))
         for axis in range(3):
             a, b, c = (cv2.resize(part, (width, height), interpolation=cv2.INTER_LINEAR) for part in coefficients[axis])
-            along = xyz[..., axis] / xyz[..., 2] * sigma_depth
-            result[..., axis] = np.sqrt(np.maximum(a + z * (b + z * c), 0) + along**2)
+            along = (xyz[..., axis] / xyz[..., 2]) ** 2 * variance
+            result[..., axis] = np.sqrt(np.maximum(a + z * (b + z * c), 0) + along)
+    return result
+
+
+def _leverage(calibration: DepthCalibration, z: Floats) -> Floats:
+    """Variance of a curve at z (H, W) over that of one position, as if the pixel had been seen at all of them."""
+    depths = calibration.depths_mm
+    if calibration.degree is None:  # between two positions
+        after = np.clip(np.searchsorted(depths, z), 1, len(depths) - 1)
+        share = (z - depths[after - 1]) / (depths[after] - depths[after - 1])
+        return np.asarray(1 - 2 * share + 2 * share**2, np.float32)
+    middle, half = (depths[-1] + depths[0]) / 2, (depths[-1] - depths[0]) / 2
+    A = np.vander((depths - middle) / half, calibration.degree + 1)
+    Q = np.linalg.inv(A.T @ A)  # its antidiagonals have the coefficients of t's powers, the highest first
+    t, result = (z - np.float32(middle)) / np.float32(half), np.zeros(z.shape, np.float32)
+    for k in range(-calibration.degree, calibration.degree + 1):
+        result = result * t + np.float32(np.trace(Q[::-1], offset=k))
     return result
 
 

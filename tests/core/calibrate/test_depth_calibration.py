@@ -134,6 +134,28 @@ def test_the_low_pass_takes_the_calibrations_own_noise_away() -> None:
     assert _depth_noise(DepthOptions(low_pass_px=2)) < 0.46 / 5
 
 
+@pytest.mark.parametrize(("degree", "low_pass"), [(3, 0.0), (3, 2.0), (None, 0.0)])
+def test_the_noise_of_the_curves_is_in_the_sigmas_of_points(degree: int | None, low_pass: float) -> None:
+    options = DepthOptions(degree=degree, low_pass_px=low_pass)
+    noisy, exact = (calibrate_depth(SPEC, _field(), _planes(noise), options=options) for noise in (True, False))
+    assert noisy.covariance is not None
+    known: dict[str, Any] = {"camera": CAMERA, "camera_from_plate": POSE, "axis_direction": AXIS}
+    known["covariance"] = 1e-12 * noisy.covariance  # the camera is not at issue
+    for z in (-45.0, 3.3, 25.0):
+        one, other = (reconstruct(_phase(_plate(z)), replace(c, **known)) for c in (noisy, exact))
+        assert one.sigma_mm is not None
+        assert one.sigma_depth_mm is not None
+        of_phase = one.xyz_mm.astype(float) / one.xyz_mm[..., 2:] * one.sigma_depth_mm[..., None]
+        variance = one.sigma_mm.astype(float) ** 2 - of_phase**2
+        error = (one.xyz_mm - other.xyz_mm).astype(float)
+        for axis in (0, 2):
+            # at the image's border the Gaussian has less to average
+            squares, expected = (a[8:-8, 8:-8, axis].ravel() for a in (error**2, variance))
+            ratio = np.sqrt(np.nanmean(squares) / np.nanmean(expected))
+            # 7 700 pixels, smoothed as good as 150
+            assert ratio == pytest.approx(1, abs=0.2 if low_pass else 0.08), (z, axis)
+
+
 def test_the_order_of_the_planes_does_not_matter() -> None:
     planes = _planes(noise=True)
     one = calibrate_depth(SPEC, _field(), planes)

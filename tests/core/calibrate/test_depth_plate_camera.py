@@ -8,7 +8,7 @@ import pytest
 from core.calibrate.depth_camera import TargetPlane, _decorrelated, _derivatives, _sigmas, _unpack, orient_camera
 from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
 from core.model import DepthCalibration, DeviceSpec, Interior
-from core.reconstruct.lookup_sigma import add_orientation
+from core.reconstruct.lookup_sigma import whole_sigma
 
 SPEC = DeviceSpec(748, 576, (0.008, 0.008), 12.0)
 COARSE = DeviceSpec(75, 58, (0.08, 0.08), 12.0)  # the same image in a hundredth of the pixels
@@ -92,7 +92,9 @@ def _misplaced(seed: int) -> np.ndarray:
             (found.interior, found.camera_from_plate, found.axis_direction),
         )
     )
-    sigmas = add_orientation(calibration, seen.astype(np.float32), np.zeros(u.shape, np.float32))
+    sigmas = whole_sigma(
+        calibration, np.ones(u.shape, np.float32), seen.astype(np.float32), np.zeros(u.shape, np.float32)
+    )
     assert sigmas is not None
     return ((seen - true) / sigmas)[10:50:15, 10:70:20]
 
