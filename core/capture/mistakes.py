@@ -95,6 +95,9 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
     for k in (1, -1, 2, -2):
         moved = np.roll(values, k, axis=0)[list(looked.shots)]
         yield f"they fit if every frame stands {abs(k)} {'later' if k < 0 else 'earlier'} in the list", moved, patterns
+    if (beside := _beside(plan, looked)) is not None:
+        text = "they fit if the phase steps of columns and rows are exchanged: axis"
+        yield text, values[beside], patterns
     phases = [p for p in patterns if isinstance(p, Phase)]
     codes = [p for p in patterns if isinstance(p, Code)]
     if phases:
@@ -111,11 +114,11 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
             changed = [replace(p, period=other) if isinstance(p, Phase) and p.period == period else p for p in patterns]
             yield f"they fit with a period of {other:g} lines, not {period:g}", own, changed
     if codes:
-        for factor in (0.5, 2, 0.25, 4):
-            if all((p.cell * factor) % 1 == 0 for p in codes):
-                changed = [replace(p, cell=int(p.cell * factor)) if isinstance(p, Code) else p for p in patterns]
-                cell = int(codes[0].cell * factor)
-                yield f"they fit with a cell of {cell} lines, not {codes[0].cell}", own, changed
+        own_cell = codes[0].cell
+        for cell in (own_cell / 2, own_cell * 2, own_cell / 4, own_cell * 4, own_cell - 1, own_cell + 1):
+            if cell >= 1 and cell % 1 == 0 and all(p.cell == own_cell for p in codes):
+                changed = [replace(p, cell=int(cell)) if isinstance(p, Code) else p for p in patterns]
+                yield f"they fit with a cell of {cell:.0f} lines, not {own_cell}", own, changed
         kind: Literal["gray", "binary"] = "binary" if codes[0].kind == "gray" else "gray"
         changed = [replace(p, kind=kind) if isinstance(p, Code) else p for p in patterns]
         yield f"they fit as {kind} code, not {codes[0].kind}", own, changed
@@ -123,6 +126,16 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
         yield "they fit with the bits in reverse order", own, changed
         changed = [replace(p, inverse=not p.inverse) if isinstance(p, Code) else p for p in patterns]
         yield "they fit if the code is inverted", own, changed
+
+
+def _beside(plan: Plan, looked: Looked) -> list[int] | None:
+    """Numbers of the frames with the same phase steps along the other axis in the place of these; None without."""
+    shown = [(i, p) for i, p in enumerate(plan.shots) if isinstance(p, Phase) and p.axis != looked.axis]
+    other = {replace(p, axis=looked.axis): i for i, p in shown}
+    shots = [
+        other.get(p, -1) if isinstance(p, Phase) else i for i, p in zip(looked.shots, looked.patterns, strict=True)
+    ]
+    return None if shots == [*looked.shots] or -1 in shots else shots
 
 
 def _other_periods(period: float, codes: Sequence[Code]) -> list[float]:

@@ -73,7 +73,10 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
         text += f"{worst}; " if worst else ""
         if np.isfinite(adjustment.devices[name].spec.interior_sigma).any():
             text += "its interior known in project.json may be of another lens or focus; "
-        text += "look for wrong identities or a turned board, a moved device, wrong patterns, or sigmas set too small"
+        text += (
+            "look for wrong identities or a turned board, a moved device, wrong patterns, frames that were compressed "
+            "or denoised, or sigmas set too small"
+        )
         concerns.append(Concern("failed" if ratio > FAILED_RATIO else "doubtful", text))
     return concerns
 

@@ -95,7 +95,8 @@ def _phase_reasons(frames: AxisFrames) -> list[str]:
         shifts = np.array([p.shift_rad for p in phase.patterns])
         different = len(np.unique(np.round(np.exp(1j * shifts), 6)))
         if different < 3:
-            reasons.append(f"{different} different steps of period {phase.period:g}, three are the least")
+            text = f"{len(shifts)} frames of period {phase.period:g} have {different} different shift_rad"
+            reasons.append(f"{text}, three are the least")
     return reasons
 
 

@@ -96,11 +96,12 @@ def check_excluded(board: Board, excluded: Collection[tuple[int, int]], where: s
     return {board.index[target] for target in excluded}
 
 
-def snap(board: Board, picks: Picks, blobs: Blobs) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def snap(board: Board, picks: Picks, blobs: Blobs, size: tuple[int, int]) -> tuple[NDArray[np.int64], tuple[str, ...]]:
     """Find the spot that each pick means: shape (k,), indices into `blobs`, -1 where there is none; and what of those.
 
     A click may be off by 0.4 of the distance between targets; among the spots within reach the nearest of about the
-    expected size is taken. One pick may be on a dot that is missing or cannot be measured.
+    expected size is taken. One pick may be on a dot that is missing or cannot be measured. `size` is the image's width
+    and height, px.
 
     Raises
     ------
@@ -109,24 +110,19 @@ def snap(board: Board, picks: Picks, blobs: Blobs) -> tuple[NDArray[np.int64], t
     InputError
         One spot for two picks.
     """
-    least = np.linalg.svd(picks.affine, compute_uv=False)[1]
-    stretch = abs(np.linalg.det(picks.affine))
     chosen: list[int] = []
     notes: list[str] = []
-    for k, target in enumerate(picks.target):
-        reach = max(0.4 * board.spacing_mm[target] * least, 3.0)
-        distance = np.hypot(*(blobs.uv - picks.uv[k]).T)
-        size = np.log(blobs.area_px / (np.pi * board.radius_mm[target] ** 2 * stretch))
-        score = np.where((distance < reach) & (np.abs(size) < 1.6), distance / reach + 0.3 * np.abs(size), np.inf)
-        best = int(np.argmin(score)) if len(score) else -1
-        if best < 0 or not np.isfinite(score[best]):
+    for k, (best, reach) in enumerate(_spots(board, picks, blobs, picks.uv)):
+        if best < 0:
             seen = f"{picks.name(board, k)} has no dot of the expected size within {reach:.0f} px"
             if notes or len(picks.target) <= FEWEST:
-                raise NotRecognisedError(
-                    picks.where,
-                    seen,
-                    "pick the middle of a dot, or correct its row, column or the board's polarity",
-                )
+                remedy = "pick the middle of a dot, or correct its row, column or the board's polarity"
+                turned = [best for best, _ in _spots(board, picks, blobs, np.array(size) - 1 - picks.uv)]
+                if min(turned) >= 0 and len(set(turned)) == len(turned):
+                    remedy = (
+                        "all have one if the image is turned by 180°: were its frames turned? Pick again, or turn back"
+                    )
+                raise NotRecognisedError(picks.where, seen, remedy)
             notes.append(f"{seen}: not used, the other picks tell")
             chosen.append(-1)
             continue
@@ -135,6 +131,21 @@ def snap(board: Board, picks: Picks, blobs: Blobs) -> tuple[NDArray[np.int64], t
             raise InputError(picks.where, seen, "pick two different dots")
         chosen.append(best)
     return np.array(chosen), tuple(notes)
+
+
+def _spots(board: Board, picks: Picks, blobs: Blobs, uv: Array) -> list[tuple[int, float]]:
+    """Of each pick, were it at uv (k, 2), the spot that it means, -1 where there is none; and how far it may be, px."""
+    least = np.linalg.svd(picks.affine, compute_uv=False)[1]
+    stretch = abs(np.linalg.det(picks.affine))
+    found = []
+    for target, place in zip(picks.target, uv, strict=True):
+        reach = max(0.4 * board.spacing_mm[target] * least, 3.0)
+        distance = np.hypot(*(blobs.uv - place).T)
+        size = np.log(blobs.area_px / (np.pi * board.radius_mm[target] ** 2 * stretch))
+        score = np.where((distance < reach) & (np.abs(size) < 1.6), distance / reach + 0.3 * np.abs(size), np.inf)
+        best = int(np.argmin(score)) if len(score) else -1
+        found.append((best if best >= 0 and np.isfinite(score[best]) else -1, reach))
+    return found
 
 
 def _span(values: NDArray[np.int64]) -> str:

@@ -46,7 +46,7 @@ def measure_dots(sight: Sight, seeds: Sequence[Seed], coded: bool = False) -> Ma
     picks = check_picks(board, seeds, (camera.width, camera.height), sight.where, options.side)
     progress(0.0, "looking for dots")
     blobs = find_blobs(image, _diameters(board, picks.affine), picks.uv)
-    spots, notes = snap(board, picks, blobs)
+    spots, notes = snap(board, picks, blobs, (camera.width, camera.height))
     progress(0.3, "identifying targets")
     lattice = identify(board, camera, blobs, picks, spots, coded)
     progress(0.6, "measuring centroids")

@@ -100,6 +100,7 @@ DESCRIBED = {
     "phase reversed": (of(Phase, shift_rad=lambda p: -p.shift_rad), "shift_rad|other way"),
     "period doubled": (of(Phase, period=lambda p: 2 * p.period), "period|contradict"),
     "cell doubled": (of(Code, cell=lambda p: 2 * p.cell), "cell|contradict|steadily"),
+    "cell too large by one": (of(Code, cell=lambda p: p.cell + 1), "cell of|lines"),
     "bits reversed": (of(Code, bit=lambda p: p.bits - 1 - p.bit), "reverse order|contradict|steadily"),
     "binary": (of(Code, kind=lambda p: "binary"), "gray code|contradict|steadily"),
     "code inverted": (of(Code, inverse=lambda p: not p.inverse), "inverted|contradict"),

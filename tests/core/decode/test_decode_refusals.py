@@ -65,12 +65,12 @@ def test_cells_wider_than_the_period() -> None:
 
 
 def test_two_steps_of_a_period() -> None:
-    assert "2 different steps of period 4" in refused(FULL[:-2])
+    assert "2 frames of period 4 have 2 different shift_rad" in refused(FULL[:-2])
 
 
 def test_three_steps_of_one_shift() -> None:
     steps = [Phase("x", 64, 3, k, 2 * np.pi * k) for k in range(3)]
-    assert "1 different steps of period 64" in refused(steps)
+    assert "of period 64 have 1 different shift_rad" in refused(steps)
 
 
 def test_the_broken_axis_is_named_though_the_other_is_sound() -> None:

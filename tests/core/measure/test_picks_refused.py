@@ -95,6 +95,14 @@ def test_no_dot_near(truth, phase):
     assert "has no dot of the expected size within" in refusal(truth, phase, seeds)
 
 
+def test_frames_turned_by_half_after_they_were_picked(truth, phase):
+    seeds = truth.seeds(CELLS, error_px=0.0)
+    turned = {
+        name: np.ascontiguousarray(getattr(phase, name)[::-1, ::-1]) for name in ("u", "v", "modulation", "image")
+    }
+    assert "all have one if the image is turned by 180°" in refusal(truth, replace(phase, **turned), seeds)
+
+
 def test_on_one_line(truth, phase):
     assert "one line" in refusal(truth, phase, truth.seeds([(3, 1), (3, 3), (3, 5), (3, 7)]))
 
