@@ -30,8 +30,9 @@ CODE = {
 import sys
 from pathlib import Path
 from core.model import Adjustment
-from core.project import load_archive, result_path, read_project, write_network
-found = load_archive(result_path(read_project(Path(sys.argv[1])), "adjustment.npz"), Adjustment)
+from core.pipeline.runs import calibration_file
+from core.project import load_archive, read_project, write_network
+found = load_archive(calibration_file(read_project(Path(sys.argv[1])), "adjustment.npz"), Adjustment)
 write_network(Path(sys.argv[2]), found.network)
 """,
     "SEQUENCES": """
