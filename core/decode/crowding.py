@@ -8,12 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.decode.curves import PARAMETERS
 from core.decode.harmonics import GRID, correction
 from core.decode.response import LARGEST, STEP, Array, Response, Terms, Wave
 
 CROWDED = 6  # rounds
+TILES = 4  # of the image in either direction, whose densities are held against each other
 MULTIPLES = 2  # of the number of steps, harmonics of the phases' density that are looked at
 NEIGHBOURS = 4  # harmonics on either side that tell how uneven the scene is
 SIGNIFICANT = 15.0  # times what is usual, power of a harmonic that shows a curve
@@ -25,33 +27,39 @@ class Crowd:
     A straightening is a table over `GRID` parts of a turn: sums over the phases of each part are enough.
     """
 
-    def __init__(self, wave: Wave, turns: Array) -> None:
+    def __init__(self, wave: Wave, turns: Array, tile: NDArray[np.intp]) -> None:
         self.wave, self.count = wave, max(len(turns), 1)
         steps = len({round(p.shift_rad, 6) for p in wave.frames.patterns})
         self.made = steps * np.arange(1, MULTIPLES + 1)  # harmonics that bending makes
         others = np.arange(max(2, steps - NEIGHBOURS), self.made[-1] + NEIGHBOURS + 1)
         self.others = others[others % steps != 0]  # of the same kind, that it does not
         at = np.minimum(((turns + 0.5) * GRID).astype(np.intp), GRID - 1)
-        number = np.bincount(at, minlength=GRID)
+        total = np.bincount(at, minlength=GRID)
         middle = (np.arange(GRID) + 0.5) / GRID - 0.5
-        within = np.bincount(at, turns - middle[at], minlength=GRID) / np.maximum(number, 1)
-        self.number, self.place = number, middle + within
+        self.place = middle + np.bincount(at, turns - middle[at], minlength=GRID) / np.maximum(total, 1)
+        number = np.bincount(at + GRID * tile, minlength=GRID * TILES**2).reshape(-1, GRID)
+        self.number = number[number.sum(axis=1) > 0]
 
-    def densities(self, r: Response) -> tuple[Terms, Terms]:
-        """Harmonics that bending makes, and the others, of the phases as a response straightens them."""
+    def densities(self, r: Response) -> tuple[Terms, Array]:
+        """Harmonics that bending makes, of the phases as a response straightens them, and by how much (variance) the
+        scene's own harmonics and pixels that are in step with the fringes may change each."""
         first = np.exp(2j * np.pi * (self.place + correction(self.wave.spectrum(r))))
-        power, found = self.number.astype(complex), np.zeros(int(self.others[-1]) + 1, complex)
+        power, found = self.number.astype(complex), np.zeros((int(self.others[-1]) + 1, len(self.number)), complex)
         for k in range(1, len(found)):  # a power of a complex number takes many times as long
             power = power * first
-            found[k] = power.sum() / self.count
-        return found[self.made], found[self.others]
+            found[k] = power.sum(axis=1)
+        share = self.number.sum(axis=1) / self.count
+        made = found[self.made].sum(axis=1) / self.count
+        apart = np.abs(found[self.made] / self.count - made[:, None] * share) ** 2
+        others = np.abs(found[self.others].sum(axis=1) / self.count) ** 2
+        return made, np.maximum(apart.sum(axis=1), max(float(others.mean()), 0.25 / self.count))
 
 
 def crowded(crowds: Sequence[Crowd], r: Response) -> bool:
     """Whether phases crowd beyond what the scene and `r` explain, at as many places of their period as steps."""
     for crowd in crowds:
-        crowding, usual = (np.abs(each) ** 2 for each in crowd.densities(r))
-        if crowding.max() > SIGNIFICANT * max(float(usual.mean()), 1 / crowd.count):
+        crowding, usual = crowd.densities(r)
+        if np.any(np.abs(crowding) ** 2 > SIGNIFICANT * np.maximum(usual, 1 / crowd.count)):
             return True
     return False
 
@@ -68,13 +76,13 @@ def _use_crowding(crowds: Sequence[Crowd], base: Response, r: Response) -> Respo
     """Let the straightened phases be spread as evenly over their period as the scene allows; `base` is without."""
     full, right = base.normal.copy(), base.normal @ (base.values - r.values)
     for crowd in crowds:
-        seen, others = crowd.densities(r)
-        weight = 2 / max(float(np.mean(np.abs(others) ** 2)), 0.25 / crowd.count)
+        seen, usual = crowd.densities(r)
+        weight = 2 / usual
         slopes = np.zeros((len(r.values), len(seen)), complex)
         for k in (*range(PARAMETERS), PARAMETERS + crowd.wave.axis):
             slopes[k] = (crowd.densities(r.moved(k))[0] - seen) / STEP
-        full += weight * (slopes @ slopes.conj().T).real
-        right -= weight * (slopes @ seen.conj()).real
+        full += (weight * slopes @ slopes.conj().T).real
+        right -= (weight * slopes @ seen.conj()).real
     change = np.linalg.solve(full, right)
     values = r.values + change * min(1.0, LARGEST / np.abs(change).max())
     return Response(values, full)

@@ -16,10 +16,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.crowding import Crowd, crowded, explained
+from core.decode.crowding import TILES, Crowd, crowded, explained
 from core.decode.curves import PARAMETERS, SPREAD, dimming, light_at, waves
 from core.decode.frames import Image
 from core.decode.response import HARMONICS, LARGEST, STEP, Array, Response, Terms, Wave
+from core.decode.sample import spread
 from core.decode.tables import Singles
 from core.patterns import Pattern, level_of, use_of
 
@@ -153,18 +154,19 @@ def estimate_response(
     """
     if not all_waves:
         return None
-    turns = _turns(all_waves, sample, saturation)
+    parts = (len(range(*each.indices(n))) for each, n in zip(spread(images[0].shape), images[0].shape, strict=True))
+    turns, tile = _turns(all_waves, sample, saturation, _tiles(*parts))
     first = _Model(all_waves, patterns, sample, saturation, FIRST)
     if first.size < FEWEST:
         return None
-    crowds = [Crowd(wave, each) for wave, each in zip(all_waves, turns, strict=True)]
+    crowds = [Crowd(wave, each, tile) for wave, each in zip(all_waves, turns, strict=True)]
     looked = _search(first, crowds)
     if looked is None or _significance(*explained(crowds, looked)) < WORTH:
         return None
     found = _search(_Model(all_waves, patterns, sample, saturation, PIXELS))
     assert found is not None
-    phases = _phases(images, all_waves, saturation)
-    values, normal = explained([Crowd(wave, each) for wave, each in zip(all_waves, phases, strict=True)], found)
+    turns, tile = _phases(images, all_waves, saturation)
+    values, normal = explained([Crowd(wave, each, tile) for wave, each in zip(all_waves, turns, strict=True)], found)
     return Response(values, normal) if _significance(values, normal) > SIGNIFICANT else None
 
 
@@ -211,16 +213,30 @@ def _significance(values: Array, normal: Array) -> float:
     return float(values[curve] @ np.linalg.solve(np.linalg.inv(normal)[curve, curve], values[curve]))
 
 
-def _phases(images: Sequence[Image], all_waves: Sequence[Wave], saturation: float) -> Array:
-    """Phases (turns) of all periods in many pixels, as if the projector were linear, shape (J, n)."""
+def _phases(images: Sequence[Image], all_waves: Sequence[Wave], saturation: float) -> tuple[Array, NDArray[np.intp]]:
+    """Phases (turns) of all periods in many pixels, as if the projector were linear, shape (J, n), and their tiles.
+
+    One pixel of every few, anywhere among them: at even distances they would soon be in step with the fringes.
+    """
     height, width = images[0].shape
     step = max(1, int(np.sqrt(height * width / CROWD)))
-    some = {n: images[n][step // 2 :: step, step // 2 :: step].ravel() for w in all_waves for n in w.frames.frames}
-    return _turns(all_waves, some, saturation)
+    rows, columns = height // step, width // step
+    aside = np.random.default_rng(0).integers(0, step, (2, rows, columns))
+    at = (np.arange(rows)[:, None] * step + aside[0]) * width + np.arange(columns) * step + aside[1]
+    some = {n: images[n].ravel()[at.ravel()] for wave in all_waves for n in wave.frames.frames}
+    return _turns(all_waves, some, saturation, _tiles(rows, columns))
 
 
-def _turns(all_waves: Sequence[Wave], shown: Mapping[int, NDArray] | Singles, saturation: float) -> Array:
-    """Phases (turns) of all periods in those pixels, given by frame, that see all of them well."""
+def _tiles(rows: int, columns: int) -> NDArray[np.intp]:
+    """Of pixels spread evenly over the image, the tile that each is in."""
+    down, across = (np.arange(n) * TILES // n for n in (rows, columns))
+    return np.asarray(np.add.outer(TILES * down, across).ravel())
+
+
+def _turns(
+    all_waves: Sequence[Wave], shown: Mapping[int, NDArray] | Singles, saturation: float, tile: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.intp]]:
+    """Phases (turns) of all periods in those pixels, given by frame, that see all of them well; and their tiles."""
     found, good = [], np.array(True)
     for wave in all_waves:
         grey = np.stack([shown[n] for n in wave.frames.frames]).astype(np.float32)
@@ -228,7 +244,7 @@ def _turns(all_waves: Sequence[Wave], shown: Mapping[int, NDArray] | Singles, sa
         amplitude = np.abs(z)
         good = good & (grey.max(axis=0) < saturation) & (amplitude > max(DIM * np.percentile(amplitude, 90), LEAST))
         found.append(z)
-    return np.asarray(np.angle(np.array(found)[:, good]) / (2 * np.pi), float)
+    return np.asarray(np.angle(np.array(found)[:, good]) / (2 * np.pi), float), tile[good]
 
 
 def _reduced(model: _Model, r: Response, first: bool = False) -> tuple[Array, Array]:
