@@ -25,7 +25,7 @@ from core.decode.noise import contrasts
 from core.decode.notes import notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
-from core.decode.response import Response, Wave, sine_waves, straighten
+from core.decode.response import Response, Wave, shade, sine_waves, straighten
 from core.decode.rim import drop_rim
 from core.decode.ripple import take_ripple_out
 from core.decode.sample import (
@@ -230,11 +230,12 @@ def _prepare(patterns: tuple[Pattern, ...], lines: tuple[int, int] | None) -> _P
         mine = frames.axes.get(axis)
         plan = plan_axis(mine, lines[number] if lines else None, "") if mine else None
         tables.append(axis_table(plan, mine, frames) if plan and mine else no_axis())
-    x, y = tables
+    waves = sine_waves(frames)
+    x, y = shade(tables, waves)
     return _Prepared(
         frames,
         (x, y),
-        sine_waves(frames),
+        waves,
         (square_waves(patterns, x), square_waves(patterns, y)),
         make_rows([image_row(frames)]),
         contrasts(frames, len(patterns)),

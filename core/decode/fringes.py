@@ -70,6 +70,8 @@ def fit_phases(  # type: ignore[no-untyped-def]
                 modulation[i] = amplitude
             weak = (not v * least <= ONE) or amplitude < dimmest
             flags[i] |= LOW if weak else NONE
+        if len(table.shade) > 0:
+            _by_shade(table.shade[j], limits, count, parts, turn, var)
         if len(table.joint) > 0:
             for i in range(count):
                 c, s = cosine[i], sine[i]
@@ -85,6 +87,17 @@ def fit_phases(  # type: ignore[no-untyped-def]
     for j in range(len(table.bend)):
         _straighten(table.bend, j, count, turns[j], variance[j])
     return any_mended
+
+
+@part
+def _by_shade(shade, limits, count, parts, turn, var):  # type: ignore[no-untyped-def]
+    """Make variances by the mean of all steps those by the brightness of the steps that tell each phase."""
+    mean, cosine, sine, grid = parts[:TILE], parts[TILE : 2 * TILE], parts[2 * TILE :], len(shade)
+    dark, shot, floor = limits.dark, limits.shot, limits.floor
+    for i in range(count):
+        at = min(INT((turn[i] + HALF) * F(grid)), grid - 1)
+        level = mean[i] + shade[at] * np.sqrt(cosine[i] * cosine[i] + sine[i] * sine[i])
+        var[i] *= max(dark + shot * level, floor) / max(dark + shot * mean[i], floor)
 
 
 @part

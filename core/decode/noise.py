@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.frames import Numbers, PhaseFrames, SortedFrames
-from core.decode.tables import fundamental
+from core.decode.tables import Singles, fundamental
 from core.patterns import brightness
 
 Array = NDArray[np.float64]
@@ -175,31 +175,55 @@ def _fit(variance: Array, level: Array, floor: float, number: int) -> Noise:
     return noise
 
 
+def _as_they_are(values: NDArray) -> tuple[Array, Array]:
+    return values, values
+
+
+class Told(NamedTuple):
+    """A wave as the frames show it: their numbers, coefficients of its cosine plus i sine part, and this in pixels."""
+
+    frames: Numbers
+    both: NDArray[np.complexfloating]
+    seen: NDArray[np.complexfloating]
+
+
 def without_harmonics(
     residual: NDArray[np.floating],
-    quadratures: Sequence[NDArray[np.complexfloating]],
-    also: Callable[[Array], Array] = np.asarray,
-) -> NDArray[np.float32]:
+    factors: NDArray[np.floating],
+    shown: Singles,
+    waves: Sequence[Told],
+    also: Callable[[NDArray], tuple[Array, Array]] = _as_they_are,
+) -> tuple[Array, Array]:
     """What is left of combinations of frames without the part that harmonics of the waves explain, linearly.
 
     Parameters
     ----------
-    residual : array (k, n) or (...)
-        Combinations of grey values.
-    quadratures : sequence of complex arrays (n,)
-        Cosine plus i sine part of every period.
+    residual : array (k, ...)
+        Combinations of grey values, `also` done.
+    factors : array (k, frames)
+        Those combinations.
+    shown : float32 (frames, ...)
+        Grey values of all frames.
+    waves : sequence of Told
+        Every period.
     also : callable
-        What was done with the frames to come to `residual`, to be done with the harmonics too.
+        What was done with the frames to come to `residual`, to be done with the harmonics too, and their mean there.
+
+    Returns
+    -------
+    left, level : arrays (k, ...)
+        As combinations of unit norm, and the grey values at which they are taken: the waves' own noise, which is that
+        of the same frames, is taken away or added with the harmonics.
     """
     basis = []
-    for z in quadratures:
-        amplitude = np.abs(z)
-        turn = z / np.maximum(amplitude, 1e-6)
-        basis.append(also(amplitude).ravel())
+    for wave in waves:
+        amplitude = np.abs(wave.seen)
+        turn = wave.seen / np.maximum(amplitude, 1e-6)
+        basis.append(also(amplitude)[0].ravel())
         power = amplitude.astype(complex)
         for _ in range(EXPLAINED):
             power = power * turn
-            basis += [also(power.real).ravel(), also(power.imag).ravel()]
+            basis += [also(power.real)[0].ravel(), also(power.imag)[0].ravel()]
     design = np.array(basis)
     flat = residual.reshape(-1, design.shape[1]).astype(float)
     left = flat
@@ -211,9 +235,37 @@ def without_harmonics(
         some = design[:, inner]
         normal = some @ some.T
         normal += 1e-9 * np.trace(normal) / len(normal) * np.eye(len(normal))
-        left = flat - np.linalg.solve(normal, some @ flat[:, inner].T).T @ design
+        parts = np.linalg.solve(normal, some @ flat[:, inner].T).T
+        left = flat - parts @ design
     left *= np.sqrt(design.shape[1] / max(design.shape[1] - len(design), 1))
-    return left.reshape(residual.shape).astype(np.float32)
+    square, level = _with_own_noise(factors, shown, waves, parts)
+    square, level = also(square)[1], also(level)[1]
+    return left.reshape(residual.shape) / np.sqrt(square), level / square
+
+
+def _with_own_noise(
+    factors: NDArray[np.floating], shown: Singles, waves: Sequence[Told], parts: Array
+) -> tuple[Array, Array]:
+    """Sums over the frames of the squares, and of these times the grey values, of what each counts in combinations
+    without such parts of the waves' harmonics, (k, ...)."""
+    square, level = np.zeros((2, len(factors), *shown.shape[1:]))
+    for total, sum_of, row, part in zip(
+        square, level, factors, parts.reshape(len(factors), len(waves), -1), strict=True
+    ):
+        counts = np.array(np.broadcast_to(row.reshape(-1, *[1] * (shown.ndim - 1)), shown.shape), float)
+        for wave, (mean, *pairs) in zip(waves, part, strict=True):
+            turn = np.exp(-1j * np.angle(wave.seen))
+            k, both = np.arange(1, EXPLAINED + 1), np.array(pairs[::2]) - 1j * np.array(pairs[1::2])
+            power, along, across = turn, mean + 0 * turn.real, 0 * turn.real
+            for times, pair in zip(k, both, strict=True):
+                along += (pair.conj() * power).real
+                across += times * (pair.conj() * power).imag
+                power = power * turn
+            for n, each in zip(wave.frames, wave.both, strict=True):
+                counts[n] -= along * (turn * each).real + across * (turn * each).imag
+        np.square(counts, out=counts)
+        total[:], sum_of[:] = counts.sum(axis=0), (counts * shown).sum(axis=0)
+    return square, level
 
 
 def spatial_residual(rows: NDArray[np.floating]) -> tuple[Array, Array]:

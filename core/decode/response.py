@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.curves import HIGHEST, PARAMETERS, both_sides, dimming, light_of, waves
+from core.decode.curves import HIGHEST, LEVELS, PARAMETERS, both_sides, dimming, light_of, waves
 from core.decode.frames import PhaseFrames, SortedFrames
 from core.decode.harmonics import GRID, STEEPEST, STRAIGHT, correction
 from core.decode.tables import AxisTable, Singles
@@ -20,6 +20,8 @@ Terms = NDArray[np.complex128]
 
 STEP = 1e-3  # of a parameter, for differences
 LARGEST = 0.5  # change of a parameter in one round
+TURNS = (np.arange(GRID) + 0.5) / GRID - 0.5
+SHADED = 0.05  # amplitudes by which the steps that tell a phase are brighter than all; less is not worth it
 HARMONICS = 12  # of a wave that count
 STEEP = 1.5  # squared slope of the straightening from which all periods are fitted together
 
@@ -110,6 +112,7 @@ def straighten(
         bends = table.bend.copy() if len(table.bend) else np.repeat(STRAIGHT[None], len(table.period), axis=0)
         bends[wave.number, 0] = [straight, np.clip(slope, 1 / STEEPEST, STEEPEST) ** 2, unsure]
         out[wave.axis] = table._replace(bend=bends)
+    out = list(shade(out, all_waves, r))
     for axis, table in enumerate(out):
         mine = [wave for wave in all_waves if wave.axis == axis]
         if len(mine) > 0:
@@ -119,24 +122,51 @@ def straighten(
     return _lift(out[0], r, all_waves), _lift(out[1], r, all_waves)
 
 
+def shade(
+    tables: Sequence[AxisTable], all_waves: Sequence[Wave], r: Response | None = None
+) -> tuple[AxisTable, AxisTable]:
+    """Set how bright the steps are that tell the phase of sine fringes, see `AxisTable.shade`."""
+    out = list(tables)
+    for wave in all_waves:
+        table, numbers = out[wave.axis], list(wave.frames.frames)
+        at = slice(table.fits.first[wave.number], table.fits.first[wave.number] + len(numbers))
+        if table.fits.frame[at].tolist() != numbers:
+            continue
+        light, z = _lights(wave, r)
+        weight = np.square((z.conj() / np.abs(z) * wave.both[:, None]).imag)
+        beyond = (light - table.fits.value[0, at] @ light) / np.abs(z)
+        brighter = np.einsum("kg,kg->g", weight, beyond) / weight.sum(axis=0)
+        if np.abs(brighter).max() > SHADED:
+            found = table.shade.copy() if len(table.shade) else np.zeros((len(table.period), GRID), np.float32)
+            found[wave.number] = np.interp(TURNS, np.angle(z) / (2 * np.pi), brighter, period=1.0)
+            out[wave.axis] = table._replace(shade=found)
+    x, y = out
+    return x, y
+
+
+def _lights(wave: Wave, r: Response | None) -> tuple[Array, Terms]:
+    """Light of every step at `TURNS`, shape (steps, GRID), and the cosine plus i sine part seen there."""
+    shown = waves(wave.frames.patterns, wave.frames.period, r.table if r else LEVELS).copy()
+    shown[:, HARMONICS + 1 :] = 0
+    if r:
+        shown *= dimming(wave.frames.period, r.blur[wave.axis])
+    light = (both_sides(shown) @ np.exp(2j * np.pi * np.outer(np.arange(-HIGHEST, HIGHEST + 1), TURNS))).real
+    return light, wave.both @ light
+
+
 def _rests(mine: Sequence[Wave], table: AxisTable, r: Response) -> Singles:
     """What the waves of an axis show beyond the fit of all steps, see `AxisTable.rest`."""
     found = np.zeros((len(table.period), table.hat.shape[1], GRID), np.float32)
-    turns = (np.arange(GRID) + 0.5) / GRID - 0.5
-    places = np.exp(2j * np.pi * np.outer(np.arange(-HIGHEST, HIGHEST + 1), turns))
     for wave in mine:
         numbers = list(wave.frames.frames)
         first = table.fits.first[wave.number]
         if table.fits.frame[first : first + len(numbers)].tolist() != numbers:
             continue
-        shown = waves(wave.frames.patterns, wave.frames.period, r.table).copy()
-        shown[:, HARMONICS + 1 :] = 0
-        light = (both_sides(shown * dimming(wave.frames.period, r.blur[wave.axis])) @ places).real
+        light, z = _lights(wave, r)
         beyond = light - table.hat[wave.number, : len(numbers), : len(numbers)] @ light
-        z = wave.both @ light
         measured = np.angle(z) / (2 * np.pi)
         for out, step in zip(found[wave.number], beyond / np.abs(z), strict=False):
-            out[:] = np.interp(turns, measured, step, period=1.0)
+            out[:] = np.interp(TURNS, measured, step, period=1.0)
     return found
 
 
@@ -145,8 +175,7 @@ def _shape(wave: Wave, r: Response) -> Array:
     shown = waves(wave.frames.patterns, wave.frames.period, r.table)[:, : HARMONICS + 1]
     shown = shown * dimming(wave.frames.period, r.blur[wave.axis])[: HARMONICS + 1]
     both = both_sides(np.array([shown.mean(axis=0)]))[0], wave.both @ both_sides(shown)
-    turns = (np.arange(GRID) + 0.5) / GRID - 0.5
-    places = np.exp(2j * np.pi * np.outer(turns, np.arange(-HARMONICS, HARMONICS + 1)))
+    places = np.exp(2j * np.pi * np.outer(TURNS, np.arange(-HARMONICS, HARMONICS + 1)))
     slopes = 2j * np.pi * np.arange(-HARMONICS, HARMONICS + 1)
     mean, first = places @ both[0], places @ both[1]
     mean_slope, first_slope = places @ (slopes * both[0]), places @ (slopes * both[1])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.frames import Image, LineFrames, Numbers, SortedFrames
-from core.decode.noise import LEAST, MEDIAN_OF_SQUARE, Noise, estimate_noise, spatial_residual, without_harmonics
+from core.decode.noise import LEAST, MEDIAN_OF_SQUARE, Noise, Told, estimate_noise, spatial_residual, without_harmonics
 from core.decode.options import DecodeOptions
 from core.decode.response import Wave
 from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, modulation_of, sums_of
@@ -112,11 +112,11 @@ def measure_noise(
             return estimate_noise(*_smoothest(images, saturation), step)
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
         residual = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g)
+        level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
         if bent:
             whole = np.compress(g_top < saturation, telling, axis=1)
-            residual = without_harmonics(residual, [wave.seen(whole) for wave in bent])
-        level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
-        if np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
+            residual, level = without_harmonics(residual, found, whole, [told(wave, whole) for wave in bent])
+        if bent or np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
             crude = estimate_noise(residual.ravel(), level.ravel(), step)
             return _without_misfit(crude, found, images, saturation, bent, step)
     elif lines:
@@ -124,6 +124,13 @@ def measure_noise(
     else:
         residual, level = _smoothness(frames, images, saturation, bent)
     return estimate_noise(residual.ravel(), level.ravel(), step)
+
+
+def told(wave: Wave, shown: Singles) -> Told:
+    """A wave as the grey values (frames, ...) of all frames show it."""
+    numbers = wave.frames.frames
+    seen = np.tensordot(wave.both.astype(np.complex64), shown[list(numbers)], 1)
+    return Told(numbers, wave.both, np.asarray(seen, np.complex64))
 
 
 def _with_more_bright(
@@ -157,22 +164,20 @@ def _without_misfit(
     """Noise from the second differences of the contrasts along some rows; what they show besides is misfit."""
     height = images[0].shape[0]
     rows = slice(height // 64, None, max(1, height // 32))
-    used = np.flatnonzero(np.abs(found).max(axis=0) > 0)
+    used = np.flatnonzero(np.abs(found).max(axis=0) > 0) if not bent else np.arange(len(images))
     g = np.stack([images[int(n)][rows] for n in used]).astype(np.float32)
-    good = g.max(axis=0)[:, 1:-1] < saturation
+    factors = found[:, used].astype(np.float32)
+    good = g[np.abs(factors).max(axis=0) > 0].max(axis=0)[:, 1:-1] < saturation
     if not good.any():  # too narrow an image, or nothing in it below saturation
         return whole
-    factors = found[:, used].astype(np.float32)
     residual = spatial_residual(np.einsum("kf,frw->krw", factors, g))[0]
     if bent:
-        shown = [np.stack([images[n][rows] for n in wave.frames.frames]).astype(np.float32) for wave in bent]
-        quadratures = [np.tensordot(wave.both, each, 1) for wave, each in zip(bent, shown, strict=True)]
-        left = without_harmonics(residual, quadratures, also=lambda part: spatial_residual(part)[0])
-        residual = left.astype(float)
-        light = float(np.mean(np.square(np.abs(np.array(quadratures)))))
+        waves = [told(wave, g) for wave in bent]
+        residual, level = without_harmonics(residual, factors, g, waves, also=spatial_residual)
+        light = float(np.mean(np.square(np.abs(np.array([wave.seen for wave in waves])))))
     else:
         light = float(np.mean(np.square(np.ptp(g, axis=0)))) / 4
-    level = np.einsum("kf,frw->krw", np.square(factors), g)[..., 1:-1]
+        level = np.einsum("kf,frw->krw", np.square(factors), g)[..., 1:-1]
     noise = estimate_noise(residual[:, good].ravel(), level[:, good].ravel(), step)
     beyond = float(np.mean(whole.variance(level) - noise.variance(level))) / max(light, 1.0)
     return noise._replace(misfit=beyond) if beyond > 0 else whole
@@ -214,13 +219,15 @@ def _smoothness(
         scene = np.sum([value * images[n][rows].astype(np.float32) for n, value in even.items()], axis=0)
         residual, level = spatial_residual(scene)
         residual, level = residual / norm, level / scale
+        good = level < saturation
         if bent:
             shown = np.stack([image[rows] for image in images]).astype(np.float32)
-            quadratures = [np.tensordot(wave.both, shown[list(wave.frames.frames)], 1) for wave in bent]
-            residual = without_harmonics(residual, quadratures, also=lambda part: spatial_residual(part)[0]).astype(
-                float
+            factors = np.zeros((1, len(images)))
+            factors[0, list(even)] = np.array(list(even.values())) / norm
+            waves = [told(wave, shown) for wave in bent]
+            residual, level = (
+                each[0] for each in without_harmonics(residual[None], factors, shown, waves, also=spatial_residual)
             )
-        good = level < saturation
         return residual[good], level[good]
     return _smoothest(images, saturation)
 

@@ -84,6 +84,8 @@ class AxisTable(NamedTuple):
     amplitude times the change of the measured phase; `mean_cofactor` (J,) is the mean's.
     `hat` (J, K, K) leads from the grey values of a period's entries in `fits` to those fitted; `rest` (J, K, places of
     a turn) is what bent waves show beyond that over the measured phase, as parts of the amplitude.
+    `shade` (J, places of a turn), where it matters, says over the measured phase by how many amplitudes the steps that
+    tell the phase are brighter than their mean: of three steps a phase is noisier where the bright ones tell it.
     `lift` and `contrast_lift` times the modulation are added to the code's threshold and half contrast: where these
     come from the mean of sine steps, a projector's response puts that off the middle.
     """
@@ -103,6 +105,7 @@ class AxisTable(NamedTuple):
     mean_cofactor: Singles
     hat: Singles
     rest: Singles
+    shade: Singles
     rim: np.float32
     steps: Singles
     step_period: Singles
@@ -299,6 +302,7 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         mean_cofactor=np.array([fit.solution[0] @ fit.solution[0] for fit in fits], np.float32),
         hat=_hats(fits),
         rest=np.zeros((0, 1, 1), np.float32),
+        shade=np.zeros((0, 1), np.float32),
         rim=np.float32(max(1.0, RIM * min(phase.period for phase in axis.phases)) if fits else 0),
         steps=steps,
         step_period=step_period,
