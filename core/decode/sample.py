@@ -20,6 +20,8 @@ SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
 RESIDUALS, FEWEST = 4096, 512  # residuals that are enough, but from no fewer pixels
 UNSATURATED = 100  # pixels without a saturated step, fewer do not tell the noise
 WIDE = 0.25  # part of a frame that must not be saturated to tell it
+FEW_ROWS = 8192  # pixels in rows of the image that tell the noise of bent waves
+LIT = 0.1  # part of the brightest pixels' amplitude that one must have to tell it
 ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit
 OWN = 0.7  # part of the contrast of white and black that that of bits and their inverses should have
 SEVERAL = 0.03  # part of the lit pixels in which it is less, from which the bits themselves tell the contrast
@@ -115,7 +117,9 @@ def measure_noise(
         level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
         if bent:
             whole = np.compress(g_top < saturation, telling, axis=1)
-            residual, level = without_harmonics(residual, found, whole, [told(wave, whole) for wave in bent])
+            waves = [told(wave, whole) for wave in bent]
+            residual, level = without_harmonics(residual, found, whole, waves)
+            residual, level = residual[:, _lit(waves)], level[:, _lit(waves)]
         if bent or np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
             crude = estimate_noise(residual.ravel(), level.ravel(), step)
             return _without_misfit(crude, found, images, saturation, bent, step)
@@ -131,6 +135,12 @@ def told(wave: Wave, shown: Singles) -> Told:
     numbers = wave.frames.frames
     seen = np.tensordot(wave.both.astype(np.complex64), shown[list(numbers)], 1)
     return Told(numbers, wave.both, np.asarray(seen, np.complex64))
+
+
+def _lit(waves: Sequence[Told]) -> NDArray[np.bool_]:
+    """Where all waves are seen: what is not lit is often cut off at 0, and shows no noise."""
+    amplitude = np.abs(np.array([wave.seen for wave in waves]))
+    return np.asarray(amplitude.min(axis=0) > LIT * np.percentile(amplitude, 90))
 
 
 def _with_more_bright(
@@ -162,8 +172,9 @@ def _without_misfit(
     whole: Noise, found: Array, images: Sequence[Image], saturation: float, bent: Sequence[Wave], step: float
 ) -> Noise:
     """Noise from the second differences of the contrasts along some rows; what they show besides is misfit."""
-    height = images[0].shape[0]
-    rows = slice(height // 64, None, max(1, height // 32))
+    height, width = images[0].shape
+    number = min(32, max(4, FEW_ROWS // width)) if bent else 32
+    rows = slice(height // (2 * number), None, max(1, height // number))
     used = np.flatnonzero(np.abs(found).max(axis=0) > 0) if not bent else np.arange(len(images))
     g = np.stack([images[int(n)][rows] for n in used]).astype(np.float32)
     factors = found[:, used].astype(np.float32)
@@ -175,12 +186,13 @@ def _without_misfit(
         waves = [told(wave, g) for wave in bent]
         residual, level = without_harmonics(residual, factors, g, waves, also=spatial_residual)
         light = float(np.mean(np.square(np.abs(np.array([wave.seen for wave in waves])))))
+        good &= _lit(waves)[:, 1:-1]
     else:
         light = float(np.mean(np.square(np.ptp(g, axis=0)))) / 4
         level = np.einsum("kf,frw->krw", np.square(factors), g)[..., 1:-1]
     noise = estimate_noise(residual[:, good].ravel(), level[:, good].ravel(), step)
     beyond = float(np.mean(whole.variance(level) - noise.variance(level))) / max(light, 1.0)
-    return noise._replace(misfit=beyond) if beyond > 0 else whole
+    return noise._replace(misfit=max(beyond, 0.0)) if beyond > 0 or bent else whole
 
 
 def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: Sequence[Image]) -> Noise:
