@@ -193,6 +193,7 @@ def without_harmonics(
     shown: Singles,
     waves: Sequence[Told],
     also: Callable[[NDArray], tuple[Array, Array]] = _as_they_are,
+    of: NDArray[np.bool_] | bool = True,
 ) -> tuple[Array, Array]:
     """What is left of combinations of frames without the part that harmonics of the waves explain, linearly.
 
@@ -208,6 +209,8 @@ def without_harmonics(
         Every period.
     also : callable
         What was done with the frames to come to `residual`, to be done with the harmonics too, and their mean there.
+    of : bool (...)
+        The pixels that tell the harmonics.
 
     Returns
     -------
@@ -226,12 +229,11 @@ def without_harmonics(
             basis += [also(power.real)[0].ravel(), also(power.imag)[0].ravel()]
     design = np.array(basis)
     flat = residual.reshape(-1, design.shape[1]).astype(float)
-    left = flat
+    left, told = flat, np.broadcast_to(of, residual.shape[1:]).ravel()
     for _ in range(2):  # edges of the scene must not take part
-        inner = (
-            np.max(np.square(left) / np.maximum(np.median(np.square(left), axis=1, keepdims=True), TINY), axis=0)
-            < OUTSIDE
-        )
+        square = np.square(left)
+        usual = np.maximum(np.median(square[:, told], axis=1, keepdims=True), TINY)
+        inner = told & (np.max(square / usual, axis=0) < OUTSIDE)
         some = design[:, inner]
         normal = some @ some.T
         normal += 1e-9 * np.trace(normal) / len(normal) * np.eye(len(normal))

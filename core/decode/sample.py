@@ -118,8 +118,8 @@ def measure_noise(
         if bent:
             whole = np.compress(g_top < saturation, telling, axis=1)
             waves = [told(wave, whole) for wave in bent]
-            residual, level = without_harmonics(residual, found, whole, waves)
-            residual, level = residual[:, _lit(waves)], level[:, _lit(waves)]
+            lit = _lit(waves)
+            residual, level = (each[:, lit] for each in without_harmonics(residual, found, whole, waves, of=lit))
         if bent or np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
             crude = estimate_noise(residual.ravel(), level.ravel(), step)
             return _without_misfit(crude, found, images, saturation, bent, step)
@@ -140,7 +140,8 @@ def told(wave: Wave, shown: Singles) -> Told:
 def _lit(waves: Sequence[Told]) -> NDArray[np.bool_]:
     """Where all waves are seen: what is not lit is often cut off at 0, and shows no noise."""
     amplitude = np.abs(np.array([wave.seen for wave in waves]))
-    return np.asarray(amplitude.min(axis=0) > LIT * np.percentile(amplitude, 90))
+    lit = amplitude.min(axis=0) > LIT * np.percentile(amplitude, 90)
+    return lit if lit.sum() >= LEAST else np.ones_like(lit)
 
 
 def _with_more_bright(
@@ -178,15 +179,17 @@ def _without_misfit(
     used = np.flatnonzero(np.abs(found).max(axis=0) > 0) if not bent else np.arange(len(images))
     g = np.stack([images[int(n)][rows] for n in used]).astype(np.float32)
     factors = found[:, used].astype(np.float32)
-    good = g[np.abs(factors).max(axis=0) > 0].max(axis=0)[:, 1:-1] < saturation
+    below = g[np.abs(factors).max(axis=0) > 0].max(axis=0) < saturation
+    good = below[:, 1:-1] & below[:, :-2] & below[:, 2:]
+    waves = [told(wave, g) for wave in bent]
+    if bent:
+        good &= _lit(waves)[:, 1:-1]
     if not good.any():  # too narrow an image, or nothing in it below saturation
         return whole
     residual = spatial_residual(np.einsum("kf,frw->krw", factors, g))[0]
     if bent:
-        waves = [told(wave, g) for wave in bent]
-        residual, level = without_harmonics(residual, factors, g, waves, also=spatial_residual)
+        residual, level = without_harmonics(residual, factors, g, waves, spatial_residual, good)
         light = float(np.mean(np.square(np.abs(np.array([wave.seen for wave in waves])))))
-        good &= _lit(waves)[:, 1:-1]
     else:
         light = float(np.mean(np.square(np.ptp(g, axis=0)))) / 4
         level = np.einsum("kf,frw->krw", np.square(factors), g)[..., 1:-1]
