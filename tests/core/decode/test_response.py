@@ -112,7 +112,7 @@ class InStep(Sight):
 
 @pytest.mark.parametrize("exponent", [1.0, 1.4, 2.2])
 def test_pixels_in_step_with_the_fringes_are_no_response(exponent: float) -> None:
-    """Three steps; the ripple, of which noise alone leaves 0.001 lines, was 0.07 to 0.16, with a straight response too."""
+    """Three steps: the ripple, of which noise alone leaves 0.001 lines, was 0.07 to 0.16."""
     sight, patterns = InStep(power(exponent)), sequence((16.0,), 3, True, True)
     phase = decode(patterns, [np.vstack([image] * 3) for image in sight.take(patterns)], lines=(LINES, 480))
     u = np.vstack([sight.u] * 3)
