@@ -167,16 +167,17 @@ def register(
         progress.check()
         rows = _observed(seen, poses, by)
         A, r, weight = _system(rows, len(views))
-        _refuse_loose(rows, A, weight, views)
+        _refuse_untied(rows, views)
+        _refuse_sliding(rows, A, weight, views, np.inf)  # far from where they belong, normals differ without noise
         cofactor = np.linalg.inv(A.T @ (A * weight[:, None]))
         x, sigma = -cofactor @ (A.T @ (weight * r)), np.sqrt(np.diagonal(cofactor))
         poses[1:] = [pose.changed(step) for pose, step in zip(poses[1:], x.reshape(-1, 6), strict=True)]
         if np.all(np.abs(x) < SETTLED * sigma):
             break
-    else:
-        if np.any(np.abs(x) > sigma):
-            told = ", ".join(view.name for view in views)
-            raise InputError(told, "do not settle on one another", "give targets that both see, or views less apart")
+    _refuse_sliding(rows, A, weight, views, SLIDES)
+    if np.any(np.abs(x) > sigma):
+        told = ", ".join(view.name for view in views)
+        raise InputError(told, "do not settle on one another", "give targets that both see, or views less apart")
     B = np.concatenate([each.by_pair for each in rows])
     by_pair = -cofactor @ (A.T @ (weight[:, None] * B))
     rest = _rest(rows, A, B, weight, pair.covariance)
@@ -282,8 +283,8 @@ def _system(rows: Sequence[_Rows], count: int) -> tuple[Array, Array, Array]:
     return np.concatenate(parts), np.concatenate(residuals), np.concatenate(weights)
 
 
-def _refuse_loose(rows: Sequence[_Rows], A: Array, weight: Array, views: Sequence[View]) -> None:
-    """See that every view is tied, and not by what noise in the surface's slopes feigns."""
+def _refuse_untied(rows: Sequence[_Rows], views: Sequence[View]) -> None:
+    """See that every view is tied to the first."""
     tied = {0}
     for _ in views:
         tied |= {k for each in rows if tied & set(each.views) for k in each.views}
@@ -291,6 +292,10 @@ def _refuse_loose(rows: Sequence[_Rows], A: Array, weight: Array, views: Sequenc
         if k not in tied:
             remedy = "choose captures that overlap, or put targets where both see them"
             raise InputError(view.name, "sees nothing that the others see", remedy)
+
+
+def _refuse_sliding(rows: Sequence[_Rows], A: Array, weight: Array, views: Sequence[View], most: float) -> None:
+    """See that what holds the views is not feigned by noise in the surface's slopes, for more than a share of it."""
     N, loose = A.T @ (A * weight[:, None]), np.zeros((A.shape[1] + 6,) * 2)
     start = 0
     for each in rows:
@@ -302,7 +307,7 @@ def _refuse_loose(rows: Sequence[_Rows], A: Array, weight: Array, views: Sequenc
     scale = 1 / np.sqrt(np.maximum(np.diagonal(N), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(N * np.outer(scale, scale))
     feigned = np.einsum("ik,ij,jk->k", vectors, loose[6:, 6:] * np.outer(scale, scale), vectors)
-    if values[0] <= 1e-12 or np.any(feigned > SLIDES * values):
+    if values[0] <= 1e-12 or np.any(feigned > most * values):
         view = views[1 + int(np.argmax(np.abs(vectors[:, np.argmax(feigned / np.maximum(values, 1e-15))]))) // 6]
         seen = "could slide along what the others see of the surface"
         raise InputError(view.name, seen, "put targets where both see them, or let more of the object's form be seen")

@@ -86,8 +86,8 @@ def test_three_views_hold_one_another() -> None:
 
 def test_views_find_each_other_by_targets_and_by_what_they_show() -> None:
     rng = np.random.default_rng(5)
-    near, far = station((3, 9, 2)), STATIONS[2]
-    for pose, marked, within_mm in ((far, True, 2.0), (near, False, 6.0)):
+    near, beside, far = station((3, 9, 2)), station((4, 38, 15)), STATIONS[2]
+    for pose, marked, within_mm in ((far, True, 2.0), (near, False, 2.0), (beside, False, 2.0)):
         seen = [observe(draw(FOUND, rng), one, rng) for one in (STATIONS[0], pose)]
         start = starts_of(views_of(seen, marked), FOUND)[1]
         true = pose @ STATIONS[0].inverse()
