@@ -28,7 +28,7 @@ from core.project.captures import PATIENCE_S
 from core.project.contents import FILE as CONTENTS
 from core.project.contents import hash_file
 from core.project.images import check_frame
-from core.project.lock import DOCUMENT_LOCK, RESULTS_LOCK, holder_of, lock, writing_results
+from core.project.lock import DOCUMENT_LOCK, RESULTS_LOCK, holder_of, lock, read_only, writing_results
 
 _OWN = {"targets.npz": TargetSet, "evaluation.npz": PlaneEvaluation}
 _DOCUMENTS = ("targets.json", "evaluation.json", "decode.json", "failures.json", "report/report.json", SIGN_OFF)
@@ -69,7 +69,8 @@ def check_project(folder: Path, repair: bool = False, progress: Progress = SILEN
     folder = Path(folder)
     read_document(folder / "project.json", "stripe-project")
     found: list[Inconsistency] = []
-    for step in (_locks, _leftovers):  # nobody's any more: they go whether asked for or not
+    # nobody's any more: they go whether asked for or not; where nobody may write they are in nobody's way
+    for step in () if read_only(folder) else (_locks, _leftovers):
         found += [_told(finding, folder, True) for finding in list(step(folder, progress))]
     if not repair:
         once = {(item.where, item.seen): item for item in found}
@@ -86,9 +87,13 @@ def _told(finding: Finding, folder: Path, repair: bool) -> Inconsistency:
     where, seen, remedy, mend = finding
     mended = False
     if repair and mend is not None:
-        with suppress(OSError, StripeError):
+        try:
             mend()
             mended = True
+        except StripeError as error:
+            remedy = f"{remedy}; that failed: {error.seen}"
+        except OSError as error:
+            remedy = f"{remedy}; that failed: {error.strerror or error}"
     with suppress(ValueError):
         where = where.relative_to(folder)
     return Inconsistency(str(where), seen, remedy, mended)

@@ -214,7 +214,8 @@ def test_calibrations_over_the_working_volume(tmp_path, calibrated_original, cap
 
 
 def test_a_project_that_may_only_be_read_is_judged(evaluated: Path, tmp_path: Path, monkeypatch, capsys) -> None:
-    """Nothing is written into it, and `report` takes a place elsewhere."""
+    """Nothing is written into it, `report` takes a place elsewhere, and a dead lock is in nobody's way."""
+    (evaluated / "results" / ".lock").write_text("{}")
     before = {path: path.stat().st_mtime_ns for path in evaluated.rglob("*")}
     monkeypatch.setattr("os.access", lambda path, mode: mode != os.W_OK)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -222,4 +223,8 @@ def test_a_project_that_may_only_be_read_is_judged(evaluated: Path, tmp_path: Pa
     assert [p["rms_mm"] for p in planes] == [e.rms_mm for e in load_evaluation(read_project(evaluated))]
     written = figures(tmp_path, "report", evaluated, "--out", tmp_path / "elsewhere")
     assert all(Path(written[kind]).is_file() for kind in ("html", "pdf"))
+    assert main(["check", str(evaluated)]) == 0
     assert {path: path.stat().st_mtime_ns for path in evaluated.rglob("*")} == before
+    monkeypatch.undo()
+    assert main(["check", str(evaluated)]) == 0  # and goes where it can
+    assert not (evaluated / "results" / ".lock").exists()

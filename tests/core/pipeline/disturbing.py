@@ -67,6 +67,9 @@ def disturb(fault: str) -> None:
     """End this process, or fail as the disk does."""
     if fault == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
+    if fault == "SIGTERM":
+        os.kill(os.getpid(), signal.SIGTERM)  # heard at the next step
+        return
     raise OSError(getattr(errno, fault), os.strerror(getattr(errno, fault)))
 
 
@@ -92,8 +95,9 @@ class Counting:
 
 def run(job: dict[str, Any], out: int) -> None:
     """Run one command in this process, disturbed as the job says; write the number of calls and the exit code."""
-    from core.cli import main
+    from core.cli import _end, main
 
+    signal.signal(signal.SIGTERM, _end)
     signal.alarm(PATIENCE_S)
     told = Path(job["told"])
     with told.open("w") as file:

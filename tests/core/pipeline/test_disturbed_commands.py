@@ -53,9 +53,24 @@ def nothing(folder: Path) -> None:
     pass
 
 
+def exported(folder: Path) -> None:
+    """The calibration as another program's file."""
+    assert main(["export", str(folder), str(folder.parent / "theirs.yaml"), "--to", "opencv"]) == 0
+
+
+def inconsistent(folder: Path) -> None:
+    """A capture is not listed, and what a killed program left lies about."""
+    path = folder / "project.json"
+    document = json.loads(path.read_text())
+    path.write_text(json.dumps({**document, "captures": document["captures"][:-1]}))
+    (folder / "results" / ".lock").write_text("{}")
+
+
 BENCH = f"virtual:quick?shot={CAPTURE}"
+SEEN = ["testfield-01", "testfield-02"]
 ON_BENCH = ["--projector", BENCH, "--camera", BENCH]
 MADE = ("capture", "import-frames")  # list a capture: not again once it is there
+LISTS = (*MADE, "check")  # change the list of captures
 
 # command, what is changed before, arguments; {beside} is the folder that the project lies in
 COMMANDS: dict[str, tuple[Callable[[Path], None], list[str]]] = {
@@ -67,6 +82,10 @@ COMMANDS: dict[str, tuple[Callable[[Path], None], list[str]]] = {
     "reconstruct": (nothing, ["{project}", CAPTURE, "--out", "{beside}/points.npz"]),
     "batch": (nothing, ["{project}", CAPTURE, "--out", "{beside}/many", "--do", "decode", "--workers", "1"]),
     "export": (nothing, ["{project}", "{beside}/calibration.yaml", "--to", "opencv"]),
+    "import": (exported, ["{beside}/theirs.yaml", "{project}", "--from", "opencv"]),
+    "merge": (nothing, ["{project}", *SEEN, "--by", "targets", "--out", "{beside}/merged.npz"]),
+    "check": (inconsistent, ["{project}", "--repair"]),
+    "status": (outdated, ["{project}"]),
     "import-frames": (frames_beside, ["{beside}/frames", "{project}", "new", "--role", "object"]),
     "orient": (nothing, ["{project}", CAPTURE, "--correct"]),
     "sign": (nothing, ["{project}", "--operator", "Ann"]),
@@ -74,7 +93,12 @@ COMMANDS: dict[str, tuple[Callable[[Path], None], list[str]]] = {
     "report": (nothing, ["{project}"]),
     "update": (outdated, ["{project}"]),
 }
-BY_DEFAULT = {"kill": ("reconstruct", "import-frames", "sign"), "ENOSPC": ("export",), "EIO": ("patterns",)}
+BY_DEFAULT = {
+    "kill": ("reconstruct", "import-frames", "sign"),
+    "ENOSPC": ("export",),
+    "EIO": ("patterns",),
+    "SIGTERM": ("merge",),
+}
 CASES = [(fault, name) for fault, few in BY_DEFAULT.items() for name in (COMMANDS if MANY > 1 else few)]
 
 
@@ -129,6 +153,10 @@ def outcome(folder: Path, command: str) -> object:
     """What a command leaves behind, dates and numbers of runs apart."""
     if command == "reconstruct":
         return np.load(folder.parent / "points.npz")["xyz"].tobytes()
+    if command == "merge":
+        return np.load(folder.parent / "merged.npz")["xyz"].tobytes()
+    if command == "check":
+        return json.loads((folder / "project.json").read_text())
     if command == "export":
         return (folder.parent / "calibration.yaml").read_bytes()
     if command == "capture":  # frames are numbered as they were taken
@@ -170,11 +198,11 @@ def test_a_disturbed_command_loses_nothing_and_its_repeat_succeeds(
         if fault == "kill":
             assert answer["code"] == -9, where
         else:  # what only remembers hashes or lists what was written may fail without a word: losing it costs time
-            assert answer["code"] in (0, 1, 2), where
+            assert answer["code"] in ((0, 143) if fault == "SIGTERM" else (0, 1, 2)), where
             assert answer["code"] == 0 or answer["told"][-1].startswith("stripe-core: "), where
             assert not list(folder.parent.rglob("*.part")), where
         kept = documents(folder)
-        if command in MADE:  # the list of captures is its work
+        if command in LISTS:  # the list of captures is its work
             given.pop("project.json")
         assert given.items() <= kept.items(), where
         assert main(["status", str(folder)]) == 0, where
