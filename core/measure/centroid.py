@@ -7,7 +7,8 @@ the light across it. The centroid m solves ``sum(g w (x - m)) = 0`` with g(|x - 
 blurred dot ends: odd about the centre, it is right for every dot that is even about it. Its covariance is
 ``sum(g² var_I (x - m)(x - m)') / s²``, s being what the sum loses for each px of m, see Trinder (1989), *Precision of
 digital target location*; and what the background's slopes add. L matters: a disc of radius r under a light that changes
-by h per pixel has its grey centroid h r²/4 off. Nothing cuts grey values off: a threshold bends the foot of the edge,
+by h per pixel has its grey centroid h r²/4 off. The light was there before the blur s, so that dividing the blurred dot
+by it takes h s² too much, which is given back. Nothing cuts grey values off: a threshold bends the foot of the edge,
 which pixels then undersample. At 5 % of the contrast it left 0.002 px at a diameter of 18 px, at 10 % 0.003 px, the
 same in every image of a scene and of one sign over regions, where g leaves less than 0.001 px without more noise.
 """
@@ -31,6 +32,7 @@ BILINEAR = 4 / 9  # variance of a bilinear value at any place, over that of a pi
 CLIPPED = (
     0.01  # px that a clipped top leaves of 10 to 25 px dots at 2 to 20 times full scale, bloomed or not: 0.005..0.012
 )
+BLURS_TO_EDGE, PIXEL = 2.5, 0.5  # how far a dot's middle pixel must be from its edge: blurs, and px
 LEAST_FOR_CURVATURE = 12  # dots around that tell the light's curvature beside its gradient
 
 
@@ -74,6 +76,7 @@ def centroids(
             by_slope = sums[:, [6, 7, 7, 8]].reshape(-1, 2, 2) / sums[:, 0, None, None]
             slopes = BILINEAR * at_background[:, None, None] * profile.slopes
             cov = by_pixels + by_slope @ slopes @ by_slope
+    m = m + light * profile.spread[:, None]
     diameter = 2.0 * np.sqrt(np.abs(np.linalg.det(rays.ellipse)))
     clipped = profile.plateau >= image.max()  # retro-reflective dots and the like
     floor = np.where(clipped, CLIPPED, FLOOR / diameter)
@@ -112,18 +115,18 @@ def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbo
 def noise_model(image: NDArray[np.float32], rays: Rays, profile: Profiles) -> tuple[float, float]:
     """Variance of grey values as ``a + b I``, from second differences along rows in backgrounds and plateaus.
 
-    The second difference ``I(u-1) - 2 I(u) + I(u+1)`` of an even area has the variance 6 σ²; clipping
-    forgives the few that touch an edge. Where too few dots are large enough to have a plateau, b is 0.
+    The second difference ``I(u-1) - 2 I(u) + I(u+1)`` of an even area has the variance 6 σ² about its mean, which small
+    dots' tops bend; clipping forgives the few that touch an edge. Where too few dots have a top, b is 0.
     """
     ring = (profile.window * 1.05)[:, None] + np.array([0.0, 0.2, 0.4])
     low = _second_differences(image, rays, ring, np.ones(len(ring), bool))
-    large = profile.gentle > 2.5
-    if np.count_nonzero(large) < max(3, 0.3 * len(large)):
+    flat = profile.contour[:, 0] * rays.minor > BLURS_TO_EDGE * profile.blur + PIXEL
+    if np.count_nonzero(flat) < max(3, 0.3 * len(flat)):
         return _variance(low), 0.0
-    # one pixel less for the difference, and what rounding to whole pixels may add
-    deep = ((profile.gentle - 1.7) / rays.minor)[:, None] * np.array([0.5, 1.0])
-    high = _second_differences(image, rays, deep, large)
-    rise = float(np.median(profile.contrast[large]))
+    # one pixel less for the difference, and what rounding to whole pixels may add: of small dots the middle alone
+    deep = (np.maximum(profile.gentle - 1.7, 0.0) / rays.minor)[:, None] * np.array([0.5, 1.0])
+    high = _second_differences(image, rays, deep, flat)
+    rise = float(np.median(profile.contrast[flat]))
     slope = (_variance(high) - _variance(low)) / max(rise, 1e-9)
     return _variance(low) - slope * float(np.median(profile.plane[:, 0])), slope
 
@@ -142,7 +145,7 @@ def _variance(differences: Array) -> float:
     if not len(differences):
         return 0.0
     rounding = 1 / 12 if np.all(differences == np.rint(differences)) else 0.0  # whole grey values
-    square = differences**2
+    square = (differences - np.median(differences)) ** 2
     spread = 2.2 * float(np.median(square))  # the median of a squared Gaussian is 0.455 of its variance
     for _ in range(3):  # the median of whole numbers is coarse: go on with means
         spread = float(np.mean(square[square <= 9 * spread + 1e-12])) / 0.973

@@ -54,11 +54,12 @@ def ellipse_centres(
     shape = np.ascontiguousarray(inverse_2x2(rays.ellipse * profile.contour[:, 0, None, None]))
     background = profile.plane[:, 0] + np.sum(profile.plane[:, 1:] * (start - rays.centre), axis=1)
     model = np.concatenate([background[:, None], profile.plane[:, 1:], profile.contrast[:, None]], axis=1)
-    sharp = np.sqrt(np.maximum(profile.blur**2 - 1 / 12, LEAST_BLUR**2))
+    sharp = np.sqrt(np.maximum(profile.spread - 1 / 12, LEAST_BLUR**2))
     variance = np.broadcast_to(np.array([max(noise[0], 0.0), noise[1]]), (len(start), 2)).copy()
     reach = profile.window / profile.contour[:, 0] + 1.0 / rays.minor  # with the background around
     out = np.empty((len(start), 5))
     in_bands(_fit, image, start, shape, reach, model, sharp, np.ascontiguousarray(light), variance, out)
+    out[:, :2] += light * sharp[:, None] ** 2  # the light was there before the blur
     moved = np.linalg.norm(out[:, :2] - start, axis=1)
     fitted = np.isfinite(out).all(axis=1) & (moved < MOST_MOVED_PX)
     whole, keep = out[:, [2, 3, 3, 4]].reshape(-1, 2, 2) + FLOOR_PX**2 * np.eye(2), fitted[:, None]

@@ -20,6 +20,7 @@ Floats = NDArray[np.float32]
 STEPS = 25
 FOOT = 0.25  # share of the contrast at which a second contour shows what is too dim for the one at one half
 PLATEAU = np.array([0.0, 0.15, 0.3, 0.45])
+READ_BETWEEN = 1 / 6  # px²: variance of the triangle that bilinear reading at any place blurs by, on average
 DEEP = np.linspace(0.0, 0.9, 10)
 # contour radius over the angle: size, centre, tilt
 HARMONICS = np.stack([np.ones(RAYS), *DIRECTIONS.T, np.cos(2 * ANGLES), np.sin(2 * ANGLES)], axis=1)
@@ -46,6 +47,11 @@ class Profiles:
     def contrast(self) -> Array:
         """(m,) plateau above background."""
         return self.plateau - self.plane[:, 0]
+
+    @property
+    def spread(self) -> Array:
+        """(m,) variance of the edge in px², without what reading between pixels adds."""
+        return np.maximum(self.blur**2 - READ_BETWEEN, 1 / 12)
 
 
 def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
