@@ -15,7 +15,6 @@ from reportlab.lib.enums import TA_RIGHT
 from reportlab.lib.pagesizes import A4
 from reportlab.lib.styles import ParagraphStyle
 from reportlab.lib.units import mm
-from reportlab.lib.utils import ImageReader
 from reportlab.pdfbase import pdfmetrics
 from reportlab.pdfbase.ttfonts import TTFont
 from reportlab.pdfgen.canvas import Canvas
@@ -32,12 +31,12 @@ from reportlab.platypus import Table as PageTable
 
 from core.progress import SILENT, Progress
 from core.report.document import Document, Section
-from core.report.figures import Drawing, picture
+from core.report.figures import Drawing, set_on_page
 from core.report.figures.canvas import drawable
+from core.report.figures.strokes import BOLD, FONT
 from core.report.table import Table, cell_text, numeric_columns
 from core.resources import resource
 
-FONT, BOLD = "ReportSans", "ReportSans-Bold"
 MARGIN, FRAME_PADDING = 17 * mm, 6
 TEXT_WIDTH, TEXT_HEIGHT = A4[0] - 2 * MARGIN - 2 * FRAME_PADDING, A4[1] - 2 * MARGIN - 2 * FRAME_PADDING
 VERDICTS = {
@@ -178,7 +177,7 @@ def _column_widths(table: Table) -> list[float]:
 def _figure(drawing: Drawing) -> KeepTogether:
     width, height = drawing.figure.get_size_inches()
     scale = min(TEXT_WIDTH / width, (TEXT_HEIGHT - 70) / height)  # the caption needs room on the same page
-    shown = _Picture(ImageReader(picture(drawing)), width * scale, height * scale)
+    shown = _Figure(drawing, width * scale, height * scale)
     caption = Paragraph(f"<b>{_escaped(drawing.title)}.</b> {_escaped(drawing.caption)}", _CAPTION)
     return KeepTogether([Spacer(0, 8), shown, caption])
 
@@ -203,20 +202,22 @@ def _register_fonts() -> None:
     pdfmetrics.registerFontFamily(FONT, normal=FONT, bold=BOLD, italic=FONT, boldItalic=BOLD)
 
 
-class _Picture(Flowable):
-    """Pixels in the middle of the column, at a size in points; nobody encodes and decodes them on the way."""
+class _Figure(Flowable):
+    """A drawing in the middle of the column."""
 
     hAlign = "CENTER"  # noqa: N815  reportlab's name
 
-    def __init__(self, pixels: ImageReader, width: float, height: float) -> None:
+    def __init__(self, drawing: Drawing, width: float, height: float) -> None:
         super().__init__()
-        self.pixels, self.size = pixels, (width, height)
+        self.drawing, self.size = drawing, (width, height)
 
     def wrap(self, *_: float) -> tuple[float, float]:
         return self.size
 
     def draw(self) -> None:
-        self.canv.drawImage(self.pixels, 0, 0, *self.size)
+        scale = self.size[0] / (72 * self.drawing.figure.get_figwidth())
+        self.canv.scale(scale, scale)
+        set_on_page(self.drawing, self.canv)
 
 
 class _Bookmark(Flowable):

@@ -1,13 +1,14 @@
 """The drawings of the report, each with a title, a caption that says what to look at, and a text alternative.
 
-canvas.py     colours that follow the page from light to dark, the drawing surface, SVG and pixels
+canvas.py     colours that follow the page from light to dark, the drawing surface
+strokes.py    one drawing for SVG and PDF
 planes.py     deviation maps on one colour scale, histograms with the predicted normal curve
 images.py     residual vectors and coverage over each device's image
 network.py    the network from above and from the side, convergence, correlations
 
-Matplotlib is used through its objects, on its Agg and SVG canvases: no pyplot, no window, no current figure.
+Matplotlib is used through its objects, on its Agg and SVG renderers: no pyplot, no window, no current figure.
 """
 
-from core.report.figures.canvas import Drawing, picture, svg_text
+from core.report.figures.canvas import Drawing, set_on_page, svg_text
 
-__all__ = ["Drawing", "picture", "svg_text"]
+__all__ = ["Drawing", "set_on_page", "svg_text"]

@@ -1,4 +1,4 @@
-"""The drawing surface: colours that follow the page from light to dark, SVG and pixels.
+"""The drawing surface: colours that follow the page from light to dark.
 
 Figures are drawn in the colours of the light page. In the SVG every one of them is replaced by a CSS variable of the
 page, which the style sheet sets for light, dark and print. The colours of images (deviation maps and the like) stay.
@@ -11,20 +11,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from io import StringIO
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.ft2font import FT2Font
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from PIL.Image import Image, fromarray
+from reportlab.pdfgen.canvas import Canvas
+
+from core.report.figures.strokes import Mark, draw_once
 
 NO_DATA = "#9aa1a9"
 WIDTH_IN = 8.4
@@ -76,6 +76,8 @@ _RC = {
     "path.simplify": True,
 }
 
+_DRAWN: WeakKeyDictionary[Figure, tuple[str, tuple[Mark, ...]]] = WeakKeyDictionary()
+
 
 @dataclass(frozen=True)
 class Drawing:
@@ -114,7 +116,7 @@ def new_figure(height_in: float) -> Figure:
 
 
 def _settle(figure: Figure) -> None:
-    """Let the figure lay its parts out, once: savefig would draw all of it twice more to do so, for every format."""
+    """Let the figure lay its parts out: savefig would draw all of it twice more to do so."""
     engine = figure.get_layout_engine()
     if isinstance(engine, ConstrainedLayoutEngine):
         FigureCanvasAgg(figure)
@@ -122,14 +124,18 @@ def _settle(figure: Figure) -> None:
         figure.set_layout_engine("none")
 
 
+def _drawn(drawing: Drawing) -> tuple[str, tuple[Mark, ...]]:
+    """Draw a figure, the first time it is asked for; images have 200 dpi."""
+    if (found := _DRAWN.get(drawing.figure)) is None:
+        with drawing_style():
+            _settle(drawing.figure)
+            found = _DRAWN[drawing.figure] = draw_once(drawing.figure, 200)
+    return found
+
+
 def svg_text(drawing: Drawing) -> str:
-    """Give the drawing as an SVG element to stand in a page, its colours as CSS variables; images have 200 dpi."""
-    out = StringIO()
-    with drawing_style():
-        _settle(drawing.figure)
-        drawing.figure.set_dpi(200)
-        FigureCanvasSVG(drawing.figure).print_svg(out, metadata={"Date": None, "Creator": None})
-    text = out.getvalue()
+    """Give the drawing as an SVG element to stand in a page, its colours as CSS variables."""
+    text = _drawn(drawing)[0]
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, count=1, flags=re.DOTALL)
     # names are unique in one drawing only, but must be in the whole page
@@ -141,16 +147,10 @@ def svg_text(drawing: Drawing) -> str:
     return text.strip()
 
 
-def picture(drawing: Drawing, dpi: int = 180) -> Image:
-    """Give the drawing in RGB pixels on white."""
-    with drawing_style():
-        _settle(drawing.figure)
-        drawing.figure.set_dpi(dpi)
-        drawing.figure.set_facecolor("white")
-        canvas = FigureCanvasAgg(drawing.figure)
-        canvas.draw()
-        drawing.figure.set_facecolor("none")
-    return fromarray(np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+def set_on_page(drawing: Drawing, canvas: Canvas) -> None:
+    """Set the drawing on a page of a PDF, its lower left corner at the origin, in points."""
+    for mark in _drawn(drawing)[1]:
+        mark(canvas)
 
 
 def drawable(text: str) -> str:

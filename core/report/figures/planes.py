@@ -78,7 +78,7 @@ def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm
     cell_in = (WIDTH_IN - 1.0) / max(len(captures), 2)
     figure = new_figure(min(len(methods) * (cell_in * height / width + 0.45) + 0.75, 11.0))
     axes = figure.subplots(len(methods), len(captures), squeeze=False)
-    colours = colormaps["RdBu_r"].with_extremes(bad=(0, 0, 0, 0))
+    colours = colormaps["RdBu_r"].with_extremes(bad=NO_DATA)
     scale = Normalize(-limit_mm, limit_mm)
     for row, method in enumerate(methods):
         for column, capture in enumerate(captures):
@@ -116,7 +116,6 @@ def _map(axes: Axes, evaluation: PlaneEvaluation | None, colours: Colormap, scal
     if evaluation is None:
         axes.text(0.5, 0.5, "not evaluated", ha="center", va="center", color=MUTED, transform=axes.transAxes)
         return
-    axes.patch.set_facecolor(NO_DATA)  # shows through wherever there is no deviation
     axes.imshow(evaluation.deviation_mm, cmap=colours, norm=scale, interpolation="nearest")
     axes.set_title(f"r.m.s. {evaluation.rms_mm:.3f} mm")
 

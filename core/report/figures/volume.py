@@ -20,10 +20,10 @@ def volume_drawing(layers: Sequence[Mapping[str, Any]], sigma_mm: Array) -> Draw
     _, height, width = sigma_mm.shape
     figure = new_figure((WIDTH_IN - 1.0) / 3 * height / width + 1.1)
     panels = figure.subplots(1, len(shown), squeeze=False)[0]
-    scale, colours = Normalize(0.0, 1e3 * float(np.nanpercentile(sigma_mm, 98))), colormaps["Blues"]
+    scale = Normalize(0.0, 1e3 * float(np.nanpercentile(sigma_mm, 98)))
+    colours = colormaps["Blues"].with_extremes(bad=NO_DATA)
     for axes, row in zip(panels, shown, strict=True):
         axes.set(xticks=[], yticks=[], title=f"{row['depth_mm']:.0f} mm away")
-        axes.patch.set_facecolor(NO_DATA)
         axes.imshow(1e3 * sigma_mm[row["layer"]], cmap=colours, norm=scale, interpolation="nearest")
     mappable = ScalarMappable(scale, colours)
     colour_bar(figure, mappable, panels, "σ of form in µm", location="bottom", shrink=0.6, aspect=45, extend="max")

@@ -2,17 +2,21 @@
 
 import dataclasses
 import re
+from io import BytesIO
 
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from pypdf import PdfReader
+from reportlab.pdfgen.canvas import Canvas
 from scipy.integrate import trapezoid
 
-from core.report import ReportData
+from core.report import ReportData, pdf
 from core.report.adjusted import correlations
 from core.report.chapters import drawings as drawn
 from core.report.chapters import tables
-from core.report.figures import picture, svg_text
+from core.report.figures import Drawing, set_on_page, svg_text
 from core.report.figures.canvas import CSS_VARIABLES
 from core.report.figures.images import magnification
 from core.report.figures.planes import colour_limit_mm
@@ -196,7 +200,37 @@ def test_names_that_no_font_holds_do_not_stop_a_figure(data, evaluations):
 
 def test_drawing_leaves_the_callers_matplotlib_alone(data):
     before = dict(mpl.rcParams)
-    shown = picture(by_key(data)["convergence"])
-    assert shown.mode == "RGB"
-    assert shown.getpixel((0, 0)) == (255, 255, 255)
+    assert svg_text(by_key(data)["convergence"])
     assert dict(mpl.rcParams) == before
+
+
+def test_lines_texts_and_images_of_the_page_stand_where_the_data_are():
+    figure = Figure((4, 3))
+    axes = figure.add_axes((0.25, 0.25, 0.5, 0.5), xlim=(0, 10), ylim=(0, 1))  # 144 by 108 points from (72, 54)
+    axes.set_axis_off()
+    axes.plot([2, 9], [0.25, 0.75], color="#ff0000", linewidth=3, dashes=(2, 1))
+    axes.plot([5], [0.5], "s", markersize=10, markeredgewidth=0, color="#0000ff", alpha=0.5)
+    axes.text(1, 1, "up", rotation=90, rotation_mode="anchor", fontsize=9)
+    levels = np.array([[0.0, 1.0], [0.5, 0.25]])
+    axes.imshow(levels, cmap="gray", extent=(0, 10, 0, 1), aspect="auto", interpolation="nearest")
+    out = BytesIO()
+    canvas = Canvas(out, pagesize=(288, 216))
+    pdf._register_fonts()
+    set_on_page(Drawing("any", "any", "", "", "", figure), canvas)
+    canvas.save()
+    page = PdfReader(out).pages[0]
+    told = [(name.decode(), list(on)) for on, name in page.get_contents().operations]
+    for one in (
+        ("l", [201.6, 135]),  # the line's end
+        ("d", [[6, 3], 0]),  # dashes in points: twice and once the width of three
+        ("cm", [1, 0, 0, 1, 144, 108]),  # the marker's middle
+        ("m", [-5, -5]),
+        ("cm", [0, 1, -1, 0, 86.4, 162]),  # upwards, from the text's beginning
+        ("Tj", ["up"]),
+        ("cm", [144, 0, 0, 108, 72, 54]),  # the image fills the axes
+    ):
+        assert one in told
+    assert told[told.index(("l", [201.6, 135])) - 1] == ("m", [100.8, 81])
+    assert {state["/ca"] for state in page["/Resources"]["/ExtGState"].values() if "/ca" in state} >= {0.5}
+    shown = np.asarray(page.images[0].image.convert("L"))
+    assert [[shown[75, 100], shown[75, 300]], [shown[225, 100], shown[225, 300]]] == [[0, 255], [128, 64]]
