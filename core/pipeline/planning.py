@@ -22,7 +22,17 @@ from core.decode import decode
 from core.decode.noise import spatial_residual
 from core.errors import InputError
 from core.model import Capture, Project
-from core.patterns import Pattern, SequenceSpec, axis_of, brightness, finest_steps, grey_reason, level_of, shows_grey
+from core.patterns import (
+    Axis,
+    Pattern,
+    SequenceSpec,
+    axis_of,
+    brightness,
+    finest_steps,
+    grey_reason,
+    level_of,
+    shows_grey,
+)
 from core.progress import SILENT, Progress
 from core.project import read_capture, read_images, read_project
 
@@ -176,22 +186,16 @@ class _UnsuitableError(Exception):
 def _from_capture(capture: Capture, light: RigLight) -> RigLight:
     levels = [level_of(frame.pattern) for frame in capture.frames]
     patterns = [frame.pattern for frame in capture.frames]
-    period, steps = finest_steps(patterns, "x")
-    if 1 not in levels or 0 not in levels or not steps:
+    if 1 not in levels or 0 not in levels or not finest_steps(patterns, "x")[1]:
         raise _UnsuitableError
     images = read_images(capture)
     white, black = (images[levels.index(level)].astype(float) for level in (1, 0))
     span = white - black
     lit = span > 0.5 * np.quantile(span, 0.98)
-    fine = np.stack([images[i].astype(float) for i in steps])[:, lit]
-    shifts = np.exp(1j * np.array([getattr(patterns[i], "shift_rad", 0.0) for i in steps]))
-    swing = float(np.median(np.abs(2 * np.mean(fine * shifts[:, None], axis=0))))
-    contrast = float(np.median(span[lit]))
-    sharp = (0.5 if grey_reason(patterns[steps[0]]) else 2 / pi) * contrast  # of a sine, of a square wave
-    if grey_reason(patterns[steps[0]]):
-        sharp *= float(np.sinc(1 / period))
-    loss = log(max(sharp / max(swing, 1e-9), 1.0))
-    blur = sqrt(loss / 2) * period / pi if period <= 8 else light.blur_lines
+    usual = float(np.median(span[lit]))
+    squares = [_blur(patterns, images, axis, lit, usual) for axis in ("x", "y")]
+    known = [square for square in squares if square is not None]
+    blur = sqrt(sum(known) / len(known)) if known else light.blur_lines
     inner = lit[:, 1:-1]
     variances, means = [], []
     for image in (white, black):
@@ -201,10 +205,35 @@ def _from_capture(capture: Capture, light: RigLight) -> RigLight:
         means.append(float(np.median(mean[inner])))
     shot = max(0.0, (variances[0] - variances[1]) / max(means[0] - means[1], 1e-9))
     dark = max(variances[1] - shot * means[1], 1 / 12 - shot * means[1])
-    bits = 8 if images[0].itemsize == 1 else 16
-    return replace(
-        light, contrast=contrast, ambient=float(np.median(black[lit])), dark=dark, shot=shot, blur_lines=blur, bits=bits
-    )
+    bits, ambient = 8 if images[0].itemsize == 1 else 16, float(np.median(black[lit]))
+    contrast = _usual(span[lit], dark + shot * ambient, shot / 2)
+    return replace(light, contrast=contrast, ambient=ambient, dark=dark, shot=shot, blur_lines=blur, bits=bits)
+
+
+def _blur(
+    patterns: Sequence[Pattern], images: Sequence[NDArray[Any]], axis: Axis, lit: NDArray[np.bool_], contrast: float
+) -> float | None:
+    """Variance of an axis' blur in lines², by what is left of its finest steps; None where that tells little."""
+    period, steps = finest_steps(patterns, axis)
+    if not steps or period > 8:
+        return None
+    fine = np.stack([images[i].astype(float) for i in steps])[:, lit]
+    shifts = np.exp(1j * np.array([getattr(patterns[i], "shift_rad", 0.0) for i in steps]))
+    swing = float(np.median(np.abs(2 * np.mean(fine * shifts[:, None], axis=0))))
+    sharp = 2 / pi * contrast  # of a square wave
+    if grey_reason(patterns[steps[0]]):
+        sharp = 0.5 * contrast * float(np.sinc(1 / period))
+    return log(max(sharp / max(swing, 1e-9), 1.0)) / 2 * (period / pi) ** 2
+
+
+def _usual(contrast: Array, still: float, growing: float) -> float:
+    """Contrast whose noise in lines is the r.m.s. of all pixels'.
+
+    The noise of a grey value is ``still + growing * contrast``, in lines that over the contrast squared.
+    """
+    still = max(still, 1 / 12)
+    mean = float(np.mean(still / np.square(contrast) + growing / contrast))
+    return 2 * still / (sqrt(growing**2 + 4 * still * mean) - growing)
 
 
 def _frame(pattern: Pattern, place: Array, lines: int, light: RigLight, rng: np.random.Generator) -> NDArray[Any]:

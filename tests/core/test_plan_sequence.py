@@ -14,15 +14,15 @@ from core.decode import decode
 from core.errors import InputError
 from core.model import DeviceSpec, Subject
 from core.patterns import axis_of, brightness, parse_sequence
-from core.pipeline.planning import plan_sequence
-from core.project import add_capture, create_project
+from core.pipeline.planning import expected, plan_sequence, rig_light
+from core.project import add_capture, create_project, read_project
 from core.project.captures import write_capture
 
 LINES, CAMERA = (160, 160), (320, 40)
 CONTRAST, AMBIENT, NOISE, BLUR = 90.0, 14.0, 2.2, 0.6
 
 
-def render(pattern, place: NDArray, rng: np.random.Generator) -> NDArray[np.uint8]:
+def render(pattern, place: NDArray, rng: np.random.Generator, shaded: float = 0.0) -> NDArray[np.uint8]:
     """Rays: every pixel is the mean of 256 rays, each of which meets one line; noise by the sensor."""
     level = np.zeros(place.shape)
     shown = np.pad(brightness(pattern, np.arange(LINES[0])), 40)
@@ -32,7 +32,8 @@ def render(pattern, place: NDArray, rng: np.random.Generator) -> NDArray[np.uint
         total = np.cumsum(np.exp(-x * x / 2))
         level += shown[np.rint(place + BLUR * np.interp(shift, total / total[-1], x)).astype(int) + 40] / 256
     level = level if axis_of(pattern) else np.full(place.shape, shown[40])
-    return np.uint8(np.clip(np.rint(AMBIENT + CONTRAST * level + NOISE * rng.normal(size=place.shape)), 0, 255))
+    contrast = np.where(np.arange(place.shape[1]) < 0.6 * place.shape[1], CONTRAST, CONTRAST * (1 - shaded))
+    return np.uint8(np.clip(np.rint(AMBIENT + contrast * level + NOISE * rng.normal(size=place.shape)), 0, 255))
 
 
 @pytest.fixture
@@ -71,6 +72,19 @@ def test_the_rig_is_read_off_a_capture_and_noise_is_predicted_to_a_twentieth(pro
             u = decode(patterns, [render(q, place, rng) for q in patterns], lines=LINES).u
             error = (u - place)[np.abs(u - place) < 2]
             assert p.sigma_lines == pytest.approx(float(np.sqrt(np.mean(error**2))), rel=0.05), p
+
+
+def test_pixels_in_half_light_count_by_their_noise(tmp_path: Path) -> None:
+    """Two fifths see 50 grey values instead of 90: noise is a third more than at the median."""
+    create_project(tmp_path, "p", DeviceSpec(*CAMERA, (0.01, 0.01), 12.0), DeviceSpec(*LINES, (0.09, 0.09), 100.0), {})
+    rng, place = np.random.default_rng(3), field()
+    patterns = parse_sequence("paper:axes=x").patterns(LINES)
+    images = [render(p, place, rng, 0.45) for p in patterns]
+    write_capture(tmp_path / "captures" / "a", Subject("object"), list(zip(patterns, images, strict=True)))
+    add_capture(tmp_path, "captures/a")
+    planned = expected(parse_sequence("paper"), LINES, rig_light(read_project(tmp_path)))
+    error = decode(patterns, images, lines=LINES).u - place
+    assert planned.sigma_lines == pytest.approx(float(np.sqrt(np.nanmean(error**2))), rel=0.05)
 
 
 def test_the_command_tells_what_is_assumed(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
