@@ -38,7 +38,7 @@ KEPT = "merged.npz"
 class Merged:
     """Points of several captures in the frame of the first one's camera.
 
-    `cloud` (1, n, 3) has `source`, positions in `sources`: the camera and the capture by which it has a point. `image`
+    `cloud` (1, n, 3) has `source`, positions in `sources`: the cameras and captures by which it has a point. `image`
     (1, n) are their grey values, `pose_sigmas` (k-1, 6) those of the registration with the calibration's part.
     """
 
@@ -148,24 +148,37 @@ def joined(
     calibration: PhotogrammetricCalibration,
     progress: Progress,
 ) -> tuple[PointCloud, Floats, tuple[tuple[str, str], ...]]:
-    """Points of every station by all devices there, with sigmas along the axes of the common frame."""
-    from core.reconstruct import device_at, intersect_all, merged
+    """Points of every station by all devices there, each place once, with sigmas along the axes of the common frame."""
+    from core.reconstruct import Seen, averaged, device_at, each_once, intersect_all, placed
 
-    parts: list[tuple[Any, ...]] = []
-    sources: list[tuple[str, str]] = []
+    devices, views, images, names = placed(calibration), [], [], []
     for k, (own, capture) in enumerate(zip(phases, captures, strict=True)):
         progress(k / len(captures), f"intersecting {capture.name}")
         there = [replace(p, camera=device_at(p.camera, k), projector=device_at(p.projector, k)) for p in own]
-        images = {phase.camera: phase.image for phase in there}
-        clouds = {name: intersect_all(there, calibration, name, along="base") for name in images}
-        cloud, image = merged(clouds, images, calibration)
-        assert cloud.source is not None
-        parts.append(
-            (cloud.xyz_mm, cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight, cloud.source + len(sources), image)
-        )
-        sources += [(camera, capture.name) for camera in dict.fromkeys(p.camera for p in own)]
-    xyz, sigma, depth, sight, source, image = (np.concatenate(column, axis=1) for column in zip(*parts, strict=True))
-    return PointCloud(xyz, sigma, depth, sight, source.astype(np.uint8)), image, tuple(sources)
+        seen = {phase.camera: phase for phase in there}
+        clouds = each_once({name: intersect_all(there, calibration, name, along="base") for name in seen})
+        views += [Seen(cloud, devices[name], k) for name, cloud in clouds.items()]
+        images += [phase.image for phase in seen.values()]
+        names += [(camera, capture.name) for camera in dict.fromkeys(p.camera for p in own)]
+    parts: list[tuple[Any, ...]] = []
+    for view, image, (cloud, made) in zip(views, images, averaged(views), strict=True):
+        at = np.isfinite(cloud.xyz_mm[..., 2])
+        assert cloud.sigma_mm is not None
+        assert cloud.sigma_depth_mm is not None
+        assert cloud.sight is not None
+        xyz = view.camera.from_base.inverse().apply(cloud.xyz_mm[at]).astype(np.float32)
+        parts.append((xyz, cloud.sigma_mm[at], cloud.sigma_depth_mm[at], cloud.sight[at], made[at], image[at]))
+    xyz, sigma, depth, sight, made, image = (np.concatenate(column)[None] for column in zip(*parts, strict=True))
+    combinations, source = np.unique(made, return_inverse=True)
+    told = tuple(_told([name for i, name in enumerate(names) if bits >> i & 1]) for bits in combinations.tolist())
+    kind = np.uint8 if len(told) <= 256 else np.uint16
+    return PointCloud(xyz, sigma, depth, sight, source.reshape(made.shape).astype(kind)), image, told
+
+
+def _told(made_by: Sequence[tuple[str, str]]) -> tuple[str, str]:
+    """Cameras and captures of a point."""
+    cameras, captures = (" + ".join(dict.fromkeys(column)) for column in zip(*made_by, strict=True))
+    return cameras, captures
 
 
 def merge_figures(merged: Merged) -> Figures:

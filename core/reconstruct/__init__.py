@@ -3,7 +3,7 @@
 * `points` dispatches: `reconstruct` is the stage;
 * `intersect` forward intersection by the photogrammetric calibration, from 4 or 3 observations;
 * `joint` intersection from all cameras and projectors that saw a point;
-* `stations` a rig moved between captures as one rig;
+* `stations` a rig moved between captures as one rig; `overlaps` the mean of what its stations see;
 * `texture` points without code, matched in the images of two cameras; its kernels in `matching`;
 * `system` what of a photogrammetric calibration is prepared once: camera rays and projection along a ray;
 * `sigma_table` what the calibration's covariance does to a point;
@@ -16,20 +16,26 @@ u and v, which carry the phase noise, say how far along.
 """
 
 from core.reconstruct.export import EXPORTERS, exporter_for, write_npz, write_ply
-from core.reconstruct.joint import Sight, intersect_all, merged
+from core.reconstruct.joint import Sight, each_once, intersect_all, merged
+from core.reconstruct.overlaps import Seen, averaged
+from core.reconstruct.placed import placed
 from core.reconstruct.points import reconstruct
 from core.reconstruct.stations import at_stations, device_at
 from core.reconstruct.texture import fill_by_texture
 
 __all__ = [
     "EXPORTERS",
+    "Seen",
     "Sight",
     "at_stations",
+    "averaged",
     "device_at",
+    "each_once",
     "exporter_for",
     "fill_by_texture",
     "intersect_all",
     "merged",
+    "placed",
     "reconstruct",
     "write_npz",
     "write_ply",

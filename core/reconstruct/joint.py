@@ -229,6 +229,17 @@ def intersect_all(
     return PointCloud(xyz, sigma, depth, told)
 
 
+def each_once(clouds: Mapping[str, PointCloud]) -> dict[str, PointCloud]:
+    """Take joint and matched points of several cameras from the first one alone; elsewhere they become NaN."""
+    left: dict[str, PointCloud] = {}
+    for name, cloud in clouds.items():
+        assert cloud.sight is not None
+        twice = (cloud.sight == Sight.JOINT) | (cloud.sight == Sight.TEXTURE)
+        again = (twice & bool(left))[..., None]
+        left[name] = replace(cloud, xyz_mm=np.where(again, np.float32(np.nan), cloud.xyz_mm))
+    return left
+
+
 def merged(
     clouds: Mapping[str, PointCloud], images: Mapping[str, Floats], calibration: PhotogrammetricCalibration
 ) -> tuple[PointCloud, Floats]:
@@ -249,12 +260,11 @@ def merged(
     image : array, shape (1, n)
     """
     devices, parts = placed(calibration), []
-    for i, (name, cloud) in enumerate(clouds.items()):
-        assert cloud.sight is not None
+    for i, (name, cloud) in enumerate(each_once(clouds).items()):
+        keep = np.isfinite(cloud.xyz_mm[..., 2])
         assert cloud.sigma_mm is not None
         assert cloud.sigma_depth_mm is not None
-        twice = (cloud.sight == Sight.JOINT) | (cloud.sight == Sight.TEXTURE)
-        keep = np.isfinite(cloud.xyz_mm[..., 2]) & ~(twice & (i > 0))
+        assert cloud.sight is not None
         xyz = devices[name].from_base.inverse().apply(cloud.xyz_mm[keep]).astype(np.float32)
         source = np.full(keep.shape, i, np.uint8)
         own = (cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight, source, images[name])
