@@ -98,7 +98,7 @@ class Evidence:
         from core.checks import Concern, size_concerns
 
         empty = [
-            Concern("doubtful", f"{t.capture}: none of its targets was measured: {t.missing[0].reason}")
+            Concern("doubtful", f"{t.capture}: none of its targets was measured: {_why(t.missing[0].reason)}")
             for t in self.targets(method)
             if not len(t.row) and t.missing
         ]
@@ -129,6 +129,11 @@ def lengths_of(
     z_mm = {c.name: c.z_mm for c in boards if c.z_mm is not None}
     seen = pose_plates(spec, interior, [targets[name] for name in z_mm], z_mm, boards[0].testfield)
     return length_concerns(None, None, None, seen, False)
+
+
+def _why(reason: str) -> str:
+    """Why no target was measured; dots of another size are cut in the middle, or reach into each other."""
+    return f"{reason}; look at diameter_mm in its testfield file, too" if "contour" in reason else reason
 
 
 def warned(warnings: Sequence[str]) -> list[Concern]:
