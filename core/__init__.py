@@ -32,8 +32,8 @@ A whole experiment on the virtual bench, in a folder that does not exist yet::
     for plane in core.evaluate_project(project):
         print(plane.capture, plane.method, plane.rms_mm)
 
-From arrays, without files: `decode_frames`, `calibrate_points`, `reconstruct_phase`, `triangulate`, `project_points`,
-`undistort_image`, all in `core.api`.
+From arrays, without files: `decode_frames`, `calibrate_points`, `reconstruct_phase`, `merge_phases`, `triangulate`,
+`project_points`, `undistort_image`, all in `core.api`.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from core.api import Points as Points
     from core.api import calibrate_points as calibrate_points
     from core.api import decode_frames as decode_frames
+    from core.api import merge_phases as merge_phases
     from core.api import project_points as project_points
     from core.api import reconstruct_phase as reconstruct_phase
     from core.api import triangulate as triangulate
@@ -69,7 +70,8 @@ if TYPE_CHECKING:
     __version__: str
 
 _HOMES = {
-    "core.api": "Points calibrate_points decode_frames project_points reconstruct_phase triangulate undistort_image",
+    "core.api": "Points calibrate_points decode_frames merge_phases project_points reconstruct_phase triangulate"
+    " undistort_image",
     "core.pipeline": "CalibrateOptions adjust_network calibrate_project capture_into decode_capture evaluate_project"
     " measure_project orient_capture print_testfield reconstruct_capture report_project simulate_project",
     "core.project": "read_capture read_network read_project",

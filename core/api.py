@@ -9,7 +9,7 @@ Lengths are mm.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, SupportsFloat
 
 import numpy as np
@@ -36,6 +36,7 @@ from core.model import (
     PhaseMap,
     PhotogrammetricCalibration,
     PointCloud,
+    Registration,
     Rig,
     ScaleBar,
     TargetSet,
@@ -171,6 +172,59 @@ def reconstruct_phase(
     from core.reconstruct import reconstruct
 
     return reconstruct(phase, calibration, progress=progress)
+
+
+def merge_phases(
+    phases: Sequence[PhaseMap],
+    calibration: PhotogrammetricCalibration,
+    *,
+    targets: Sequence[TargetSet | None] = (),
+    by: Literal["both", "targets", "surface"] = "both",
+    progress: Progress = SILENT,
+) -> tuple[PointCloud, tuple[str, ...], Registration]:
+    """Join what a rig saw of one object from several stations, or of an object that was turned.
+
+    Parameters
+    ----------
+    phases : sequence of PhaseMap
+        One of each station, by the same camera and projector.
+    targets : sequence of TargetSet, optional
+        Targets with the object, as each station saw them; without them the surface alone tells the poses.
+    by : {"both", "targets", "surface"}
+        What tells the poses.
+
+    Returns
+    -------
+    cloud : PointCloud
+        Shape (1, n, 3), in the frame of the first station's camera; its sigmas hold noise, poses and calibration.
+    made_by : tuple of str
+        Stations that have a part in a point, ``"0 + 2"``, by the cloud's `source`.
+    registration : Registration
+        With poses ``camera_from_first``.
+
+    Raises
+    ------
+    InputError
+        If the stations do not tell how they stand to each other.
+    """
+    from core.orient import View, register, starts_of
+    from core.reconstruct import at_stations, joined, reconstruct
+
+    if len(phases) < 2 or len(targets) not in (0, len(phases)):
+        seen = f"{len(phases)} phase maps, {len(targets)} sets of targets"
+        raise InputError("merge_phases", seen, "give at least two phase maps, and targets for each or for none")
+    given = targets or [None] * len(phases)
+    camera = phases[0].camera if len(calibration.cameras) > 1 else calibration.camera_name
+    projector = phases[0].projector if len(calibration.projectors) > 1 else calibration.projector_name
+    phases = [replace(phase, camera=camera, projector=projector) for phase in phases]
+    views = [
+        View(phase, reconstruct(phase, calibration), own, str(k))
+        for k, (phase, own) in enumerate(zip(phases, given, strict=True))
+    ]
+    found = register(views, calibration, starts_of(views, calibration, progress), by=by, progress=progress)
+    everywhere = at_stations(calibration, found, camera)
+    cloud, _, made_by = joined([[phase] for phase in phases], found.captures, everywhere, progress)
+    return cloud, tuple(stations for _, stations in made_by), found
 
 
 @dataclass(frozen=True)

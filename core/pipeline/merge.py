@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def merge_captures(
         If the captures lack a common camera and projector, or do not tell how they stand to each other.
     """
     from core.orient import View, register, starts_of
-    from core.reconstruct import at_stations, reconstruct
+    from core.reconstruct import at_stations, joined, reconstruct
 
     if len(set(names)) < 2:
         raise InputError("merge", f"{len(set(names))} capture", "name at least two captures of one object")
@@ -88,7 +88,7 @@ def merge_captures(
     starts = starts_of(views, calibration, progress.part(0.5, 0.6))
     found = register(views, calibration, starts, by=by, progress=progress.part(0.6, 0.8))
     everywhere = at_stations(calibration, found, pair[0])
-    parts = joined(phases, captures, everywhere, progress.part(0.8, 1.0))
+    parts = joined(phases, [capture.name for capture in captures], everywhere, progress.part(0.8, 1.0))
     sigmas = found.sigmas(calibration.covariance)
     with suppress(InputError):  # the project may only be read
         save_archive(result_path(project, KEPT), (found, sigmas, signature_of(pair_of(calibration, *pair))))
@@ -140,45 +140,6 @@ def _phases(
         if {phase.camera, phase.projector} <= set(calibration.devices):
             found[capture.name].append(phase)
     return list(found.values())
-
-
-def joined(
-    phases: Sequence[Sequence[PhaseMap]],
-    captures: Sequence[Capture],
-    calibration: PhotogrammetricCalibration,
-    progress: Progress,
-) -> tuple[PointCloud, Floats, tuple[tuple[str, str], ...]]:
-    """Points of every station by all devices there, each place once, with sigmas along the axes of the common frame."""
-    from core.reconstruct import Seen, averaged, device_at, each_once, intersect_all, placed
-
-    devices, views, images, names = placed(calibration), [], [], []
-    for k, (own, capture) in enumerate(zip(phases, captures, strict=True)):
-        progress(k / len(captures), f"intersecting {capture.name}")
-        there = [replace(p, camera=device_at(p.camera, k), projector=device_at(p.projector, k)) for p in own]
-        seen = {phase.camera: phase for phase in there}
-        clouds = each_once({name: intersect_all(there, calibration, name, along="base") for name in seen})
-        views += [Seen(cloud, devices[name], k) for name, cloud in clouds.items()]
-        images += [phase.image for phase in seen.values()]
-        names += [(camera, capture.name) for camera in dict.fromkeys(p.camera for p in own)]
-    parts: list[tuple[Any, ...]] = []
-    for view, image, (cloud, made) in zip(views, images, averaged(views), strict=True):
-        at = np.isfinite(cloud.xyz_mm[..., 2])
-        assert cloud.sigma_mm is not None
-        assert cloud.sigma_depth_mm is not None
-        assert cloud.sight is not None
-        xyz = view.camera.from_base.inverse().apply(cloud.xyz_mm[at]).astype(np.float32)
-        parts.append((xyz, cloud.sigma_mm[at], cloud.sigma_depth_mm[at], cloud.sight[at], made[at], image[at]))
-    xyz, sigma, depth, sight, made, image = (np.concatenate(column)[None] for column in zip(*parts, strict=True))
-    combinations, source = np.unique(made, return_inverse=True)
-    told = tuple(_told([name for i, name in enumerate(names) if bits >> i & 1]) for bits in combinations.tolist())
-    kind = np.uint8 if len(told) <= 256 else np.uint16
-    return PointCloud(xyz, sigma, depth, sight, source.reshape(made.shape).astype(kind)), image, told
-
-
-def _told(made_by: Sequence[tuple[str, str]]) -> tuple[str, str]:
-    """Cameras and captures of a point."""
-    cameras, captures = (" + ".join(dict.fromkeys(column)) for column in zip(*made_by, strict=True))
-    return cameras, captures
 
 
 def merge_figures(merged: Merged) -> Figures:

@@ -16,26 +16,20 @@ u and v, which carry the phase noise, say how far along.
 """
 
 from core.reconstruct.export import EXPORTERS, exporter_for, write_npz, write_ply
-from core.reconstruct.joint import Sight, each_once, intersect_all, merged
-from core.reconstruct.overlaps import Seen, averaged
-from core.reconstruct.placed import placed
+from core.reconstruct.joint import Sight, intersect_all, merged
 from core.reconstruct.points import reconstruct
-from core.reconstruct.stations import at_stations, device_at
+from core.reconstruct.stations import at_stations, joined
 from core.reconstruct.texture import fill_by_texture
 
 __all__ = [
     "EXPORTERS",
-    "Seen",
     "Sight",
     "at_stations",
-    "averaged",
-    "device_at",
-    "each_once",
     "exporter_for",
     "fill_by_texture",
     "intersect_all",
+    "joined",
     "merged",
-    "placed",
     "reconstruct",
     "write_npz",
     "write_ply",

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from core.geometry import Pose, rotation_vector_from_matrix
 from core.geometry.pairs import names_of, orientation_names
-from core.model import AdjustedDevice, Array, Orientation, PhotogrammetricCalibration, Registration
+from core.model import (
+    AdjustedDevice,
+    Array,
+    Floats,
+    Orientation,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    PointCloud,
+    Registration,
+)
+from core.progress import SILENT, Progress
+from core.reconstruct.joint import each_once, intersect_all
+from core.reconstruct.overlaps import Seen, averaged
 from core.reconstruct.placed import moved, placed
 
 
@@ -80,3 +94,56 @@ def at_stations(
         covariance=T @ C @ T.T,
         parameter_names=tuple(names),
     )
+
+
+def joined(
+    phases: Sequence[Sequence[PhaseMap]],
+    stations: Sequence[str],
+    calibration: PhotogrammetricCalibration,
+    progress: Progress = SILENT,
+) -> tuple[PointCloud, Floats, tuple[tuple[str, str], ...]]:
+    """Points of every station by all devices there, each place once, with sigmas along the axes of the common frame.
+
+    Parameters
+    ----------
+    phases : sequence of sequences of PhaseMap
+        Of every station, by its cameras and projectors.
+    stations : sequence of str
+        Their names.
+    calibration : PhotogrammetricCalibration
+        From `at_stations`.
+
+    Returns
+    -------
+    cloud, image : PointCloud, array
+        Shape (1, n, 3) and (1, n); `source` is the position in `made_by`.
+    made_by : tuple of (str, str)
+        Cameras and stations that have a part in a point.
+    """
+    devices, views, images, names = placed(calibration), [], [], []
+    for k, (own, station) in enumerate(zip(phases, stations, strict=True)):
+        progress(k / len(stations), f"intersecting {station}")
+        there = [replace(p, camera=device_at(p.camera, k), projector=device_at(p.projector, k)) for p in own]
+        seen = {phase.camera: phase for phase in there}
+        clouds = each_once({name: intersect_all(there, calibration, name, along="base") for name in seen})
+        views += [Seen(cloud, devices[name], k) for name, cloud in clouds.items()]
+        images += [phase.image for phase in seen.values()]
+        names += [(camera, station) for camera in dict.fromkeys(p.camera for p in own)]
+    parts: list[tuple[Any, ...]] = []
+    for view, image, (cloud, made) in zip(views, images, averaged(views), strict=True):
+        at = np.isfinite(cloud.xyz_mm[..., 2])
+        assert cloud.sigma_mm is not None
+        assert cloud.sigma_depth_mm is not None
+        assert cloud.sight is not None
+        xyz = view.camera.from_base.inverse().apply(cloud.xyz_mm[at]).astype(np.float32)
+        parts.append((xyz, cloud.sigma_mm[at], cloud.sigma_depth_mm[at], cloud.sight[at], made[at], image[at]))
+    xyz, sigma, depth, sight, made, image = (np.concatenate(column)[None] for column in zip(*parts, strict=True))
+    combinations, source = np.unique(made, return_inverse=True)
+    told = tuple(_told([name for i, name in enumerate(names) if bits >> i & 1]) for bits in combinations.tolist())
+    kind = np.uint8 if len(told) <= 256 else np.uint16
+    return PointCloud(xyz, sigma, depth, sight, source.reshape(made.shape).astype(kind)), image, told
+
+
+def _told(made_by: Sequence[tuple[str, str]]) -> tuple[str, str]:
+    cameras, stations = (" + ".join(dict.fromkeys(column)) for column in zip(*made_by, strict=True))
+    return cameras, stations

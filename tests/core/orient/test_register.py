@@ -10,20 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.api import merge_phases
 from core.bench import experiment
 from core.cli import main
 from core.errors import InputError
 from core.geometry import Pose, rotation_vector_from_matrix
-from core.model import Capture
 from core.numerics import chi_square_limit
 from core.orient import View, register, starts_of
-from core.pipeline.merge import joined
 from core.pipeline.report import report_data
-from core.progress import SILENT
 from core.project import read_project
-from core.reconstruct import at_stations, reconstruct
+from core.reconstruct import at_stations, joined, reconstruct
 from core.report.chapters import tables
-from tests.core.orient.views import Observed, calibration, draw, observe, station
+from tests.core.orient.views import Observed, calibration, draw, observe, relief, station
 
 FOUND = calibration()
 STATIONS = (station((0, 0, 0)), station((8, 25, 3)), station((-10, -20, 60)))
@@ -60,8 +58,7 @@ def test_poses_and_joined_points_are_as_good_as_they_say() -> None:
         off = error(found.poses[1], true_pose)
         squares.append(off @ np.linalg.solve(spread, off))
         assert all(overlap.misfit < 1.2 for overlap in found.overlaps)
-        captures = [Capture(Path(view.name), "object", ()) for view in views]
-        cloud, _, sources = joined([[one.phase] for one in seen], captures, at_stations(FOUND, found, "camera"), SILENT)
+        cloud, _, sources = joined([[one.phase] for one in seen], found.captures, at_stations(FOUND, found, "camera"))
         kept = [np.isfinite(view.cloud.xyz_mm[..., 2]) for view in views]
         assert [name for _, name in sources] == ["view 0", "view 1", "view 0 + view 1"]
         alone, other, both = np.bincount(cloud.source.ravel())
@@ -84,9 +81,8 @@ def test_three_views_hold_one_another() -> None:
         found = register(views_of(seen), exact, true, by="surface")
         off = np.concatenate([error(a, b) for a, b in zip(found.poses[1:], true[1:], strict=True)])
         squares.append(off @ np.linalg.solve(found.covariance, off))
-    captures = [Capture(Path(f"view {k}"), "object", ()) for k in range(3)]
     sure = at_stations(replace(FOUND, covariance=1e-8 * FOUND.covariance), found, "camera")
-    cloud, _, sources = joined([[one.phase] for one in seen], captures, sure, SILENT)
+    cloud, _, sources = joined([[one.phase] for one in seen], found.captures, sure)
     (all_three,) = [k for k, (_, name) in enumerate(sources) if name.count("view") == 3]
     by_three = cloud.source[0] == all_three
     truth = STATIONS[0].apply(seen[0].truth[np.isfinite(seen[0].truth[..., 2])])
@@ -107,6 +103,23 @@ def test_views_find_each_other_by_targets_and_by_what_they_show() -> None:
         true = pose @ STATIONS[0].inverse()
         middle = np.array([0.0, 0.0, -600.0])
         assert np.linalg.norm(start.apply(middle) - true.apply(middle)) < within_mm
+
+
+def test_a_turned_object_is_joined_from_arrays() -> None:
+    """No targets, 35 degrees between the first two and 70 to the third; sigmas as `views.calibration` draws them."""
+    rng, turns = np.random.default_rng(8), (0, 35, 70)
+    rig = draw(FOUND, rng)
+    seen = [observe(rig, station((5, turn, 0)), rng) for turn in turns]
+    cloud, made_by, found = merge_phases([one.phase for one in seen], FOUND)
+    spread = found.sigmas(FOUND.covariance)
+    for pose, sigma, turn in zip(found.poses[1:], spread, turns[1:], strict=True):
+        off = error(pose, station((5, turn, 0)) @ station((5, 0, 0)).inverse())
+        assert np.abs(off / sigma).max() < 4.0  # twelve normal deviates: one in 1,300
+    assert {"0", "0 + 1"} < set(made_by)
+    X = station((5, 0, 0)).inverse().apply(cloud.xyz_mm[0].astype(float))
+    assert np.sqrt(np.mean((X[:, 2] - relief(*X[:, :2].T)) ** 2)) < 3 * np.sqrt(np.mean(cloud.sigma_mm**2))
+    with pytest.raises(InputError, match="1 phase maps"):
+        merge_phases([seen[0].phase], FOUND)
 
 
 def test_nothing_in_common_and_surfaces_that_slide_are_refused() -> None:
