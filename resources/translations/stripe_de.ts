@@ -2619,7 +2619,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>Merge captures…</source>
-        <translation>Aufnahmen verbinden…</translation>
+        <translation>Aufnahmen verbinden …</translation>
     </message>
     <message>
         <source>Join captures of one object from several stations to one cloud.</source>
@@ -2891,7 +2891,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>shifted across the base [µm]</source>
-        <translation>quer zur Basis verschoben [µm]</translation>
+        <translation>quer zur Basis [µm]</translation>
     </message>
     <message>
         <source>and square to both [µm]</source>

@@ -22,6 +22,7 @@ from stripe_gui.presenters.reconstruct import (
     kind_name,
     load_points,
     map_view,
+    merged_scene,
     points_of,
     space_of,
 )
@@ -129,9 +130,7 @@ class ReconstructPage(MapPage):
         """Show by which capture every point was made, until something else is chosen."""
         count = merged.cloud.xyz_mm.shape[1]
         self.bench.notify("success", self.tr("{n} points written to {path}.").format(n=count, path=out))
-        several = len({camera for camera, _ in merged.sources}) > 1
-        named = [f"{capture}, {camera}" if several else capture for camera, capture in merged.sources]
-        scene, words = joint_scene(merged.cloud, "joint-source", named)
+        scene, words = merged_scene(merged.cloud, merged.sources)
         sigmas = merged.pose_sigmas[:, 3:]
         said = self.tr("{n} captures, poses to {sigma:.3f} mm.")
         sigma = float(np.sqrt((sigmas**2).sum(axis=1)).max())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, sqrt
 from pathlib import Path
 
@@ -151,6 +151,18 @@ def joint_scene(cloud: PointCloud, kind: str, cameras: Sequence[str]) -> tuple[S
         text = text.format(low=round(float(low), 3), high=round(float(high), 3), median=float(np.median(z)))
     size = float(np.linalg.norm(np.ptp(np.percentile(xyz, (5, 95), axis=0), axis=0)))
     return Scene(seen(xyz[::step]), colours[::step], spacing_mm=size / sqrt(len(xyz) / step)), text
+
+
+def merged_scene(cloud: PointCloud, sources: Sequence[tuple[str, str]]) -> tuple[Scene, str]:
+    """Colour the points of several captures: those of one by it, what several have made in one colour."""
+    several = len({camera for camera, _ in sources if " + " not in camera}) > 1
+    named = [f"{capture}, {camera}" if several else capture for camera, capture in sources]
+    alone = [k for k, (camera, capture) in enumerate(sources) if " + " not in camera + capture]
+    index = np.full(len(sources), len(alone))
+    index[alone] = np.arange(len(alone))
+    assert cloud.source is not None
+    words = [*(named[k] for k in alone), translate("Reconstruct", "by several")]
+    return joint_scene(replace(cloud, source=index[cloud.source]), "joint-source", words)
 
 
 def sight_words() -> dict[int, str]:

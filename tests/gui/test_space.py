@@ -11,7 +11,7 @@ from PySide6.QtGui import QColor
 
 from core.geometry import Pose
 from core.model import DeviceSpec, Interior, PointCloud
-from stripe_gui.presenters.reconstruct import PATCHES, joint_scene
+from stripe_gui.presenters.reconstruct import PATCHES, joint_scene, merged_scene
 from stripe_gui.presenters.rig_space import Stand, common_slices, field
 from stripe_gui.presenters.space import Line, Scene, seen
 from stripe_gui.widgets.space_view import DISTANCE, FROM_CAMERA, SpaceView
@@ -161,3 +161,13 @@ def test_the_drift_chart_tells_what_is_out_of_control(window, finished_project, 
     assert [float(curve.y[1]) for curve in elements] == [5.0] * 5  # in sigmas
     cells = [page.captures.model.index(1, j).data() for j in range(1, 5)]
     assert cells == ["plane+15", "OUT OF CONTROL", "1e-06", "+50.0 ± 10.0"]
+
+
+def test_merged_points_are_coloured_by_the_capture_that_made_them_alone() -> None:
+    xyz = np.random.default_rng(2).normal(size=(1, 6, 3)).astype(np.float32)
+    sight, source = np.ones((1, 6), np.uint8), np.array([[0, 1, 2, 3, 3, 3]], np.uint8)
+    cloud = PointCloud(xyz, np.full((1, 6, 3), 0.02, np.float32), None, sight, source)
+    made_by = [("camera", "front"), ("camera", "left"), ("camera", "front + left"), ("camera", "front + left + back")]
+    scene, words = merged_scene(cloud, made_by)
+    assert [words.count(name) for name in ("front 1", "left 1", "by several 4")] == [1, 1, 1]
+    assert len({tuple(colour) for colour in scene.colours}) == 3
