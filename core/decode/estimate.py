@@ -155,11 +155,8 @@ def _hold_against(planes: Planes, place: Singles, sigma: Singles) -> None:
             for a in (2 * smoother - np.minimum(moved, FAR * before), before - after)
         )
         part = np.clip(gained / np.maximum(expected, np.float32(1e-20)), 0, 1)
-        for number, tiles in enumerate(np.repeat(part, TILE, axis=1)[:, : planes.columns]):
-            rows = slice(number * TILE * planes.columns, (number + 1) * TILE * planes.columns)
-            was = np.square(old_sigma[rows]).reshape(-1, planes.columns)
-            less = was - np.square(new_sigma[rows]).reshape(-1, planes.columns)
-            new_sigma[rows] = np.sqrt(was - tiles * less).ravel()
+        part = part.repeat(TILE, axis=0).repeat(TILE, axis=1)[: shape[0], : shape[1]].ravel()
+        new_sigma[:] = np.sqrt((1 - part) * np.square(old_sigma) + part * np.square(new_sigma))
         worse = ~(new_sigma < old_sigma)
         new[worse], new_sigma[worse] = old[worse], old_sigma[worse]
 
