@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.geometry import Pose, distort, fitted, image_to_pixel
+from core.geometry import Pose, distort, image_to_pixel
 from core.measure.view import View
 from core.model import DeviceSpec, Interior, TargetSet, Testfield
 
 Array = NDArray[np.float64]
 
 
-def eccentricity(view: View, xyz_mm: Array, radius_mm: Array) -> Array:
+def eccentricity(view: View, xyz_mm: Array, radius_mm: Array, interior: Interior | None = None) -> Array:
     """Centre of a circle's image minus the image of the circle's centre, shape (n, 2), px.
 
     Parameters
@@ -24,6 +24,8 @@ def eccentricity(view: View, xyz_mm: Array, radius_mm: Array) -> Array:
     xyz_mm : array, shape (n, 3)
         Centres of circles that lie parallel to the board's XY plane.
     radius_mm : array, shape (n,)
+    interior : Interior
+        The camera's, of any model, where it is known better than the view has it.
 
     Notes
     -----
@@ -32,8 +34,7 @@ def eccentricity(view: View, xyz_mm: Array, radius_mm: Array) -> Array:
     last column the image of the circle's centre. Exact; for a camera that looks at the circle's centre this is the
     closed form ``c r² sin a cos a / (D² - r² sin² a)`` of a circle tilted by a at the distance D.
 
-    The lens then bends the ellipse: its centroid moves by ``A1 (tr S + 10 S) m`` more than the point m does, where S
-    are the ellipse's second moments (to first order in A1; the curvature of the distortion and the change of area).
+    The lens then bends the ellipse, see `_bent`.
 
     Examples
     --------
@@ -44,7 +45,8 @@ def eccentricity(view: View, xyz_mm: Array, radius_mm: Array) -> Array:
     >>> print(round(float(np.hypot(*eccentricity(view, np.zeros((1, 3)), np.array([2.5]))[0])), 4))
     0.0047
     """
-    R, c = view.camera_from_board.rotation, view.spec.nominal_c_mm
+    interior = interior or view.interior
+    R, c = view.camera_from_board.rotation, interior.c_mm
     centre = view.camera_from_board.apply(xyz_mm)
     image = np.diag([-c, -c, 1.0])
     H = np.empty((len(xyz_mm), 3, 3))
@@ -55,11 +57,29 @@ def eccentricity(view: View, xyz_mm: Array, radius_mm: Array) -> Array:
     dual /= dual[:, 2:, 2:]
     middle, point = dual[:, :2, 2], H[:, :2, 2] / H[:, 2:, 2]
     moments = (middle[:, :, None] * middle[:, None, :] - dual[:, :2, :2]) / 4
-    bent = np.trace(moments, axis1=1, axis2=2)[:, None] * middle + 10 * (moments @ middle[..., None])[..., 0]
-    interior, spec = view.interior, view.spec
-    return image_to_pixel(spec, distort(interior, middle) + view.a1 * bent) - image_to_pixel(
-        spec, distort(interior, point)
-    )
+    bent = distort(interior, middle) + _bent(interior, middle, moments)
+    return image_to_pixel(view.spec, bent) - image_to_pixel(view.spec, distort(interior, point))
+
+
+def _bent(interior: Interior, middle: Array, moments: Array) -> Array:
+    """How much further a lens moves an ellipse's centroid than its middle m (n, 2), mm.
+
+    To second order in the lens, with the second moments S (n, 2, 2): ``S:f''/2`` of the curved map f, and
+    ``f' S grad(ln det f')`` of the areas, which it does not keep.
+    """
+    step = np.sqrt(np.trace(moments, axis1=1, axis2=2))[:, None]
+
+    def at(i: int, j: int) -> Array:
+        return distort(interior, middle + step * np.array([i, j]))
+
+    left, right, below, above, twice = at(-1, 0), at(1, 0), at(0, -1), at(0, 1), 2 * at(0, 0)
+    slope = np.stack([right - left, above - below], axis=2) / 2
+    xx, yy, xy = right + left - twice, above + below - twice, (at(1, 1) - at(1, -1) - at(-1, 1) + at(-1, -1)) / 4
+    S = moments / step[:, :, None] ** 2
+    curved = (S[:, :1, 0] * xx + S[:, 1:, 1] * yy) / 2 + S[:, :1, 1] * xy
+    second = np.stack([np.stack([xx, xy], axis=2), np.stack([xy, yy], axis=2)], axis=1)  # slope's change by x, by y
+    grows = np.einsum("nij,nkji->nk", np.linalg.inv(slope), second)
+    return np.asarray(curved + np.einsum("nij,njk,nk->ni", slope, S, grows))
 
 
 def recentred(
@@ -74,9 +94,8 @@ def recentred(
     at = [index[key] for key in zip(targets.row.tolist(), targets.col.tolist(), strict=True)]
     if not at:
         return targets
-    plain = interior if interior.model == "A1..A6" else fitted(camera, interior, "A1..A6")[0]
-    view = View(replace(camera, nominal_c_mm=plain.c_mm), camera_from_board, plain.a[0])
-    shift = eccentricity(view, testfield.xyz_mm[at], testfield.diameter_mm[at] / 2)
+    view = View(camera, camera_from_board)
+    shift = eccentricity(view, testfield.xyz_mm[at], testfield.diameter_mm[at] / 2, interior)
     moved = targets.eccentricity_px - shift
     lines = targets.projector_uv
     if targets.gradient is not None:
