@@ -1,4 +1,4 @@
-"""`python -m tests.benchmarks.laboratories [NAME ...] [--seeds N]`: the whole road on projects of another renderer.
+"""`python -m tests.benchmarks.laboratories [NAME ...] [--seeds N] [--estimator NAME]`: another renderer, the whole road.
 
 Errors against what the renderer knows, over the sigmas that the program states: 1 is right. Base: largest error of a
 device's position; points: a relief's depth, from one camera and one projector. No figure is asserted.
@@ -12,6 +12,7 @@ import io
 import tempfile
 from pathlib import Path
 
+from core.measure import ESTIMATORS
 from tests.foreign.projects import LABORATORIES
 from tests.foreign.scoring import Score, score
 
@@ -43,6 +44,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="tests.benchmarks.laboratories", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(LABORATORIES)}; all if unsaid")
     parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--estimator", choices=ESTIMATORS, default="centroid", help="of dots' centres")
     options = parser.parse_args()
     print("| laboratory | seed | verdict | image points | error/σ of parameters | worst | base mm | relief | planes |")
     print("|---|---|---|---|---|---|---|---|---|", flush=True)
@@ -50,7 +52,10 @@ def main() -> None:
         for seed in range(1, options.seeds + 1):
             with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
                 laboratory = LABORATORIES[name](seed)
-                found = score(laboratory, laboratory.write(Path(folder) / "project"))
+                project = laboratory.write(Path(folder) / "project")
+                board = project / "testfield.csv"
+                board.write_text(f"# estimator: {options.estimator}\n{board.read_text()}")
+                found = score(laboratory, project)
             print(row(name, seed, found), flush=True)
 
 
