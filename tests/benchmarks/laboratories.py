@@ -1,4 +1,4 @@
-"""`python -m tests.benchmarks.laboratories [NAME ...] [--seeds N] [--estimator NAME]`: another renderer, the whole road.
+"""`python -m tests.benchmarks.laboratories [NAME ...] [--seeds N] [--estimator NAME]`: another renderer.
 
 Errors against what the renderer knows, over the sigmas that the program states: 1 is right. Base: largest error of a
 device's position; points: a relief's depth, from one camera and one projector. No figure is asserted.
