@@ -201,7 +201,7 @@ def _measure(
     tables = (x, y)
     across = len(range(*spread(images[0].shape)[1].indices(images[0].shape[1])))
     x, y = (
-        measure_bend(measure_fading(table, sample, noise), squares, sample, across, noise)
+        measure_bend(measure_fading(table, sample, noise), squares, sample, across, noise, saturation)
         for table, squares in zip(tables, sequence.squares, strict=True)
     )
     return limits_of(noise, saturation, options), (x, y), response, gains, sample

@@ -135,7 +135,7 @@ def _blurred(rows: Array, turns: float) -> Array:
 
 
 def measure_bend(
-    table: AxisTable, waves: Sequence[SquareWave], sample: Singles, across: int, noise: Noise
+    table: AxisTable, waves: Sequence[SquareWave], sample: Singles, across: int, noise: Noise, saturation: float
 ) -> AxisTable:
     """Set how the phase of every square wave is straightened, and how uncertain that is.
 
@@ -147,6 +147,8 @@ def measure_bend(
         Grey values.
     across : int
         Pixels of the sample in a row of the image.
+    saturation : float
+        Grey value from which a step tells nothing.
     """
     if not waves:
         return table
@@ -155,13 +157,21 @@ def measure_bend(
     bends = np.repeat(bends, len(NOISES), axis=1)
     row, column = np.divmod(np.arange(sample.shape[1]), across)
     block = row * PARTS // (row[-1] + 1) * PARTS + column * PARTS // across
+    fields = table.rows.column[: table.rows.first[2]]
+    cut = np.any(sample[fields] >= saturation, axis=0)  # white is saturated before the steps
     for wave in waves:
         entries = slice(table.fits.first[wave.number], table.fits.first[wave.number + 1])
         mean, c, s = np.einsum("rf,fn->rn", table.fits.value[:, entries], sample[table.fits.frame[entries]])
         amplitude = np.hypot(c, s)
         spread = np.sqrt(noise.variance(mean) * table.covariance[wave.number, 0])
         lit = (amplitude > DIM * _ranked(amplitude, 0.9)) & (amplitude > 5 * spread)
-        light = 2 * contrast if table.has_contrast else threshold if table.has_threshold else mean
+        lit &= sample[table.fits.frame[entries]].max(axis=0) < saturation
+        absolute = table.has_contrast
+        light = 2 * contrast if absolute else threshold if table.has_threshold else mean
+        if 2 * np.count_nonzero(cut & lit) > np.count_nonzero(lit):
+            light, absolute = mean, False
+        else:
+            lit &= ~cut
         lit &= light > 0
         weight = wave.family.prior
         if lit.sum() >= FEWEST:
@@ -171,7 +181,7 @@ def measure_bend(
             usual = _usual(part, block[lit])
             binned = wave.binned(int(np.clip(np.rint(np.log2(max(turns, 1e-6))), -12, -4)))
             sight = seen[usual], part[usual], block[lit][usual]
-            weight = _weights(wave.family.prior, binned, *sight, table.has_contrast)
+            weight = _weights(wave.family.prior, binned, *sight, absolute)
         bends[wave.number] = _bend(wave.family, weight)
     return table._replace(bend=bends) if np.abs(bends[:, :, 0]).max() > SLIGHT else table
 

@@ -95,7 +95,7 @@ def test_a_wave_of_four_lines_out_of_focus_stays_as_it_is(bench) -> None:
     sequence = prepare(tuple(patterns), (640, 640))
     table, images = sequence.tables[0], bench(blur=0.9).take(patterns)
     sample = take_sample(images)
-    assert measure_bend(table, sequence.squares[0], sample, sample.shape[1], Noise(4.0, 0.0, 0.1)) is table
+    assert measure_bend(table, sequence.squares[0], sample, sample.shape[1], Noise(4.0, 0.0, 0.1), 255.0) is table
 
 
 @pytest.mark.parametrize("period", [8, 16])  # of four lines a sine is as square as a square wave
@@ -113,3 +113,12 @@ def test_waves_that_show_nothing_but_their_first_harmonic_stay_as_they_are(bench
 def test_sine_waves_have_no_harmonics_to_straighten() -> None:
     patterns = [*gray_and_phase("x", 640, cell=4, periods=[8]), White(), Black()]
     assert prepare(tuple(patterns), (640, 640)).squares[0] == ()
+
+
+def test_saturated_steps_bend_no_phase(bench, judge) -> None:
+    """They are no measure of the fringes' harmonics, nor a saturated white frame of their contrast."""
+    patterns = [*square(4, 4), White(), Black()]
+    b = bench(blur=0.5, gain=np.where(np.arange(40) < 8, 225.0, 320.0)[:, None])
+    images = b.take(patterns)
+    assert np.mean(np.max(images[-6:-2], axis=0) == 255) > 0.6
+    assert 0.9 < judge(decode(patterns, images, lines=(640, 640)), b.u, 1).sigma_ratio < 1.15
