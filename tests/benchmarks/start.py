@@ -1,4 +1,9 @@
-"""How long commands take from their start, beside interpreters that do nothing or import what every command needs."""
+"""How long commands take from their start, beside interpreters that do nothing or import what every command needs.
+
+`python -m tests.benchmarks.start [PROJECT]` prints a table of their processor time, which other work on the machine
+changes less than what the clock shows, and of its ratio to those imports. PROJECT, a finished demo, is copied; without
+it one is made.
+"""
 
 from __future__ import annotations
 
@@ -29,23 +34,53 @@ def run() -> list[Row]:
     rows = _beside("--help", ["pass", "import numpy"], told, "--help")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
-        project = str(out / "demo")
-        write_network(out / "network", task(STATIONS).network)
-        commands = {
-            "demo, 37 captures": [project],  # what all that follows work on
-            "decode": [f"{project}/captures/plane+00", "--out", f"{folder}/phase.npz"],
-            "reconstruct": [project, "object-sphere", "--out", f"{folder}/points.ply"],
-            f"adjust, {STATIONS} stations": [f"{folder}/network"],
-            "evaluate, 4 planes": [project],
-            "report": [project],
-            "calibrate again": [project],
-            "calibrate, 31 captures": [project],
-        }
-        for name, arguments in commands.items():
+        for name, arguments in _commands(out).items():
             fresh = out / "demo/results" if name.startswith("calibrate,") else None
             command = name.split()[0].rstrip(",")
             rows += _beside(name, [IMPORTS], lambda output: "", command, *arguments, fresh=fresh)
     return rows
+
+
+def _commands(out: Path) -> dict[str, list[str]]:
+    """Give the arguments of every command, by what it does; the first makes what all that follow work on."""
+    project = str(out / "demo")
+    write_network(out / "network", task(STATIONS).network)
+    return {
+        "demo, 37 captures": [project],
+        "decode": [f"{project}/captures/plane+00", "--out", f"{out}/phase.npz"],
+        "reconstruct": [project, "object-sphere", "--out", f"{out}/points.ply"],
+        f"adjust, {STATIONS} stations": [f"{out}/network"],
+        "evaluate, 4 planes": [project],
+        "report": [project],
+        "calibrate again": [project],
+        "calibrate, 31 captures": [project],
+    }
+
+
+def main() -> None:
+    """Print the table: the least of three calls after one that is not counted, of slow commands the only one."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder)
+        if len(sys.argv) > 1:
+            shutil.copytree(sys.argv[1], out / "demo")
+        print("| command | CPU seconds | times the imports |\n|---|---|---|")
+        for name, arguments in _commands(out).items():
+            if name.startswith("demo") and len(sys.argv) > 1:
+                continue
+            seconds: dict[bool, list[float]] = {True: [], False: []}
+            once = name.startswith(("demo", "report", "calibrate,"))
+            for counted in [True] if once else [False, True, True, True]:
+                for ours in (False, True):
+                    if name.startswith("calibrate,"):
+                        shutil.rmtree(out / "demo/results", ignore_errors=True)
+                    before = os.times()
+                    _output(*(["-m", "core", name.split()[0].rstrip(","), *arguments] if ours else ["-c", IMPORTS]))
+                    after = os.times()
+                    spent = after.children_user + after.children_system - before.children_user - before.children_system
+                    if counted:
+                        seconds[ours].append(spent)
+            ours, imports = min(seconds[True]), min(seconds[False])
+            print(f"| {name} | {ours:.2f} | {ours / imports:.1f} |", flush=True)
 
 
 def _beside(
@@ -71,3 +106,7 @@ def _output(*arguments: str) -> str:
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     command = [sys.executable, *arguments]
     return subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout
+
+
+if __name__ == "__main__":
+    main()
