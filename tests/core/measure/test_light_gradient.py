@@ -13,3 +13,17 @@ def test_gradient_follows_a_vignette_up_to_the_corners_of_a_coarse_testfield() -
     truth = -2 * fall * uv / contrast[:, None]
     off = (light_gradient(uv, contrast, None) - truth) * 14.0**2 / 16  # g r² / 4 for dots of 14 px diameter
     assert np.abs(off).max() < 0.006  # px
+
+
+def test_gradient_over_a_tilted_board_near_a_lamp_at_its_side_is_not_drawn_to_zero() -> None:
+    row, col = np.mgrid[:7, :9]
+    uv = np.stack([(col.ravel() - 4) * 40.0, (row.ravel() - 3) * 40.0], axis=-1)  # 1 px is 1 mm
+    slope, lamp = np.array([0.4, -0.2]), np.array([-100.0, 0.0, 400.0])
+    toward = lamp - np.column_stack([uv, uv @ slope])
+    distance = np.linalg.norm(toward, axis=1)
+    facing = toward @ np.array([*-slope, 1.0])
+    # the lamp's height above the board is the same everywhere on it: the light goes with the distance alone, as d^-3
+    truth = 3 * (toward[:, :2] + toward[:, 2:] * slope) / distance[:, None] ** 2
+    found = light_gradient(uv, facing / distance**3, None)
+    assert np.abs(found - truth).max() * 14.0**2 / 16 < 0.006  # px, for dots of 14 px diameter
+    assert abs(np.sum(found * truth) / np.sum(truth**2) - 1) < 0.02
