@@ -204,7 +204,7 @@ def _measure(
         measure_bend(measure_fading(table, sample, noise), squares, sample, across, noise, saturation)
         for table, squares in zip(tables, sequence.squares, strict=True)
     )
-    return limits_of(noise, saturation, options), (x, y), response, gains, sample
+    return limits_of(noise, saturation, options, (x, y)), (x, y), response, gains, sample
 
 
 @dataclass(frozen=True)

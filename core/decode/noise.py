@@ -36,13 +36,15 @@ class Noise(NamedTuple):
     """Variance of a grey value g: ``max(dark + shot g, floor)``, in grey values squared.
 
     By ``misfit m²``, m being the modulation, the frames of a pixel contradict each other more: that is the same for its
-    neighbours, and no noise.
+    neighbours, and no noise. `unlit` is the variance seen where no stripes are, as far as these were left out: a camera
+    with a gamma of its own is noisiest there.
     """
 
     dark: float
     shot: float
     floor: float
     misfit: float = 0.0
+    unlit: float = 0.0
 
     def variance(self, level: NDArray[np.floating]) -> NDArray[np.floating]:
         """Give the variance at grey values, same shape."""
@@ -141,6 +143,11 @@ def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
     by_level = np.argsort(level)[len(level) % bins :].reshape(bins, -1)
     variances = _robust_variances(residual[by_level], floor)
     return _fit(variances, level[by_level].mean(axis=1, dtype=float), floor, by_level.shape[1])
+
+
+def robust_variance(residual: Array) -> float:
+    """Variance of residuals without their outliers, 0 where they are too few to tell it."""
+    return float(_robust_variances(residual[None], TINY)[0]) if len(residual) >= LEAST else 0.0
 
 
 def _robust_variances(residual: Array, floor: float) -> Array:

@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.frames import Image, LineFrames, Numbers, SortedFrames
-from core.decode.noise import LEAST, MEDIAN_OF_SQUARE, Noise, Told, estimate_noise, spatial_residual, without_harmonics
+from core.decode.noise import (
+    LEAST,
+    MEDIAN_OF_SQUARE,
+    Noise,
+    Told,
+    estimate_noise,
+    robust_variance,
+    spatial_residual,
+    without_harmonics,
+)
 from core.decode.options import DecodeOptions
 from core.decode.response import Wave
 from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, modulation_of, sums_of
@@ -113,16 +122,17 @@ def measure_noise(
         if g.shape[1] < UNSATURATED < len(g_top):
             return estimate_noise(*_smoothest(images, saturation), step)
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
-        residual = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g)
+        residual, unlit = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g), 0.0
         level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
         if bent:
             whole = np.compress(g_top < saturation, telling, axis=1)
             waves = [told(wave, whole) for wave in bent]
             lit = _lit(waves)
+            unlit = robust_variance(residual[:, _unlit(waves, lit, whole)].ravel())
             residual, level = (each[:, lit] for each in without_harmonics(residual, found, whole, waves, of=lit))
         if bent or np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
             crude = estimate_noise(residual.ravel(), level.ravel(), step)
-            return _without_misfit(crude, found, images, saturation, bent, step)
+            return _without_misfit(crude, found, images, saturation, bent, step)._replace(unlit=unlit)
     elif lines:
         return _sweep_noise(lines[0], sample, saturation, images)
     else:
@@ -142,6 +152,12 @@ def _lit(waves: Sequence[Told]) -> NDArray[np.bool_]:
     amplitude = np.abs(np.array([wave.seen for wave in waves]))
     lit = amplitude.min(axis=0) > LIT * np.percentile(amplitude, 90)
     return lit if lit.sum() >= LEAST else np.ones_like(lit)
+
+
+def _unlit(waves: Sequence[Told], lit: NDArray[np.bool_], shown: Singles) -> NDArray[np.bool_]:
+    """Of the pixels without stripes, those that no frame lights: frames out of order leave others without them, too."""
+    usual = min(float(np.percentile(np.abs(wave.seen), 90)) for wave in waves)
+    return np.asarray(~lit & (np.ptp(shown, axis=0) < usual))
 
 
 def _with_more_bright(
@@ -261,9 +277,11 @@ def _smoothest(images: Sequence[Image], saturation: float) -> tuple[Array, Array
     return found
 
 
-def limits_of(noise: Noise, saturation: float, options: DecodeOptions) -> Limits:
-    """Pack the thresholds for the kernel."""
-    values = (*noise[:3], options.min_snr, options.min_modulation, saturation, options.bit_margin, noise.misfit)
+def limits_of(noise: Noise, saturation: float, options: DecodeOptions, tables: Sequence[AxisTable] = ()) -> Limits:
+    """Pack the thresholds for the kernel; no amplitude counts that the noise of unlit pixels may show."""
+    cofactor = max((float(table.covariance[:, [0, 2]].max(initial=0)) for table in tables), default=0.0)
+    dimmest = max(options.min_modulation, options.min_snr * float(np.sqrt(cofactor * noise.unlit)))
+    values = (*noise[:3], options.min_snr, dimmest, saturation, options.bit_margin, noise.misfit)
     return Limits(*(np.float32(value) for value in values))
 
 

@@ -1,0 +1,29 @@
+"""Pixels without light from the projector stay without coordinates, whatever their noise is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.decode import decode
+from core.patterns import SequenceSpec, brightness
+
+LINES, SHAPE = (256, 192), (240, 320)
+
+
+def test_a_camera_that_is_noisiest_in_the_dark_sees_nothing_there() -> None:
+    draw = np.random.default_rng(3)
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    place = {"x": 10 + 0.71 * columns + 0.02 * rows, "y": 8 + 0.7 * rows}
+    lit = (np.abs(columns - 160) < 110) & (np.abs(rows - 120) < 85)
+    patterns = SequenceSpec("gray-sine", {"period": 16, "steps": 4}).patterns(LINES)
+    frames = []
+    for pattern in patterns:
+        light = np.where(lit, 0.55 * brightness(pattern, place[getattr(pattern, "axis", None) or "x"]), 0) + 0.004
+        light = np.clip(light + draw.normal(0, 0.004, SHAPE), 0, 1)
+        grey = np.where(light < 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)  # IEC 61966-2-1
+        frames.append(np.round(255 * grey).astype(np.uint8))
+    found = decode(patterns, frames, lines=LINES)
+    beside = np.isfinite(found.u) & (np.abs(found.u - place["x"]) > 3)
+    assert np.isfinite(found.u[lit]).mean() > 0.99
+    assert np.count_nonzero(beside) == 0
+    assert np.count_nonzero(np.isfinite(found.u[~lit])) <= 2  # of 38,000; 5 sigma of the noise there
