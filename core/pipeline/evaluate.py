@@ -124,7 +124,12 @@ def _judge(
         for name, calibration in calibrations.items():
             progress.check()
             if not METHODS[name].one_pair or phase.camera == project.rig.camera_name:
-                cloud = METHODS[name].reconstruct(phase, calibration, False, progress.quiet())
+                try:
+                    cloud = METHODS[name].reconstruct(phase, calibration, False, progress.quiet())
+                except InputError as error:
+                    raise InputError(
+                        capture.path, error.seen, f"{error.remedy}, or take it out of project.json"
+                    ) from error
                 said = (*phase.notes, *_moved(phase, calibration, capture.name))
                 judge(capture, phase, name, cloud, said, phase.projector)
         if 1 < len(of_whole[capture.name].pairs) == len(seen[capture.name]):

@@ -224,6 +224,15 @@ def test_keys_of_other_programs_are_no_error(calibrated: Path, edit_json: Edit, 
     assert main(["report", str(calibrated)]) == 0
 
 
+def test_a_plane_that_shows_nothing_is_named(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for frame in (calibrated / PLANE).glob("[0-9]*"):
+        image = cv2.imread(str(frame), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(own(frame)), np.full_like(image, 5))
+    for command in ("evaluate", "report"):
+        assert main([command, str(calibrated)]) == 2
+        assert "plane+00: no pixel has a projector coordinate" in capsys.readouterr().err
+
+
 def test_a_calibration_of_another_projector(calibrated: Path, refused: Callable[..., str], edit_json: Edit) -> None:
     other = {"width": 200, "height": 160, "pitch_mm": [0.3, 0.36], "nominal_c_mm": 182}
     edit_json(calibrated / "project.json", projector=other)
