@@ -108,8 +108,8 @@ def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbo
     brightness = np.log(np.maximum(contrast, 1e-6))
     y = brightness[near] - row_median(brightness[near])[:, None]
     N, b = normal_equations(A, (np.abs(y) < 0.5).astype(np.float64), np.nan_to_num(y)[..., None])
-    # enough for dots in one line; a hundredth would draw gradients at the testfield's rim to 0 by a tenth
-    slope = np.linalg.solve(N + 1e-4 * np.eye(A.shape[2]), b)[:, 1:3, 0]
+    # enough for dots in one line; a hundredth draws gradients at the rim to 0 by a tenth, this by a third of it
+    slope = np.linalg.solve(N + 3e-3 * np.eye(A.shape[2]), b)[:, 1:3, 0]
     return np.asarray(np.clip(slope / scale, -0.05, 0.05))
 
 

@@ -30,7 +30,7 @@ def test_whole_road_under_a_gamma(tmp_path: Path) -> None:
     assert max(found.parameters.values()) < 2, found
     assert found.base_mm < 0.3
     assert found.points["camera"].valid > 0.99
-    assert 0.8 < found.points["camera"].ratio < 1.25, found  # one draw of errors that all points share
+    assert 0.87 < found.points["camera"].ratio < 1.25, found
 
 
 def test_dark_dots_take_their_coordinates_from_the_board(tmp_path: Path) -> None:
