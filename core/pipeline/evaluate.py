@@ -127,6 +127,8 @@ def _judge(
                 try:
                     cloud = METHODS[name].reconstruct(phase, calibration, False, progress.quiet())
                 except InputError as error:
+                    if error.where != "phase map":
+                        raise
                     raise InputError(
                         capture.path, error.seen, f"{error.remedy}, or take it out of project.json"
                     ) from error
