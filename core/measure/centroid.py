@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from core.measure.kernels import in_bands, weighted_moments
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
-from core.numerics import inverse_2x2, normal_equations, row_median
+from core.numerics import MEDIAN_OF_NORMAL, inverse_2x2, normal_equations, row_median
 from core.numerics.neighbours import kd_tree
 
 Array = NDArray[np.float64]
@@ -33,7 +33,10 @@ CLIPPED = (
     0.01  # px that a clipped top leaves of 10 to 25 px dots at 2 to 20 times full scale, bloomed or not: 0.005..0.012
 )
 BLURS_TO_EDGE, PIXEL = 2.5, 0.5  # how far a dot's middle pixel must be from its edge: blurs, and px
-LEAST_FOR_CURVATURE = 12  # dots around that tell the light's curvature beside its gradient
+NEIGHBOURS, LEAST_NEIGHBOURS = 48, 6  # dots that tell the light's gradient
+PRINTS = 0.01  # share by which dots' prints differ, to begin with
+# how much light's logarithm usually changes over the neighbours' reach, by the terms of a cubic: a bound for few dots
+USUAL = np.repeat([1.0, 3.0, 0.3, 0.1], [1, 2, 3, 4])
 
 
 def centroids(
@@ -83,34 +86,47 @@ def centroids(
     return m, cov + floor[:, None, None] ** 2 * np.eye(2)
 
 
-def light_gradient(uv: Array, contrast: Array, background: Array | None, neighbours: int = 36) -> Array:
-    """Relative change of the light per px at every dot, shape (m, 2).
+def light_gradient(uv: Array, contrast: Array, inside: Array, weight: Array) -> tuple[Array, Array]:
+    """Relative change of the light per px at every bright dot, shape (m, 2), and its covariance (m, 2, 2).
 
-    Dark dots lie in a bright surrounding, which shows the light itself: pass the `background` plane (m, 3). For bright
-    dots it follows from the contrasts of the dots around (a quadratic through their logarithms; a plane would be wrong
-    at the testfield's corners, where all neighbours are on one side and the light falls off fastest; of few a plane
-    nevertheless): the gradient inside a single dot is too noisy, and neighbours' prints differ at random. NaN does not
-    count: where the light ends in the ring round a dot, its background is too dark and its contrast too high.
+    A cubic through the logarithms of the contrasts of the dots around, and through the changes seen `inside` them
+    (m, 2), whose variances go with 1 / `weight` (m,): a dot alone tells too little, and prints differ at random. A
+    quadratic leaves 0.002 px at a testfield's corners, where all neighbours are on one side and the light falls off
+    fastest. What either kind is worth follows from how well it fits. A contrast of NaN does not count: where the light
+    ends in the ring round a dot, its background is too dark and its contrast too high.
     """
-    if background is not None:
-        with np.errstate(all="ignore"):
-            gradient = background[:, 1:] / background[:, :1]
-        return np.clip(np.nan_to_num(gradient), -0.05, 0.05)
-    k = min(neighbours, len(uv))
-    if k < 6:
-        return np.zeros_like(uv)
+    k = min(NEIGHBOURS, len(uv))
+    if k < LEAST_NEIGHBOURS:
+        return np.zeros_like(uv), np.zeros((len(uv), 2, 2))
     distance, near = kd_tree(uv).query(uv, k=k)
     scale = distance[:, -1:]
-    d = (uv[near] - uv[:, None, :]) / scale[..., None]
-    A = np.concatenate([np.ones((*near.shape, 1)), d], axis=2)
-    if k >= LEAST_FOR_CURVATURE:
-        A = np.concatenate([A, d**2, d[..., :1] * d[..., 1:]], axis=2)
-    brightness = np.log(np.maximum(contrast, 1e-6))
-    y = brightness[near] - row_median(brightness[near])[:, None]
-    N, b = normal_equations(A, (np.abs(y) < 0.5).astype(np.float64), np.nan_to_num(y)[..., None])
-    # enough for dots in one line; a hundredth draws gradients at the rim to 0 by a tenth, this by a third of it
-    slope = np.linalg.solve(N + 3e-3 * np.eye(A.shape[2]), b)[:, 1:3, 0]
-    return np.asarray(np.clip(slope / scale, -0.05, 0.05))
+    x, y = np.moveaxis((uv[near] - uv[:, None, :]) / scale[..., None], 2, 0)
+    one, none = np.ones_like(x), np.zeros_like(x)
+    value = [one, x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3]
+    by_x = [none, one, none, 2 * x, y, none, 3 * x * x, 2 * x * y, y * y, none]
+    by_y = [none, none, one, none, x, 2 * y, none, x * x, 2 * x * y, 3 * y * y]
+    A = np.concatenate([np.stack(terms, axis=2) for terms in (value, by_x, by_y)], axis=1)
+    bright = np.log(np.maximum(contrast, 1e-6))[near]
+    bright = bright - row_median(bright)[:, None]
+    valid = np.abs(bright) < 0.5
+    seen = np.nan_to_num(np.concatenate([bright, inside[near, 0] * scale, inside[near, 1] * scale], axis=1))
+    told = np.concatenate([valid, *2 * [valid * weight[near] / scale**2]], axis=1)
+    variance = [PRINTS**2, PRINTS**2]
+    doubt, own = np.ones(told.shape), [0, k, 2 * k]
+    for _ in range(3):
+        known = told / np.repeat(variance, (k, 2 * k))
+        N, b = normal_equations(A, known * doubt, seen[..., None])
+        C = np.linalg.inv(N + np.diag(1 / USUAL**2))
+        fit = C @ b
+        square = (seen - (A @ fit)[..., 0]) ** 2 * known
+        doubt = 1 / (1 + square / 9)
+        # of a dot's own values, which the fit has drawn to itself
+        drawn = np.einsum("mni,mij,mnj->mn", A[:, own], C, A[:, own]) * known[:, own]
+        left = np.where(known[:, own] > 0, square[:, own] / np.maximum(1 - drawn, 0.1), np.nan)
+        for i, part in enumerate((left[:, :1], left[:, 1:])):
+            if np.isfinite(part).any():
+                variance[i] = max(variance[i] * float(np.nanmedian(part)) * MEDIAN_OF_NORMAL**-2, 1e-8)
+    return fit[:, 1:3, 0] / scale, C[:, 1:3, 1:3] / scale[..., None] ** 2
 
 
 def noise_model(image: NDArray[np.float32], rays: Rays, profile: Profiles) -> tuple[float, float]:

@@ -13,6 +13,10 @@ from core.model import DeviceSpec, Interior, TargetSet, Testfield
 
 Array = NDArray[np.float64]
 
+# uncertainty of the correction: nominal focal length, one lens parameter, board taken as flat; when adjusted, 1 % of
+# the dots' diameter
+NOMINAL_SHARE, ADJUSTED_SHARE = 0.05, 0.02
+
 
 def eccentricity(view: View, xyz_mm: Array, radius_mm: Array, interior: Interior | None = None) -> Array:
     """Centre of a circle's image minus the image of the circle's centre, shape (n, 2), px.
@@ -97,7 +101,20 @@ def recentred(
     view = View(camera, camera_from_board)
     shift = eccentricity(view, testfield.xyz_mm[at], testfield.diameter_mm[at] / 2, interior)
     moved = targets.eccentricity_px - shift
-    lines = targets.projector_uv
-    if targets.gradient is not None:
-        lines = lines + np.nan_to_num(np.einsum("nij,nj->ni", targets.gradient, moved))
-    return replace(targets, camera_uv=targets.camera_uv + moved, projector_uv=lines, eccentricity_px=shift)
+    more = uncertain(shift, ADJUSTED_SHARE) - uncertain(targets.eccentricity_px, NOMINAL_SHARE)
+    result = replace(
+        targets, camera_uv=targets.camera_uv + moved, camera_cov=targets.camera_cov + more, eccentricity_px=shift
+    )
+    if targets.gradient is None:
+        return result
+    J = np.nan_to_num(targets.gradient)
+    return replace(
+        result,
+        projector_uv=targets.projector_uv + np.einsum("nij,nj->ni", J, moved),
+        projector_sigma=np.sqrt(targets.projector_sigma**2 + np.einsum("nij,njk,nik->ni", J, more, J)),
+    )
+
+
+def uncertain(shift: Array, share: float) -> Array:
+    """Covariance (n, 2, 2) of centres, px², that are corrected by shifts (n, 2) known to a share of themselves."""
+    return np.asarray(share**2 * shift[:, :, None] * shift[:, None, :])

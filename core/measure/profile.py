@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.rays import ANGLES, DIRECTIONS, RAYS, Rays
-from core.numerics import MEDIAN_OF_NORMAL, normal_equations, row_median
+from core.numerics import MEDIAN_OF_NORMAL, inverse_2x2, normal_equations, row_median
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -41,6 +41,7 @@ class Profiles:
     off_centre: Array  # (m,) distance of the contour's centre from the given centre
     inside: Array  # (m,) largest deviation from the plateau inside, in units of the contrast
     outside: Array  # (m,) brightest disturbance within the window but off the dot, in units of the contrast
+    tilt: Array  # (m, 2) relative change of the light per px seen inside, 0 where there is no plateau
     gentle: Array  # (m,) radius in px inside which the plateau is free of the edge's blur, 0 where there is none
 
     @property
@@ -88,6 +89,10 @@ def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
     edge = (contour @ HARMONICS.T)[:, :, None]
     is_out = (radius > edge + soft) & (radius < window[:, None, None])
     within = _share(rays.sample(image, DEEP), DEEP[None, None, :], rays, plane, plateau)
+    gentle = np.maximum(contour[:, 0] * minor - 2.5 * blur - 0.7, 0.0)
+    free = (gentle / minor)[:, None] >= DEEP  # (m, 10), each radius of the disc by its area
+    tilt = np.einsum("mrk,mk,rd->md", within, free * DEEP**2, DIRECTIONS) / np.maximum(free @ DEEP**3, 1e-9)[:, None]
+    tilt = np.einsum("mij,mi->mj", inverse_2x2(rays.ellipse), tilt) / (RAYS / 2)
     rough = np.maximum(_roughness(crossing, along), _roughness(_crossing(share, radius, FOOT)[0], along))
     return Profiles(
         plateau=plateau,
@@ -100,7 +105,8 @@ def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
         off_centre=np.linalg.norm(np.einsum("mij,mj->mi", rays.ellipse, contour[:, 1:3]), axis=1),
         inside=np.max(np.where(edge - soft > DEEP, np.abs(within - 1), 0), axis=(1, 2)),
         outside=np.max(np.where(is_out, share, 0), axis=(1, 2)),
-        gentle=np.maximum(contour[:, 0] * minor - 2.5 * blur - 0.7, 0.0),
+        tilt=tilt,
+        gentle=gentle,
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.measure.blobs import find_blobs
 from core.measure.board import Board
 from core.measure.centroid import centroids, light_gradient, noise_model
-from core.measure.eccentricity import eccentricity, recentred
+from core.measure.eccentricity import NOMINAL_SHARE, eccentricity, recentred, uncertain
 from core.measure.estimators import ESTIMATORS
 from core.measure.faults import half_lit, shape_faults
 from core.measure.grow import Lattice
@@ -29,10 +29,6 @@ from core.model import DeviceSpec, Seed, Testfield
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
-
-ECCENTRICITY_SHARE = (
-    0.05  # uncertainty of the correction: nominal focal length, one lens parameter, board taken as flat
-)
 
 
 def _dark(testfield: Testfield) -> bool:
@@ -81,9 +77,11 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice) -> tuple[Marks,
     profile = profiles(image, rays, spacing / size)
     modulation = np.ascontiguousarray(sight.phase.modulation, np.float32)
     cut = half_lit(image, modulation, rays, profile, dark)
-    light = light_gradient(moved, np.where(cut, np.nan, profile.contrast), profile.plane if dark else None)
+    light, unsure = _light(moved, np.where(cut, np.nan, profile.contrast), profile, dark)
     noise = noise_model(image, rays, profile)
     uv, cov = ESTIMATORS[sight.testfield.estimator](image, rays, profile, light, noise)
+    moment = rays.ellipse @ np.swapaxes(rays.ellipse, 1, 2) / 4  # what a change of the light moves a dot by
+    cov = cov + moment @ unsure @ moment
     profile = _recentred(profile, rays.ellipse, uv - moved)
     fault = shape_faults(image, Rays(uv, rays.ellipse), profile, size, noise, cut)
     scale = profile.contour[:, 0]
@@ -93,6 +91,20 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice) -> tuple[Marks,
         image, *(a[[not f for f in fault]] for a in (uv, ellipse, window, profile.plane, profile.contrast))
     )
     return Marks(target, uv, cov, ellipse, window, profile.blur, np.zeros_like(uv), {}, row_shift_px=shift), fault
+
+
+def _light(uv: Array, contrast: Array, profile: Profiles, dark: bool) -> tuple[Array, Array]:
+    """Relative change of the light per px at every dot (m, 2), and its covariance (m, 2, 2).
+
+    Dark dots lie in a bright surrounding, which shows it; for bright ones it follows from all of them.
+    """
+    if dark:
+        with np.errstate(all="ignore"):
+            gradient = np.nan_to_num(profile.plane[:, 1:] / profile.plane[:, :1])
+        unsure = np.zeros((len(uv), 2, 2))
+    else:
+        gradient, unsure = light_gradient(uv, contrast, profile.tilt, np.pi / 4 * profile.gentle**4)
+    return np.clip(gradient, -0.05, 0.05), unsure
 
 
 def _recentred(profile: Profiles, ellipse: Array, shift: Array) -> Profiles:
@@ -114,7 +126,7 @@ def _centred(sight: Sight, lattice: Lattice, dots: Marks, fault: list[str]) -> M
     return Marks(
         target,
         uv - shift,
-        dots.cov[good] + ECCENTRICITY_SHARE**2 * shift[:, :, None] * shift[:, None, :],
+        dots.cov[good] + uncertain(shift, NOMINAL_SHARE),
         dots.ellipse[good],
         dots.window[good],
         dots.blur[good],

@@ -5,14 +5,18 @@ import numpy as np
 from core.measure.centroid import light_gradient
 
 
+def by_contrasts(uv, contrast):
+    return light_gradient(uv, contrast, np.zeros_like(uv), np.zeros(len(uv)))[0]
+
+
 def test_gradient_follows_a_vignette_up_to_the_corners_of_a_coarse_testfield() -> None:
     row, col = np.mgrid[:6, :9]
     uv = np.stack([(col.ravel() - 4) * 31.0, (row.ravel() - 2.5) * 29.5], axis=-1)
     fall = 0.3 / 200.0**2  # 30 % in the corner of 320 x 240 pixels
     contrast = 1 - fall * np.sum(uv**2, axis=1)
     truth = -2 * fall * uv / contrast[:, None]
-    off = (light_gradient(uv, contrast, None) - truth) * 14.0**2 / 16  # g r² / 4 for dots of 14 px diameter
-    assert np.abs(off).max() < 0.006  # px
+    off = (by_contrasts(uv, contrast) - truth) * 14.0**2 / 16  # g r² / 4 for dots of 14 px diameter
+    assert np.abs(off).max() < 0.002  # px
 
 
 def test_gradient_over_a_tilted_board_near_a_lamp_at_its_side_is_not_drawn_to_zero() -> None:
@@ -24,6 +28,25 @@ def test_gradient_over_a_tilted_board_near_a_lamp_at_its_side_is_not_drawn_to_ze
     facing = toward @ np.array([*-slope, 1.0])
     # the lamp's height above the board is the same everywhere on it: the light goes with the distance alone, as d^-3
     truth = 3 * (toward[:, :2] + toward[:, 2:] * slope) / distance[:, None] ** 2
-    found = light_gradient(uv, facing / distance**3, None)
-    assert np.abs(found - truth).max() * 14.0**2 / 16 < 0.006  # px, for dots of 14 px diameter
-    assert abs(np.sum(found * truth) / np.sum(truth**2) - 1) < 0.02
+    found = by_contrasts(uv, facing / distance**3)
+    assert np.abs(found - truth).max() * 14.0**2 / 16 < 0.003  # px, for dots of 14 px diameter
+    assert abs(np.sum(found * truth) / np.sum(truth**2) - 1) < 0.005
+
+
+def test_unequal_prints_leave_what_is_seen_inside_the_dots_and_a_covariance_that_holds() -> None:
+    row, col = np.mgrid[:8, :10]
+    uv = np.stack([(col.ravel() - 4.5) * 33.0, (row.ravel() - 3.5) * 33.0], axis=-1)
+    fall, rng = 0.3 / 200.0**2, np.random.default_rng(0)
+    light = 1 - fall * np.sum(uv**2, axis=1)
+    truth, weight = -2 * fall * uv / light[:, None], np.exp(rng.normal(0, 0.5, len(uv)))
+    ratios, errors, alone = [], [], []
+    for _ in range(20):
+        printed = light * (1 + 0.03 * rng.standard_normal(len(uv)))
+        inside = truth + 3e-4 * rng.standard_normal(uv.shape) / np.sqrt(weight)[:, None]
+        found, cov = light_gradient(uv, printed, inside, weight)
+        off = found - truth
+        ratios.append(np.einsum("ni,nij,nj->n", off, np.linalg.inv(cov), off) / 2)
+        errors.append(np.mean(off**2))
+        alone.append(np.mean((by_contrasts(uv, printed) - truth) ** 2))
+    assert 0.8 < np.mean(ratios) < 1.25
+    assert np.mean(errors) < 0.2 * np.mean(alone)
