@@ -12,7 +12,9 @@ import numpy as np
 
 from core.compiling import inner, njit
 
-FOUND = 8  # q, its variance, the same in px, what was explained, misfit (grey values²), grey, px from the seed, rival
+FOUND = (
+    10  # q, its variance, that in px, what was explained, misfit (grey values²), grey, px from the seed, rival, bends
+)
 REACH_PX = 3.0  # from the seed along the epipolar line
 RIVALS_PX = 6.0  # as far as another place that looks alike is looked for
 SEARCH_PX = 0.5
@@ -297,3 +299,5 @@ def match_windows(  # type: ignore[no-untyped-def]
         found[n, 5] = sums[2] / sums[0]
         found[n, 6] = abs(p[0])
         found[n, 7] = (1 - rival * rival) / max(1 - top * top, 1e-9)
+        found[n, 8] = (p[3] + p[5]) / scale
+        found[n, 9] = p[4] / scale

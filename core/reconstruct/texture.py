@@ -36,6 +36,11 @@ RIVAL = 2.0  # what another place explains less, by so much more misfit at least
 MOST_SIGMA_PX = 0.15  # along the epipolar line
 ALIKE = 400  # matches of about the same grey value that tell the usual misfit
 USUAL, MISFIT = 0.25, 1.5  # share of them that misfit less than usual; times the usual misfit
+SMOOTH = 5  # times a window, over which a surface that bends bends alike
+TWIST = 0.7  # of xy beside x² + y²: a fold's bend is then the same, within a fifth, whichever way it runs
+BEND_SIGMA, FOLDED = 2.8, 3.0  # a bend's sigma in sigmas of inverse depth; sigmas from which it is a fold
+CREST = 0.85  # of the largest bend nearby: the fold runs through the window's middle
+FOLD, FLANK = 0.33, 0.14  # of the bend, by which the middle is off at a fold, and beside it
 ELSEWHERE_PX = 2.0  # what the other camera decoded there appears farther off: it looks at something else
 CELLS = 256  # of the table of the other camera's pixels
 
@@ -144,7 +149,7 @@ def _matched(
     pose = device.from_base @ scene.devices[scene.camera].from_base.inverse()
     table, grid = _table(device)
     own, other = (np.ascontiguousarray(image, np.float32) for image in images)
-    q, variance, misfit, grey = (np.full(known.shape, np.nan) for _ in range(4))
+    q, variance, misfit, grey, bend, twist = (np.full(known.shape, np.nan) for _ in range(6))
     surface, left = known.copy(), wanted.copy()
     for turn in range(ROUNDS):
         progress(turn / ROUNDS, "matching texture")
@@ -155,18 +160,38 @@ def _matched(
         which = (at, seeds, HALF, own, other, rays, pose.rotation, pose.translation_mm, table, grid, surface, found)
         run_in_bands(partial(_bands_of, which), len(rows))
         left[rows, columns] = False
-        value, square, square_px, explained, rest, light, away, rival = found.T
+        value, square, square_px, explained, rest, light, away, rival, bent, twisted = found.T
         with np.errstate(invalid="ignore"):
             good = (explained > EXPLAINED) & (rival > RIVAL) & (away < REACH_PX) & (value > 0)
             good &= np.sqrt(square_px) < MOST_SIGMA_PX
         place = rows[good], columns[good]
         surface[place] = q[place] = value[good]
         variance[place], misfit[place], grey[place] = square[good], rest[good], light[good]
+        bend[place], twist[place] = bent[good], twisted[good]
     order = np.argsort(grey, axis=None)[: np.count_nonzero(np.isfinite(grey))]
     for alike in np.array_split(order, max(1, len(order) // ALIKE)) if len(order) else ():  # noise grows with light
         rest = misfit.flat[alike]
         q.flat[alike[rest > MISFIT * np.quantile(rest, USUAL)]] = np.nan
+    _refuse_folds(q, variance, np.stack([bend, twist], axis=-1), surface)
     return q, variance
+
+
+def _refuse_folds(q: Array, variance: Array, bend: Array, surface: Array) -> None:
+    """Drop matches in the middle of whose window the surface folds; elsewhere a fold's bias joins the variance.
+
+    A parabola rounds a fold off: it bends more there, `bend` (H, W, 2), x² + y² and xy over half a window, than the
+    surface does over a wider one. Its middle is off by a fifth of the bend at the fold, and the other way beside it.
+    """
+    rows, columns = np.nonzero(np.isfinite(q))
+    own, noise = bend[rows, columns], BEND_SIGMA * np.sqrt(variance[rows, columns])
+    smooth = _fitted(surface, rows, columns, SMOOTH * HALF, 2)[:, 3:] @ (HALF**2 * np.array([[1, 0], [0, 1], [1, 0]]))
+    more = np.fmin(*(np.abs(each) @ [1, TWIST] for each in (own, own - smooth)))
+    excess = np.zeros(q.shape)
+    excess[rows, columns] = np.sqrt(np.maximum(more**2 - noise**2, 0))
+    crest = (excess > CREST * cv2.dilate(excess, np.ones((HALF, HALF))))[rows, columns]
+    variance[rows, columns] += (np.where(crest, FOLD, FLANK) * excess[rows, columns]) ** 2
+    folded = crest & (more > FOLDED * noise)
+    q[rows[folded], columns[folded]] = np.nan
 
 
 def _bands_of(which: tuple, first: int, last: int) -> None:
@@ -175,20 +200,30 @@ def _bands_of(which: tuple, first: int, last: int) -> None:
 
 def _continued(surface: Array, left: NDArray[np.bool_]) -> tuple[NDArray, NDArray, Array]:
     """Rows, columns and seeds (n, 3) of pixels left that have enough surface round them: a plane fitted to it."""
-    weight, size = np.isfinite(surface).astype(np.float64), (2 * AROUND + 1, 2 * AROUND + 1)
+    size = (2 * AROUND + 1, 2 * AROUND + 1)
+    known = cv2.boxFilter(np.isfinite(surface).astype(np.float64), -1, size, borderType=cv2.BORDER_CONSTANT)
+    rows, columns = np.nonzero(left & (known > LEAST_KNOWN))
+    fit = _fitted(surface, rows, columns, AROUND, 1)
+    fit[:, 0] += fit[:, 1] * columns + fit[:, 2] * rows
+    return rows, columns, fit
+
+
+def _fitted(surface: Array, rows: NDArray, columns: NDArray, half: int, degree: int) -> Array:
+    """Fit planes or parabolas to what is known round pixels: 1, x, y, x², xy, y² of the image, by px (n, 3 or 6)."""
+    weight, size = np.isfinite(surface).astype(np.float64), (2 * half + 1, 2 * half + 1)
 
     def sums(values: Array) -> Array:
-        return np.asarray(cv2.boxFilter(values, cv2.CV_64F, size, normalize=False, borderType=cv2.BORDER_CONSTANT))
+        every = cv2.boxFilter(values, cv2.CV_64F, size, normalize=False, borderType=cv2.BORDER_CONSTANT)
+        return np.asarray(every)[rows, columns]
 
-    rows, columns = np.nonzero(left & (sums(weight) > LEAST_KNOWN * size[0] * size[1]))
     height, width = surface.shape
     y, x = np.mgrid[:height, :width] / width
-    plane, value = (np.ones_like(x), x, y), np.where(weight > 0, surface, 0.0)
-    N = np.array([[sums(weight * a * b)[rows, columns] for a in plane] for b in plane])
-    right = np.array([sums(value * a)[rows, columns] for a in plane])
+    terms = [x**i * y ** (n - i) for n in range(degree + 1) for i in range(n, -1, -1)]
+    value = np.where(weight > 0, surface, 0.0)
+    N = np.array([[sums(weight * a * b) for a in terms] for b in terms])
+    right = np.array([sums(value * a) for a in terms])
     fit = np.linalg.solve(np.moveaxis(N, 2, 0), right.T[..., None])[..., 0]
-    q = fit[:, 0] + fit[:, 1] * x[rows, columns] + fit[:, 2] * y[rows, columns]
-    return rows, columns, np.column_stack([q, fit[:, 1:] / width])
+    return np.asarray(fit / np.array([1, width, width, *[width**2] * 3])[: len(terms)])
 
 
 def _table(device: Device) -> tuple[Array, Array]:
