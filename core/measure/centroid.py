@@ -33,7 +33,7 @@ CLIPPED = (
     0.01  # px that a clipped top leaves of 10 to 25 px dots at 2 to 20 times full scale, bloomed or not: 0.005..0.012
 )
 BLURS_TO_EDGE, PIXEL = 2.5, 0.5  # how far a dot's middle pixel must be from its edge: blurs, and px
-NEIGHBOURS, LEAST_NEIGHBOURS = 48, 6  # dots that tell the light's gradient
+NEIGHBOURS, LEAST_NEIGHBOURS = 24, 6  # dots that tell the light's gradient
 PRINTS = 0.01  # share by which dots' prints differ, to begin with
 # how much light's logarithm usually changes over the neighbours' reach, by the terms of a cubic: a bound for few dots
 USUAL = np.repeat([1.0, 3.0, 0.3, 0.1], [1, 2, 3, 4])
