@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from core.pipeline.report import outdated_words as outdated_words
     from core.pipeline.report import report_project as report_project
     from core.pipeline.report import result_tables as result_tables
+    from core.pipeline.report import table_of_planes as table_of_planes
     from core.pipeline.runs import Run as Run
     from core.pipeline.runs import current_run as current_run
     from core.pipeline.runs import current_runs as current_runs
@@ -116,7 +117,7 @@ _HOMES = {
     "core.pipeline.orient_words": "drift_figures drift_words motion_words motions_figures",
     "core.pipeline.preflight": "preflight_rig",
     "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",
-    "core.pipeline.report": "outdated_words report_project result_tables",
+    "core.pipeline.report": "outdated_words report_project result_tables table_of_planes",
     "core.pipeline.runs": "Run current_run current_runs delete_run list_runs make_current rename_run",
     "core.pipeline.signed": "load_sign_off",
     "core.pipeline.signing": "save_sign_off sign_evaluation sign_project",

@@ -170,3 +170,10 @@ def result_tables(project: Project, evaluations: tuple[PlaneEvaluation, ...] = (
     from core.report import tables, text_table
 
     return "\n\n".join(text_table(table) for table in tables(report_data(project, evaluations)))
+
+
+def table_of_planes(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> str:
+    """Table 3 as text."""
+    from core.report import ReportData, tables, text_table
+
+    return "\n\n".join(text_table(table) for table in tables(ReportData(project, evaluations=evaluations)))

@@ -215,7 +215,7 @@ def _merge(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import evaluation_figures
-    from core.pipeline import evaluate_project, result_tables
+    from core.pipeline import evaluate_project, table_of_planes
     from core.project import read_project
 
     project = read_project(options.project)
@@ -225,7 +225,7 @@ def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
         pair = "" if project.rig.is_pair else f", {plane['camera']} with {plane['projector']}"
         print_verdict(f"{plane['capture']}{pair}, {plane['method']}", plane["verdict"])
     print()
-    print(result_tables(project, evaluations))
+    print(table_of_planes(project, evaluations))
     _tell_outdated(options)
     return figures
 
