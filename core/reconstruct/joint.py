@@ -49,7 +49,7 @@ class Sight(IntEnum):
     OWN = 1  # by the one camera; no other has coordinates there
     JOINT = 2  # by other cameras too
     HIDDEN = 3  # another camera sees something else where the point should appear; made without the others
-    DISAGREE = 4  # others see it, but the rays miss one another; made without the others
+    DISAGREE = 4  # others see it, but the rays miss one another: by so much more is its sigma; made without the others
     TEXTURE = 5  # not decoded; matched in the images of two cameras
 
 
@@ -70,6 +70,7 @@ class Terms:
     J: Array
     w: Array
     off_px: Array  # (n,), by how much other cameras see something else; NaN where none sees the point
+    walk_px: Array  # (n,), how fast the point walks through other cameras' images with q
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,7 @@ class Scene:
         lines = {v.projector for v in views} if self.rays == "all" else set()
         seen = {name: self.seen(name, directions, q) for name in other | lines}
         parts, off, unknown = [], [np.full(len(q), np.nan)], np.full((len(q), 2), np.nan)
+        fastest = np.max([np.zeros(len(q)), *(np.linalg.norm(seen[name][1], axis=1) for name in other)], axis=0)
         for view in views:
             value, variance = own.get(view.projector, (unknown, unknown))
             by_q = np.zeros((len(q), 2))
@@ -128,19 +130,21 @@ class Scene:
                 away = np.where(known, np.abs(rest) / np.linalg.norm(gradient, axis=2), np.nan)
                 off.append(np.fmax(away[:, 0], away[:, 1]))
         r, J, w = (np.concatenate(column, axis=1) for column in zip(*parts, strict=True))
-        return Terms(r, J, w, np.fmax.reduce(off))
+        return Terms(r, J, w, np.fmax.reduce(off), fastest)
 
     def solve(self, at: NDArray, directions: Array, q: Array) -> tuple[Array, Array, Array, Array, NDArray]:
         """Give inverse depths, their variances by noise, weighted squares, numbers of observations, and sight."""
         terms = self.terms(at, directions, q)
         sight = np.where(np.isfinite(terms.off_px), np.uint8(Sight.JOINT), np.uint8(Sight.OWN))
         sight[terms.off_px > REACH_PX] = Sight.HIDDEN
+        begin = q
         with np.errstate(invalid="ignore", divide="ignore"):
             for _ in range(STEPS):
                 variance = 1 / np.sum(terms.w * terms.J**2, axis=1)
                 q = q + np.sum(terms.w * terms.J * terms.r, axis=1) * variance
                 terms = self.terms(at, directions, q)
-        sight[(sight == Sight.JOINT) & ~np.isfinite(terms.off_px)] = Sight.OWN  # it walked off what was decoded
+        lost = ~(terms.off_px < REACH_PX) | (np.abs(q - begin) * terms.walk_px > 2 * REACH_PX)
+        sight[(sight == Sight.JOINT) & lost] = Sight.HIDDEN  # it walked off what it should see
         return q, variance, np.sum(terms.w * terms.r**2, axis=1), np.count_nonzero(terms.w, axis=1), sight
 
 
@@ -213,11 +217,13 @@ def intersect_all(
 
     solve(scene, sight != Sight.NONE)
     _tell_disagreeing(sight, rss, count)
+    missed = np.where(sight == Sight.DISAGREE, rss / np.maximum(count - 1, 1), 1.0)
     by_itself, told = replace(scene, views=[v for v in views if v.camera == camera]), sight.copy()
     if rays == "all":
         solve(by_itself, (sight == Sight.HIDDEN) | (sight == Sight.DISAGREE))
     else:
         told[told != Sight.JOINT] = Sight.NONE
+    noise *= missed
     q[told == Sight.NONE] = np.nan
     sigma_depth = np.sqrt(noise) / q**2
     variance = scene.turned(directions * sigma_depth[..., None]) ** 2

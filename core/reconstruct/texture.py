@@ -58,7 +58,7 @@ class _Match(Scene):
         place, walk = self.seen(self.other, directions, q)
         length = np.linalg.norm(walk, axis=1)
         r = np.einsum("ni,ni->n", found - place, walk) / length
-        return Terms(r[:, None], length[:, None], np.ones((len(q), 1)), np.zeros(len(q)))
+        return Terms(r[:, None], length[:, None], np.ones((len(q), 1)), np.zeros(len(q)), length)
 
 
 def object_of(cloud: PointCloud) -> NDArray[np.bool_]:
