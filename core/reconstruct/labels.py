@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from core.model import Array, Floats, PhaseMap
 from core.numerics import four_pixels
 
+BEND = np.array([[1.0, -2.0, 1.0]], np.float32)
+TORN, BENT = 12.0, 0.5  # sigmas, five of a bend's, and slopes: what bends more than both together is two surfaces
 PLANE = np.array([[-1.0, 0.0, 1.0]] * 3) / 6  # slope of the plane through 3 by 3 values, along a row
 
 
@@ -22,7 +24,8 @@ class Labels:
     values, variances : array, shape (H, W, 2)
         Lines and lines².
     slopes : array, shape (H, W, 2, 2)
-        Lines a pixel: ``slopes[..., i, j]`` of coordinate i along the image's axis j; NaN beside pixels without one.
+        Lines a pixel: ``slopes[..., i, j]`` of coordinate i along the image's axis j; NaN beside pixels without one,
+        and where the coordinates jump.
     """
 
     values: Floats
@@ -54,4 +57,7 @@ def labels_of(phase: PhaseMap) -> Labels:
         [cv2.filter2D(values, -1, kernel.astype(np.float32)) for kernel in (PLANE, PLANE.T)], axis=-1
     )
     slopes[[0, -1]], slopes[:, [0, -1]] = np.nan, np.nan
+    bends = np.stack([cv2.filter2D(values, -1, kernel) for kernel in (BEND, BEND.T)], axis=-1)
+    limit = TORN * np.sqrt(variances)[..., None] + BENT * np.abs(slopes)
+    slopes[(np.abs(bends) > limit).any(axis=(2, 3))] = np.nan
     return Labels(values, variances, slopes)

@@ -196,6 +196,19 @@ def test_where_rays_miss_one_another_the_sigma_says_by_how_much() -> None:
     assert np.sqrt(np.mean(ratio**2)) < 2  # 1.7; 93 with the sigmas of rays that meet
 
 
+@pytest.mark.parametrize("rows", [True, False], ids=["columns and rows", "columns"])
+def test_beside_an_outline_coordinates_are_not_read_across_it(rows: bool) -> None:
+    """Errors over sigmas 1.3 and 1.9, with a few pixels of the ball's flanks; 7 and 35 by slopes across the outline."""
+    surfaces = [plane, ball]
+    (left, right), found = captures(surfaces), calibration()
+    right = right if rows else replace(right, v=np.full_like(right.v, np.nan))
+    cameras = intersect_all([left, right], found, "left", rays="cameras")
+    told = cameras.sight == Sight.JOINT
+    assert told.mean() > 0.8
+    ratio = depth_errors(cameras, LEFT, surfaces)[told] / cameras.sigma_depth_mm[told]
+    assert np.sqrt(np.mean(ratio**2)) < 3
+
+
 def test_two_projectors_before_one_camera_share_the_noise() -> None:
     """Weights add up: those of each projector alone."""
     other = Place.looking(PROJECTOR, 181.0, [-2 * BASE_MM, 0.0, 905.0])
