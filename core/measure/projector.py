@@ -52,7 +52,10 @@ def _surface(
     for k in np.flatnonzero(np.all(np.isfinite(uv), axis=1)).tolist():
         half = outer[k] * np.linalg.norm(ellipse[k], axis=1) + 1
         (u0, v0), (u1, v1) = np.floor(uv[k] - half).astype(int), np.ceil(uv[k] + half).astype(int)
-        v, u = np.mgrid[max(v0, 0) : min(v1, height - 1) + 1, max(u0, 0) : min(u1, width - 1) + 1]
+        box = slice(max(v0, 0), min(v1, height - 1) + 1), slice(max(u0, 0), min(u1, width - 1) + 1)
+        if not np.isfinite(values[box]).any():
+            continue
+        v, u = np.mgrid[box]
         d = np.stack([u.ravel(), v.ravel()], axis=1) - uv[k]
         disc = np.linalg.solve(ellipse[k], d.T)
         y, s = values[v, u].ravel().astype(np.float64), sigma[v, u].ravel().astype(np.float64)

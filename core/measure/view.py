@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.geometry import Pose, matrix_from_rotation_vector, pixel_to_image, project
+from core.geometry import Pose, image_to_pixel, matrix_from_rotation_vector, pixel_to_image
 from core.model import DeviceSpec, Interior
 
 Array = NDArray[np.float64]
@@ -33,12 +33,11 @@ class View:
 
     def project(self, xyz_mm: Array) -> Array:
         """Pixels (n, 2) of board points (n, 3); NaN behind the camera or where the radial term has turned round."""
-        uv = project(self.spec, self.interior, xyz_mm, self.camera_from_board)
         p = self.camera_from_board.apply(xyz_mm)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            r2 = np.sum((self.spec.nominal_c_mm * p[:, :2] / p[:, 2:]) ** 2, axis=1)
-        uv[1.0 + 3.0 * self.a1 * r2 < 0.2] = np.nan
-        return uv
+        xy = self.spec.nominal_c_mm * p[:, :2] / np.where(p[:, 2:] < 0, -p[:, 2:], np.nan)
+        radial = self.a1 * np.sum(xy**2, axis=1)
+        xy[1.0 + 3.0 * radial < 0.2] = np.nan
+        return image_to_pixel(self.spec, xy * (1.0 + radial)[:, None])
 
     def jacobian(self, xyz_mm: Array) -> Array:
         """Pixels per mm on the board at points (n, 3): shape (n, 2, 2), columns along the board's X and Y."""

@@ -65,7 +65,8 @@ def _calibrate(
     archives: dict[str, object] = {}
     held: dict[Method, dict[str, Any]] = {}  # the archives of those taken over
     held_by: dict[Method, int] = {}
-    measured = {t.capture for t in current_target_sets(project)}
+    kept_sets = current_target_sets(project)
+    measured = {t.capture for t in kept_sets}
     targets: list[TargetSet] = []
     # of what is there before it is read: what is changed meanwhile is seen to have changed
     records: dict[Method, Record] = {}
@@ -85,9 +86,12 @@ def _calibrate(
         archives |= found.beside
         targets += found.targets
     progress.check()
-    _keep_targets(project, targets)
+    anew = {t.capture for t in targets}
+    sets = [*targets, *(t for t in kept_sets if t.capture not in anew)]  # those of captures without a part stay
+    if targets:
+        save_targets(project, sets)
     beside = {file: value for own in (archives, *held.values()) for file, value in own.items()}
-    for name, judged in judge_calibrations(Evidence(project, done, beside, captures, options)).items():
+    for name, judged in judge_calibrations(Evidence(project, done, beside, captures, options, sets)).items():
         before, done[name] = done[name], judged
         if (before.verdict, before.left_out) != (judged.verdict, judged.left_out):
             archives |= {**held.get(name, {}), f"{name}.npz": judged}
@@ -115,14 +119,6 @@ def captures_for(project: Project, method: Method, options: CalibrateOptions) ->
         seen, remedies = zip(*(m.none for m in asked.values()), strict=True)
         raise InputError(project.path, ", ".join(seen), ", or ".join(remedies))
     return found
-
-
-def _keep_targets(project: Project, targets: list[TargetSet]) -> None:
-    """Keep what was measured, and what was measured before in captures that had no part, as far as it is current."""
-    if not targets:
-        return
-    names = {t.capture for t in targets}
-    save_targets(project, [*targets, *(t for t in current_target_sets(project) if t.capture not in names)])
 
 
 def _kept(project: Project, method: Method, record: Record) -> tuple[dict[str, Any], int] | None:

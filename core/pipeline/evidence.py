@@ -26,7 +26,6 @@ from core.model import (
 from core.pipeline.causes import noted
 from core.pipeline.folders import all_captures
 from core.pipeline.options import CalibrateOptions
-from core.pipeline.picking import current_target_sets
 
 if TYPE_CHECKING:
     from core.checks import Concern, Plates
@@ -43,16 +42,12 @@ class Evidence:
     beside: Mapping[str, object]
     used: Mapping[Method, Sequence[Capture]]
     options: CalibrateOptions
+    sets: Sequence[TargetSet]  # all that are current
 
     @cached_property
     def captures(self) -> list[Capture]:
         """All captures of the project."""
         return all_captures(self.project)
-
-    @cached_property
-    def sets(self) -> list[TargetSet]:
-        """All targets that are current."""
-        return current_target_sets(self.project)
 
     @cached_property
     def kept(self) -> dict[str, TargetSet]:

@@ -14,7 +14,7 @@ from core.figures import targets_figures
 from core.model import Capture, PhaseMap, Project, Role, TargetSet, Testfield
 from core.pipeline.causes import because_of
 from core.pipeline.decode import phase_maps
-from core.pipeline.folders import captures_of, result_path
+from core.pipeline.folders import all_captures, result_path
 from core.pipeline.inputs import measured_from
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
@@ -47,7 +47,8 @@ def measure_project(project: Project, progress: Progress = SILENT) -> tuple[Targ
 
 def boards_of(project: Project) -> list[Capture]:
     """Give all captures of boards with targets."""
-    return [c for role in BOARDS for c in captures_of(project, role) if c.testfield is not None or c.seeds]
+    found = [c for c in all_captures(project) if c.testfield is not None or c.seeds]
+    return [c for role in BOARDS for c in found if c.role == role]
 
 
 def common_testfield(captures: Sequence[Capture]) -> Testfield:

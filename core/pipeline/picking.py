@@ -65,6 +65,8 @@ def measure_one(
 
 def current_target_sets(project: Project) -> list[TargetSet]:
     """Give the kept targets that follow from what is there now, of every camera with every projector."""
+    if not (kept := kept_targets(project)):
+        return []
     boards = boards_of(project)
     current = set(signs_of(project, boards, sides_of(boards)).values())
-    return [t for t in kept_targets(project) if t.made_from in current]
+    return [t for t in kept if t.made_from in current]
