@@ -17,9 +17,10 @@ from core.report.adjusted import correlations
 from core.report.chapters import drawings as drawn
 from core.report.chapters import tables
 from core.report.figures import Drawing, set_on_page, svg_text
-from core.report.figures.canvas import CSS_VARIABLES
-from core.report.figures.images import magnification
-from core.report.figures.planes import colour_limit_mm
+from core.report.figures.canvas import CSS_VARIABLES, drawing_style
+from core.report.figures.images import image_drawings, magnification
+from core.report.figures.network import network_drawings
+from core.report.figures.planes import colour_limit_mm, plane_drawings
 
 ALL = ["residuals", "coverage", "network", "convergence", "correlations", "deviations", "histograms"]
 
@@ -28,8 +29,14 @@ def drawings(data):
     return [drawing for chapter in drawn(data).values() for drawing in chapter]
 
 
-def by_key(data):
-    return {drawing.key: drawing for drawing in drawings(data)}
+def drawing_of(data, key):
+    """Draw the one figure, and those of its file; None where there is none of that name."""
+    with drawing_style():
+        if key in ALL[5:]:
+            found = plane_drawings(data)
+        else:
+            found = (image_drawings if key in ALL[:2] else network_drawings)(data.adjustment)
+    return next((drawing for drawing in found if drawing.key == key), None)
 
 
 def images_of(drawing):
@@ -61,7 +68,7 @@ def test_figures_need_their_data(data):
 
 
 def test_deviation_maps_share_one_symmetric_scale(data, evaluations):
-    images = images_of(by_key(data)["deviations"])
+    images = images_of(drawing_of(data, "deviations"))
     limits = {image.get_clim() for image in images}
     assert len(images) == 4
     assert len(limits) == 1
@@ -81,29 +88,29 @@ def test_colour_limit_follows_the_spread_not_the_gross_errors(evaluations):
 
 
 def test_colour_limit_can_be_given(data):
-    images = images_of(by_key(dataclasses.replace(data, colour_limit_mm=0.25))["deviations"])
+    images = images_of(drawing_of(dataclasses.replace(data, colour_limit_mm=0.25), "deviations"))
     assert images[0].get_clim() == (-0.25, 0.25)
 
 
 def test_a_plane_without_deviations_leaves_its_panel_empty(data, evaluations):
     empty = dataclasses.replace(evaluations[0], deviation_mm=np.full((30, 40), np.nan, np.float32))
-    drawing = by_key(dataclasses.replace(data, evaluations=(empty, *evaluations[1:])))["deviations"]
+    drawing = drawing_of(dataclasses.replace(data, evaluations=(empty, *evaluations[1:])), "deviations")
     assert len(images_of(drawing)) == 3
     assert "not evaluated" in [text.get_text() for axes in drawing.figure.axes for text in axes.texts]
     alone = dataclasses.replace(data, evaluations=(empty,))
-    assert "deviations" not in by_key(alone)
+    assert drawing_of(alone, "deviations") is None
 
 
 def test_many_captures_are_spread_over_figures_on_one_scale(data, evaluations):
     many = tuple(dataclasses.replace(evaluations[0], capture=f"plane {i}", angle_deg=None) for i in range(9))
-    result = by_key(dataclasses.replace(data, evaluations=many))
-    maps = [result[f"deviations-{i}"] for i in (1, 2, 3)]
+    drawn_of = {drawing.key: drawing for drawing in drawings(ReportData(data.project, evaluations=many))}
+    maps = [drawn_of[f"deviations-{i}"] for i in (1, 2, 3)]
     assert [len(images_of(d)) for d in maps] == [3, 3, 3]
     assert len({image.get_clim() for d in maps for image in images_of(d)}) == 1
 
 
 def test_histogram_counts_every_pixel_and_the_curve_is_the_predicted_normal(data):
-    axes = by_key(data)["histograms"].figure.axes[0]
+    axes = drawing_of(data, "histograms").figure.axes[0]
     bars = next(patch for patch in axes.patches if hasattr(patch, "get_data"))
     values, edges, _ = bars.get_data()
     assert values.sum() == pytest.approx(100.0, abs=0.5)  # a normal of 0.03 mm lies within ±0.15 mm
@@ -113,7 +120,7 @@ def test_histogram_counts_every_pixel_and_the_curve_is_the_predicted_normal(data
 
 
 def test_residual_vectors_are_the_residuals_magnified_as_stated(data, adjustment):
-    axes = by_key(data)["residuals"].figure.axes[1]  # the projector
+    axes = drawing_of(data, "residuals").figure.axes[1]  # the projector
     vertices = axes.lines[0].get_xydata().reshape(-1, 6, 2)
     mine = np.array(
         [adjustment.network.station_device[s] == "projector" for s in adjustment.network.observation_station]
@@ -121,7 +128,7 @@ def test_residual_vectors_are_the_residuals_magnified_as_stated(data, adjustment
     np.testing.assert_allclose(vertices[:, 0], adjustment.network.observation_uv[mine])
     factor = float(re.search(r"magnified (\S+)×", " ".join(t.get_text() for t in axes.texts)).group(1))
     np.testing.assert_allclose(vertices[:, 1] - vertices[:, 0], adjustment.residuals[mine] * factor)
-    assert f"projector {factor:g} times" in by_key(data)["residuals"].caption
+    assert f"projector {factor:g} times" in drawing_of(data, "residuals").caption
 
 
 def test_magnification_keeps_arrows_short_but_visible(project):
@@ -138,17 +145,17 @@ def test_points_seen_in_one_coordinate_only_are_left_out_of_the_image(data, adju
     uv[0, 1] = residuals[0, 1] = np.nan
     network = dataclasses.replace(adjustment.network, observation_uv=uv)
     changed = dataclasses.replace(adjustment, network=network, residuals=residuals)
-    axes = by_key(dataclasses.replace(data, adjustment=changed))["residuals"].figure.axes[0]
+    axes = drawing_of(dataclasses.replace(data, adjustment=changed), "residuals").figure.axes[0]
     assert len(axes.lines[0].get_xydata()) == 6 * 47
 
 
 def test_coverage_counts_all_image_points(data):
-    for axes in by_key(data)["coverage"].figure.axes:
+    for axes in drawing_of(data, "coverage").figure.axes:
         assert sum(int(text.get_text()) for text in axes.texts) == 48
 
 
 def test_network_shows_projection_centres_in_both_views(data, adjustment):
-    above, side = by_key(data)["network"].figure.axes
+    above, side = drawing_of(data, "network").figure.axes
     # X_device = R X_object + t is zero at the projection centre
     centres = np.array([np.linalg.solve(p.rotation, -p.translation_mm) for p in adjustment.station_from_object])
     for axes, columns in ((above, [0, 1]), (side, [0, 2])):
@@ -157,7 +164,7 @@ def test_network_shows_projection_centres_in_both_views(data, adjustment):
 
 
 def test_viewing_axes_lead_towards_the_object(data, adjustment):
-    side = by_key(data)["network"].figure.axes[1]
+    side = drawing_of(data, "network").figure.axes[1]
     strokes = side.lines[1].get_xydata().reshape(-1, 3, 2)
     assert np.all(strokes[:, 1, 1] < strokes[:, 0, 1])  # all stations stand above the field and look down
     assert np.all(np.abs(strokes[:, 1, 0]) <= np.abs(strokes[:, 0, 0]) + 1e-9)  # and inwards
@@ -172,7 +179,7 @@ def test_correlations_leave_out_what_was_held_fixed(adjustment):
 
 
 def test_strongest_correlation_is_written_into_its_cell(data):
-    drawing = by_key(data)["correlations"]
+    drawing = drawing_of(data, "correlations")
     assert [text.get_text() for text in drawing.figure.axes[0].texts] == ["-96"]
     assert "camera.x0 with camera.A6 -0.96" in drawing.alternative
 
@@ -180,13 +187,13 @@ def test_strongest_correlation_is_written_into_its_cell(data):
 def test_convergence_copes_with_zero_and_undefined_sums(data, adjustment):
     for values in ((5.0, 0.0), (5.0, float("nan"), 4.0), (3.0,)):
         changed = dataclasses.replace(data, adjustment=dataclasses.replace(adjustment, convergence=values))
-        assert svg_text(by_key(changed)["convergence"]).startswith("<svg")
+        assert svg_text(drawing_of(changed, "convergence")).startswith("<svg")
     nothing = dataclasses.replace(data, adjustment=dataclasses.replace(adjustment, convergence=()))
-    assert "convergence" not in by_key(nothing)
+    assert drawing_of(nothing, "convergence") is None
 
 
 def test_colours_of_the_svg_are_the_page_s(data):
-    text = svg_text(by_key(data)["network"])
+    text = svg_text(drawing_of(data, "network"))
     assert not any(colour in text for colour in CSS_VARIABLES)
     assert "var(--ink)" in text
     assert "var(--camera)" in text
@@ -194,13 +201,13 @@ def test_colours_of_the_svg_are_the_page_s(data):
 
 def test_names_that_no_font_holds_do_not_stop_a_figure(data, evaluations):
     odd = tuple(dataclasses.replace(e, capture="計測$1_^{x} " * 4) for e in evaluations[:2])
-    for drawing in drawings(dataclasses.replace(data, evaluations=odd)):
+    for drawing in drawings(ReportData(data.project, evaluations=odd)):
         assert svg_text(drawing).startswith("<svg")
 
 
 def test_drawing_leaves_the_callers_matplotlib_alone(data):
     before = dict(mpl.rcParams)
-    assert svg_text(by_key(data)["convergence"])
+    assert svg_text(drawing_of(data, "convergence"))
     assert dict(mpl.rcParams) == before
 
 
