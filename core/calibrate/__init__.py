@@ -24,7 +24,7 @@ from core.calibrate.network import network_from_targets
 from core.calibrate.next_pose import NextPose, next_poses
 from core.calibrate.options import AdjustOptions
 from core.calibrate.photogrammetric import CALIBRATION_OPTIONS, calibrate_photogrammetric
-from core.calibrate.rigid import RigidityTest, rigidity_test
+from core.calibrate.rigid import RigidityTest
 
 __all__ = [
     "CALIBRATION_OPTIONS",
@@ -40,5 +40,4 @@ __all__ = [
     "leave_captures_out",
     "network_from_targets",
     "next_poses",
-    "rigidity_test",
 ]

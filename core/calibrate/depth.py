@@ -65,18 +65,11 @@ class DepthOptions:
         curves are fitted, rims of targets and of the lit field left out; 0 for the maps as they are. The plate is
         smooth, so this takes the calibration's own noise away: simulated plane-tables deviate by 1.00 to 1.01 times
         what the true calibration leaves, without it by 1.2 to 1.7 times.
-    least_planes : int or None
-        A pixel seen at fewer positions is not calibrated; None for one more than the polynomial needs, where there
-        are so many.
-    distance_mm : float or None
-        From the camera to the plate at z = 0, only used where no targets were measured.
     """
 
     degree: int | None = 3
     axis: Literal["auto", "u", "v"] = "auto"
     low_pass_px: float = 2.0
-    least_planes: int | None = None
-    distance_mm: float | None = None
 
 
 def calibrate_depth(
@@ -194,8 +187,7 @@ def _check(camera: DeviceSpec, planes: Sequence[DepthPlane], options: DepthOptio
     for one, next_one in pairwise(planes):
         if one.z_mm == next_one.z_mm:
             raise InputError(WHERE, f"two captures at z = {one.z_mm:g} mm", "leave one out or correct its z_mm")
-    least = min(needed + 1, len(planes)) if options.least_planes is None else options.least_planes
-    return max(least, needed)
+    return max(min(needed + 1, len(planes)), needed)
 
 
 def choose_axis(phases: Sequence[PhaseMap]) -> Literal["u", "v"]:
@@ -240,7 +232,7 @@ def _orient(
         seen.append(
             TargetPlane(plane.z_mm, rows[:, 1], testfield.xyz_mm[rows[:, 1]], plane.targets.camera_uv[rows[:, 0]])
         )
-    return orient_camera(camera, seen, distance_mm=options.distance_mm, interior=interior)
+    return orient_camera(camera, seen, interior=interior)
 
 
 def _recentred(

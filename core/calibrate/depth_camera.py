@@ -66,14 +66,13 @@ class PlateCamera:
     """The camera before the plate.
 
     `axis_direction`, shape (3,), is the unit vector of the plate's movement in the plate's frame, for z rising.
-    `residual_rms_px` is NaN where nothing was observed. `covariance` (k + 8, k + 8) is of the interior orientation, the
-    plate's rotation vector (rad) and shift (mm), and the axis' slopes in the plate's frame; None where all is assumed.
+    `covariance` (k + 8, k + 8) is of the interior orientation, the plate's rotation vector (rad) and shift (mm), and
+    the axis' slopes in the plate's frame; None where all is assumed.
     """
 
     interior: Interior
     camera_from_plate: Pose
     axis_direction: Array
-    residual_rms_px: float
     warnings: tuple[str, ...]
     covariance: Array | None = None
 
@@ -91,7 +90,6 @@ def orient_camera(
     spec: DeviceSpec,
     planes: Sequence[TargetPlane],
     *,
-    distance_mm: float | None = None,
     interior: tuple[Interior, Array] | None = None,
 ) -> PlateCamera:
     """Orient the camera by the plate's targets.
@@ -100,8 +98,6 @@ def orient_camera(
     ----------
     planes : sequence of TargetPlane
         Positions with fewer than 4 targets do not count.
-    distance_mm : float, optional
-        From the camera to the plate at z = 0, used where there are no targets.
     interior : (Interior, array), optional
         From another calibration, with its covariance (k, k).
 
@@ -116,7 +112,7 @@ def orient_camera(
     """
     usable = [plane for plane in planes if len(plane.uv) >= LEAST_TARGETS]
     if not usable:
-        return _assumed(spec, distance_mm)
+        return _assumed(spec)
     known = _known(spec, interior)
     thin = [_thinned(plane) for plane in usable]
     tries = [_adjust(spec, thin, start, known, rounds=1) for start in _starts(spec, usable, known.interior)]
@@ -132,13 +128,14 @@ def _thinned(plane: TargetPlane) -> TargetPlane:
     return TargetPlane(plane.z_mm, plane.target[::every], plane.xyz_mm[::every], plane.uv[::every])
 
 
-def _assumed(spec: DeviceSpec, distance_mm: float | None) -> PlateCamera:
-    warnings = ["no targets on the depth plate: X and Y come from the nominal camera, square to the plate"]
-    if distance_mm is None:
-        distance_mm = ASSUMED_DISTANCE * spec.nominal_c_mm
-        warnings.append(f"the plate's distance is assumed to be {distance_mm:.0f} mm, so X and Y have no true scale")
+def _assumed(spec: DeviceSpec) -> PlateCamera:
+    distance_mm = ASSUMED_DISTANCE * spec.nominal_c_mm
+    warnings = (
+        "no targets on the depth plate: X and Y come from the nominal camera, square to the plate",
+        f"the plate's distance is assumed to be {distance_mm:.0f} mm, so X and Y have no true scale",
+    )
     pose = Pose(np.eye(3), np.array([0.0, 0.0, -distance_mm]))
-    return PlateCamera(nominal(spec), pose, np.array([0.0, 0.0, 1.0]), float("nan"), tuple(warnings))
+    return PlateCamera(nominal(spec), pose, np.array([0.0, 0.0, 1.0]), warnings)
 
 
 def _prior_sigmas(spec: DeviceSpec) -> Array:
@@ -295,4 +292,4 @@ def _result(spec: DeviceSpec, planes: Sequence[TargetPlane], best: _Solution, kn
         warnings.append(f"the depth plate's targets hardly determine {names}: kept near the nominal camera")
     if len(planes) == 1:
         warnings.append("targets at one plate position only: the axis is taken as perpendicular to the plate")
-    return PlateCamera(interior, pose, axis, rms_px, tuple(warnings), best.covariance)
+    return PlateCamera(interior, pose, axis, tuple(warnings), best.covariance)

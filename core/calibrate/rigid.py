@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.adjust import Solved, solve_network
+from core.calibrate.adjust import Solved
 from core.calibrate.covariance import pose_cofactors
 from core.calibrate.iterate import NotConvergedError, Solution, iterate
 from core.calibrate.normals import SingularNormalsError
-from core.calibrate.options import DEFAULT, AdjustOptions
 from core.calibrate.problem import Problem, problem_of, weighted_problem
 from core.calibrate.state import State
 from core.calibrate.weakness import singular_error, unsolved_error
@@ -68,20 +67,6 @@ class RigidityTest:
             f"moves the image points by {self.drift_sigmas:.2g} sigma r.m.s.; over {self.poses} poses the relative "
             f"orientation scatters by {self.shift_rms_mm:.3g} mm and {self.turn_rms_mrad:.3g} mrad r.m.s."
         )
-
-
-def rigidity_test(network: Network, *, options: AdjustOptions = DEFAULT, progress: Progress = SILENT) -> RigidityTest:
-    """Adjust a rigid network and say whether its rig was rigid.
-
-    Raises
-    ------
-    InputError
-        If no two devices share a pose.
-    AdjustmentError
-        If one of the adjustments fails.
-    """
-    solved, _ = solve_network(network, options, progress)
-    return rigidity_of(solved, solved.network.station_pose)
 
 
 def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILENT) -> RigidityTest:

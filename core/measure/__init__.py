@@ -3,7 +3,6 @@
 targets.py        `measure_targets`, the whole stage from top to bottom
 kinds/            what a kind of target is, one file each: dots, rings, chessboard, tags
 estimators.py     how a dot's centre follows from its pixels, by name
-options.py        what an operator may choose
 board.py          the nominal testfield, checked, with everyone's neighbours
 picks.py          the operator's picks, checked and moved onto their dots
 blobs.py          everything in the image that could be a dot
@@ -31,7 +30,6 @@ from core.measure.eccentricity import eccentricity, recentred
 from core.measure.estimators import ESTIMATORS
 from core.measure.features import measure_feature
 from core.measure.kinds import TARGET_KINDS, Marks, Sight, TargetKind, kind_of
-from core.measure.options import MeasureOptions
 from core.measure.propose import find_dots, propose_picks
 from core.measure.recognise import labellings, recognise, unmeasured
 from core.measure.single import dot_at, measured_view, predicted_view
@@ -45,7 +43,6 @@ __all__ = [
     "TARGET_KINDS",
     "Labelling",
     "Marks",
-    "MeasureOptions",
     "Sight",
     "TargetKind",
     "Turned",

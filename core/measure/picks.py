@@ -16,6 +16,7 @@ from core.measure.board import Board
 from core.model import Seed
 
 Array = NDArray[np.float64]
+Side = Literal["front", "back", "either"]  # of the board, that the camera sees
 FEWEST = 3  # picks on dots that identification needs
 FLAT = 0.08  # triangles flatter than this (area over longest side squared) may turn over by lens distortion alone
 
@@ -34,9 +35,7 @@ class Picks:
         return f"pick {k + 1} ({board.name(int(self.target[k]))}) at ({self.uv[k, 0]:.1f}, {self.uv[k, 1]:.1f}) px"
 
 
-def check_picks(
-    board: Board, seeds: Sequence[Seed], size: tuple[int, int], where: str, side: Literal["front", "back", "either"]
-) -> Picks:
+def check_picks(board: Board, seeds: Sequence[Seed], size: tuple[int, int], where: str, side: Side) -> Picks:
     """Refuse picks that cannot be right, whatever the image shows.
 
     Parameters
@@ -46,7 +45,7 @@ def check_picks(
     where : str
         The file the picks come from.
     side : str
-        Side of the board that must be seen, see `MeasureOptions`.
+        Side of the board that must be seen, see `measure_targets`.
 
     Raises
     ------

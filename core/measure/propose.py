@@ -117,7 +117,7 @@ def propose_picks(
     known : sequence of Seed
         Picks of an image taken before or after, where the board may have been nearby.
     side : str
-        The side of the board that is seen, "front" or "back", see `MeasureOptions`.
+        The side of the board that is seen, "front" or "back", see `measure_targets`.
 
     Returns
     -------

@@ -8,7 +8,7 @@ import numpy as np
 
 from core.errors import InputError, NotRecognisedError
 from core.measure.kinds import kind_of
-from core.measure.options import MeasureOptions
+from core.measure.picks import Side
 from core.measure.targets import measure_targets
 from core.measure.turns import SAME, Labelling, labelling_between, symmetries
 from core.model import DeviceSpec, MissingTarget, PhaseMap, TargetSet, Testfield
@@ -24,7 +24,7 @@ def recognise(
     projector: DeviceSpec | None = None,
     capture: str = "",
     excluded: tuple[tuple[int, int], ...] = (),
-    options: MeasureOptions = MeasureOptions(),  # noqa: B008  frozen
+    side: Side = "front",
 ) -> tuple[TargetSet, tuple[Labelling, ...]]:
     """Measure the targets of an image that nobody picked.
 
@@ -41,7 +41,7 @@ def recognise(
         If the board cannot be recognised.
     """
     kind = kind_of(testfield, capture or "testfield.csv")
-    seen_uv, guesses = kind.guess(phase.image, testfield, camera, (), "back" if options.side == "back" else "front")
+    seen_uv, guesses = kind.guess(phase.image, testfield, camera, (), "back" if side == "back" else "front")
     if not guesses:
         seen = f"{len(seen_uv)} {kind.plural} in order, which do not fit the board"
         seen = seen if len(seen_uv) else f"no {kind.plural} in order"
@@ -57,7 +57,7 @@ def recognise(
                 projector=projector,
                 capture=capture,
                 excluded=excluded,
-                options=options,
+                side=side,
             )
         except InputError as error:
             failure = failure or error

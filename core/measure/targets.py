@@ -13,8 +13,7 @@ from core.measure.board import board_from_testfield
 from core.measure.kinds import Marks, Sight, kind_of
 from core.measure.light import CUT, cut_by_edge, line_gradients
 from core.measure.missing import EXCLUDED
-from core.measure.options import MeasureOptions
-from core.measure.picks import check_excluded
+from core.measure.picks import Side, check_excluded
 from core.measure.projector import around_dot, bilinear, decoded_inside, inside_dot, refuse_jumps
 from core.model import DeviceSpec, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
 from core.progress import SILENT, Progress
@@ -34,7 +33,7 @@ def measure_targets(
     projector: DeviceSpec | None = None,
     capture: str = "",
     excluded: Collection[tuple[int, int]] = (),
-    options: MeasureOptions = MeasureOptions(),  # noqa: B008  frozen
+    side: Side = "front",
     progress: Progress = SILENT,
 ) -> TargetSet:
     """Identify and measure all visible targets of a testfield from a few that an operator picked.
@@ -55,6 +54,10 @@ def measure_targets(
         Name of the capture, for the result and for messages.
     excluded : collection of (row, col)
         Targets that the operator does not want used: they end in `missing`. They still help to tell who is who.
+    side : "front", "back" or "either"
+        From which side the camera sees the board. The nominal coordinates are right-handed, so that their Z axis
+        points to the viewer ("front"); a field written with y downwards and z = 0 is seen from its "back". Picks that
+        show the other side are refused as mirrored.
 
     Returns
     -------
@@ -85,7 +88,7 @@ def measure_targets(
     image = _checked(phase.image, camera, capture or "image")
     where = f"{capture}/picks.json" if capture else "picks.json"
     unwanted = frozenset(check_excluded(board, excluded, where))
-    sight = Sight(image, phase, testfield, board, camera, unwanted, where, options, progress)
+    sight = Sight(image, phase, testfield, board, camera, unwanted, where, side, progress)
     marks = kind.measure(sight, seeds)
     progress(0.9, "reading projector coordinates")
     return _target_set(sight, marks, capture, projector)
@@ -148,10 +151,7 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
     ground, dark = np.minimum(window, marks.code - BESIDE_CODE), sight.testfield.polarity == "black-on-white"
     coordinate, sigma = np.full((len(centre), 2), np.nan), np.full((len(centre), 2), np.nan)
     for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
-        if sight.options.projector == "plane":
-            found, error = inside_dot(values, spread, centre, ellipse, window)
-        else:
-            found, error = bilinear(values, spread, centre)
+        found, error = bilinear(values, spread, centre)
         found[refuse_jumps(values, centre, ellipse, found, error)] = np.nan
         lost = ~np.isfinite(found)
         lit = decoded_inside(values, centre, ellipse)

@@ -128,7 +128,7 @@ def measured_capture(
     capture: Capture, phase: PhaseMap, project: Project, side: Side
 ) -> tuple[TargetSet, Sequence[Labelling]]:
     """Measure one decoded capture, from its picks or without; give the labellings that the targets allow, too."""
-    from core.measure import MeasureOptions, labellings, measure_targets, recognise
+    from core.measure import labellings, measure_targets, recognise
 
     field, camera = capture.testfield, project.rig.cameras[capture.camera]
     if field is None:
@@ -137,7 +137,7 @@ def measured_capture(
         "projector": project.rig.projectors[capture.projector],
         "capture": str(capture.path),
         "excluded": capture.excluded,
-        "options": MeasureOptions(side=side),
+        "side": side,
     }
     if capture.seeds:
         targets, ways = measure_targets(phase, field, capture.seeds, camera, **how), labellings(field)

@@ -171,7 +171,7 @@ def _first_dark(grey: NDArray[np.uint8], uv: Array, row: NDArray[np.int64], col:
 def measure_corners(kind: CornerShape, sight: Sight, seeds: Sequence[Seed]) -> Marks:
     """Find all corners outwards from the picks, and fit them."""
     board, camera = sight.board, sight.camera
-    picks = check_picks(board, seeds, (camera.width, camera.height), sight.where, sight.options.side)
+    picks = check_picks(board, seeds, (camera.width, camera.height), sight.where, sight.side)
     view = first_view(camera, board.xyz_mm[picks.target], picks.uv)
     if view is None:
         raise NotRecognisedError(sight.where, "no view of the board has the picks where they are", "correct them")

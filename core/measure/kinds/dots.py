@@ -37,9 +37,9 @@ def _dark(testfield: Testfield) -> bool:
 
 def measure_dots(sight: Sight, seeds: Sequence[Seed], coded: bool = False) -> Marks:
     """Find, identify and measure all dots from at least 4 picks that do not lie on one line."""
-    board, camera, options, progress = sight.board, sight.camera, sight.options, sight.progress
+    board, camera, progress = sight.board, sight.camera, sight.progress
     image = -sight.image if _dark(sight.testfield) else sight.image
-    picks = check_picks(board, seeds, (camera.width, camera.height), sight.where, options.side)
+    picks = check_picks(board, seeds, (camera.width, camera.height), sight.where, sight.side)
     progress(0.0, "looking for dots")
     blobs = find_blobs(image, _diameters(board, picks.affine), picks.uv)
     spots, notes = snap(board, picks, blobs, (camera.width, camera.height))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.geometry import Pose
 from core.measure.board import Board
-from core.measure.options import MeasureOptions
+from core.measure.picks import Side
 from core.model import DeviceSpec, Interior, PhaseMap, Seed, TargetSet, Testfield
 from core.progress import Progress
 
@@ -33,7 +33,7 @@ class Sight:
     camera: DeviceSpec
     unwanted: frozenset[int]
     where: str
-    options: MeasureOptions
+    side: Side
     progress: Progress
 
 
@@ -99,7 +99,7 @@ class TargetKind:
     guess : callable
         ``(image, testfield, camera, known, side) -> uv, guesses``: the targets seen in an evenly lit image, (n, 2) px,
         and the picks that may be meant, the likeliest first; `known` are picks of a neighbouring image, `side` is
-        "front" or "back" (see `MeasureOptions`). Empty where the board is not recognised.
+        "front" or "back" (see `measure_targets`). Empty where the board is not recognised.
     measure : callable
         ``(sight, picks) -> marks``, from picks of an operator or of `guess`. Raises `InputError` where they contradict
         each other, `NotRecognisedError` where the image does not show them.

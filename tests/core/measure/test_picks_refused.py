@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.errors import Cancelled, InputError
-from core.measure import MeasureOptions, measure_targets
+from core.measure import measure_targets
 from core.model import Seed, Testfield
 from core.progress import Progress
 
@@ -211,7 +211,7 @@ def test_a_field_written_with_y_downwards_is_seen_from_its_back(truth, phase):
     assert down.side_seen(seeds) == "back"
     assert "mirrored" in refusal(truth, phase, seeds, field=down)
     for side in ("back", "either"):
-        found = measure_targets(phase, down, seeds, truth.spec, options=MeasureOptions(side=side))
+        found = measure_targets(phase, down, seeds, truth.spec, side=side)
         assert len(found.row) == 63
 
 
