@@ -90,13 +90,15 @@ def _measured_by(
     project: Project, captures: list[Capture], sides: Mapping[Role, Side], signs: Mapping[Path, str], progress: Progress
 ) -> list[tuple[Capture, TargetSet, Sequence[Labelling]]]:
     """Targets of captures by one camera and one projector, and the labellings that they allow."""
-    from core.measure import labellings
+    from core.measure import SAME, labellings
 
     pair = captures[0].camera, captures[0].projector
     found = {t.made_from: t for t in kept_targets(project) if len(t.row) and (t.camera, t.projector) == pair}
     due = [c for c in captures if signs[c.path] not in found]
     ways: dict[Path, Sequence[Labelling]] = {
-        c.path: labellings(c.testfield, str(c.path)) if c.testfield is not None else () for c in captures
+        c.path: () if c.testfield is None else (SAME,) if kept is not None and kept.told else labellings(c.testfield)
+        for c in captures
+        for kept in (found.get(signs[c.path]),)
     }
     failures = []
     for capture, phase in phase_maps(project, due, progress):
@@ -143,6 +145,7 @@ def measured_capture(
         targets, ways = measure_targets(phase, field, capture.seeds, camera, **how), labellings(field)
     else:
         targets, ways = recognise(phase, field, camera, **how)
+        targets = replace(targets, told=len(ways) == 1)
     dim = phase.dim_notes if len(targets.row) > len(targets.missing) else ()
     said = (note for note in phase.notes if note not in dim)
     told = replace(targets, notes=(*said, *targets.notes), response=phase.response, gaps=phase.gaps)

@@ -13,6 +13,7 @@ from core.measure.turns import SAME, relabelled, solve_turns, symmetries
 from core.model import Capture, Frame, TargetSet, Testfield
 from core.patterns import White
 from core.pipeline import measure
+from core.project import load_archive, save_archive
 
 ROWS, COLS = 13, 19
 HALF = (((-1, 0), (0, -1)), (ROWS - 1, COLS - 1))
@@ -116,3 +117,31 @@ def test_all_cameras_name_a_board_alike(board, monkeypatch):
     assert len(told) == 10
     right = {np.array_equal(t.row, truth[t.capture, t.camera].row) for t in told}
     assert len(right) == 1, "all as they are, or all half a turn round"
+
+
+def test_a_turn_that_the_image_tells_is_kept(board, monkeypatch, tmp_path):
+    """A chessboard's dark corner tells its turn; measured again from what is kept, it is told as before."""
+    rng = np.random.default_rng(7)
+    captures = [
+        Capture(Path(f"b{k}"), "testfield", (Frame(Path("f.png"), White()),), testfield=board) for k in range(3)
+    ]
+    kept, due = [], []
+
+    def recognised(capture, *_):
+        due.append(capture.name)
+        image = replace(image_of(board.xyz_mm, board, rng), told=True)  # as regular as its drawing
+        return replace(image, capture=capture.name), (SAME,), None
+
+    monkeypatch.setattr(measure, "measured_or_why", recognised)
+    monkeypatch.setattr(measure, "phase_maps", lambda _project, captures, _progress: [(c, None) for c in captures])
+    monkeypatch.setattr(measure, "signs_of", lambda _project, captures, _sides: {c.path: c.name for c in captures})
+    monkeypatch.setattr(measure, "kept_targets", lambda _project: tuple(kept))
+    counts = []
+    for _ in range(3):
+        archive = tmp_path / "targets.npz"
+        save_archive(archive, tuple(measure.measured_targets(None, captures)))
+        kept[:] = load_archive(archive, tuple, TargetSet)
+        counts.append([len(t.row) for t in kept])
+    assert due == ["b0", "b1", "b2"]
+    assert min(counts[0]) > 0
+    assert counts[1] == counts[2] == counts[0]
