@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.model import Array, Floats
+from core.model import Floats
 from core.numerics import sigma_by_median
 from core.parallel import run_in_bands
 from core.progress import SILENT, Progress
@@ -143,7 +143,7 @@ def _trend(measured: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, float]:
             rest = np.abs(values - design @ solution)
             spread = max(sigma_by_median(rest), 1e-6)
             weights = (rest <= DISTURBED_FACTOR * spread) / np.maximum(rest, 0.1 * spread)
-    surface: Array = np.zeros((height, width))
-    for (i, j), value in zip(powers, solution, strict=True):
-        surface += (value * y**j)[:, None] * x**i
+    terms, all_powers = np.zeros((degree + 1, degree + 1)), np.arange(degree + 1)
+    terms[tuple(np.transpose(powers))] = solution
+    surface = (y[:, None] ** all_powers) @ terms.T @ (x[:, None] ** all_powers).T
     return surface.astype(np.float32), spread
