@@ -28,7 +28,7 @@ kernels.py        the two loops over pixels
 
 from core.measure.eccentricity import eccentricity, recentred
 from core.measure.estimators import ESTIMATORS
-from core.measure.features import measure_feature
+from core.measure.features import find_circles, measure_feature
 from core.measure.kinds import TARGET_KINDS, Marks, Sight, TargetKind, kind_of
 from core.measure.propose import find_dots, propose_picks
 from core.measure.recognise import labellings, recognise, unmeasured
@@ -49,6 +49,7 @@ __all__ = [
     "View",
     "dot_at",
     "eccentricity",
+    "find_circles",
     "find_dots",
     "kind_of",
     "labellings",

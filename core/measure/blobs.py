@@ -51,7 +51,7 @@ def find_blobs(image: NDArray[np.float32], diameters_px: tuple[float, float], cl
         [contrast[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1].max() for u, v in at]
     )
     faintest = max(0.1 * float(typical), 2.0 * float(np.median(contrast[::3, ::3])), 1e-6)
-    return _components(contrast > np.maximum(threshold, np.float32(faintest)), contrast, factor)
+    return connected_spots(contrast > np.maximum(threshold, np.float32(faintest)), contrast, factor)
 
 
 def _reduced(image: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
@@ -71,7 +71,7 @@ def _square(size: float) -> NDArray[np.uint8]:
     return np.ones((k, k), np.uint8)
 
 
-def _components(mask: NDArray[np.bool_], contrast: NDArray[np.float32], factor: int) -> Blobs:
+def connected_spots(mask: NDArray[np.bool_], contrast: NDArray[np.float32], factor: int) -> Blobs:
     """Moments of the connected parts of a mask."""
     # without the library's statistics, which cost six times as much as the labels
     count, labels = cv2.connectedComponents(mask.view(np.uint8), connectivity=4, ltype=cv2.CV_32S)

@@ -12,11 +12,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.geometry import project, ray_directions
+from core.measure.blobs import connected_spots
 from core.model import AdjustedDevice, Array, Feature, Floats, PhaseMap, PointCloud
 from core.numerics import sigma_by_median
 
@@ -29,8 +31,28 @@ FEWEST_PIXELS, FEWEST_POINTS = 25, 30
 PASSES = 3
 MOST_MOVED = 0.25  # of its size that an edge may lie off where it was said to be
 MOST_VAGUE_PX = 0.3  # standard deviation of a shape that is one
+LEAST_RADIUS_PX, FLATTEST, UNEVEN = 2.5, 0.3, 0.1  # of what is found: radius, ratio of axes, area off an ellipse's
+SURROUNDINGS, LEAST_CONTRAST = 6, 0.15  # share of the width whose median is the ground; of its light
 CONTOUR = 360  # places of a contour that are carried to the surface
 CONTRAST = 10.0  # standard deviations of the grey values that an edge must step by
+
+
+def find_circles(image: Floats) -> Array:
+    """Find what is round in an image, brighter or darker than what surrounds it: u, v and radius (n, 3), px."""
+    grey = np.nan_to_num(image)
+    white = max(float(np.quantile(grey, 0.99)), 1e-6)
+    around = cv2.medianBlur(np.clip(255 / white * grey, 0, 255).astype(np.uint8), image.shape[1] // SURROUNDINGS | 1)
+    contrast = cv2.GaussianBlur(grey, (3, 3), 0.6) - around * np.float32(white / 255)
+    limit = np.maximum(CONTRAST / 2 * sigma_by_median(contrast[::3, ::3]), LEAST_CONTRAST * around * (white / 255))
+    found = []
+    for more in (contrast, -contrast):
+        spots = connected_spots(more > limit, more, 1)
+        full = 4 * np.pi * np.sqrt(np.linalg.det(spots.cov_px2)) / spots.area_px  # 1 of an ellipse
+        small, large = np.sqrt(np.linalg.eigvalsh(spots.cov_px2)).T
+        radius = np.sqrt(spots.area_px / np.pi)
+        use = ~spots.on_border & (np.abs(full - 1) < UNEVEN) & (small > FLATTEST * large) & (radius > LEAST_RADIUS_PX)
+        found.append(np.column_stack([spots.uv, radius])[use])
+    return np.concatenate(found)
 
 
 @dataclass(frozen=True)

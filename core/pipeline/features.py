@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.reconstruct import reconstruct_capture
 from core.progress import SILENT, Progress
 
+SURE_PX = 0.03  # sigma of a place that nobody named: ends of the light and shadings are less clear
 GIVEN = {"circle": "U,V,RADIUS", "line": "U,V,U,V"}
 
 
@@ -29,6 +31,7 @@ def measure_features(
 ) -> list[Feature]:
     """Measure features of a capture, each a kind and its place as text, such as ("circle", "210,140,12").
 
+    Without a place everything round is looked for; what has no sharp edge, or no surface round it, is left out.
     With `orient` the projector stands where a kept orientation of this capture has it.
 
     Raises
@@ -36,17 +39,25 @@ def measure_features(
     InputError
         If a place is not well said, no edge is seen there, or there is no photogrammetric calibration.
     """
-    from core.measure import measure_feature
+    from core.measure import find_circles, measure_feature
 
     given = [(kind, _numbers(kind, text), f"--{kind} {text}") for kind, text in places]
-    if not given:
-        raise InputError("features", "none is asked for", "give --circle U,V,RADIUS or --line U,V,U,V")
     calibration = photogrammetric_calibration(project)
     phase, cloud = reconstruct_capture(
         project, name, "photogrammetric", progress=progress, orient=orient, camera=camera, projector=projector
     )
     seen_by = pair_for(phase, calibration).camera
-    return [measure_feature(kind, numbers, phase, cloud, seen_by, where) for kind, numbers, where in given]
+    if places:
+        return [measure_feature(kind, numbers, phase, cloud, seen_by, where) for kind, numbers, where in given]
+    found = []
+    for place in find_circles(phase.image):
+        progress.check()
+        with suppress(InputError):
+            found.append(measure_feature("circle", place, phase, cloud, seen_by))
+    sure = [feature for feature in found if np.diagonal(feature.uv_cov).max() < SURE_PX**2]
+    if not sure:
+        raise InputError(name, "nothing round was found in it", "give --circle U,V,RADIUS or --line U,V,U,V")
+    return sure
 
 
 def feature_figures(feature: Feature) -> Figures:

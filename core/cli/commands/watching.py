@@ -26,7 +26,11 @@ def add(commands: Commands) -> None:
     sub.add_argument("--points", nargs="?", const="testfield", metavar="FILE", help=words)
     add_devices(sub)
 
-    sub = commands.add_on_project("features", _features, "holes, marks and edges of a capture, in space")
+    sub = commands.add_on_project(
+        "features",
+        _features,
+        "holes, marks and edges of a capture, in space; all that is round unless places are given",
+    )
     sub.add_argument("capture", metavar="CAPTURE")
     for kind, place in (("circle", "U,V,RADIUS"), ("line", "U,V,U,V")):
         words = f"a {kind} near here, px; may be given again"

@@ -7,7 +7,7 @@ import pytest
 
 from core.errors import InputError
 from core.geometry import project, ray_directions
-from core.measure import measure_feature
+from core.measure import find_circles, measure_feature
 from core.model import AdjustedDevice, DeviceSpec, Feature, Interior, PhaseMap, PointCloud
 
 SPEC = DeviceSpec(150, 120, (0.02, 0.02), 12.0)
@@ -80,6 +80,20 @@ def test_holes_are_found_in_space_as_surely_as_they_say(radius: float, dark: boo
     # the surface's part of the radius is along the line of sight; a bias of 0.01 px would be 0.01 mm
     assert np.abs(axes.mean(axis=0) - radius).max() < 0.02
     assert found[0].normal @ NORMAL > 0.999
+
+
+@pytest.mark.parametrize(("radius", "dark"), [(8.0, True), (4.0, False), (3.0, True)])
+def test_holes_are_found_without_their_place(radius: float, dark: bool) -> None:
+    rng = np.random.default_rng(6)
+    centre = MIDDLE + np.array([-3.3, 2.7]) @ ACROSS
+    phase, cloud = noisy(seen(centre, radius, dark), rng)
+    (place,) = find_circles(phase.image)
+    hole = measure_feature("circle", place, phase, cloud, CAMERA)
+    off = hole.uv - project(SPEC, CAMERA.interior, centre)
+    assert np.abs(off).max() < 0.02
+    assert np.abs(off / np.sqrt(np.diagonal(hole.uv_cov))).max() < 4
+    nothing, _ = noisy(seen(MIDDLE + 500 * ACROSS[0], 1.0), rng)
+    assert len(find_circles(nothing.image)) == 0
 
 
 def test_a_straight_edge_is_found_in_space() -> None:
