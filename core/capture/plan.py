@@ -67,7 +67,7 @@ def make_plan(project: Project, subject: Subject, patterns: Sequence[Pattern] | 
     if role not in get_args(Role):
         raise InputError(where, f"role {role!r}", f"use {', '.join(get_args(Role))}")
     if role == "depth" and subject.z_mm is None:
-        raise InputError(where, "role depth without z", "give the plate's position along its axis in mm")
+        raise InputError(where, "role depth without z_mm", "give the plate's position along its axis in mm")
     for key, value in (("z_mm", subject.z_mm), ("angle_deg", subject.angle_deg)):
         if value is not None and not np.isfinite(value):
             raise InputError(where, f"{key} is {value}", "give a finite number")

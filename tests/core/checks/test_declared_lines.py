@@ -55,6 +55,13 @@ def test_measured_distances_that_contradict_each_other_are_named() -> None:
         both = replace(adjustment, network=replace(adjustment.network, lengths=(other,)))
         texts = [c.text for c in length_concerns(both, p.board, p.scale, None, False)]
         assert sum("lengths, entry 0" in text and "disagree" in text for text in texts) == told, texts
+    # a board that the printer stretched: the remedy is a factor, and with it the board agrees with the bar
+    drawn = replace(p.board, xyz_mm=p.board.xyz_mm / 1.004)
+    (text,) = (c.text for c in length_concerns(adjustment, drawn, p.scale, None, False))
+    factor = float(text.split()[-1])
+    assert text.endswith(f"multiply the coordinates in testfield.csv by {factor:.4f}")
+    assert factor == pytest.approx(1.004, abs=3e-4)
+    assert not length_concerns(adjustment, replace(drawn, xyz_mm=factor * drawn.xyz_mm), p.scale, None, False)
 
 
 def test_a_bar_in_metres_is_said_where_nothing_can_be_adjusted() -> None:
