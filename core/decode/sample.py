@@ -31,6 +31,7 @@ UNSATURATED = 100  # pixels without a saturated step, fewer do not tell the nois
 WIDE = 0.25  # part of a frame that must not be saturated to tell it
 FEW_ROWS = 8192  # pixels in rows of the image that tell the noise of bent waves
 LIT = 0.1  # part of the brightest pixels' amplitude that one must have to tell it
+DIM = 0.5  # part of the brightest pixels' range of grey values, less of which is no light
 ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit
 OWN = 0.7  # part of the contrast of white and black that that of bits and their inverses should have
 SEVERAL = 0.03  # part of the lit pixels in which it is less, from which the bits themselves tell the contrast
@@ -130,13 +131,17 @@ def measure_noise(
             lit = _lit(waves)
             unlit = robust_variance(residual[:, _unlit(waves, lit, whole)].ravel())
             residual, level = (each[:, lit] for each in without_harmonics(residual, found, whole, waves, of=lit))
+        elif np.count_nonzero(whole := g.min(axis=0) > 0) >= FEWEST:  # what is cut off at 0 shows half its noise
+            dim = ~whole & (np.ptp(g, axis=0) < DIM * np.percentile(np.ptp(g, axis=0), 90))
+            unlit = robust_variance(residual[:, dim].ravel())
+            residual, level = residual[:, whole], level[:, whole]
         if bent or np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
             crude = estimate_noise(residual.ravel(), level.ravel(), step)
             return _without_misfit(crude, found, images, saturation, bent, step)._replace(unlit=unlit)
-    elif lines:
+        return estimate_noise(residual.ravel(), level.ravel(), step)._replace(unlit=unlit)
+    if lines:
         return _sweep_noise(lines[0], sample, saturation, images)
-    else:
-        residual, level = _smoothness(frames, images, saturation, bent)
+    residual, level = _smoothness(frames, images, saturation, bent)
     return estimate_noise(residual.ravel(), level.ravel(), step)
 
 

@@ -67,6 +67,19 @@ def test_few_white_dots_on_black_tell_their_noise(bench) -> None:
     assert np.std(variances) < 0.06 * true
 
 
+def test_what_is_cut_off_at_0_does_not_tell_the_noise(bench) -> None:
+    """A ground without light shows the upper half of its noise, of the plate in front a third of the image is lit."""
+    patterns = gray_and_phase("x", N, cell=8, periods=[16], steps=4)
+    frames = sort_frames(patterns)
+    v, u = np.mgrid[0:288, 0:372]
+    plate = (np.abs(u - 186) < 100) & (np.abs(v - 144) < 80)
+    scene = replace(bench(), u=1.2 * u + 20, gain=np.where(plate, 80.0, 0.0), ambient=np.where(plate, 12.0, 0.0))
+    images = replace(scene, dark=1.0, shot=0.0).take(patterns)
+    noise = measure_noise(frames, contrasts(frames, len(patterns)), take_sample(images), 255.0, images)
+    # some 1,300 residuals: 4 %; quantisation adds 1/12
+    assert noise.variance(np.array([2.0]))[0] == pytest.approx(1.0 + 1 / 12, rel=0.15)
+
+
 def test_three_steps_and_nothing_else_have_no_redundancy() -> None:
     phases = [Phase("x", 64, 3, k, 2 * np.pi * k / 3) for k in range(3)]
     assert len(contrasts(sort_frames(phases), 3)) == 0

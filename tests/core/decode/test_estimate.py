@@ -52,6 +52,7 @@ def dots(
     footprint_px: float = 0.4,
     dark: float = 0.2,
     ambient: float = 10.0,
+    noise: float = 1.5,
 ) -> tuple[list, list, np.ndarray]:
     """A slanted board of white dots, seen by pixels of a Gaussian footprint: patterns, images, true u."""
     y, x = (np.mgrid[: size * fine, : size * fine] - (fine - 1) / 2) / fine
@@ -68,7 +69,7 @@ def dots(
         seen = gaussian_filter(albedo * (ambient + 150 * light), footprint_px * fine)[
             fine // 2 :: fine, fine // 2 :: fine
         ]
-        images.append(np.clip(np.rint(seen + rng.normal(0, 1.5, seen.shape)), 0, 255).astype(np.uint8))
+        images.append(np.clip(np.rint(seen + rng.normal(0, noise, seen.shape)), 0, 255).astype(np.uint8))
     at = slice(fine // 2, None, fine)
     return patterns, images, np.stack([u[at, at], v[at, at], gaussian_filter(albedo, footprint_px * fine)[at, at]])
 
@@ -93,7 +94,7 @@ def test_edges_of_dots_are_not_drawn_to_the_brighter_side(monkeypatch) -> None:
 
 def test_light_beyond_a_rim_is_no_measurement() -> None:
     """Pixels of a Gaussian footprint see a plate's rim from more than a pixel away."""
-    patterns, images, (u, v, albedo) = dots(dark=0.0, footprint_px=0.7, ambient=0.0)
+    patterns, images, (u, v, albedo) = dots(dark=0.0, footprint_px=0.7, ambient=0.0, noise=1.0)
     phase = decode(patterns, images, lines=(128, 128))
     inner = (np.abs(u - 64) < 60) & (np.abs(v - 64) < 60)
     seen = np.isfinite(phase.u) & np.isfinite(phase.v)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from core.decode import decode
 from core.patterns import SequenceSpec, brightness
@@ -10,15 +11,18 @@ from core.patterns import SequenceSpec, brightness
 LINES, SHAPE = (256, 192), (240, 320)
 
 
-def test_a_camera_that_is_noisiest_in_the_dark_sees_nothing_there() -> None:
+@pytest.mark.parametrize(("preset", "peak", "ambient"), [("gray-sine", 0.55, 0.0), ("paper", 0.2, 0.1)])
+def test_a_camera_that_is_noisiest_in_the_dark_sees_nothing_there(preset: str, peak: float, ambient: float) -> None:
     draw = np.random.default_rng(3)
     rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
     place = {"x": 10 + 0.71 * columns + 0.02 * rows, "y": 8 + 0.7 * rows}
     lit = (np.abs(columns - 160) < 110) & (np.abs(rows - 120) < 85)
-    patterns = SequenceSpec("gray-sine", {"period": 16, "steps": 4}).patterns(LINES)
+    patterns = SequenceSpec(preset, {"period": 16, "steps": 4} if preset == "gray-sine" else {}).patterns(LINES)
     frames = []
     for pattern in patterns:
-        light = np.where(lit, 0.55 * brightness(pattern, place[getattr(pattern, "axis", None) or "x"]), 0) + 0.004
+        light = (
+            np.where(lit, peak * brightness(pattern, place[getattr(pattern, "axis", None) or "x"]) + ambient, 0) + 0.004
+        )
         light = np.clip(light + draw.normal(0, 0.004, SHAPE), 0, 1)
         grey = np.where(light < 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)  # IEC 61966-2-1
         frames.append(np.round(255 * grey).astype(np.uint8))
