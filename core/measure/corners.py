@@ -2,9 +2,10 @@
 
 Notes
 -----
-Edges at distances d1, d2 are blurred by a Gaussian of sigma s: ``I = B + g x + C Q(d1 / s, d2 / s)``. Where they cross,
-Q is the mean product of the signs of two normal variables with means d / s, which correlate by the cosine r between
-the edges: ``Q = erf erf + 4 phi phi sum(r^n He He / n!)``, the tetrachoric series. Where one quadrant alone is dark,
+Edges at distances d1, d2 are blurred by a Gaussian of sigma s: ``I = (B + C Q(d1 / s, d2 / s)) (1 + g x / B)``, for
+light falls off over bright and dark alike. Where they cross, Q is the mean product of the signs of two normal variables
+with means d / s, which correlate by the cosine r between the edges:
+``Q = erf erf + 4 phi phi sum(r^n He He / n!)``, the tetrachoric series. Where one quadrant alone is dark,
 ``(Q + erf + erf - 1) / 2``. Adjusted are the centre, both directions, s, C, B and g. What a pixel averages widens s: it
 is even about the edges and does not move the centre.
 """
@@ -77,8 +78,10 @@ def fit_corners(image: NDArray[np.float32], uv: Array, area: Array, single: bool
         sin, cos = np.sin(p[:, 2:4]), np.cos(p[:, 2:4])
         t = np.stack([_distance(x, y, p[:, k]) for k in (2, 3)]) / s
         shape, slopes, by_cosine = _pattern(t, np.cos(p[:, 2] - p[:, 3]), single)
-        by1, by2 = C * slopes / s  # by the distances
-        turned = C * by_cosine * np.sin(p[:, 2:3] - p[:, 3:4])
+        board, base = p[:, 5:6] + C * shape, np.maximum(p[:, 5:6], np.abs(C))
+        lit = 1 + (p[:, 7:8] * du0 + p[:, 8:9] * dv0) / base
+        by1, by2 = C * lit * slopes / s  # by the distances
+        turned = C * lit * by_cosine * np.sin(p[:, 2:3] - p[:, 3:4])
         along = [x * cos[:, k : k + 1] + y * sin[:, k : k + 1] for k in (0, 1)]
         J = np.stack(
             [
@@ -87,15 +90,14 @@ def fit_corners(image: NDArray[np.float32], uv: Array, area: Array, single: bool
                 -by1 * along[0] - turned,
                 -by2 * along[1] + turned,
                 -(by1 * t[0] + by2 * t[1]),
-                np.ones_like(x),
-                shape,
-                du0,
-                dv0,
+                lit,
+                shape * lit,
+                board * du0 / base,
+                board * dv0 / base,
             ],
             axis=-1,
         )
-        model = p[:, 5:6] + C * shape + p[:, 7:8] * du0 + p[:, 8:9] * dv0
-        rest = weight * (grey - model)
+        rest = weight * (grey - board * lit)
         weighted = J * weight[..., None]
         N = np.swapaxes(weighted, 1, 2) @ J
         scale = np.sqrt(np.maximum(np.einsum("nii->ni", N), 1e-12))

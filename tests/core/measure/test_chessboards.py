@@ -8,6 +8,7 @@ import pytest
 
 from core.errors import NotRecognisedError
 from core.measure import recognise
+from core.measure.corners import fit_corners
 from core.measure.crossings import blocks_of_crossings
 from core.measure.kinds.chessboard import eight_bits
 from core.model import DeviceSpec, PhaseMap, Testfield
@@ -146,3 +147,21 @@ def test_no_board_is_no_board():
     for kind in ("charuco", "chessboard"):
         with pytest.raises(NotRecognisedError):
             recognise(phase_of(image), field_of(kind), SPEC)
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_light_that_falls_off_over_a_corner_does_not_move_it(single):
+    """0.4 % a pixel across 19 px."""
+    rng, fine, found, true = np.random.default_rng(5), 8, [], []
+    v, u = (np.mgrid[0 : 21 * fine, 0 : 21 * fine] + 0.5) / fine - 0.5 - 10
+    for angle in rng.uniform(0, np.pi, 8):
+        centre, light = rng.uniform(-0.5, 0.5, 2), rng.uniform(0, 2 * np.pi)
+        edges = np.array([[np.cos(a), np.sin(a)] for a in (angle, angle + 1.4)])
+        a, b = (np.clip(fine * (e[0] * (v - centre[1]) - e[1] * (u - centre[0])) + 0.5, 0, 1) for e in edges)
+        dark = a * (1 - b) if single else a + b - 2 * a * b  # between the first arm and the second
+        image = (200 - 190 * dark) * (1 + 0.004 * (np.cos(light) * u + np.sin(light) * v))
+        image = cv2.GaussianBlur(image, (0, 0), 0.6 * fine).reshape(21, fine, 21, fine).mean(axis=(1, 3))
+        at = fit_corners(image.astype(np.float32), np.full((1, 2), 10.0), 9 * edges.T[None], single).uv[0]
+        found.append(at - 10)
+        true.append(centre)
+    assert np.abs(np.array(found) - true).max() < 0.007  # with light taken as added: 0.015 and 0.033
