@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,7 +50,9 @@ class Sight(IntEnum):
     OWN = 1  # by the one camera; no other has coordinates there
     JOINT = 2  # by other cameras too
     HIDDEN = 3  # another camera sees something else where the point should appear; made without the others
-    DISAGREE = 4  # others see it, but the rays miss one another: by so much more is its sigma; made without the others
+    DISAGREE = (
+        4  # others see it, but the rays miss one another; made without them, which move it by what its sigma holds
+    )
     TEXTURE = 5  # not decoded; matched in the images of two cameras
 
 
@@ -217,13 +220,15 @@ def intersect_all(
 
     solve(scene, sight != Sight.NONE)
     _tell_disagreeing(sight, rss, count)
-    missed = np.where(sight == Sight.DISAGREE, rss / np.maximum(count - 1, 1), 1.0)
+    disagree, of_all, missed = sight == Sight.DISAGREE, q.copy(), rss / np.maximum(count - 1, 1)
     by_itself, told = replace(scene, views=[v for v in views if v.camera == camera]), sight.copy()
     if rays == "all":
         solve(by_itself, (sight == Sight.HIDDEN) | (sight == Sight.DISAGREE))
     else:
         told[told != Sight.JOINT] = Sight.NONE
-    noise *= missed
+    inside = cv2.erode(np.isfinite(begin).astype(np.uint8), np.ones((5, 5))) > 0  # a jump there shows two surfaces
+    noise[disagree] *= np.where(inside, missed, 1.0)[disagree]
+    noise[disagree] += (q - of_all)[disagree] ** 2
     q[told == Sight.NONE] = np.nan
     sigma_depth = np.sqrt(noise) / q**2
     variance = scene.turned(directions * sigma_depth[..., None]) ** 2
