@@ -173,6 +173,7 @@ class Graph(Holdings):
     def of_calibrations(self, methods: Iterable[str]) -> tuple[str, ...]:
         """Say which of the calibrations that a result was made by are outdated themselves."""
         found = worst(state for method, (state, _) in self.calibrations.items() if method in methods)
+        self.contents.keep()
         return upstream_words("calibrate", found) if found.state == "outdated" else ()
 
     def _damage(self, method: Method) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from core.pipeline import (
     load_calibrations,
     load_evaluation,
     orient_capture,
+    outdated_words,
     project_states,
     report_project,
     save_sign_off,
@@ -373,6 +374,16 @@ def test_what_is_settled_is_not_read_again(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(module, "hash_file", lambda name: pytest.fail("read again"))
     assert contents.of(path) == value
     assert Contents(tmp_path).of(path) == value
+
+
+def test_what_a_reconstruction_asks_of_a_copy_is_hashed_once(whole: Path, monkeypatch) -> None:
+    from core.project import contents as module
+
+    monkeypatch.setattr(module, "_open", {})
+    monkeypatch.setattr(module, "_TICK_NS", 0)
+    (whole / "results/.contents.json").unlink(missing_ok=True)
+    assert not outdated_words(read_project(whole), "photogrammetric")
+    assert any("testfield-01" in name for name in json.loads((whole / "results/.contents.json").read_text())["files"])
 
 
 def test_differences_name_what_they_are_of() -> None:
