@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from core.decode.frames import Image
 from core.decode.noise import MEDIAN_OF_SQUARE, spatial_residual
 from core.decode.options import Flag
-from core.decode.tables import NOTHING, PHASES, AxisTable, Limits, Singles
+from core.decode.sample import spread
+from core.decode.tables import NOTHING, PHASES, Array, AxisTable, Limits, Singles
 
 LIT = 12.0  # standard deviations of a grey value that the frames of a lit pixel differ by: noise alone reaches 6
 NOWHERE = 0.005  # part of the image: less light is none
@@ -29,6 +30,7 @@ DETOUR = (
 LARGER = "Compare its width and height in project.json with those that the patterns were made for."
 ORDER = int(Flag.DISAGREEMENT | Flag.UNSURE)
 HALF = 0.5
+BLOCK = 5  # pixels of the sample, a side, whose mean shows light below the noise of one
 MANY = 0.1  # part of the lit pixels that a cause must have to be told
 
 
@@ -71,6 +73,8 @@ def notes_on(
     excess = _excess(images, limits)  # what was taken for noise may be none
     lit = contrast > LIT * noise / excess
     if lit.mean() < NOWHERE:
+        lit = _lit_by_means(images, sample, noise / excess)
+    if lit.mean() < NOWHERE:
         level = f"their frames differ by {np.median(contrast):.0f} grey values in the median"
         remedy = "See that the projector reaches the object, that its frames are those shown, and expose longer"
         return (f"The projector lights no pixel visibly: {level}. {remedy}.",), False
@@ -86,6 +90,19 @@ def notes_on(
         return (f"{head}.",), False
     (first, *others), dim = zip(*causes, strict=True)
     return (f"{head}: {first}", *(f"{text[0].upper()}{text[1:]}" for text in others)), all(dim)
+
+
+def _lit_by_means(images: Sequence[Image], sample: Singles, noise: Array) -> NDArray[np.bool_]:
+    """Pixels of the sample that their neighbours' means show to be lit, where noise hides it in every single one."""
+    rows, columns = spread(images[0].shape)
+    grid = sample.reshape(len(sample), len(images[0][rows]), len(images[0][0, columns]))
+    edge = (BLOCK // 2, BLOCK // 2)
+    blocks = np.lib.stride_tricks.sliding_window_view(
+        np.pad(grid, ((0, 0), edge, edge), "edge"), (BLOCK, BLOCK), (1, 2)
+    )
+    means = blocks.mean(axis=(3, 4)).reshape(sample.shape)
+    means -= means.mean(axis=1, keepdims=True)  # ambient light may flicker
+    return np.asarray(np.ptp(means, axis=0) > LIT * noise / BLOCK)
 
 
 def _variance(limits: Limits, level: Singles) -> Singles:

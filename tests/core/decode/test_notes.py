@@ -28,6 +28,21 @@ def test_a_projector_that_lights_nothing(bench) -> None:
     assert "lights no pixel" in noted(bench, gain=0.0)
 
 
+def test_ambient_light_that_flickers_is_no_light_of_the_projector(bench) -> None:
+    def flicker(images: list) -> list:
+        return [image + np.uint8(n % 3 * 4) for n, image in enumerate(images)]
+
+    assert "lights no pixel" in noted(bench, flicker, gain=0.0)
+
+
+def test_noise_that_hides_the_light_of_a_pixel_is_named(bench) -> None:
+    """Frames of a lit pixel differ by 100 grey values, by 12 standard deviations of their noise only from 240."""
+    note = noted(bench, gain=100.0, ambient=70.0, dark=400.0)
+    before, _, named = note.partition("too weak for the noise of ")
+    assert float(named.split()[0]) == pytest.approx(20, rel=0.05)
+    assert "lights no pixel" not in before
+
+
 def test_overexposure(bench) -> None:
     note = noted(bench, gain=400.0)
     assert "full scale (255)" in note
