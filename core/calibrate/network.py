@@ -85,7 +85,10 @@ def network_from_targets(
             stations.append((StationId(capture, name, other if several else ""), pose))
             rows.append((number, point[seen], uv[seen], np.maximum(sigma[seen], LEAST_SIGMA_PX)))
     if not rows:
-        raise InputError("the targets", "hold no measured target", "measure at least two captures of the testfield")
+        reasons = [m.reason for t in targets for m in t.missing]
+        why = "".join(f": {reason}" for reason in sorted(set(reasons), key=reasons.count)[-1:])
+        remedy = "measure at least two captures of the testfield"
+        raise InputError("the targets", f"hold no measured target{why}", remedy)
     station, point, uv, sigma = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     used, point = np.unique(point, return_inverse=True)
     ids = tuple(TargetId(int(testfield.row[i]), int(testfield.col[i])) for i in used)

@@ -18,6 +18,7 @@ from core.calibrate.adjust import solve_network
 from core.calibrate.rigid import rigidity_of
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, project, rotation_vector_from_matrix
+from core.measure import unmeasured
 from core.model import Interior, Rig, ScaleBar, TargetSet, Testfield
 from core.progress import SILENT
 
@@ -136,6 +137,14 @@ def test_network_of_targets_holds_every_measured_coordinate(measured):
     assert network.point_names[network.scale.start] == f"{bar.start[0]}/{bar.start[1]}"
     free = network_from_targets(rig, field, sets, scale=bar, rigid=False)
     assert len(set(free.station_pose)) == len(free.station_names) == 20
+
+
+def test_targets_of_which_none_is_measured_are_refused_with_the_reason(measured):
+    _, rig, field, *_ = measured
+    for why, seen in (("no light", "hold no measured target: no light"), (None, "hold no measured target;")):
+        sets = [unmeasured(field, "one", why)] if why else []
+        with pytest.raises(InputError, match=seen):
+            network_from_targets(rig, field, sets, scale=None)
 
 
 @pytest.mark.parametrize("rigid", [True, False])
