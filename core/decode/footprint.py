@@ -40,7 +40,7 @@ def draw_back(
     limits: Limits,
     cofactor: float,
     even: tuple[bool, bool],
-) -> float:
+) -> None:
     """Take out, in place, what changes of the light do to coordinates.
 
     Parameters
@@ -58,11 +58,6 @@ def draw_back(
         Variance of the modulation in units of theirs.
     even : (bool, bool)
         Whether u and v change evenly, and not by whole cells of a code: the others are not drawn.
-
-    Returns
-    -------
-    footprint : float
-        Twice its variance in px², of both directions.
     """
     shape = height, width = flags.shape
     place, sigma = (a.reshape(2, *shape) for a in coordinates)
@@ -72,7 +67,7 @@ def draw_back(
     some = slice(None, None, max(1, light.size // SAMPLE))
     known = np.isfinite(coordinates[0][:, some]).any(axis=0) & (lit[1][some] > TINY)
     if not known.any():
-        return USUAL
+        return
     unit = F(np.median(light.ravel()[some][known] / lit[1][some][known]))
     fields, share = (light, modulation, place), F(cofactor / (NOTICED**2 * scale))
     least = tuple(F(NOTICED**2 * scale * n) for n in (limits.dark, limits.shot, limits.floor))
@@ -87,9 +82,7 @@ def draw_back(
     run_in_bands(look, height)
     found.sort()
     there = np.concatenate([at[a:b] for a, b in found]), np.concatenate([pull[a:b] for a, b in found])
-    footprint = _footprint(place, sigma, *there)
-    take_out(F(footprint), *there, place, sigma, flags)
-    return footprint
+    take_out(F(_footprint(place, sigma, *there)), *there, place, sigma, flags)
 
 
 @part
@@ -240,7 +233,7 @@ def take_out(footprint, at, pull, place, sigma, flags):  # type: ignore[no-untyp
 
 
 def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles) -> float:
-    """Twice the variance of the footprint by differences from the middle of two pixels beyond an edge."""
+    """Twice the variance of the footprint in px² by differences from the middle of two pixels beyond an edge."""
     if len(at) == 0:
         return USUAL
     height, width = place.shape[1:]
