@@ -41,7 +41,7 @@ def contradicting(values: Array, patterns: Sequence[Pattern], looked: Looked, fe
     """Share of pixels that no projector line explains, once the curve of grey values is taken out."""
     some = np.linspace(0, values.shape[1] - 1, min(few, values.shape[1])).astype(int)
     seen = values[:, some]
-    possible, _ = looks(tuple(patterns), looked.axis, looked.lines)
+    possible, _ = looks(tuple(patterns), looked.lines)
     cost, best = nearest(seen, possible)
     for _ in range(2 if few == PIXELS else 0):
         if float(np.mean(cost > looked.limit)) <= 0.02:
@@ -52,16 +52,16 @@ def contradicting(values: Array, patterns: Sequence[Pattern], looked: Looked, fe
 
 
 @lru_cache(maxsize=96)
-def looks(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> tuple[Array, Array]:
+def looks(patterns: tuple[Pattern, ...], lines: int) -> tuple[Array, Array]:
     """Give `dictionary` of patterns, remembered: all captures of a project have the same ones."""
-    return dictionary(list(patterns), axis, lines)
+    return dictionary(list(patterns), lines)
 
 
 @lru_cache(maxsize=96)
 def _words(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> int:
     """How many lines or cells the code frames among patterns tell apart."""
     coded = [isinstance(p, Code) for p in patterns]
-    return len({column.tobytes() for column in (looks(patterns, axis, lines)[0][coded] > 0.5).T})
+    return len({column.tobytes() for column in (looks(patterns, lines)[0][coded] > 0.5).T})
 
 
 def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> NDArray[np.bool_]:
@@ -70,7 +70,7 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
     coded = [k for k, p in enumerate(patterns) if isinstance(p, Code)]
     number, cell = None, 0
     if coded:
-        possible, at = looks(tuple(patterns), looked.axis, looked.lines)
+        possible, at = looks(tuple(patterns), looked.lines)
         cell = min(p.cell for p in patterns if isinstance(p, Code))
         if _words(tuple(patterns), looked.axis, looked.lines) * cell < looked.lines:
             cell = 0  # a frame was left out for a trial: the others do not tell all cells apart

@@ -57,7 +57,7 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
         if not shots:
             return None
         patterns, count = [plan.shots[i] for i in shots], lines[0 if axis == "x" else 1]
-        possible, at = dictionary(patterns, axis, count)
+        possible, at = dictionary(patterns, count)
         weight = np.array([1 / patterns.count(p) for p in patterns], np.float32)
         fit = Fit(shots, values[list(shots)], possible, at, weight)
         return _axis(plan, fit, tolerance, sampled.at[:, lit], sampled.shape, count)
@@ -87,7 +87,7 @@ def coordinates(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> tuple[A
         if not shots:
             found.append(np.full(len(lit), np.nan, np.float32))
             continue
-        possible, at = dictionary([plan.shots[i] for i in shots], axis, count)  # type: ignore[arg-type]
+        possible, at = dictionary([plan.shots[i] for i in shots], count)
         distance, best = nearest(values[shots], possible)
         found.append(at[best])
         cost, shown = cost + np.maximum(distance, 0.0), shown + len(shots)

@@ -93,7 +93,7 @@ def import_frames(
     files = frames_in(folder)
     if by == "list":
         files = _listed(folder, files, spec)
-    _check_count(folder, files, spec, patterns, by)
+    _check_count(folder, files, spec, patterns)
     series = []
     for i, (plan, (whose, own)) in enumerate(zip(plans, parts, strict=True)):
         part = progress.part(0.9 * i / len(plans), 0.9 * (i + 1) / len(plans))
@@ -243,9 +243,7 @@ def _listed(folder: Path, files: Sequence[Path], spec: SequenceSpec) -> list[Pat
     return [there[Path(name).name] for name in spec.files]
 
 
-def _check_count(
-    folder: Path, files: Sequence[Path], spec: SequenceSpec, patterns: Sequence[Pattern], order: str
-) -> None:
+def _check_count(folder: Path, files: Sequence[Path], spec: SequenceSpec, patterns: Sequence[Pattern]) -> None:
     if not files:
         raise InputError(folder, "holds no images", f"give a folder of {', '.join(ENDINGS[:3])} files")
     if len(files) != len(patterns):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.patterns import Axis, Pattern, brightness
+from core.patterns import Pattern, brightness
 
 Array = NDArray[np.float32]
 Numbers = NDArray[np.intp]
@@ -49,7 +49,7 @@ class LeftOut:
     best: list[Numbers]
 
 
-def dictionary(patterns: list[Pattern], axis: Axis, count: int) -> tuple[Array, Array]:
+def dictionary(patterns: list[Pattern], count: int) -> tuple[Array, Array]:
     """Give what patterns look like on every half line, sharp to blurred: (k, m), and those lines (m,)."""
     reach = int(np.ceil(3 * BLURS_LINES[-1]))
     fine = np.arange(-reach * 4, (count + reach) * 4)  # quarters of a line

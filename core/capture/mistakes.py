@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from core.capture.contradictions import Looked, contradicting, looks
 from core.capture.lookup import nearest
 from core.capture.plan import Plan
-from core.capture.quality import Sampled
 from core.patterns import Code, Pattern, Phase, describe
 
 Array = NDArray[np.float32]
@@ -29,7 +28,7 @@ PLAIN = ("white", "black", "its inverse")  # what one frame alone may show by mi
 MOST_FRAMES = 16  # beyond that pairs of frames are not tried
 
 
-def explanation(plan: Plan, sampled: Sampled, values: Array, looked: Looked, share: float) -> tuple[str, int | None]:
+def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tuple[str, int | None]:
     """Name the mistake that explains the contradictions, if one does, and the frame that is wrong, if it is one.
 
     Parameters
@@ -172,7 +171,7 @@ def _one(looked: Looked, j: int, shows: str) -> tuple[str, int]:
 def _shown(looked: Looked, j: int) -> tuple[float, float, str]:
     """How far a frame is off what it claims, by the lines that others tell, squared, and off what it shows; that."""
     some = np.linspace(0, looked.values.shape[1] - 1, min(FEW, looked.values.shape[1])).astype(int)
-    possible, _ = looks(looked.patterns, looked.axis, looked.lines)
+    possible, _ = looks(looked.patterns, looked.lines)
     others = [k for k in range(len(looked.patterns)) if k != j]
     _, best = nearest(looked.values[others][:, some], possible[others])
     seen = looked.values[j, some]

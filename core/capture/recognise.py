@@ -217,7 +217,7 @@ class _Search:
         seen = part[:, at[0], at[1]]
         bottom, top = seen.min(axis=0), seen.max(axis=0)
         values = ((seen - bottom) / np.maximum(top - bottom, 1e-6)).astype(np.float32)
-        possible, at_lines = dictionary(patterns, axis, count)
+        possible, at_lines = dictionary(patterns, count)
         per = possible.shape[1] // 6
         keep = np.concatenate([np.arange(b * per, (b + 1) * per, 2) for b in BLURS])
         possible = possible[:, keep]

@@ -169,7 +169,7 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
         if share > SHARE:
             along = "columns" if axis == "x" else "rows"
             text = f"frames across {along} contradict each other in {share:.0%} of the pixels"
-            cause, shot = explanation(plan, sampled, values, looked, share)
+            cause, shot = explanation(plan, values, looked, share)
             shown = () if shot is None else (shot,)
             found.append(Finding("identity", "bad", text + cause, {"contradicting": share}, shown))
     return found

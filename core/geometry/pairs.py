@@ -112,16 +112,14 @@ def calibration_of_pair(
     projector: AdjustedDevice,
     projector_from_camera: Pose,
     covariance: Array,
-    sigma0: float = 1.0,
-    stations: int = 0,
-    image_points: int = 0,
-    object_points: int = 0,
-    redundancy: int = 0,
-    object_sigma_rms_um: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    warnings: tuple[str, ...] = (),
-    **more: Any,
+    **figures: Any,
 ) -> PhotogrammetricCalibration:
-    """Make the calibration of one camera and one projector; `covariance` is that of a `Pair`."""
+    """Make the calibration of one camera and one projector; `covariance` is that of a `Pair`.
+
+    `figures` are further fields of the calibration; those of the adjustment are 0, and sigma0 is 1, unless given.
+    """
+    counts = dict.fromkeys(("stations", "image_points", "object_points", "redundancy"), 0)
+    unadjusted: dict[str, Any] = {"sigma0": 1.0, **counts, "object_sigma_rms_um": (0.0, 0.0, 0.0)}
     devices = {"camera": camera, "projector": projector}
     names = [n for name, device in devices.items() for n in names_of(name, device)]
     return PhotogrammetricCalibration(
@@ -130,14 +128,7 @@ def calibration_of_pair(
         orientations={"projector": Orientation("camera", projector_from_camera)},
         covariance=covariance,
         parameter_names=(*names, *orientation_names("projector")),
-        sigma0=sigma0,
-        stations=stations,
-        image_points=image_points,
-        object_points=object_points,
-        redundancy=redundancy,
-        object_sigma_rms_um=object_sigma_rms_um,
-        warnings=warnings,
-        **more,
+        **(unadjusted | figures),
     )
 
 

@@ -98,8 +98,9 @@ def rig(width: int, height: int) -> PhotogrammetricCalibration:
         for spec, o in ((camera, inner), (e.projector, e.projector_interior))
     ]
     covariance = np.diag(np.r_[[1e-6] * 3, [1e-12] * 6, [1e-4] * 3, [1e-14] * 6, [1e-10] * 3, [1e-4] * 3])
+    counts = {"stations": 40, "image_points": 6656, "object_points": 247, "redundancy": 12000}
     return calibration_of_pair(
-        *devices, e.projector_from_camera, covariance, 1.0, 40, 6656, 247, 12000, (1.0, 1.0, 1.0)
+        *devices, e.projector_from_camera, covariance, **counts, object_sigma_rms_um=(1.0, 1.0, 1.0)
     )
 
 

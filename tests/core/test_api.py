@@ -57,9 +57,7 @@ def calibration(covariance=None):
         return AdjustedDevice(*truth, np.zeros(9), (0.0, 0.0), 0)
 
     cov = np.zeros((24, 24)) if covariance is None else covariance
-    return calibration_of_pair(
-        device(CAMERA_TRUTH), device(PROJECTOR_TRUTH), PROJECTOR_FROM_CAMERA, cov, 1.0, 0, 0, 0, 0, (0.0, 0.0, 0.0)
-    )
+    return calibration_of_pair(device(CAMERA_TRUTH), device(PROJECTOR_TRUTH), PROJECTOR_FROM_CAMERA, cov)
 
 
 @pytest.fixture
@@ -161,7 +159,7 @@ def test_what_the_calibration_is_unsure_of_goes_into_the_covariance(points):
             AdjustedDevice(
                 PROJECTOR, Interior.from_vector(truth.projector.interior.vector + e[9:18], 0.0), e[:9], (0, 0), 0
             ),
-            Pose(R, PROJECTOR_FROM_CAMERA.translation_mm + e[21:]), np.zeros((24, 24)), 1.0, 0, 0, 0, 0, (0, 0, 0),
+            Pose(R, PROJECTOR_FROM_CAMERA.translation_mm + e[21:]), np.zeros((24, 24)),
         )  # fmt: skip
         found.append(core.triangulate(other, camera_sees(point), projector_sees(point)).xyz_mm)
     for k in range(3):

@@ -38,7 +38,7 @@ def device(spec: DeviceSpec, interior: Interior) -> AdjustedDevice:
 def calibration() -> PhotogrammetricCalibration:
     pose = Pose(matrix_from_rotation_vector([0.01, -0.42, 0.02]), np.array([-244.0, 3.0, -52.0]))
     pair = device(CAMERA, INTERIORS[0]), device(PROJECTOR, INTERIORS[1])
-    return calibration_of_pair(*pair, pose, np.zeros((24, 24)), 1.0, 0, 0, 0, 0, (0.0, 0.0, 0.0))
+    return calibration_of_pair(*pair, pose, np.zeros((24, 24)))
 
 
 @pytest.fixture
