@@ -50,9 +50,7 @@ class Sight(IntEnum):
     OWN = 1  # by the one camera; no other has coordinates there
     JOINT = 2  # by other cameras too
     HIDDEN = 3  # another camera sees something else where the point should appear; made without the others
-    DISAGREE = (
-        4  # others see it, but the rays miss one another; made without them, which move it by what its sigma holds
-    )
+    DISAGREE = 4  # others see it, but the rays miss one another; made without them, and its sigma holds the change
     TEXTURE = 5  # not decoded; matched in the images of two cameras
 
 

@@ -12,9 +12,8 @@ import numpy as np
 
 from core.compiling import inner, njit
 
-FOUND = (
-    10  # q, its variance, that in px, what was explained, misfit (grey values²), grey, px from the seed, rival, bends
-)
+# q, its variance, that in px, what was explained, misfit (grey values²), grey, px from the seed, rival, two bends
+FOUND = 10
 REACH_PX = 3.0  # from the seed along the epipolar line
 RIVALS_PX = 6.0  # as far as another place that looks alike is looked for
 SEARCH_PX = 0.5

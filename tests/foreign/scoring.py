@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Points:
-    """Depths of the relief: valid part of what is lit, r.m.s. error, and over its sigma."""
+    """Depths of the relief: valid part of what is lit, r.m.s. error, over its sigma, and what pixels do not share."""
 
     valid: float
     error_mm: float
     ratio: float
+    noise_ratio: float  # of what a cubic in place and depth, as calibrations err by, leaves, over the phase's noise
 
 
 @dataclass(frozen=True)
@@ -101,14 +103,22 @@ def points(laboratory: Laboratory, folder: Path, made: Path, camera: str) -> Poi
     more = [] if laboratory.single else ["--camera", camera, "--projector", projector, "--rays", "pair"]
     command("reconstruct", folder, "relief", *more, "--out", file)
     with np.load(file) as stored:
-        xyz, sigma = stored["xyz"], stored["sigma"]
+        xyz, sigma, noise = stored["xyz"], stored["sigma"], stored["sigma_depth"]
     view = laboratory.cameras[camera]
     world = laboratory.seen(laboratory.relief(), camera).points()
     true = view.place.to_own(world) @ FLIP
     lit = inside(laboratory, laboratory.relief(), world)
     good = np.isfinite(xyz[..., 2]) & lit
     z = xyz[..., 2][good] - true[..., 2][good]
-    return Points(float(good.sum() / lit.sum()), rms(z), rms(z / sigma[..., 2][good]))
+    own = (z - smooth(z, xyz[good])) / noise[good]
+    return Points(float(good.sum() / lit.sum()), rms(z), rms(z / sigma[..., 2][good]), rms(own))
+
+
+def smooth(values: Array, xyz: Array) -> Array:
+    """Cubic in three coordinates, fitted to values (n,) at points (n, 3)."""
+    x = np.c_[np.ones(len(xyz)), (xyz - xyz.mean(axis=0)) / np.ptp(xyz, axis=0)]
+    terms = np.stack([x[:, i] * x[:, j] * x[:, k] for i, j, k in combinations_with_replacement(range(4), 3)], axis=1)
+    return terms @ np.linalg.lstsq(terms, values, rcond=None)[0]
 
 
 def rms(values: Array) -> float:
