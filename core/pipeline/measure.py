@@ -95,11 +95,11 @@ def _measured_by(
     pair = captures[0].camera, captures[0].projector
     found = {t.made_from: t for t in kept_targets(project) if len(t.row) and (t.camera, t.projector) == pair}
     due = [c for c in captures if signs[c.path] not in found]
-    ways: dict[Path, Sequence[Labelling]] = {
-        c.path: () if c.testfield is None else (SAME,) if kept is not None and kept.told else labellings(c.testfield)
-        for c in captures
-        for kept in (found.get(signs[c.path]),)
-    }
+    ways: dict[Path, Sequence[Labelling]] = {}
+    for c in captures:
+        kept = found.get(signs[c.path])
+        may_be = labellings(c.testfield, str(c.path)) if c.testfield is not None else ()
+        ways[c.path] = (SAME,) if kept is not None and kept.told else may_be
     failures = []
     for capture, phase in phase_maps(project, due, progress):
         targets, ways[capture.path], failure = measured_or_why(capture, phase, project, sides[capture.role])
