@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import permutations
 
 import cv2
 import numpy as np
@@ -40,6 +41,7 @@ WRONG_HAND = 0.5
 MOVED_PX = 0.5
 MOVED_RESPONSE = 0.3  # of the correlation's peak; without texture there is none
 DRIFT = 0.15
+LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts them
 BESIDE = 4  # grey values to either side that tell how often one is expected
 FILLED = 40  # times
 LEAST_VALUES = 16
@@ -62,16 +64,53 @@ def check_stored(capture: Capture, images: Sequence[NDArray], phase: PhaseMap, l
     findings : list of Finding
         Those that are not good; `shots` are numbers of frames.
     """
-    if len({(f.camera, f.projector, f.exposure_ms) for f in capture.frames}) > 1:
-        return []  # frames of several devices or exposures are no one sequence
-    plan = Plan(Subject(capture.role, capture.name), tuple(f.pattern for f in capture.frames), ())
-    sampled = _sample(plan, images)
-    found = [*_light(sampled, capture.role in ("testfield", "depth")), *_plain(plan, sampled)]
-    if not any(f.check in ("light", "saturation") for f in found):
-        found += _contradictions(plan, sampled, lines)
-    if not any(f.level == "bad" for f in found):
+    if len({(f.camera, f.projector) for f in capture.frames}) > 1:
+        return []  # frames of several devices are no one sequence
+    exposures = sorted({f.exposure_ms for f in capture.frames if f.exposure_ms is not None})
+    if len(exposures) > 1:
+        found = _mislabelled(capture, images)
+        for ms in exposures if not found else ():  # what one saturates another sees
+            own = [k for k, frame in enumerate(capture.frames) if frame.exposure_ms == ms]
+            plan, sampled = _looked_at(capture, images, own)
+            told = [*_plain(plan, sampled), *_contradictions(plan, sampled, lines)]
+            found += [
+                replace(f, text=f"of the frames of {ms:g} ms: {f.text}", shots=tuple(own[k] for k in f.shots))
+                for f in told
+            ]
+    else:
+        plan, sampled = _looked_at(capture, images, range(len(images)))
+        found = [*_light(sampled, capture.role in ("testfield", "depth")), *_plain(plan, sampled)]
+        if not any(f.check in ("light", "saturation") for f in found):
+            found += _contradictions(plan, sampled, lines)
+        found += _halves(plan, images)
+    if not any(f.level == "bad" and f.check != "movement" for f in found):
         found += [*_hand(phase), *(_plane(phase) if capture.role != "object" else [])]
-    return [*found, *_halves(plan, images)]
+    return found
+
+
+def _mislabelled(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
+    """Frames that are darker than others of the same pattern, though they were exposed longer."""
+    shown = [
+        (f.pattern, f.exposure_ms or 0.0, float(i[::8, ::8].mean()))
+        for f, i in zip(capture.frames, images, strict=True)
+    ]
+    wrong = [
+        (i, k)
+        for i, k in permutations(range(len(shown)), 2)
+        if shown[i][0] == shown[k][0] and shown[i][1] > LONGER * shown[k][1] and shown[i][2] < DARKER * shown[k][2]
+    ]
+    if not wrong:
+        return []
+    i, k = wrong[0]
+    more = f" ({len(wrong)} such pairs)" if len(wrong) > 1 else ""
+    text = f"frame {i} with exposure_ms {shown[i][1]:g} is darker than frame {k} with {shown[k][1]:g}, though both show"
+    text += f" the same{more}: correct exposure_ms in capture.json, or put the frames in order"
+    return [Finding("identity", "bad", text, shots=(i, k))]
+
+
+def _looked_at(capture: Capture, images: Sequence[NDArray], numbers: Sequence[int]) -> tuple[Plan, Sampled]:
+    plan = Plan(Subject(capture.role, capture.name), tuple(capture.frames[k].pattern for k in numbers), ())
+    return plan, _sample(plan, [images[k] for k in numbers])
 
 
 def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
@@ -141,7 +180,8 @@ def _plain(plan: Plan, sampled: Sampled) -> list[Finding]:
 def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
     contrast = sampled.white - sampled.black
     bright = 0.3 * float(np.quantile(contrast, 0.97))
-    good = np.flatnonzero(contrast > max(0.05 * sampled.full, 12 * sampled.noise, bright))
+    lit = contrast > max(0.05 * sampled.full, 12 * sampled.noise, bright)
+    good = np.flatnonzero(lit & (sampled.grey.max(axis=0) < sampled.full))
     if len(good) < LEAST_LIT:
         return []
     good = good[np.linspace(0, len(good) - 1, min(len(good), PIXELS)).astype(int)]

@@ -64,9 +64,12 @@ def render(patterns: list[Pattern], seed: int, *, gamma: float = 1.0, roll: floa
     return images
 
 
-def told(patterns: list[Pattern], images: Frames, role: str = "testfield") -> str:
-    frames = tuple(Frame(Path(f"{k:03d}.png"), p) for k, p in enumerate(patterns))
-    phase = decode(patterns, images, lines=LINES, where="test")
+def told(patterns: list[Pattern], images: Frames, role: str = "testfield", exposed: tuple[float, ...] = ()) -> str:
+    each = exposed or (None,) * len(patterns)
+    frames = tuple(
+        Frame(Path(f"{k:03d}.png"), p, exposure_ms=ms) for k, (p, ms) in enumerate(zip(patterns, each, strict=True))
+    )
+    phase = decode(patterns, images, lines=LINES, where="test", exposures_ms=exposed or None)
     return "; ".join(f.text for f in check_stored(Capture(Path("a"), role, frames), images, phase, LINES))  # type: ignore[arg-type]
 
 
@@ -164,3 +167,28 @@ def test_movement_is_told_at_odd_sizes_too(shift: int, words: str, taken: tuple[
     moved = [np.roll(i, rows, 0)[8:143, 8:233].copy() for i, rows in zip(images, by, strict=True)]
     found = told(patterns, moved)
     assert re.search(words, found) if words else not found, found
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ("nothing", r"^$"),
+        ("labels", r"^frame \d+ with exposure_ms 20 is darker than frame \d+ with 5, .* \(\d\d such pairs\)"),
+        ("one pair", r"^frame \d\d with exposure_ms 20 is darker than frame 12 with 5, though both show the same: "),
+        ("one inverted", r"^of the frames of 20 ms: .* frame 3 claims .* its inverse$"),
+    ],
+)
+def test_several_exposures_are_each_held_against_themselves(
+    wrong: str, words: str, taken: tuple[list[Pattern], Frames]
+) -> None:
+    patterns, images = taken
+    count = len(patterns)
+    seen = [np.clip(8 + k * (i.astype(float) - 8), 0, 255).astype(np.uint8) for k in (0.4, 1.6) for i in images]
+    exposed = [5.0] * count + [20.0] * count
+    if wrong == "labels":
+        exposed = exposed[::-1]
+    elif wrong == "one pair":
+        seen = swapped(seen, 12, 12 + count)
+    elif wrong == "one inverted":
+        seen[3 + count] = 255 - seen[3 + count]
+    assert re.search(words, told(patterns * 2, seen, exposed=tuple(exposed)))
