@@ -28,12 +28,13 @@ class Book:
     """The words of one axis.
 
     `frames` are the numbers of its frames and of those lit evenly, `fine` (blurs, entries, k) their values on a fine
-    grid of lines, from line -1 on.
+    grid of lines, from line -1 on, `cells` (lines,) how many neighbours, itself included, have a line's word.
     """
 
     frames: tuple[int, ...]
     lines: int
     fine: Singles
+    cells: NDArray[np.int64]
 
     @property
     def grid(self) -> int:
@@ -72,8 +73,12 @@ def book_of(patterns: tuple[Pattern, ...], axis: Axis, lines: int | None, where:
     context = np.stack([np.pad(light, ((0, 0), (1, 1)))[:, d : d + count] for d in range(3)]).reshape(-1, count)
     if np.unique(context, axis=1).shape[1] < count:
         seen = "words that are the same at several lines, neighbours included"
-        raise InputError(f"{where}, axis {axis}", seen, "show more frames, or words that differ")
-    return Book((*mine, *even), count, np.stack([_blurred(light, blur, len(even)) for blur in BLURS.tolist()]))
+        remedy = "show more frames, or words that differ, or say gray or binary with its cell"
+        raise InputError(f"{where}, axis {axis}", seen, remedy)
+    ends = np.flatnonzero(np.any(light[:, 1:] != light[:, :-1], axis=0)) + 1
+    sizes = np.diff(ends, prepend=0, append=count)
+    fine = np.stack([_blurred(light, blur, len(even)) for blur in BLURS.tolist()])
+    return Book((*mine, *even), count, fine, np.repeat(sizes, sizes))
 
 
 def _blurred(light: Array, blur: float, even: int) -> Singles:

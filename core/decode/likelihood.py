@@ -146,6 +146,8 @@ def _decode_axis(
             out[:, ~found], left[~found] = kept[:, ~found], was[~found]
             good |= found
     inside = (place >= RIM) & (place <= book.lines - 1 - RIM)
+    cell = book.cells[np.clip(np.rint(np.nan_to_num(place)), 0, book.lines - 1).astype(int)]
+    sigma = np.where(cell > 1, np.maximum(sigma, cell / F(np.sqrt(12))), sigma)  # its middle looks the same everywhere
     stack = [images[n] for n in book.frames]
     saturated = np.max(stack, axis=0) >= full
     flags = np.zeros(shape, np.uint8)
@@ -162,7 +164,7 @@ def _decode_axis(
     progress(1.0, "decoded")
     return (
         np.where(bad, F(np.nan), place),
-        np.where(bad, F(np.nan), sigma),
+        np.where(bad, F(np.nan), sigma).astype(np.float32),
         np.maximum(contrast / 2, 0).astype(np.float32),
         np.clip(even, 0, full).astype(np.float32),
         flags,

@@ -101,3 +101,17 @@ def test_too_few_frames_and_words_that_repeat_are_refused() -> None:
     again = [Lines("x", p.values[:20] * 2) for p in dense(6, 40)]
     with pytest.raises(InputError, match="same at several lines"):
         decode(again, [image] * 6, lines=(40, 4))
+
+
+def test_two_lines_of_one_word_are_known_to_a_cell(bench) -> None:
+    """Lines of a Gray code with cells of two: between two edges all places look the same."""
+    number = np.arange(N) // 2
+    words = [(number ^ (number >> 1)) >> bit & 1 for bit in range(9)]
+    patterns = [*(Lines.of("x", word) for word in words), White(), Black()]
+    b = bench(blur=0.4)
+    phase = decode(patterns, b.take(patterns), lines=(N, N))
+    error = np.abs(phase.u - b.u) / phase.sigma_u
+    known = np.isfinite(error)
+    assert known.mean() > 0.9
+    assert np.quantile(error[known], 0.997) < 3
+    assert np.median(phase.sigma_u[known]) == pytest.approx(2 / np.sqrt(12), rel=0.01)
