@@ -121,7 +121,8 @@ class _KernelCache:
                 return
             _sweep(folder)
             with atomic_write(folder / self._name(sig, data.codegen.magic_tuple()), durable=False) as file:
-                file.write(dumps(data._reduce()))
+                # the seventh part is a listing that tells the path of the source and addresses in memory; none reads it
+                file.write(dumps((*(parts := data._reduce())[:6], "", *parts[7:])))
         except Exception:  # a full disk, or another numba, takes nothing from the result
             pass
 

@@ -63,6 +63,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="stripe-kernels-") as folder:
         work = Path(folder)
         own = {"XDG_CACHE_HOME": folder, "NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": "", "PYTHONPATH": str(ROOT)}
+        own["PYTHONHASHSEED"] = "1"  # the same sources give the same bytes
         for command in COMMANDS:
             words = [CODE.get(word, word) for word in command.split()]
             start = [] if words[0] == "-c" or Path(program).name == "stripe-core" else ["-m", "core"]
@@ -76,6 +77,7 @@ def main() -> int:
         out.mkdir(parents=True, exist_ok=True)
         for kernel in kernels:
             shutil.copyfile(kernel, out / kernel.name)
+            (out / kernel.name).chmod(0o644)  # whoever builds
     print(f"kernels: {len(kernels)} for {LEVEL}, {size:.1f} MB, in {out}")
     return 0
 

@@ -149,6 +149,27 @@ def test_kernels_brought_along_are_loaded_where_they_fit(tmp_path: Path) -> None
     assert told(tmp_path / "one", brought, "+lacks") == ["1.5", "1"]
 
 
+def test_equal_sources_give_equal_bytes_wherever_they_lie(tmp_path: Path) -> None:
+    code = (
+        "from core.compiling import inner, njit\n"
+        "@inner(error_model='numpy', fastmath={'contract', 'reassoc'})\n"
+        "def half(value): return value / 2\n"
+        "@njit(cache=True)\n"
+        "def halves(values): return half(values[0]) + half(values[1])\n"
+        "import numpy\n"
+        "print(halves(numpy.ones(2)))\n"
+    )
+    made = []
+    for folder in (tmp_path / "one", tmp_path / "another/deeper"):
+        folder.mkdir(parents=True)
+        (folder / "program.py").write_text(code)
+        where = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(folder), "PYTHONHASHSEED": "1"}
+        subprocess.run([sys.executable, folder / "program.py"], check=True, env=where, capture_output=True)
+        made.append({path.name: path.read_bytes() for path in folder.glob("stripe-workbench/kernels/*.kernel")})
+    assert len(made[0]) == 1
+    assert made[0] == made[1]
+
+
 def test_a_broken_entry_is_compiled_anew(run: Callable[..., tuple[float, bool]], tmp_path: Path) -> None:
     assert run() == (32, True)
     (entry,) = tmp_path.glob("*.kernel")
