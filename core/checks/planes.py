@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations, pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import cv2
@@ -134,32 +134,54 @@ def pair_concerns(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
 
 
 def _angles(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
-    """Angles between planes of one method against the differences of angle_deg."""
+    """Angles between planes of one method against angle_deg.
+
+    Tilts may be about any axes: between two planes the angle is at most the sum of theirs and at least the difference.
+    Signs are judged only where all normals lie in one plane and three or more others agree about its axis.
+    """
     method = evaluations[0].method if evaluations else None
     planes = [e for e in evaluations if e.method == method and e.angle_deg is not None and np.isfinite(e.plane).all()]
     if len(planes) < 2:
         return []
-    misfit: Array = np.zeros((len(planes), len(planes)))
-    turned: Array = np.zeros((len(planes), len(planes)))
-    for i, k in combinations(range(len(planes)), 2):
-        a, b = planes[i].angle_deg, planes[k].angle_deg
-        assert a is not None
-        assert b is not None
-        found = np.degrees(np.arccos(np.clip(planes[i].plane[:3] @ planes[k].plane[:3], -1, 1)))
-        misfit[i, k] = misfit[k, i] = abs(found - abs(a - b))
-        turned[i, k] = turned[k, i] = abs(found - abs(a + b))
+    normals = np.array([e.plane[:3] for e in planes])
+    given = np.array([e.angle_deg for e in planes], np.float64)
+    found = np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1)))
+    tilt = np.abs(given)
+    least, most = np.abs(np.subtract.outer(tilt, tilt)), np.add.outer(tilt, tilt)
+    misfit = np.maximum(np.maximum(least - found, found - most), 0)
+    np.fill_diagonal(misfit, 0)
+    sign = False
     if misfit.max() <= OWN_ANGLE_DEG:
-        return []
-    k = int(np.argmax(np.median(misfit, axis=1) if len(planes) > 2 else misfit.max(axis=1)))
-    others = np.delete(np.arange(len(planes)), k)
-    sign = np.max(turned[k, others]) <= OWN_ANGLE_DEG and planes[k].angle_deg
-    told = ", ".join(f"{misfit[k, j]:.1f}°" for j in others[:4])
+        k, off, sign = _against_axis(normals, given)
+        if k is None:
+            return []
+        misfit[k] = off
+    else:
+        k = int(np.argmax(np.median(misfit, axis=1) if len(planes) > 2 else misfit.max(axis=1)))
+    told = ", ".join(f"{off:.1f}°" for off in np.delete(misfit[k], k)[:4])
     e = planes[k]
     text = f"{e.capture}: angle_deg {e.angle_deg:g} differs from the angles to the other planes by {told}: "
     if len(planes) == 2:
         text = f"{e.capture} and {planes[1 - k].capture}: the angle between them differs from angle_deg by {told}: "
     text += "its sign is reversed" if sign else "correct angle_deg, or the plane-table was not turned as it says"
     return [Concern("failed" if misfit.max() > MOST_ANGLE_DEG else "doubtful", text)]
+
+
+def _against_axis(normals: Array, given: Array) -> tuple[int | None, float, bool]:
+    """Find the one plane that contradicts the axis that all others agree about; how far off, and is it the sign."""
+    _, _, (first, second, axis) = np.linalg.svd(normals)
+    if len(given) < 4 or np.degrees(np.abs(normals @ axis)).max() > OWN_ANGLE_DEG:
+        return None, 0.0, False
+    turned = np.degrees(np.arctan2(normals @ second, normals @ first))
+    turned = (turned - turned[0] + 180) % 360 - 180
+    odd = []
+    for k, way in product(range(len(given)), (1, -1)):
+        zero = turned - way * given
+        others, angles = np.delete(zero, k), np.delete(given, k)
+        off = abs(float(zero[k] - np.median(others)))
+        if np.ptp(others) <= OWN_ANGLE_DEG and np.ptp(angles) > MOST_ANGLE_DEG and off > MOST_ANGLE_DEG:
+            odd.append((k, off, abs(off - 2 * abs(given[k])) <= OWN_ANGLE_DEG))
+    return odd[0] if len(odd) == 1 else (None, 0.0, False)
 
 
 def _methods(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from core.checks.planes import form_of, plane_concerns
+from core.checks.planes import form_of, pair_concerns, plane_concerns
 from core.model import PlaneEvaluation
 
 SIGMA = 0.05
@@ -58,3 +60,45 @@ def test_form_that_rises_towards_the_rim_is_no_scatter(noise: np.ndarray) -> Non
     bent = noise + 0.3 * (u**2 + v**2) ** 2 * u
     assert form_of(bent).rest_mm == pytest.approx(SIGMA, rel=0.05)  # what the low pass takes of the noise is 0.1 %
     assert concerns(bent, 1.0) == []
+
+
+def turned(*tilts: tuple[float, float, float]) -> list[PlaneEvaluation]:
+    """Planes tilted by degrees about an axis at degrees from x, with the angle_deg that they claim."""
+    planes = []
+    for k, (angle, about, claimed) in enumerate(tilts):
+        a, b = np.radians([angle, about])
+        normal = np.array([np.sin(a) * np.sin(b), -np.sin(a) * np.cos(b), np.cos(a)])
+        one = replace(evaluation(np.zeros((2, 2))), capture=f"p{k}", angle_deg=claimed, plane=np.array([*normal, -700]))
+        planes.append(one)
+    return planes
+
+
+@pytest.mark.parametrize(
+    "tilts",
+    [
+        [(30, 0, 30), (-30, 90, -30)],
+        [(0, 0, 0), (30, 0, 30), (-30, 90, -30), (30, 45, 30), (20, 135, -20)],
+        [(30, 0, 30), (-30, 0, 30), (0, 0, 0)],  # amounts without signs: too few planes to tell
+        [(-20, 60, -20), (-10, 60, -10), (0, 60, 0), (10, 60, 10), (20, 60, 20)],
+        [(-20, 60, 20), (-10, 60, 10), (0, 60, 0), (10, 60, -10)],  # the other way round, all of them
+    ],
+)
+def test_planes_may_be_tilted_about_any_axes(tilts: list[tuple[float, float, float]]) -> None:
+    assert pair_concerns(turned(*tilts)) == []
+
+
+@pytest.mark.parametrize(
+    ("tilts", "capture", "cause"),
+    [
+        ([(0, 0, 0), (15, 40, 21)], "p0 and p1", "correct angle_deg"),
+        ([(0, 0, 0), (30, 0, 30), (-30, 90, -30), (20, 45, 8)], "p3", "correct angle_deg"),
+        ([(0, 20, 0), (-15, 20, 15), (10, 20, 10), (20, 20, 20)], "p1", "its sign is reversed"),
+        ([(-15, 20, -15), (10, 20, 16), (20, 20, 20), (-25, 20, -25)], "p1", "correct angle_deg"),
+    ],
+)
+def test_an_angle_that_no_axis_allows_is_told(
+    tilts: list[tuple[float, float, float]], capture: str, cause: str
+) -> None:
+    (concern,) = pair_concerns(turned(*tilts))
+    assert concern.text.startswith(f"{capture}: ")
+    assert cause in concern.text
