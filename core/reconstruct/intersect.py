@@ -225,6 +225,16 @@ def _end(rays, q, sigma_q, last, mw, W, left, right, per_column, per_q, xyz, sig
         sigma[3 * c + 2] = np.sqrt(np.float32(noise2 + s4 * _polynomial(x, t, z0, z1)))
 
 
+@inner(error_model="numpy")
+def _interpolate(table, row, rows, nodes):  # type: ignore[no-untyped-def]
+    """Nodes at a row; one by one: numba names a whole array's expression by an address, other in every build."""
+    at = row * (table.shape[0] - 1) / max(rows - 1, 1)
+    i = min(int(at), table.shape[0] - 2)
+    for j in range(nodes.shape[0]):
+        for k in range(nodes.shape[1]):
+            nodes[j, k] = (1 - (at - i)) * table[i, j, k] + (at - i) * table[i + 1, j, k]
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _intersect_rows(  # type: ignore[no-untyped-def]
     u, sigma_u, line_u, v, sigma_v, line_v, both, rays, device, table, step, per_q, xyz, sigma, sigma_depth, start, stop
@@ -234,6 +244,7 @@ def _intersect_rows(  # type: ignore[no-untyped-def]
     # arrays of their own: the compiler does not do several pixels at once where the columns of one array are written
     X, Y, W = np.empty(width), np.empty(width), np.empty(width)
     q, sigma_q, last = np.empty(width), np.empty(width), np.empty(width)
+    nodes = np.empty(table.shape[1:])
     for r in range(start, stop):
         _begin_row(u[r], line_u, rays[r], device, X, Y, W, q)
         for _ in range(MOST_STEPS):
@@ -245,9 +256,7 @@ def _intersect_rows(  # type: ignore[no-untyped-def]
                 moving = _step_one(u[r], sigma_u[r], line_u, device, X, Y, W, q, sigma_q, last)
             if moving == 0:
                 break
-        height = r * (table.shape[0] - 1) / max(u.shape[0] - 1, 1)
-        i = min(int(height), table.shape[0] - 2)
-        nodes = (1 - (height - i)) * table[i] + (height - i) * table[i + 1]
+        _interpolate(table, r, u.shape[0], nodes)
         for j in range(nodes.shape[0] - 1):
             a, b = j * step, min((j + 1) * step, width)
             _end(
@@ -262,12 +271,10 @@ def _finish_rows(  # type: ignore[no-untyped-def]
     q, sigma_q, last, W, rays, device, table, step, per_q, xyz, sigma, sigma_depth, start, stop
 ):
     """Points and sigmas of rows start to stop - 1 from inverse depths found elsewhere."""
-    height, width = xyz.shape[0], q.shape[1]
+    height, width, nodes = xyz.shape[0], q.shape[1], np.empty(table.shape[1:])
     for r in range(start, stop):
         k = r - start
-        at = r * (table.shape[0] - 1) / max(height - 1, 1)
-        i = min(int(at), table.shape[0] - 2)
-        nodes = (1 - (at - i)) * table[i] + (at - i) * table[i + 1]
+        _interpolate(table, r, height, nodes)
         for j in range(nodes.shape[0] - 1):
             a, b = j * step, min((j + 1) * step, width)
             _end(
