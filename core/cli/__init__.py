@@ -136,5 +136,5 @@ def _check_json(target: str) -> None:
     if path.is_file() and path.stat().st_size:
         with path.open("rb") as file:
             start = file.read(200).lstrip()
-        if not start.startswith(b"{") or b'"stripe-' in start:
+        if not start.startswith(b"{") or b'"stripe-' in start.replace(b'"stripe-batch"', b""):
             raise InputError(path, "is there already and holds no figures", "give another name, or move that file away")

@@ -346,8 +346,9 @@ def test_figures_replace_figures_and_nothing_else(small: Path, tmp_path: Path, c
         assert "holds no figures" in capsys.readouterr().err
         assert target.read_bytes() == before
     figures = tmp_path / "figures.json"
-    figures.write_text('{"of": "another program"}')
-    assert main([*command, str(figures)]) == 0
+    for text in ('{"of": "another program"}', '{"format": "stripe-batch", "version": 1}'):
+        figures.write_text(text)
+        assert main([*command, str(figures)]) == 0
     assert main([*command, str(figures)]) == 0
     assert "stages" in json.loads(figures.read_text())
 
