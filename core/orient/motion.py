@@ -196,8 +196,9 @@ def find_motion(
     With N the normal equations, P the weights of the drifts, and H what the normals make of all parameters of the
     calibration, the estimate is ``x = (N + P)⁻¹ s`` of scores ``s = H (δ + E m) + noise``, of the calibration's errors
     δ and movements m along the free directions E. The corrected parameters' errors are therefore
-    ``(I - E (N + P)⁻¹ H) (δ + E m) - E (N + P)⁻¹ noise``, whatever P is. The test is Wald's, of no movement of the
-    five, on the estimate without the drifts.
+    ``(I - E (N + P)⁻¹ H) (δ + E m) - E (N + P)⁻¹ noise``, whatever P is. The test is of no movement of the five, by the
+    estimate without the drifts that is linear at the calibration: Rao's, doi:10.1017/S0305004100023987. Elsewhere the
+    products of rotations and shifts that hardly show would exceed the sigma of those that show well.
     """
     pair = pair_for(phase, calibration)
     sight, side, tile = blocks_of(phase, options.most_places, TILES)
@@ -213,6 +214,7 @@ def find_motion(
         progress.check()
         equations = _equations(now, pair, change, phase, lengths, points, places)
         if i == 0:
+            first = equations
             _refuse_contradictions(equations.known, pair, free, capture)
         estimate, weight = _robust(equations, free, prior)
         change = free.directions @ estimate.x
@@ -225,7 +227,7 @@ def find_motion(
         np.column_stack([np.diag(np.sqrt(np.diagonal(C))), free.directions * free.drift]), weight
     )
     estimate = equations.solved(free, prior, weight, noise)
-    shown = replace(equations, known=()).solved(five, FREE * np.diag(five.drift**-2.0), weight, noise)
+    shown = replace(first, known=()).solved(five, FREE * np.diag(five.drift**-2.0), weight, noise)
     of_shown = shown.noise + shown.carried @ C @ shown.carried.T
     p = significance_of(shown.x, of_shown, freedom)
     left = np.eye(len(C)) - free.directions @ estimate.carried
@@ -363,12 +365,9 @@ def _robust(equations: _Equations, free: Freedom, prior: Array) -> tuple[_Estima
         estimate = equations.solved(free, prior, weight, np.zeros(len(weight)))
         if np.abs(estimate.x - last).max() < 1e-9:
             break
-        weight, last = _weights(estimate.rest), estimate.x
+        limit, last = HUBER * max(sigma_by_median(estimate.rest), 1.0), estimate.x
+        weight = np.minimum(1.0, limit / np.maximum(np.abs(estimate.rest), 1e-12))
     return estimate, weight
-
-
-def _weights(e: Array) -> Array:
-    return np.minimum(1.0, HUBER * max(sigma_by_median(e), 1.0) / np.maximum(np.abs(e), 1e-12))
 
 
 def _of_pixels(e: Array, side: int) -> float:
