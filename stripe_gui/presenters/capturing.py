@@ -21,6 +21,7 @@ from core.progress import SILENT, Progress
 from core.project import read_project
 from stripe_gui.presenters.looking import Rig
 from stripe_gui.presenters.sequences import Shown
+from stripe_gui.presenters.told import told
 
 translate = QCoreApplication.translate
 SCENES = ("virtual", "emulated")  # kinds of devices that look at a scene of the virtual bench
@@ -310,15 +311,18 @@ def connect(project: Project, rig: Rig, urls: tuple[str, str], progress: Progres
     )
     second = translate("Capturing", "{name} answers: {width} × {height} px, {bits} bit; an image took {ms:.0f} ms.")
     words = (
-        first.format(name=projector.name.capitalize(), columns=columns, rows=rows, settle=1000 * projector.settle_s),
-        second.format(
-            name=camera.name.capitalize(), width=width, height=height, bits=camera.bits, ms=1000 * look.seconds
-        ),
+        first.format(name=_named(projector.name), columns=columns, rows=rows, settle=1000 * projector.settle_s),
+        second.format(name=_named(camera.name), width=width, height=height, bits=camera.bits, ms=1000 * look.seconds),
         translate("Capturing", "Both have the sizes of this project."),
     )
     frame_s = projector.settle_s + look.seconds
     shown = Shown((columns, rows), own_sequence(projector), projector.refusal, frame_s)
     return Connection(words, patterns, shown, rig.setting)
+
+
+def _named(device: str) -> str:
+    name = told(device)
+    return name[:1].upper() + name[1:]
 
 
 def take(recording: Recording, subject: Subject, progress: Progress = SILENT) -> CaptureReport:
