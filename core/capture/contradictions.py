@@ -46,7 +46,7 @@ def contradicting(values: Array, patterns: Sequence[Pattern], looked: Looked, fe
     for _ in range(2 if few == PIXELS else 0):
         if float(np.mean(cost > looked.limit)) <= 0.02:
             break
-        bent_cost, best = nearest(seen, _bent(possible, seen, possible[:, best]))
+        bent_cost, best = nearest(seen, bent(possible, seen, possible[:, best]))
         cost = np.minimum(cost, bent_cost)
     return float(np.mean((cost > looked.limit) | _waves_disagree(seen, patterns, looked)))
 
@@ -94,7 +94,7 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
     return bad
 
 
-def _bent(possible: Array, seen: Array, expected: Array) -> Array:
+def bent(possible: Array, seen: Array, expected: Array) -> Array:
     """Pass what is possible through the curve by which grey values follow from it, a rising one."""
     edges = np.linspace(0, 1, 13)
     bins = np.clip(np.digitize(expected, edges) - 1, 0, 11)

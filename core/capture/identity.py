@@ -10,10 +10,12 @@ each other nothing fits. Leaving out one frame at a time then tells which one is
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from core.capture.contradictions import bent
 from core.capture.lookup import CONTRADICTION, LEAST, Fit, as_blurred, dictionary, leave_one_out, nearest, some
 from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
@@ -27,6 +29,7 @@ LOCAL = 0.5  # a part of the image or of the lines is wrong when half of it cont
 EDGES = 0.3  # of a code frame's edges contradict when it was exchanged; on the virtual bench none when it was not
 EDGED = 0.03  # of squared distance, for every frame that has an edge near each line: the blur is known roughly only
 _PIXELS = 9000  # looked up
+CURVED, ROUNDS = 0.1, 4  # of the pixels, once a response is taken out, which is known roughly; rounds that find it
 
 
 def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
@@ -114,6 +117,9 @@ def _axis(plan: Plan, fit: Fit, tolerance: Array, at: NDArray[np.intp], shape: t
     limit = max(CONTRADICTION, 0.01 * float(fit.weight.sum()), EDGED * words) + 2 * k * tolerance**2
     root = np.sqrt(fit.weight)[:, None]
     cost, best = nearest(root * fit.values, root * fit.possible)
+    share, curved = float(np.mean(cost > limit)), None
+    if share > SHARE and (curved := _curved(fit, root, limit, best, min(CURVED, share / 3))):
+        fit, cost, best = curved
     bad = cost > limit
     share = float(bad.mean())
     place = _local(bad, at, shape) or _local_lines(bad, fit.lines[best], count, along)
@@ -123,7 +129,7 @@ def _axis(plan: Plan, fit: Fit, tolerance: Array, at: NDArray[np.intp], shape: t
     left = leave_one_out(sharp, few, limit[few], tolerance[few], at[0, few])
     misplaced = _misplaced_edges([plan.shots[s] for s in fit.shots], fit.values, bad)
     unlike = [j for j in range(k) if left.wrong[j] or j in misplaced]
-    if share <= SHARE and place is None and not unlike:
+    if curved or (share <= SHARE and place is None and not unlike):
         if not all(left.judged):
             open_ = ", ".join(describe(plan.shots[fit.shots[j]]) for j in range(k) if not left.judged[j])
             text = f"frames across {along} agree, but nothing in the sequence repeats what these say: {open_}"
@@ -141,6 +147,19 @@ def _axis(plan: Plan, fit: Fit, tolerance: Array, at: NDArray[np.intp], shape: t
         text = f"frames across {along} contradict each other in {share:.1%} of the pixels"
         text += f", most of all {place}" if place else ""
     return Finding("identity", "bad", text, figures, tuple(fit.shots[j] for j in culprits))
+
+
+def _curved(
+    fit: Fit, root: Array, limit: Array, best: NDArray[np.intp], share: float
+) -> tuple[Fit, Array, NDArray[np.intp]] | None:
+    """Give fit, costs and places with all frames bent by one response, if no more than a share then contradicts."""
+    found = None
+    for _ in range(ROUNDS):
+        curved = replace(fit, possible=bent(fit.possible, fit.values, fit.possible[:, best]))
+        cost, best = nearest(root * curved.values, root * curved.possible)
+        if (now := float(np.mean(cost > limit))) <= share:
+            share, found = now, (curved, cost, best)
+    return found
 
 
 def _misplaced_edges(patterns: list[Pattern], values: Array, bad: NDArray[np.bool_]) -> set[int]:

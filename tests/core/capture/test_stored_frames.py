@@ -16,9 +16,12 @@ import cv2
 import numpy as np
 import pytest
 
+from core.capture.identity import identity
+from core.capture.plan import Plan
+from core.capture.quality import summarise
 from core.capture.stored import check_stored
 from core.decode import decode
-from core.model import Capture, Frame
+from core.model import Capture, Frame, Subject
 from core.patterns import Black, Code, Pattern, Phase, White, gray_and_phase, reference_sequence
 
 LINES = (160, 160)
@@ -192,3 +195,19 @@ def test_several_exposures_are_each_held_against_themselves(
     elif wrong == "one inverted":
         seen[3 + count] = 255 - seen[3 + count]
     assert re.search(words, told(patterns * 2, seen, exposed=tuple(exposed)))
+
+
+@pytest.mark.parametrize("gamma", [0.45, 2.2])
+@pytest.mark.parametrize("name", list(SEQUENCES))
+def test_a_response_is_no_contradiction_where_frames_are_taken_or_imported(name: str, gamma: float) -> None:
+    plan = Plan(Subject("testfield", "a"), tuple(SEQUENCES[name]), ())
+    images = render(list(SEQUENCES[name]), 11, gamma=gamma)
+
+    def bad(frames: Frames) -> list[str]:
+        grey = np.array([i[::3, ::3].ravel() for i in frames], float)
+        at = np.mgrid[: SHAPE[0] : 3, : SHAPE[1] : 3].reshape(2, -1)
+        found = identity(plan, summarise(plan, grey, at, SHAPE, 255), LINES)
+        return [f.text for f in found if f.level == "bad"]
+
+    assert not bad(images)
+    assert bad([255 - i if k == 3 else i for k, i in enumerate(images)])
