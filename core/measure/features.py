@@ -133,11 +133,20 @@ def measure_feature(
         centre_mm=value[2:5],
         cov_mm2=covariance[2:5, 2:5] + _by_calibration(cloud, value[:2], scale),
         axes_mm=edge.figures(carried(edge.contour(shape, blur), surface))[1],
-        sigma_mm=np.sqrt(np.diagonal(covariance)[5:]),
+        sigma_mm=_sigma_of_lengths(value[5:], covariance[5:, 5:]),
+        size_mm=(float(value[5:].mean()), float(np.sqrt(covariance[5:, 5:].mean()))),
         normal=-normal * np.sign(normal @ value[2:5]) / np.linalg.norm(normal),
         blur_px=blur,
         pixels=pixels,
     )
+
+
+def _sigma_of_lengths(lengths: Array, covariance: Array) -> Array:
+    """Standard deviations of semi-axes in order of length: noise makes a circle an ellipse, in whatever direction."""
+    half = np.ptp(lengths) / 2
+    of_half = float(np.array([1, -1]) @ covariance @ np.array([1, -1])) / 4 if len(lengths) == 2 else 0.0
+    sorting = of_half**2 / max(of_half + half**2 / 2, 1e-300)
+    return np.sqrt(np.diagonal(covariance) + sorting)
 
 
 def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, int]:

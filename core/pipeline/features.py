@@ -71,6 +71,7 @@ def feature_figures(feature: Feature) -> Figures:
         "axes_mm": feature.axes_mm.tolist(),
         "lengths_mm": np.linalg.norm(feature.axes_mm, axis=1).tolist(),
         "lengths_sigma_mm": feature.sigma_mm.tolist(),
+        "size_mm": {"value": feature.size_mm[0], "sigma": feature.size_mm[1]},
         "normal": feature.normal.tolist(),
     }
 
@@ -80,12 +81,14 @@ def feature_words(feature: Feature) -> str:
     centre = " ".join(
         f"{x:.4f} ± {s:.4f}" for x, s in zip(feature.centre_mm, np.sqrt(np.diagonal(feature.cov_mm2)), strict=True)
     )
-    lengths = " and ".join(
-        f"{x:.4f} ± {s:.4f}" for x, s in zip(np.linalg.norm(feature.axes_mm, axis=1), feature.sigma_mm, strict=True)
-    )
-    what = "semi-axes" if feature.kind == "circle" else "half its length"
+    size = f"{feature.size_mm[0]:.4f} ± {feature.size_mm[1]:.4f}"
+    if feature.kind == "circle":
+        axes = zip(np.linalg.norm(feature.axes_mm, axis=1), feature.sigma_mm, strict=True)
+        size = f"radius {size} mm, semi-axes " + " and ".join(f"{x:.4f} ± {s:.4f}" for x, s in axes)
+    else:
+        size = f"half its length {size}"
     (u, v), (su, sv) = feature.uv, np.sqrt(np.diagonal(feature.uv_cov))
-    return f"{feature.kind} at {u:.3f} ± {su:.3f}, {v:.3f} ± {sv:.3f} px: centre {centre} mm, {what} {lengths} mm"
+    return f"{feature.kind} at {u:.3f} ± {su:.3f}, {v:.3f} ± {sv:.3f} px: centre {centre} mm, {size} mm"
 
 
 def _numbers(kind: str, text: str) -> np.ndarray:

@@ -76,6 +76,9 @@ def test_holes_are_found_in_space_as_surely_as_they_say(radius: float, dark: boo
     assert px < 0.02
     assert 0.7 < ratio < 1.3  # 40 deviates: 1 +- 0.11
     assert 0.55 < apart < 1.55  # 60 of them, squared: 1 +- 0.18
+    sizes = np.array([(f.size_mm[0] - radius) / f.size_mm[1] for f in found])
+    assert 0.6 < np.sqrt(np.mean(sizes**2)) < 1.5  # 20 deviates
+    assert np.mean([f.sigma_mm.min() / f.size_mm[1] for f in found]) > 1.2  # a noisy circle's axes say less than both
     axes = np.array([np.linalg.norm(f.axes_mm, axis=1) for f in found])
     # the surface's part of the radius is along the line of sight; a bias of 0.01 px would be 0.01 mm
     assert np.abs(axes.mean(axis=0) - radius).max() < 0.02
