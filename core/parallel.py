@@ -1,14 +1,27 @@
-"""Bands of rows on threads, for kernels that release the interpreter lock."""
+"""Bands of rows on threads, for kernels that release the interpreter lock; whole captures on processes."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import suppress
 from functools import lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+from core.errors import StripeError
+from core.progress import Progress
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+T = TypeVar("T")
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+_AT_ONCE = 16_000  # numbers that a pipe holds
 TURNS = 4  # bands of each thread: who meets a busy processor leaves the rest to the others
 
 
@@ -66,3 +79,92 @@ def _bands(rows: int, count: int) -> list[tuple[int, int]]:
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     """Threads that stay, of this process: those of a parent do not survive a fork."""
     return ThreadPoolExecutor(threads, "bands")
+
+
+def can_fork(count: int) -> bool:
+    """Whether so many pieces of work are worth processes of their own, and these can be had at no risk.
+
+    A copy of a process has none of its threads, and locks that they held are never released: only a process of a single
+    thread is copied, as most commands are. The window's, a test's or a Dask worker's is not.
+    """
+    if not 2 < count < _AT_ONCE or THREADS < 2:
+        return False
+    others = [thread for thread in threading.enumerate() if thread is not threading.current_thread()]
+    if all(thread.name.startswith("bands") for thread in others):
+        _pool.cache_clear()  # so that they end: only this thread could have given them work
+        for thread in others:
+            thread.join(1.0)
+    with suppress(OSError):  # no Linux
+        for _ in range(20):
+            if len(os.listdir("/proc/self/task")) == 1:
+                return True
+            time.sleep(0.001)  # the kernel takes a moment longer
+    return False
+
+
+def on_processes(work: Callable[[int, Progress], T], count: int, progress: Progress) -> Iterator[T]:
+    """Yield ``work(0, ...)`` to ``work(count - 1, ...)`` in this order, from copies of this process; see `can_fork`.
+
+    Copies share what is in memory, take the next piece when they are done with one, and send what comes of it. What one
+    reports is reported here; who stops ends them all.
+    """
+    import multiprocessing
+    from multiprocessing.connection import wait as wait_for
+
+    fork = multiprocessing.get_context("fork")
+    turn, numbers = os.pipe()
+    os.write(numbers, b"".join(k.to_bytes(4, "big") for k in range(count)))
+    os.close(numbers)
+    pipes = [fork.Pipe(duplex=False) for _ in range(min(THREADS, count))]
+    readers = [reader for reader, _ in pipes]
+    copies = [fork.Process(target=_copy, args=(work, turn, sender, readers), daemon=True) for _, sender in pipes]
+    done: dict[int, Any] = {}
+    try:
+        for copy, (_, sender) in zip(copies, pipes, strict=True):
+            copy.start()
+            sender.close()
+        for k in range(count):
+            while k not in done and readers:
+                progress.check()
+                for reader in cast("list[Connection]", wait_for(readers, 0.05)):
+                    try:
+                        number, found = reader.recv()
+                    except EOFError:  # nothing left to do, or killed
+                        readers.remove(reader)
+                        continue
+                    if number < 0:
+                        progress(k / count, found)
+                    else:
+                        done[number] = found
+            result = done.pop(k) if k in done else work(k, progress.quiet())
+            if isinstance(result, Exception):
+                raise result
+            yield result
+    finally:
+        os.close(turn)
+        for copy in copies:
+            if copy.pid is not None:
+                copy.terminate()
+                copy.join()
+
+
+def _copy(work: Callable[[int, Progress], Any], turn: int, sender: Connection, readers: list[Connection]) -> None:
+    """Work on pieces until none is left, or nobody reads any more what comes of them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who was copied ends its copies
+    for ending in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(ending, signal.SIG_DFL)
+    for reader in readers:
+        reader.close()
+    limit_threads(1)
+    import cv2
+
+    cv2.setNumThreads(1)
+    said = Progress(lambda fraction, message: sender.send((-1, message)))
+    with suppress(BrokenPipeError):
+        while number := os.read(turn, 4):
+            k = int.from_bytes(number, "big")
+            try:
+                found = work(k, said)
+            except StripeError as error:
+                found = error
+            sender.send((k, found))

@@ -30,7 +30,7 @@ ALLOWED = {
     "atomic": {"errors"},
     "progress": {"errors"},
     "fields": {"errors"},
-    "parallel": set(),
+    "parallel": {"errors", "progress"},
     "numerics": set(),
     "lazy": set(),
     "resources": set(),

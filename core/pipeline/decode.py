@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import fields, replace
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from core.errors import InputError
 from core.model import Capture, PhaseMap, Project
+from core.parallel import can_fork, on_processes
 from core.progress import SILENT, Progress
 from core.project import atomic_write, find_project, iterate_images, read_capture, read_project
 
+T = TypeVar("T")
 NOTES = "notes", "dim_notes"  # of a phase map
 
 
@@ -89,26 +92,44 @@ def phase_maps(
     A capture by several cameras or projectors comes once for each pair, with that pair's frames and picks.
     """
     waiting = [series for capture in captures for series in capture.series]
-
-    def decoded(capture: Capture) -> PhaseMap:
-        images = []
-        for image in iterate_images(capture, project.rig.cameras[capture.camera]):
-            progress.check()  # a large capture takes seconds to read
-            images.append(image)
-        return decode_images(capture, images, project, progress.quiet())
-
     pool = ThreadPoolExecutor(1)
     try:
-        ahead = [pool.submit(decoded, capture) for capture in waiting[:1]]
+        ahead = [pool.submit(_decoded, project, capture, progress) for capture in waiting[:1]]
         for i, capture in enumerate(waiting):
             progress(i / len(waiting), f"decoding {capture.name}")
             phase = ahead.pop()
             while wait([phase], timeout=0.05).not_done:
                 progress.check()
-            ahead = [pool.submit(decoded, following) for following in waiting[i + 1 : i + 2]]
+            ahead = [pool.submit(_decoded, project, following, progress) for following in waiting[i + 1 : i + 2]]
             yield capture, phase.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)  # who stops waits for no other capture
+
+
+def from_phase_maps(
+    project: Project, captures: Iterable[Capture], what: Callable[[Capture, PhaseMap], T], progress: Progress = SILENT
+) -> Iterator[tuple[Capture, T]]:
+    """Decode captures as `phase_maps` does and give what is made of each; on processes where that is safe."""
+    waiting = [series for capture in captures for series in capture.series]
+    if not can_fork(len(waiting)):
+        yield from ((capture, what(capture, phase)) for capture, phase in phase_maps(project, waiting, progress))
+        return
+    for name in ("core.decode.absolute", "core.capture.stored", "core.measure.targets"):
+        import_module(name)  # once, not by every process
+
+    def work(k: int, said: Progress) -> T:
+        said(k / len(waiting), f"decoding {waiting[k].name}")
+        return what(waiting[k], _decoded(project, waiting[k], said))
+
+    yield from zip(waiting, on_processes(work, len(waiting), progress), strict=True)
+
+
+def _decoded(project: Project, capture: Capture, progress: Progress) -> PhaseMap:
+    images = []
+    for image in iterate_images(capture, project.rig.cameras[capture.camera]):
+        progress.check()  # a large capture takes seconds to read
+        images.append(image)
+    return decode_images(capture, images, project, progress.quiet())
 
 
 def write_phase(out: Path, phase: PhaseMap) -> None:

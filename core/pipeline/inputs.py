@@ -105,6 +105,7 @@ def calibrated_from(
     `read` are the records of calibrations by other methods that it takes into account.
     """
     contents = contents or contents_of(project.path)
+    contents.learn(frame.place for capture in captures for frame in capture.frames)
     rig = rig_values(project)
     if not method.scaled:
         rig = {key: value for key, value in rig.items() if not key.startswith(("scale.", "lengths."))}

@@ -13,7 +13,7 @@ from core.errors import InputError, NotRecognisedError
 from core.figures import targets_figures
 from core.model import Capture, PhaseMap, Project, Role, TargetSet, Testfield
 from core.pipeline.causes import because_of
-from core.pipeline.decode import phase_maps
+from core.pipeline.decode import from_phase_maps
 from core.pipeline.folders import all_captures, result_path
 from core.pipeline.inputs import measured_from
 from core.progress import SILENT, Progress
@@ -101,8 +101,11 @@ def _measured_by(
         may_be = labellings(c.testfield, str(c.path)) if c.testfield is not None else ()
         ways[c.path] = (SAME,) if kept is not None and kept.told else may_be
     failures = []
-    for capture, phase in phase_maps(project, due, progress):
-        targets, ways[capture.path], failure = measured_or_why(capture, phase, project, sides[capture.role])
+
+    def measured(capture: Capture, phase: PhaseMap) -> tuple[TargetSet, Sequence[Labelling], NotRecognisedError | None]:
+        return measured_or_why(capture, phase, project, sides[capture.role])
+
+    for capture, (targets, ways[capture.path], failure) in from_phase_maps(project, due, measured, progress):
         failures += [failure] if failure else []
         found[signs[capture.path]] = replace(targets, made_from=signs[capture.path])
     if failures and not any(len(found[signs[c.path]].row) for c in captures):

@@ -16,10 +16,11 @@ from core.model import (
     Capture,
     DepthCalibration,
     Interior,
+    PhaseMap,
     PhotogrammetricCalibration,
     Project,
 )
-from core.pipeline.decode import phase_maps
+from core.pipeline.decode import from_phase_maps
 from core.pipeline.evidence import Evidence, lengths_of
 from core.pipeline.measure import common_testfield, measured_or_why, side_of, signs_of, turned_together
 from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement, intersected
@@ -50,12 +51,16 @@ def _calibrate(
     captures = [s for c in captures for s in c.series if len(c.series) == 1 or (s.camera, s.projector) == meant]
     boards = [c for c in captures if c.testfield is not None or c.seeds]
     phases, seen, ways, notes = [], {}, [], []
-    for capture, phase in phase_maps(project, captures, progress.part(0.0, 0.7)):
+
+    def measured(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap, Any]:
+        return phase, measured_or_why(capture, phase, project, side) if capture in boards else None
+
+    for capture, (phase, found) in from_phase_maps(project, captures, measured, progress.part(0.0, 0.7)):
         phases.append(phase)
         if capture.testfield is None:
             notes += [f"{capture.name}: {note}" for note in phase.notes]
-        if capture in boards:
-            targets, allowed, _ = measured_or_why(capture, phase, project, side)
+        if found is not None:
+            targets, allowed, _ = found
             ways.append(allowed)
             seen[capture.path] = replace(targets, made_from=signs[capture.path])
     told = dict(zip(seen, turned_together(boards, list(seen.values()), ways), strict=True))
@@ -63,8 +68,8 @@ def _calibrate(
     planes = []
     for capture, phase in zip(captures, phases, strict=True):
         assert capture.z_mm is not None
-        found = told.get(capture.path)
-        planes.append(DepthPlane(capture.z_mm, phase, found if found is not None and len(found.row) else None))
+        own = told.get(capture.path)
+        planes.append(DepthPlane(capture.z_mm, phase, own if own is not None and len(own.row) else None))
     degree, warnings = _degree_for(len(planes), options.degree)
     interior = _interior(project, earlier.get("photogrammetric"))
     try:

@@ -1,0 +1,77 @@
+"""Pieces of work on copies of a process: all in order, errors told; what a killed copy leaves is done all the same."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.copies import copied
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are copied on Linux alone")
+
+SCRIPT = """
+import os, signal, sys, time
+from core.errors import InputError
+from core.parallel import can_fork, limit_threads, on_processes, run_in_bands
+from core.progress import Progress, announce
+
+limit_threads(3)
+run_in_bands(lambda start, stop: time.sleep(0.01), 100)
+assert can_fork(9) and not can_fork(2)
+me, heard = os.getpid(), []
+said = Progress(lambda fraction, message: heard.append(message))
+
+def work(k, progress):
+    progress(0.0, f"piece {k}")
+    time.sleep(0.02 * (k == 0))
+    announce("patience")
+    if k == 5 and os.getpid() != me:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return k, os.getpid() == me
+
+found = list(on_processes(work, 9, said))
+assert [k for k, _ in found] == list(range(9)), found
+assert [k for k, here in found if here] == [5], found
+assert "patience" in heard and {f"piece {k}" for k in range(9)} <= {*heard}, heard
+
+def wrong(k, progress):
+    if k == 1:
+        raise InputError("piece 1", "nothing", "look again")
+    return k
+
+try:
+    list(on_processes(wrong, 4, said))
+except InputError as error:
+    assert (error.where, error.seen, error.remedy) == ("piece 1", "nothing", "look again")
+else:
+    raise AssertionError("no error")
+slow = on_processes(lambda k, progress: time.sleep(60 * (k > 0)), 3, said)
+next(slow)
+slow.close()
+try:
+    os.waitpid(-1, os.WNOHANG)
+except ChildProcessError:
+    print("nobody left")
+"""
+
+
+def test_all_is_done_once_in_order_and_nobody_stays() -> None:
+    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "nobody left\n", "")
+
+
+def test_targets_are_the_same_by_processes_and_by_threads(
+    quick_original: Path, calibrated_original: Path, tmp_path: Path
+) -> None:
+    project = copied(quick_original, tmp_path / "quick")
+    command = "from core.parallel import limit_threads; limit_threads(2); from core.cli import run; run()"
+    subprocess.run([sys.executable, "-c", command, "measure", str(project)], capture_output=True, check=True)
+    by_processes, by_threads = (
+        {t["capture"]: t for t in json.loads((folder / "results" / "targets.json").read_text())["captures"]}
+        for folder in (project, calibrated_original)
+    )
+    assert by_processes == by_threads
