@@ -26,7 +26,7 @@ BLUR_PX = 0.8  # where the fit begins
 REACH = 4.0  # blurs on either side of an edge whose pixels take part, and LEAST_REACH px at least
 LEAST_REACH = 2.5
 RING_PX, RING, LEAST_RING_PX = 3.0, 0.6, 8.0  # the surface is taken from so far off the edge, over a share of its size
-GROSS = 5.0  # standard deviations
+GROSS, ROUGH = 5.0, 4.0  # standard deviations: of single points, and of all where the surface bends too much
 FEWEST_PIXELS, FEWEST_POINTS = 25, 30
 PASSES = 3
 MOST_MOVED = 0.25  # of its size that an edge may lie off where it was said to be
@@ -211,6 +211,9 @@ def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[A
         surface = N @ (A.T @ (weight * q))
         rest = np.sqrt(weight) * (q - A @ surface)
         weight = np.where(np.abs(rest) > GROSS * sigma_by_median(rest), 0.0, weight)
+    if cloud.sigma_depth_mm is not None and (rough := sigma_by_median(rest)) > ROUGH:
+        seen = f"the surface beside the edge is off a smooth one by {rough:.1f} times its noise"
+        raise InputError(where, seen, "name an edge on a plane or a slightly curved surface")
     scores = A * (np.sqrt(weight) * rest)[:, None]
     return surface, N @ (scores.T @ scores) @ N, middle, scale
 

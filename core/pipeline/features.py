@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from contextlib import suppress
 
 import numpy as np
 
@@ -49,14 +49,17 @@ def measure_features(
     seen_by = pair_for(phase, calibration).camera
     if places:
         return [measure_feature(kind, numbers, phase, cloud, seen_by, where) for kind, numbers, where in given]
-    found = []
+    found, why = [], Counter[str]()
     for place in find_circles(phase.image):
         progress.check()
-        with suppress(InputError):
+        try:
             found.append(measure_feature("circle", place, phase, cloud, seen_by))
+        except InputError as error:
+            why[error.seen] += 1
     sure = [feature for feature in found if np.diagonal(feature.uv_cov).max() < SURE_PX**2]
     if not sure:
-        raise InputError(name, "nothing round was found in it", "give --circle U,V,RADIUS or --line U,V,U,V")
+        seen = "".join(f"; of most places: {text}" for text, _ in why.most_common(1))
+        raise InputError(name, f"nothing round was found in it{seen}", "give --circle U,V,RADIUS or --line U,V,U,V")
     return sure
 
 

@@ -47,24 +47,23 @@ def rows_of(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
+def true_places(folder: Path, truth: dict[str, Any], capture: str, board: str) -> dict[tuple[int, int], np.ndarray]:
+    """Where the camera truly sees the targets of a board, in px."""
+    pose, camera = truth["captures"][capture]["camera_from_board"], truth["camera"]
+    additional = tuple(camera[f"A{i}"] for i in range(1, 7))
+    interior = Interior(camera["c_mm"], camera["x0_mm"], camera["y0_mm"], additional, camera["r0_mm"])
+    targets = truth["testfields"][board]
+    placed = Pose(np.array(pose["rotation"]), np.array(pose["translation_mm"]))
+    places = project(read_project(folder).camera, interior, np.array([t["xyz_mm"] for t in targets]), placed)
+    return {(t["row"], t["col"]): uv for t, uv in zip(targets, places, strict=True)}
+
+
 def test_a_guess_names_dots_that_are_there_and_can_be_kept(quick: Path, quick_truth, tmp_path: Path) -> None:
     """One of the guesses is the truth: a regular board allows some, such as half a turn."""
     (quick / "captures" / "testfield-02" / "picks.json").unlink()
     found = figures(tmp_path, "guess-picks", quick)
     assert list(found["captures"]) == ["testfield-02"]
-    pose = quick_truth["captures"]["testfield-02"]["camera_from_board"]
-    camera, board = quick_truth["camera"], quick_truth["testfields"]["testfield.csv"]
-    interior = Interior(
-        camera["c_mm"], camera["x0_mm"], camera["y0_mm"], tuple(camera[f"A{i}"] for i in range(1, 7)), camera["r0_mm"]
-    )
-    spec = read_project(quick).camera
-    places = project(
-        spec,
-        interior,
-        np.array([t["xyz_mm"] for t in board]),
-        Pose(np.array(pose["rotation"]), np.array(pose["translation_mm"])),
-    )
-    at = {(t["row"], t["col"]): uv for t, uv in zip(board, places, strict=True)}
+    at = true_places(quick, quick_truth, "testfield-02", "testfield.csv")
     right = [
         all(np.hypot(*(at[s["row"], s["col"]] - (s["u"], s["v"]))) < NEAR_PX for s in guess)
         for guess in found["captures"]["testfield-02"]
@@ -75,6 +74,22 @@ def test_a_guess_names_dots_that_are_there_and_can_be_kept(quick: Path, quick_tr
     assert kept["kept"] == ["testfield-02"]
     assert len(read_capture(quick / "captures" / "testfield-02", read_project(quick)).seeds) == 4
     assert figures(tmp_path, "guess-picks", quick)["captures"] == {}
+
+
+def test_dots_of_a_plate_are_features_as_sure_as_they_say(calibrated: Path, quick_truth, tmp_path: Path) -> None:
+    found = figures(tmp_path, "features", calibrated, "depth-03")["features"]
+    true = np.array(list(true_places(calibrated, quick_truth, "depth-03", "plate.csv").values()))
+    off = np.array([min(true - f["uv"], key=np.linalg.norm) for f in found])
+    assert len(found) > 20
+    assert 0.6 < np.sqrt(np.mean((off / [f["uv_sigma"] for f in found]) ** 2)) < 1.5
+    radius = read_capture(calibrated / "captures" / "depth-03", read_project(calibrated)).testfield.diameter_mm[0] / 2
+    beside = [(f["size_mm"]["value"] - radius) / f["size_mm"]["sigma"] for f in found]
+    assert 0.6 < np.sqrt(np.mean(np.square(beside))) < 1.6
+
+
+def test_of_features_that_are_not_found_the_reason_is_told(calibrated: Path, capsys) -> None:
+    assert main(["features", str(calibrated), "object-sphere"]) == 2
+    assert "0 points lie on the surface beside the edge" in capsys.readouterr().err
 
 
 def test_a_guess_for_what_is_no_board_is_refused(quick: Path, capsys) -> None:
