@@ -175,14 +175,18 @@ def check_reference(bundle: Bundle) -> str:
 def check_german_window(bundle: Bundle) -> str:
     """The pages in German, without a screen, beside those the sources make: fonts, icons, texts, help and styles."""
     project, ours, theirs = bundle.work / "project", bundle.work / "tour", bundle.work / "tour-of-sources"
-    bundle.run("stripe-gui", "--tour", ours, project, **GERMAN)
-    environment = bundle.environment(**GERMAN, STRIPE_TOUR_SCALE="1")  # one scale is enough to compare
-    command = [sys.executable, "-m", "stripe_gui", "--tour", str(theirs), str(project)]
+    copy = bundle.work / "sources" / project.name  # neither sees what the other computed; the name is shown
+    shutil.copytree(project, copy)
+    one_scale = {**GERMAN, "STRIPE_TOUR_SCALE": "1"}
+    bundle.run("stripe-gui", "--tour", ours, project, **one_scale)
+    environment = bundle.environment(**one_scale)
+    command = [sys.executable, "-m", "stripe_gui", "--tour", str(theirs), str(copy)]
     done = subprocess.run(command, env=environment, cwd=bundle.work, capture_output=True, text=True, check=False)
     expect(done.returncode == 0, f"the sources make no pictures:\n{done.stderr}")
-    names = sorted(path.name for path in theirs.glob("*-1x.png"))
-    expect(names == sorted(path.name for path in ours.glob("*-1x.png")), "bundle and sources show different pages")
-    differ = {name: unlike(ours / name, theirs / name) for name in names}
+    names, shown = ({path.name for path in folder.glob("*-1x.png")} for folder in (theirs, ours))
+    lacking = f"the bundle lacks {sorted(names - shown)}, the sources lack {sorted(shown - names)}"
+    expect(names == shown, f"bundle and sources show different pages: {lacking}")
+    differ = {name: unlike(ours / name, theirs / name) for name in sorted(names)}
     strange = {name: share for name, share in differ.items() if share > UNLIKE and "capture-wizard-picture" not in name}
     expect(not strange, f"pages look unlike those of the sources: {strange}")
     same = sum(share == 0 for share in differ.values())

@@ -19,7 +19,7 @@ from stripe_gui.settings import Settings
 from stripe_gui.workbench import Workbench
 
 SIZE = (1360, 860)
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0  # the machine may be busy
 QUALITY = 80  # a PNG is lossless at any: packed in two thirds of the usual time, a tenth larger
 SCALE = "STRIPE_TOUR_SCALE"
 
@@ -30,10 +30,10 @@ def tour(out: Path, project: Path | None = None) -> int:
     Without a project the demo experiment is made first, at its quickest.
     """
     scale = os.environ.get(SCALE)
-    if scale is not None:
-        return _pictures(out, project, scale)
     with tempfile.TemporaryDirectory() as temporary:
         try:
+            if scale is not None:
+                return _pictures(out, project, scale)
             folder = project or _demo(Path(temporary) / "demo")
         except StripeError as error:
             print(f"stripe-gui: {error}", file=sys.stderr)
@@ -81,8 +81,9 @@ def _pictures(out: Path, project: Path | None, scale: str) -> int:
                 if page == "reconstruct" and points:
                     bench.session.choose_capture(points[0].name.split(".")[0])
                 window.show_page(page)
+                wait_until(lambda: not bench.views.busy, page)  # which parts there are may depend on what is computed
                 for part in window.page.parts():
-                    wait_until(lambda: not bench.views.busy)
+                    wait_until(lambda: not bench.views.busy, page + part)
                     window.grab().save(str(out / f"{page}{part}-{theme}-{scale}x.png"), quality=QUALITY)
         window.close()
         for problem in problems:
@@ -90,10 +91,18 @@ def _pictures(out: Path, project: Path | None, scale: str) -> int:
         return 1 if problems else 0
 
 
-def wait_until(done: Callable[[], bool]) -> None:
-    """Let the window work until something is done, and then until it has drawn."""
+def wait_until(done: Callable[[], bool], what: str = "the window") -> None:
+    """Let the window work until something is done, and then until it has drawn.
+
+    Raises
+    ------
+    StripeError
+        If it is not done in five minutes.
+    """
     end = time.monotonic() + PATIENCE_S
-    while not done() and time.monotonic() < end:
+    while not done():
+        if time.monotonic() > end:
+            raise StripeError(what, f"not ready in {PATIENCE_S:g} s", "try again while the machine does less")
         QCoreApplication.processEvents()
         time.sleep(0.005)
     for _ in range(5):
