@@ -28,17 +28,22 @@ class UnansweredError(DeviceError):
     """No valid answer, however often the question was repeated."""
 
 
+class RefusedError(UnansweredError):
+    """The device says no, and not that it is busy."""
+
+
 class Dialogue:
     """A line and the profile that is spoken on it.
 
-    `asked` counts the questions, `repeats` those that had to be put again, `heard` the last bytes that came.
+    `asked` counts the questions, `repeats` those that had to be put again, `heard` the last bytes that came; `answered`
+    is true once a question was.
     """
 
     def __init__(self, url: str, profile: Profile, note: Note = no_note) -> None:
         self.name = f"projector {profile.name} on {url}"
         self.url, self.profile, self.note = url, profile, note
         self.cancel: Check = no_check  # of the call that is under way
-        self.asked, self.repeats = 0, 0
+        self.asked, self.repeats, self.answered = 0, 0, False
         self.sent, self.heard = b"", bytearray()
         self._buffer, self._tag = bytearray(), 0
         self._link: Link | None = Link(url, profile.port)
@@ -60,15 +65,25 @@ class Dialogue:
         return told
 
     def take(self, command: str, step: Step, once: bool, values: Values) -> dict[str, Value]:
-        """Take one step of a command, again and again while its state has to be waited for."""
+        """Take one step of a command, again and again while its state has to be waited for.
+
+        A device that has answered before may be silent or busy meanwhile, as some are while their lamp starts.
+        """
         end = time.monotonic() + step.within_s
         while True:
-            told = self._ask(command, step, once, values)
+            late = time.monotonic() > end
+            try:
+                told = self._ask(command, step, once, values)
+            except UnansweredError as error:
+                if late or not step.until or not self.answered or isinstance(error, RefusedError):
+                    raise
+                wait_until(time.monotonic() + step.every_s, self.cancel)
+                continue
             waiting = [key for key, wanted in step.until.items() if calculated(key, told) not in wanted]
             if not waiting:
                 wait_until(time.monotonic() + step.pause_s, self.cancel)
                 return told
-            if time.monotonic() > end:
+            if late:
                 seen = f"{waiting[0]} is {calculated(waiting[0], told)} after {step.within_s:g} s"
                 wanted = ", ".join(map(str, step.until[waiting[0]]))
                 raise DeviceError(
@@ -97,15 +112,16 @@ class Dialogue:
                 return {}
             answer, reason = self._answer(step, sent, time.monotonic() + patience)
             if answer is not None:
+                self.answered = True
                 return answer
             if reason == "empty":
                 raise EmptyError(self.name, f"{command}: nothing is stored there", "check the device's supply")
         self.settle()
-        if reason in MEANINGS:
-            reason = f"refused ({reason})"
-        raise UnansweredError(
+        error = RefusedError if reason in MEANINGS and reason != "busy" else UnansweredError
+        told = f"refused ({reason})" if reason in MEANINGS else reason
+        raise error(
             self.name,
-            f"{command}: {reason}" + f", {tries} times" * (tries > 1),
+            f"{command}: {told}" + f", {tries} times" * (tries > 1),
             "check that the projector is on, the cable, the baud rate and the profile",
         )
 

@@ -262,6 +262,10 @@ def _step(entry: Entries, every: Entries, dialogue: _Dialogue, sendable: set[str
     entry.asked.add("expect")
     if missing := sorted(waited - asked):
         raise InputError(entry.place("until"), f"{missing[0]!r}", "wait for what the answer tells")
+    for name in waited:  # without a format these are what the device says, letter by letter
+        counted = not all(isinstance(value, str) for value in until.get(name, (0,)))
+        if counted and (name[0] == "_" or name == "text") and f"{{{name}}}" in answered.text("expect"):
+            raise InputError(entry.place("until"), f"{name!r} is read as text", f"write {{{name}:d}} for a number")
     silent = "send" not in entry.data
     if silent and (expect is None or until):
         raise InputError(entry.place("send"), "missing", "say what is sent, or expect what comes unasked")

@@ -1,11 +1,11 @@
-"""Check values of frames and lines: sums, exclusive or, cyclic redundancy checks with any parameters."""
+"""Check values of frames and lines: sums, or, exclusive or, cyclic redundancy checks with any parameters."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
 
-KINDS = ("crc", "sum", "lrc", "xor")
+KINDS = ("crc", "sum", "lrc", "or", "xor")
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class CheckSum:
     Sums begin with `init` too, and `xor` is applied to every value at the end.
     """
 
-    kind: str  # "none", "sum", "lrc" (the sum's two's complement), "xor" or "crc"
+    kind: str  # "none", "sum", "lrc" (the sum's two's complement), "or", "xor" or "crc"
     bits: int = 0
     poly: int = 0
     init: int = 0
@@ -41,8 +41,8 @@ class CheckSum:
         if self.kind in ("sum", "lrc"):
             value = self.init + sum(data)
             return (-value if self.kind == "lrc" else value) & mask ^ self.xor
-        if self.kind == "xor":
-            return reduce(int.__xor__, data, self.init) ^ self.xor
+        if self.kind in ("or", "xor"):
+            return reduce(int.__or__ if self.kind == "or" else int.__xor__, data, self.init) ^ self.xor
         value, top = self.init, 1 << (self.bits - 1) if self.bits else 0
         poly = int(f"{self.poly:0{self.bits}b}"[::-1], 2) if self.reflect else self.poly
         for byte in data if self.bits else b"":
@@ -61,6 +61,7 @@ CHECKS = {
     "sum16": CheckSum("sum", 16),
     "sum32": CheckSum("sum", 32),
     "lrc": CheckSum("lrc", 8),
+    "or8": CheckSum("or", 8),
     "xor8": CheckSum("xor", 8),
     "crc8": CheckSum("crc", 8, 0x07),
     "crc8-maxim": CheckSum("crc", 8, 0x31, reflect=True),

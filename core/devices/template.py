@@ -73,6 +73,11 @@ class Field:
     form: str
     words: Mapping[str, Value]
 
+    @property
+    def free(self) -> bool:
+        """Whether it takes whatever the device says."""
+        return not self.form and (self.name == "text" or self.name.startswith("_"))
+
     def value(self, values: Values) -> Any:
         """Give what is to be written."""
         value = calculated(self.name + self.steps, values)
@@ -333,7 +338,7 @@ def _pattern(f: Field) -> str:
     """Give the regular expression of a field in text."""
     if f.words:
         return "|".join(re.escape(_as_text(w, f.form)) for w in f.words.values())
-    if f.name == "text" or f.name.startswith("_"):
+    if f.free:
         return ".*?"
     if f.form == "s":
         return r"\S+"
@@ -346,7 +351,7 @@ def _pattern(f: Field) -> str:
 def _read(text: str, f: Field) -> Value:
     if f.words:
         return next(w for w in f.words.values() if _as_text(w, f.form) == text)
-    if f.name == "text" or f.name.startswith("_") or f.form == "s":
+    if f.free or f.form == "s":
         return text
     if f.form == "hex":
         return bytes.fromhex(text) if len(text) % 2 == 0 else b""

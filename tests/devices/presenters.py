@@ -4,6 +4,8 @@ Nothing of the program is imported.
 
 epson       ESC/VP21 Command User's Guide for Business Projectors; command list of the EB-Z10005U
 nec         RS-232C control commands of NP-UM361X and V260X
+panasonic   RS-232C control specifications of PT-D10000; technical information of PT-FX400, PT-RW330: silence
+sony        protocol manuals of VPL-CX76, VPL-VW85, VPL-EW130
 hitachi     RS-232C communication of LP-WU6600, CP-X807 and ED-X12: their example messages are the test of the CRC
 barco       Barco projection protocol, R5905746 (bytes that are converted) and R5976884 (acknowledge, then answer)
 pjlink      PJLink class 1, as in the guides of Panasonic's PT-RZ470 and IDK's MSD-501
@@ -85,6 +87,80 @@ class Nec(Device):
             self.muted = command == 0x10
             return self.message(0x22, command)
         return self.message(0xA0 | kind, command, b"\x00\x00")
+
+
+class Panasonic(Device):
+    """``02 ADZZ;command 03``; nothing is answered while the lamp starts, and ER401 says that it cannot be done."""
+
+    def __init__(self, deaf: int = 4, stubborn: int = 2) -> None:
+        super().__init__()
+        self.on, self.shut, self.deaf, self.stubborn = False, True, deaf, stubborn
+
+    def take(self, buffer: bytearray) -> Iterator[bytes]:
+        while (end := buffer.find(b"\x03")) >= 0:
+            message = bytes(buffer[:end])
+            del buffer[: end + 1]
+            if self.on and self.deaf:
+                self.deaf -= 1
+            elif message.startswith(b"\x02ADZZ;"):
+                yield b"\x02" + self.answer(message[6:].decode("ascii", "replace")).encode() + b"\x03"
+
+    def answer(self, command: str) -> str:
+        if command in ("PON", "POF"):
+            self.on = command == "PON"
+            return command
+        if command == "QPW":
+            return f"{self.on:03d}"
+        if command in ("OSH:0", "OSH:1"):
+            self.stubborn -= bool(self.on and self.stubborn)
+            if not self.on or self.stubborn:
+                return "ER401"
+            self.shut = command == "OSH:1"
+            return command
+        return "ER401"
+
+
+class Sony(Device):
+    """``A9 item item type data data check 9A``, the check value an OR; a key of the remote control is not answered."""
+
+    ON, PICTURE_MUTING, POWER = b"\x17\x2e", b"\x00\x30", b"\x01\x02"
+
+    def __init__(self, warming: int = 3) -> None:
+        super().__init__()
+        self.on, self.muted, self.warming = False, True, warming
+
+    def take(self, buffer: bytearray) -> Iterator[bytes]:
+        while len(buffer) >= 8:
+            message = bytes(buffer[:8])
+            del buffer[:8]
+            item, kind, data = message[1:3], message[3], message[4:6]
+            if (message[0], message[7]) != (0xA9, 0x9A):
+                yield self.message(b"\xf0\x20", 3)  # framing error
+            elif message[6] != message[1] | message[2] | message[3] | message[4] | message[5]:
+                yield self.message(b"\xf0\x10", 3)
+            elif item == self.ON:
+                self.on = True
+            elif (item, kind) == (self.POWER, 1):
+                yield self.message(self.POWER, 2, self.power())
+            elif (item, kind) == (self.PICTURE_MUTING, 0) and self.on and not self.warming:
+                self.muted = data == b"\x00\x01"
+                yield self.message(b"\x00\x00", 3)
+            else:
+                yield self.message(b"\x01\x0a", 3)  # not applicable
+
+    def power(self) -> bytes:
+        """Standby, starting, starting its lamp, on."""
+        if not self.on:
+            return b"\x00\x00"
+        self.warming -= bool(self.warming)
+        return bytes([0, max(3 - self.warming, 1)])
+
+    @staticmethod
+    def message(item: bytes, kind: int, data: bytes = b"\x00\x00") -> bytes:
+        body, check = item + bytes([kind]) + data, 0
+        for byte in body:
+            check |= byte
+        return b"\xa9" + body + bytes([check, 0x9A])
 
 
 class Hitachi(Device):

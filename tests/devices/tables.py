@@ -22,7 +22,7 @@ from core.devices.profiles import read_profile
 from core.errors import DeviceError
 from core.resources import resource
 from tests.devices.manuals import Device, Dlpc350, Dlpc350OverI2c, Modbus, Optoma, plugged
-from tests.devices.presenters import Dlpc900, Epson, Hitachi, Nec, Pjlink
+from tests.devices.presenters import Dlpc900, Epson, Hitachi, Nec, Panasonic, Pjlink, Sony
 from tests.devices.test_screen_latency import Clock, measured
 
 DEVICES: dict[str, Callable[[], Device]] = {
@@ -30,6 +30,8 @@ DEVICES: dict[str, Callable[[], Device]] = {
     "epson": Epson,
     "nec": Nec,
     "hitachi": Hitachi,
+    "panasonic": Panasonic,
+    "sony": Sony,
     "pjlink": Pjlink,
     "modbus": lambda: Modbus(patterns=28),
     "lightcrafter4500": Dlpc350,

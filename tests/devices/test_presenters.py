@@ -15,10 +15,18 @@ from core.errors import DeviceError, InputError
 from core.patterns import Black, Line, White
 from core.resources import resource
 from tests.devices.manuals import Device, plugged
-from tests.devices.presenters import Barco, Dlpc900, Epson, Hitachi, Nec, Pjlink, Ricoh
+from tests.devices.presenters import Barco, Dlpc900, Epson, Hitachi, Nec, Panasonic, Pjlink, Ricoh, Sony
 from tests.devices.tables import DEVICES, tried
 
-QUICK = (("every_ms = 1000", "every_ms = 1"), ("gap_ms = 100", "gap_ms = 5"), ("gap_ms = 50", "gap_ms = 5"))
+QUICK = (
+    ("every_ms = 1000", "every_ms = 1"),
+    ("gap_ms = 100", "gap_ms = 5"),
+    ("gap_ms = 50", "gap_ms = 5"),
+    ("answer_ms = 2000", "answer_ms = 50"),
+    ("pause_ms = 3000", "pause_ms = 1"),
+    ("pause_ms = 500", "pause_ms = 1"),
+    ('parity = "even"', ""),  # a pseudo-terminal has none
+)
 
 
 @pytest.fixture
@@ -42,6 +50,8 @@ def own(tmp_path: Path):
         ("pjlink", Pjlink(), lambda d: d.power == 1 and not d.warming and d.muted == "30"),
         ("nec", Nec(), lambda d: d.on and not d.muted),
         ("hitachi", Hitachi(), lambda d: d.on == 1 and d.said == ["on", "power?"]),
+        ("panasonic", Panasonic(), lambda d: d.on and not d.deaf and not d.stubborn and not d.shut),
+        ("sony", Sony(), lambda d: d.on and not d.warming and not d.muted),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
@@ -96,8 +106,9 @@ def test_a_projector_is_switched_on_over_the_network_too(own) -> None:
     [
         ("epson", Epson(warming=10**6), r"on is 2 after"),
         ("pjlink", Pjlink(warming=10**6), r"on is 3 after"),
+        ("panasonic", Panasonic(deaf=10**6), "start: no answer"),
     ],
-    ids=["epson", "pjlink"],
+    ids=["epson", "pjlink", "panasonic"],
 )
 def test_a_projector_that_does_not_get_warm_is_told(own, name: str, device: Device, seen: str) -> None:
     offer_screens(lambda number: SimpleNamespace(size=(64, 48), present=list, close=list))
@@ -132,6 +143,18 @@ def test_a_refusal_of_one_byte_and_one_of_three_are_told_at_once(own) -> None:
             device.spoil = lambda data, answer=answer: answer
             with pytest.raises(DeviceError, match=rf"refused \({seen}\)"):
                 open_projector(f"screen:1?control={port}&profile={own(text)}")
+
+
+def test_only_a_device_that_has_answered_is_waited_for_in_silence_and_a_no_is_told_at_once(own) -> None:
+    """Within 90 s, which the profile gives for the lamp, this test would not end."""
+    device = Sony()
+    path = own(resource("profiles", "sony.toml").read_text().replace("answer_ms = 1000", "answer_ms = 20"))
+    refused = Sony.message(b"\x01\x01", 3)
+    with plugged(device) as port:
+        for answer, seen in ((b"", "no answer, 3 times"), (refused, r"refused \(unknown\), 3 times")):
+            device.spoil = lambda data, answer=answer: answer
+            with pytest.raises(DeviceError, match=seen):
+                open_projector(f"screen:1?control={port}&profile={path}")
 
 
 BARCO = """

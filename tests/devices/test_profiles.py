@@ -22,6 +22,7 @@ from core.errors import DeviceError, InputError
 from core.patterns import Black, Code, Level, Line, Phase, White, parse_sequence
 from core.resources import resource
 from tests.devices.manuals import Device, Dlpc350, Dlpc350OverI2c, Modbus, Optoma, Prompting, modbus_crc, plugged
+from tests.devices.tables import DEVICES
 
 PROMPTING = """
 format = "stripe-projector-profile"
@@ -79,6 +80,7 @@ def own(tmp_path: Path):
         ("sum8", 0xDD),
         ("sum16", 0x01DD),
         ("lrc", 0x23),
+        ("or8", 0x3F),
         ("xor8", 0x31),
         ("none", 0),
     ],
@@ -351,6 +353,11 @@ def test_frames_are_the_bytes_written_by_hand(own, entries: str, wire: str) -> N
         ("stripe-lines", ("OK SHOW {slot}", "OK SHOW {slott}"), r"line \d+: commands.select.expect: .*write slot"),
         ("stripe-lines", ("SHOW {slot}", "SHOW {slot:u8}"), r"line \d+: commands.select.send: format 'u8'"),
         ("modbus", ('"_warm&1" = 1', '"_cold&1" = 1'), r"commands.start.1.until: '_cold'"),
+        (
+            "optoma",
+            ("until = { on = 1 }", "until = { _k = 1 }"),
+            r"commands.start.1.until: '_k' is read as text",
+        ),
         ("modbus", ('check = "crc16-modbus"', ""), "end cannot be told"),
         ("modbus", ('sequence = "paper"', 'sequence = "papre"'), "papre"),
         ("lightcrafter4500", ('"40 {tag:u8} | 24', '"{tag:u8} | 24'), "heads of several lengths"),
@@ -364,7 +371,7 @@ def test_a_wrong_entry_is_named_with_its_line(own, profile: str, change: tuple[s
         read_profile(own(text.replace(*change, 1)))
 
 
-@pytest.mark.parametrize("name", ["modbus", "optoma", "lightcrafter4500", "lightcrafter4500-i2c"])
+@pytest.mark.parametrize("name", DEVICES)
 def test_every_profile_that_comes_along_says_what_it_was_tried_on(name: str) -> None:
     assert name in profile_names()
     assert "Tried against an emulator" in resource("profiles", f"{name}.toml").read_text()
