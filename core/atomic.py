@@ -6,6 +6,7 @@ import errno
 import hashlib
 import json
 import os
+import secrets
 import shutil
 import socket
 import tempfile
@@ -57,17 +58,19 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
         hooks[0](path)
         make_folder(path.parent, durable)
         _sweep_once(path.parent)
-        handle, name = tempfile.mkstemp(prefix=part_prefix(path.name), suffix=PART, dir=path.parent)
     except OSError as error:
         raise unwritable(path, error) from error
-    part = Path(name)
-    try:
-        with _told(path), os.fdopen(handle, "wb") as file:
+    part = path.with_name(f"{part_prefix(path.name)}{secrets.token_hex(4)}{PART}")
+    try:  # a signal between the name and the file leaves nothing
+        try:
+            file = part.open("xb")
+        except OSError as error:
+            raise unwritable(path, error) from error
+        with _told(path), file:
             yield file
             file.flush()
             if durable:
                 os.fsync(file.fileno())
-        part.chmod(0o666 & ~_umask())
         hooks[1](path, part)
         try:
             part.replace(path)
@@ -249,9 +252,3 @@ def unwritable(
 def _is_stream(path: Path) -> bool:
     """Whether a device or a pipe is there, such as /dev/null, which must not be replaced by a file."""
     return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

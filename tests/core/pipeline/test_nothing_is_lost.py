@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import json
 import os
@@ -144,6 +145,7 @@ def recorded(calls: list[tuple[Any, ...]], root: Path, monkeypatch: pytest.Monke
         return not isinstance(path, int) and str(path).startswith(str(root)) and not str(path).endswith(".lock")
 
     real = {name: getattr(os, name) for name in ("open", "mkdir", "rename", "replace", "unlink", "fsync")}
+    real_file = io.open
 
     def opened(path: Any, flags: int, *rest: Any, **named: Any) -> int:
         new = inside(path) and flags & os.O_CREAT and not os.path.exists(path)
@@ -151,6 +153,13 @@ def recorded(calls: list[tuple[Any, ...]], root: Path, monkeypatch: pytest.Monke
         if new:
             calls.append(("create", str(path)))
         return int(handle)
+
+    def filed(path: Any, mode: str = "r", *rest: Any, **named: Any) -> Any:
+        new = inside(path) and not {"w", "x"}.isdisjoint(mode) and not os.path.exists(path)
+        file = real_file(path, mode, *rest, **named)
+        if new:
+            calls.append(("create", str(path)))
+        return file
 
     def synced(handle: int) -> None:
         real["fsync"](handle)
@@ -168,6 +177,7 @@ def recorded(calls: list[tuple[Any, ...]], root: Path, monkeypatch: pytest.Monke
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "open", opened)
+        patch.setattr(io, "open", filed)
         patch.setattr(os, "fsync", synced)
         for kind, name in (("mkdir", "mkdir"), ("rename", "rename"), ("rename", "replace"), ("unlink", "unlink")):
             patch.setattr(os, name, noted(kind, name))
