@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -156,9 +157,8 @@ def _copy(work: Callable[[int, Progress], Any], turn: int, sender: Connection, r
     for reader in readers:
         reader.close()
     limit_threads(1)
-    import cv2
-
-    cv2.setNumThreads(1)
+    if "cv2" in sys.modules:
+        sys.modules["cv2"].setNumThreads(1)
     said = Progress(lambda fraction, message: sender.send((-1, message)))
     with suppress(BrokenPipeError):
         while number := os.read(turn, 4):

@@ -50,7 +50,7 @@ ALLOWED = {
     "checks": GROUND,
     "exchange": GROUND,
     "orient": GROUND | {"evaluate"},
-    "report": {"errors", "atomic", "progress", "resources", "model", "geometry"},
+    "report": {"errors", "atomic", "progress", "parallel", "resources", "model", "geometry"},
     "figures": {"geometry", "model"},
     "pipeline": GROUND
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}

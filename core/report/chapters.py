@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
+from core.parallel import can_fork, on_processes
 from core.progress import SILENT, Progress
 from core.report.data import ReportData
 from core.report.numbers import (
@@ -129,13 +130,17 @@ def tables(data: ReportData) -> list[Table]:
 
 
 def drawings(data: ReportData, *, progress: Progress = SILENT) -> dict[str, tuple[Drawing, ...]]:
-    """Draw everything for which there are data, by the key of its chapter."""
-    from core.report.figures.canvas import drawing_style
+    """Draw everything for which there are data, by the key of its chapter; chapters at once where that is safe."""
+    from core.report.figures.canvas import drawing_style, drawn
 
-    found = {}
-    with drawing_style():
-        for i, (key, chapter) in enumerate(CHAPTERS.items()):
-            progress(i / len(CHAPTERS), f"drawing: {chapter.title}")
-            found[key] = tuple(chapter.drawings(data))
+    chapters = list(CHAPTERS.values())
+
+    def draw(k: int, said: Progress) -> tuple[Drawing, ...]:
+        said(k / len(chapters), f"drawing: {chapters[k].title}")
+        with drawing_style():
+            return tuple(drawn(drawing) for drawing in chapters[k].drawings(data))
+
+    at_once = on_processes(draw, len(chapters), progress) if can_fork(len(chapters)) else None
+    found = dict(zip(CHAPTERS, at_once or (draw(k, progress) for k in range(len(chapters))), strict=True))
     progress(1.0, "figures drawn")
     return found

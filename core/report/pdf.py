@@ -175,7 +175,7 @@ def _column_widths(table: Table) -> list[float]:
 
 
 def _figure(drawing: Drawing) -> KeepTogether:
-    width, height = drawing.figure.get_size_inches()
+    width, height = drawing.size_in
     scale = min(TEXT_WIDTH / width, (TEXT_HEIGHT - 70) / height)  # the caption needs room on the same page
     shown = _Figure(drawing, width * scale, height * scale)
     caption = Paragraph(f"<b>{_escaped(drawing.title)}.</b> {_escaped(drawing.caption)}", _CAPTION)
@@ -215,7 +215,7 @@ class _Figure(Flowable):
         return self.size
 
     def draw(self) -> None:
-        scale = self.size[0] / (72 * self.drawing.figure.get_figwidth())
+        scale = self.size[0] / (72 * self.drawing.size_in[0])
         self.canv.scale(scale, scale)
         set_on_page(self.drawing, self.canv)
 

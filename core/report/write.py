@@ -32,9 +32,9 @@ def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) ->
     from core.report.html import html_text
     from core.report.pdf import pdf_bytes
 
-    document = compose(data, progress=progress.part(0.0, 0.3))
-    html = html_text(document, progress=progress.part(0.3, 0.65)).encode("utf-8")
-    pdf = pdf_bytes(document, progress=progress.part(0.65, 0.95))
+    document = compose(data, progress=progress.part(0.0, 0.8))
+    html = html_text(document, progress=progress.part(0.8, 0.85)).encode("utf-8")
+    pdf = pdf_bytes(document, progress=progress.part(0.85, 0.95))
     progress.check()
     paths = ReportPaths(Path(out) / "report.html", Path(out) / "report.pdf")
     contents = {paths.html: html, paths.pdf: pdf}

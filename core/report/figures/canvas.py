@@ -9,10 +9,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import matplotlib as mpl
 from matplotlib import font_manager
@@ -76,7 +75,14 @@ _RC = {
     "path.simplify": True,
 }
 
-_DRAWN: WeakKeyDictionary[Figure, tuple[str, tuple[Mark, ...]]] = WeakKeyDictionary()
+
+@dataclass(frozen=True)
+class Drawn:
+    """What a figure has become: its size, the SVG file's text, and what sets the same on a page of a PDF."""
+
+    size_in: tuple[float, float]
+    svg: str
+    marks: tuple[Mark, ...]
 
 
 @dataclass(frozen=True)
@@ -91,6 +97,8 @@ class Drawing:
         What to look at, in words.
     alternative : str
         What is seen, for whom it cannot be shown.
+    figure : Figure or Drawn
+        Drawn once for both files.
     """
 
     key: str
@@ -98,7 +106,15 @@ class Drawing:
     title: str
     caption: str
     alternative: str
-    figure: Figure
+    figure: Figure | Drawn
+
+    @property
+    def size_in(self) -> tuple[float, float]:
+        """Width and height."""
+        if isinstance(self.figure, Drawn):
+            return self.figure.size_in
+        width, height = self.figure.get_size_inches()
+        return float(width), float(height)
 
 
 @contextmanager
@@ -124,18 +140,25 @@ def _settle(figure: Figure) -> None:
         figure.set_layout_engine("none")
 
 
-def _drawn(drawing: Drawing) -> tuple[str, tuple[Mark, ...]]:
-    """Draw a figure, the first time it is asked for; images have 200 dpi."""
-    if (found := _DRAWN.get(drawing.figure)) is None:
-        with drawing_style():
-            _settle(drawing.figure)
-            found = _DRAWN[drawing.figure] = draw_once(drawing.figure, 200)
+def drawn(drawing: Drawing) -> Drawing:
+    """Draw the figure; images have 200 dpi."""
+    figure = drawing.figure
+    if isinstance(figure, Drawn):
+        return drawing
+    with drawing_style():
+        _settle(figure)
+        return replace(drawing, figure=Drawn(drawing.size_in, *draw_once(figure, 200)))
+
+
+def _strokes(drawing: Drawing) -> Drawn:
+    found = drawn(drawing).figure
+    assert isinstance(found, Drawn)
     return found
 
 
 def svg_text(drawing: Drawing) -> str:
     """Give the drawing as an SVG element to stand in a page, its colours as CSS variables."""
-    text = _drawn(drawing)[0]
+    text = _strokes(drawing).svg
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, count=1, flags=re.DOTALL)
     # names are unique in one drawing only, but must be in the whole page
@@ -149,7 +172,7 @@ def svg_text(drawing: Drawing) -> str:
 
 def set_on_page(drawing: Drawing, canvas: Canvas) -> None:
     """Set the drawing on a page of a PDF, its lower left corner at the origin, in points."""
-    for mark in _drawn(drawing)[1]:
+    for mark in _strokes(drawing).marks:
         mark(canvas)
 
 

@@ -14,8 +14,8 @@ from scipy.integrate import trapezoid
 
 from core.report import ReportData, pdf
 from core.report.adjusted import correlations
+from core.report.chapters import CHAPTERS, tables
 from core.report.chapters import drawings as drawn
-from core.report.chapters import tables
 from core.report.figures import Drawing, set_on_page, svg_text
 from core.report.figures.canvas import CSS_VARIABLES, drawing_style
 from core.report.figures.images import image_drawings, magnification
@@ -53,7 +53,8 @@ def test_the_response_is_drawn_and_told_by_its_power(data):
     level = np.linspace(0, 1, 65)
     curves = {name: np.column_stack([level, level**power]) for name, power in (("a", 2.2), ("b", 2.0), ("c", 2.1))}
     data = dataclasses.replace(data, responses={"projector": curves})
-    (drawing,) = drawn(data)["response"]
+    with drawing_style():
+        (drawing,) = CHAPTERS["response"].drawings(data)
     lines = drawing.figure.axes[0].get_lines()
     assert np.allclose(lines[-1].get_ydata(), level**2.1)
     (table,) = [t for t in tables(data) if t.title == "Response of projector"]
@@ -103,7 +104,8 @@ def test_a_plane_without_deviations_leaves_its_panel_empty(data, evaluations):
 
 def test_many_captures_are_spread_over_figures_on_one_scale(data, evaluations):
     many = tuple(dataclasses.replace(evaluations[0], capture=f"plane {i}", angle_deg=None) for i in range(9))
-    drawn_of = {drawing.key: drawing for drawing in drawings(ReportData(data.project, evaluations=many))}
+    with drawing_style():
+        drawn_of = {drawing.key: drawing for drawing in plane_drawings(ReportData(data.project, evaluations=many))}
     maps = [drawn_of[f"deviations-{i}"] for i in (1, 2, 3)]
     assert [len(images_of(d)) for d in maps] == [3, 3, 3]
     assert len({image.get_clim() for d in maps for image in images_of(d)}) == 1
