@@ -7,6 +7,7 @@ of JSON on standard input asks for one command, a line on standard output says h
 from __future__ import annotations
 
 import errno
+import io
 import json
 import os
 import signal
@@ -35,7 +36,7 @@ def disturbed(root: Path, number: int, what: Callable[[], None]) -> Iterator[lis
         return not isinstance(path, int) and os.fspath(path).startswith(str(root))
 
     real = {name: getattr(os, name) for name in ("open", "mkdir", "rename", "replace", "unlink", "rmdir", "link")}
-    real_fsync, real_fdopen = os.fsync, os.fdopen
+    real_fsync, real_fdopen, real_open = os.fsync, os.fdopen, io.open
 
     def wrapped(name: str) -> Callable[..., Any]:
         def call(path: Any, *rest: Any, **named: Any) -> Any:
@@ -55,7 +56,14 @@ def disturbed(root: Path, number: int, what: Callable[[], None]) -> Iterator[lis
             return Counting(file, counted)
         return file
 
+    def opened(path: Any, mode: str = "r", *rest: Any, **named: Any) -> Any:
+        if not inside(path) or {"w", "x"}.isdisjoint(mode):
+            return real_open(path, mode, *rest, **named)
+        counted("open")
+        return Counting(real_open(path, mode, *rest, **named), counted)
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(io, "open", opened)
         for name in real:
             patch.setattr(os, name, wrapped(name))
         patch.setattr(os, "fsync", fsync)
