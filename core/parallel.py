@@ -130,7 +130,7 @@ def on_processes(work: Callable[[int, Progress], T], count: int, progress: Progr
                 for reader in cast("list[Connection]", wait_for(readers, 0.05)):
                     try:
                         number, found = reader.recv()
-                    except EOFError:  # nothing left to do, or killed
+                    except (EOFError, OSError):  # nothing left to do, or killed, maybe in the middle of a word
                         readers.remove(reader)
                         continue
                     if number < 0:

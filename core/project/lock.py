@@ -40,6 +40,18 @@ DOCUMENT_LOCK = ".project.lock"  # beside project.json
 _WITHOUT = {getattr(errno, name) for name in ("ENOLCK", "EOPNOTSUPP", "ENOSYS", "EINVAL") if hasattr(errno, name)}
 _held: dict[str, tuple[int, int]] = {}  # by path: the thread that has it, and how many times
 _guard = threading.Lock()
+_handles: set[int] = set()  # of the files that are locked
+
+
+def _let_go() -> None:
+    """Close the locks in a copy of this process, which would hold them if it lived longer."""
+    while _handles:
+        with suppress(OSError):
+            os.close(_handles.pop())
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_let_go)
 
 
 def read_only(folder: Path) -> bool:
@@ -90,9 +102,11 @@ def lock(path: Path, work: str, wait_s: float = 0.0) -> Iterator[None]:
     try:
         if times == 0:
             handle = _take(path, work, until)
+            _handles.add(handle)
         yield
     finally:
         if handle >= 0:
+            _handles.discard(handle)
             _release(path, handle)
         with _guard:
             if times:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from core.errors import BusyError
+from core.project.lock import writing_results
 from tests.copies import copied
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are copied on Linux alone")
@@ -75,3 +77,34 @@ def test_targets_are_the_same_by_processes_and_by_threads(
         for folder in (project, calibrated_original)
     )
     assert by_processes == by_threads
+
+
+HOLDER = """
+import os, sys, time
+from pathlib import Path
+from core.parallel import limit_threads, on_processes
+from core.progress import Progress
+from core.project.lock import writing_results
+
+limit_threads(2)
+said = Progress(lambda fraction, message: print(message, flush=True))
+
+def work(k, progress):
+    progress(0.0, "at work")
+    time.sleep(2)
+
+with writing_results(Path(sys.argv[1]), "measure"):
+    list(on_processes(work, 3, said))
+"""
+
+
+def test_who_is_killed_leaves_no_lock_to_its_copies(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path)], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "at work\n"
+        with pytest.raises(BusyError, match=str(holder.pid)), writing_results(tmp_path, "test"):
+            pass
+        holder.kill()
+        holder.wait()
+        with writing_results(tmp_path, "test"):  # at once: its copies are still asleep
+            pass
