@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -31,6 +32,7 @@ from core.geometry import (
     rotation_vector_from_matrix,
 )
 from core.model import Array, DeviceSpec, Interior, Ints
+from core.numerics import least_squares
 
 LEAST_TARGETS = 4
 TARGETS_TO_START = 20
@@ -210,8 +212,6 @@ def _derivatives(spec: DeviceSpec, parameters: Array, places: Array, z: Array) -
 
 def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array, known: Known, rounds: int = 3) -> _Solution:
     """Least squares from one start, repeated with the variances that the residuals before it show."""
-    from scipy.optimize import least_squares  # takes longer to import than an adjustment that needs none of it
-
     places = np.concatenate([plane.xyz_mm for plane in planes])
     target = np.unique(np.concatenate([plane.target for plane in planes]), return_inverse=True)[1]
     z = np.concatenate([np.full(len(plane.uv), plane.z_mm) for plane in planes])
@@ -238,10 +238,10 @@ def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array, known
 
     p, sigmas = start[:-1] / scale, (1.0, 0.0)
     for _ in range(rounds):
-        solution = least_squares(residuals, p, jacobian, args=sigmas, x_scale=1.0, method="lm", max_nfev=4000)
-        p = solution.x
+        own, shared = sigmas
+        p, J = least_squares(partial(residuals, own=own, shared=shared), partial(jacobian, own=own, shared=shared), p)
         sigmas = _sigmas(misfit(p), target)
-    covariance = np.linalg.pinv(solution.jac.T @ solution.jac, hermitian=True) * np.outer(scale, scale)
+    covariance = np.asarray(np.linalg.pinv(J.T @ J, hermitian=True) * np.outer(scale, scale), np.float64)
     rest = misfit(p)
     return _Solution(np.append(p * scale, sign), float(np.sum(rest**2)), rest, covariance)
 

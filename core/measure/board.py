@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.model import Testfield
-from core.numerics.neighbours import kd_tree
+from core.numerics import nearest
 
 Array = NDArray[np.float64]
 NEIGHBOURS = 24  # the 5 x 5 surroundings of a target in a regular grid
@@ -72,14 +72,15 @@ def _checked(field: Testfield, where: str) -> Board:
         if key in index:
             raise InputError(where, f"target row {key[0]}, col {key[1]} stands there twice", "remove one of the two")
         index[key] = i
-    distance, order = kd_tree(xyz).query(xyz, k=min(NEIGHBOURS + 1, n))
-    overlap = np.flatnonzero(distance[:, 1] < 0.5 * diameter)
+    order = nearest(xyz, min(NEIGHBOURS + 1, n))
+    distance = np.linalg.norm(xyz[order[:, 1]] - xyz, axis=1)
+    overlap = np.flatnonzero(distance < 0.5 * diameter)
     if len(overlap):
         i, j = int(overlap[0]), int(order[overlap[0], 1])
         raise InputError(
             where,
             f"targets row {field.row[i]}, col {field.col[i]} and row {field.row[j]}, col {field.col[j]} "
-            f"are {distance[i, 1]:.3g} mm apart and overlap",
+            f"are {distance[i]:.3g} mm apart and overlap",
             "correct their coordinates",
         )
     flat, has_front = _in_its_plane(xyz, where)
@@ -88,7 +89,7 @@ def _checked(field: Testfield, where: str) -> Board:
         col=field.col,
         xyz_mm=flat,
         radius_mm=diameter / 2,
-        spacing_mm=distance[:, 1],
+        spacing_mm=distance,
         neighbours=order[:, 1:],
         index=index,
         has_front=has_front,

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from core.measure.kernels import in_bands, weighted_moments
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
-from core.numerics import MEDIAN_OF_NORMAL, inverse_2x2, normal_equations, row_median
-from core.numerics.neighbours import kd_tree
+from core.numerics import MEDIAN_OF_NORMAL, inverse_2x2, nearest, normal_equations, row_median
 
 Array = NDArray[np.float64]
 
@@ -98,8 +97,8 @@ def light_gradient(uv: Array, contrast: Array, inside: Array, weight: Array) -> 
     k = min(NEIGHBOURS, len(uv))
     if k < LEAST_NEIGHBOURS:
         return np.zeros_like(uv), np.zeros((len(uv), 2, 2))
-    distance, near = kd_tree(uv).query(uv, k=k)
-    scale = distance[:, -1:]
+    near = nearest(uv, k)
+    scale = np.linalg.norm(uv[near[:, -1]] - uv, axis=1, keepdims=True)
     x, y = np.moveaxis((uv[near] - uv[:, None, :]) / scale[..., None], 2, 0)
     one, none = np.ones_like(x), np.zeros_like(x)
     value = [one, x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3]

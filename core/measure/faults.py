@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from core.measure.light import CUT
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
-from core.numerics import MEDIAN_OF_NORMAL, row_median, sigma_by_median
-from core.numerics.neighbours import kd_tree
+from core.numerics import MEDIAN_OF_NORMAL, nearest, row_median, sigma_by_median
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -82,7 +81,7 @@ def shape_faults(
 def _scale_among_neighbours(uv: Array, size: Array) -> tuple[Array, float]:
     """Sizes (m,) over the median of the nine nearest dots, and the robust spread of their logarithms."""
     place = np.where(np.isfinite(uv), uv, -1e6)
-    near = kd_tree(place).query(place, k=min(9, len(uv)))[1].reshape(len(uv), -1)
+    near = nearest(place, min(9, len(uv)))
     scale = size / row_median(np.where(size > 0, size, np.nan)[near])
     return scale, sigma_by_median(np.log(scale))
 

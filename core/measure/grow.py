@@ -8,7 +8,6 @@ prediction says, alone there, and of the size, shape and contrast of its neighbo
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,7 @@ from numpy.typing import NDArray
 from core.measure.blobs import Blobs, scale_and_roundness
 from core.measure.board import Board
 from core.measure.view import View, fit_both_tilts, fit_view
-from core.numerics import inverse_2x2, normal_equations, row_median
-from core.numerics.neighbours import kd_tree
+from core.numerics import inverse_2x2, nearest, normal_equations, row_median
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -54,7 +52,6 @@ class Lattice:
 
 def grow(lattice: Lattice) -> None:
     """Identify target after target until no further one can be."""
-    tree = kd_tree(lattice.blobs.uv)
     adjacent = lattice.board.neighbours[:, :ADJACENT]
     least = 1
     while True:
@@ -63,13 +60,13 @@ def grow(lattice: Lattice) -> None:
         beside, around = known[adjacent].sum(axis=1), known[lattice.board.neighbours].sum(axis=1)
         # next to what is known first; only when that is exhausted across a gap, and then from at least three
         frontier = np.flatnonzero(~known & (beside >= min(least, known.sum())))
-        if not (len(frontier) and _extend(lattice, tree, frontier)):
+        if not (len(frontier) and _extend(lattice, frontier)):
             if least == 2:
                 frontier = np.flatnonzero(~known & (beside >= 1))
-                if len(frontier) and _extend(lattice, tree, frontier):
+                if len(frontier) and _extend(lattice, frontier):
                     continue
             frontier = np.flatnonzero(~known & (around >= 3))
-            if not (len(frontier) and _extend(lattice, tree, frontier)):
+            if not (len(frontier) and _extend(lattice, frontier)):
                 return
         least = 2
 
@@ -158,7 +155,7 @@ def _refit(lattice: Lattice) -> None:
         lattice.view = view
 
 
-def _extend(lattice: Lattice, tree: Any, frontier: Ints) -> bool:
+def _extend(lattice: Lattice, frontier: Ints) -> bool:
     """Try to identify the targets of the frontier; True if at least one was."""
     uv, jacobian, support = predict(lattice, frontier)
     sane = np.all(np.isfinite(uv), axis=1) & np.all(np.isfinite(jacobian), axis=(1, 2))
@@ -166,7 +163,7 @@ def _extend(lattice: Lattice, tree: Any, frontier: Ints) -> bool:
     if not len(frontier):
         return False
     choices = min(CHOICES, len(lattice.blobs.uv))
-    spot = tree.query(uv, k=choices)[1].reshape(len(frontier), choices)
+    spot = nearest(lattice.blobs.uv, choices, of=uv)
     distance = _on_board(lattice, frontier, lattice.blobs.uv[spot] - uv[:, None, :], jacobian)
     tolerance = np.where(support >= 3, NEAR, NEAR_FEW)
     alike, why = _alike(lattice, frontier, spot, jacobian)

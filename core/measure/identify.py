@@ -15,8 +15,7 @@ from core.measure.grow import Lattice, grow, predict, prune
 from core.measure.picks import Picks
 from core.measure.view import View, first_view
 from core.model import DeviceSpec
-from core.numerics import inverse_2x2
-from core.numerics.neighbours import kd_tree
+from core.numerics import inverse_2x2, nearest
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -201,7 +200,7 @@ def _spots_at(lattice: Lattice, uv: Array, unit: Array, alike: bool = False) -> 
     sane = np.all(np.isfinite(uv), axis=1) & np.all(np.isfinite(unit), axis=(1, 2))
     found = np.zeros(len(uv), bool)
     if np.any(free) and np.any(sane):
-        near = lattice.blobs.uv[free][kd_tree(lattice.blobs.uv[free]).query(uv[sane])[1]]
+        near = lattice.blobs.uv[free][nearest(lattice.blobs.uv[free], of=uv[sane])[:, 0]]
         away = inverse_2x2(unit[sane]) @ (near - uv[sane])[..., None]
         found[sane] = np.hypot(away[:, 0, 0], away[:, 1, 0]) < 0.2
     return found

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import DeviceSpec
-from core.numerics import normal_equations, row_median
-from core.numerics.neighbours import kd_tree
+from core.numerics import nearest, normal_equations, row_median
 
 Array = NDArray[np.float64]
 
@@ -41,7 +40,7 @@ def line_gradients(camera_uv: Array, projector_uv: Array) -> Array:
         known = np.flatnonzero(np.isfinite(lines))
         if len(known) < LEAST_NEIGHBOURS:
             continue
-        near = known[kd_tree(camera_uv[known]).query(camera_uv, k=min(NEIGHBOURS, len(known)))[1]]
+        near = known[nearest(camera_uv[known], min(NEIGHBOURS, len(known)), of=camera_uv)]
         offset = camera_uv[near] - camera_uv[:, None]
         A = np.concatenate([np.ones((*near.shape, 1)), offset], axis=2)
         weight = np.ones(near.shape)

@@ -1,7 +1,8 @@
 """Numbers without a subject: what several rooms need, told once, and light to import.
 
 distributions.py   limits of the distributions that tests of hypotheses ask for; the error function
-neighbours.py      the nearest of a few thousand places
+neighbours.py      the nearest of a few hundred places
+marquardt.py       nonlinear least squares of few unknowns
 cholesky.py        a symmetric system: factor, solution, inverse
 robust.py          spreads and medians that gross errors do not move; small fits to many places at once
 interpolation.py   between the pixels of an image
@@ -10,6 +11,7 @@ interpolation.py   between the pixels of an image
 from core.numerics.cholesky import factor_of, inverse_by, solution_by
 from core.numerics.distributions import chi_square_limit, erf, fisher_above, fisher_limit, normal_limit
 from core.numerics.interpolation import four_pixels
+from core.numerics.marquardt import least_squares
 from core.numerics.neighbours import nearest
 from core.numerics.robust import (
     MEDIAN_OF_NORMAL,
@@ -31,6 +33,7 @@ __all__ = [
     "four_pixels",
     "inverse_2x2",
     "inverse_by",
+    "least_squares",
     "nearest",
     "normal_equations",
     "normal_limit",

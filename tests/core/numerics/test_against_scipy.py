@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import special
+from scipy import optimize, special
 from scipy.spatial import cKDTree
 
 from core.numerics import (
@@ -14,6 +14,7 @@ from core.numerics import (
     fisher_above,
     fisher_limit,
     inverse_by,
+    least_squares,
     nearest,
     normal_limit,
     solution_by,
@@ -49,6 +50,32 @@ def test_neighbours(n, k):
     places, asked = rng.normal(size=(n, 2)), rng.normal(size=(300, 2))
     assert np.array_equal(nearest(places, k, of=asked), cKDTree(places).query(asked, k=[*range(1, k + 1)])[1])
     assert np.array_equal(nearest(places, k)[:, 0], np.arange(n))
+
+
+def test_a_nonlinear_fit_and_a_valley_end_where_scipy_ends():
+    t = np.linspace(0, 3, 60)
+    seen = 2 * np.exp(-1.3 * t) * np.cos(4 * t) + np.random.default_rng(5).normal(0, 0.01, 60)
+
+    def wave(x):
+        return x[0] * np.exp(-x[1] * t) * np.cos(x[2] * t) - seen
+
+    def by_wave(x):
+        envelope = np.exp(-x[1] * t)
+        cosine, sine = np.cos(x[2] * t), np.sin(x[2] * t)
+        return np.stack([envelope * cosine, -x[0] * t * envelope * cosine, -x[0] * t * envelope * sine], axis=1)
+
+    for misfit, jacobian, start in (
+        (wave, by_wave, [1.0, 0.5, 3.5]),
+        (
+            lambda x: np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]]),  # Rosenbrock's
+            lambda x: np.array([[-20 * x[0], 10.0], [-1.0, 0.0]]),
+            [-1.2, 1.0],
+        ),
+    ):
+        found, J = least_squares(misfit, jacobian, start)
+        theirs = optimize.least_squares(misfit, start, jacobian, method="lm", ftol=1e-15, xtol=1e-15, gtol=1e-15)
+        assert np.allclose(found, theirs.x, rtol=1e-9)
+        assert np.allclose(J, theirs.jac, rtol=1e-7, atol=1e-9)
 
 
 @pytest.mark.parametrize("n", [1, 31, 33, 160, 333, 759])
