@@ -133,7 +133,7 @@ def test_a_turn_that_the_image_tells_is_kept(board, monkeypatch, tmp_path):
         return replace(image, capture=capture.name), (SAME,), None
 
     monkeypatch.setattr(measure, "measured_or_why", recognised)
-    monkeypatch.setattr(measure, "phase_maps", lambda _project, captures, _progress: [(c, None) for c in captures])
+    monkeypatch.setattr(measure, "from_phase_maps", lambda _p, due, what, _: [(c, what(c, None)) for c in due])
     monkeypatch.setattr(measure, "signs_of", lambda _project, captures, _sides: {c.path: c.name for c in captures})
     monkeypatch.setattr(measure, "kept_targets", lambda _project: tuple(kept))
     counts = []
