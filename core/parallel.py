@@ -152,8 +152,8 @@ def on_processes(work: Callable[[int, Progress], T], count: int, progress: Progr
 def _copy(work: Callable[[int, Progress], Any], turn: int, sender: Connection, readers: list[Connection]) -> None:
     """Work on pieces until none is left, or nobody reads any more what comes of them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who was copied ends its copies
-    for ending in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(ending, signal.SIG_DFL)
+    for ending in ("SIGTERM", "SIGHUP"):  # what can be copied has both
+        signal.signal(getattr(signal, ending), signal.SIG_DFL)
     for reader in readers:
         reader.close()
     limit_threads(1)
