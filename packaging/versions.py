@@ -2,7 +2,8 @@
 
 For each interpreter that is here, the lowest and the newest versions that the bounds admit are installed into an
 environment of their own with uv, every module is imported, and a small project goes the road from simulation to report.
-At the end `pip uninstall` has to leave nothing behind. First of all, wheel and archive of the sources are built twice,
+At the end `pip uninstall` has to leave nothing behind. With `--kernels` a wheel brings compiled kernels along, and none
+may be compiled on the road. First of all, wheel and archive of the sources are built twice,
 by people whose files have other rights, and have to be equal byte for byte. Prints a table; the exit code is 1 if
 anything failed.
 """
@@ -43,6 +44,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="versions.py", description=__doc__.splitlines()[0])
     parser.add_argument("--python", nargs="+", default=PYTHONS, metavar="X.Y")
     parser.add_argument("--only", choices=("lowest", "newest"))
+    parser.add_argument("--kernels", action="store_true", help="try a wheel with kernels: some minutes more for each")
     options = parser.parse_args()
     uv = shutil.which("uv")
     if uv is None:
@@ -56,7 +58,7 @@ def main() -> int:
             continue
         for which in [options.only] if options.only else ["lowest", "newest"]:
             with tempfile.TemporaryDirectory(prefix="stripe-versions-") as folder:
-                outcome = trial(uv, found.stdout.strip(), which, Path(folder))
+                outcome = trial(uv, found.stdout.strip(), which, Path(folder), options.kernels)
             print(f"{python} {which:7s} {outcome}", flush=True)
             failed |= "FAILED" in outcome
     return int(failed)
@@ -92,9 +94,9 @@ def copy(source: Path) -> None:
     shutil.copytree(ROOT, source, ignore=ignored, copy_function=shutil.copyfile)
 
 
-def trial(uv: str, interpreter: str, which: str, folder: Path) -> str:
+def trial(uv: str, interpreter: str, which: str, folder: Path, with_kernels: bool) -> str:
     """Install, import, go the road, remove; give what became of it."""
-    source, home = folder / "source", folder / "home"
+    source, home, kernels, wheels = (folder / name for name in ("source", "home", "kernels", "wheels"))
     copy(source)
     home.mkdir()
     environment = folder / "env"
@@ -102,10 +104,19 @@ def trial(uv: str, interpreter: str, which: str, folder: Path) -> str:
     own = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
     own |= {"QT_QPA_PLATFORM": "offscreen", "OPENBLAS_NUM_THREADS": "1", "XDG_CACHE_HOME": str(home)}
     resolution = {"lowest": "lowest-direct", "newest": "highest"}[which]
-    install = [uv, "pip", "install", "-q", "--python", str(python), "--resolution", resolution]
+    install = [uv, "pip", "install", "-q", "--python", str(python)]
+    rebuild = [
+        [str(python), str(source / "packaging/kernels.py"), str(kernels)],
+        [uv, "build", "-q", "--wheel", "--python", str(python), "--out-dir", str(wheels), str(source)],
+        [*install, "--reinstall", "--no-deps", "--no-index", "--find-links", str(wheels), "stripe-workbench"],
+    ]
+    if with_kernels:
+        kernels.mkdir()  # empty, until they are compiled
+        own |= {"STRIPE_KERNELS": str(kernels)}
     steps = [
         [uv, "venv", "-q", "--seed", "--python", interpreter, str(environment)],
-        [*install, f"{source}[gui,devices,batch]"],
+        [*install, "--resolution", resolution, f"{source}[gui,devices,batch]"],
+        *(rebuild if with_kernels else ()),
         [str(python), "-c", IMPORTS],
         *([str(python), "-m", "core", *step.split()] for step in ROAD),
         [str(python), "-m", "pip", "uninstall", "-q", "-y", "stripe-workbench"],
@@ -120,6 +131,8 @@ def trial(uv: str, interpreter: str, which: str, folder: Path) -> str:
             return f"FAILED {' '.join(step[-6:])}: {last[-1][:300]}"
     left = [p for p in (environment / "lib").rglob("*") if p.parts[-1] in ("core", "stripe_gui", "stripe_resources")]
     left = [p for p in left if p.parent.name == "site-packages"]
+    if with_kernels and (anew := sorted(path.name for path in home.glob("stripe-workbench/**/*.kernel"))):
+        return f"FAILED {len(anew)} kernels were compiled though the wheel brings some, as {anew[0]}"
     return f"FAILED uninstall left {left[0]}" if left else f"ok  {versions}"
 
 
