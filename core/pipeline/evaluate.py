@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from core.errors import InputError
 from core.figures import evaluation_figures
@@ -19,7 +20,7 @@ from core.model import (
 )
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.causes import because_of
-from core.pipeline.decode import phase_maps
+from core.pipeline.decode import from_phase_maps
 from core.pipeline.folders import captures_of, result_path
 from core.pipeline.inputs import evaluated_from
 from core.pipeline.judge import calibration_rms, judge_planes
@@ -33,6 +34,8 @@ from core.project.lock import read_only, writing_results
 
 TOGETHER = "all devices"  # in place of the projector, where all that saw a point made it
 OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to a plane
+
+Row = tuple[PlaneEvaluation, float, Sequence[str]]  # what the calibration alone makes of it, what is said of it
 
 
 def evaluate_project(
@@ -93,60 +96,85 @@ def _judge(
     project: Project, planes: Sequence[Capture], calibrations: Mapping[Method, Calibration], progress: Progress
 ) -> tuple[PlaneEvaluation, ...]:
     from core.checks import end_notes, light_end
-    from core.evaluate import evaluate_plane
-
-    evaluations = []
-    ends = {}
-    calibrated: dict[tuple[str, Method, str, str], float] = {}
-    notes: dict[str, tuple[str, ...]] = {}
-    seen: dict[str, list[PhaseMap]] = {}
-
-    def judge(capture: Capture, phase: PhaseMap, name: Method, cloud: PointCloud, said: Sequence[str], by: str) -> None:
-        calibrated[capture.name, name, phase.camera, by] = calibration_rms(cloud)
-        method, notes[capture.name] = METHODS[name], tuple(dict.fromkeys((*notes.get(capture.name, ()), *said)))
-        with because_of({capture.name: said}):
-            row = evaluate_plane(
-                phase,
-                cloud,
-                capture=capture.name,
-                angle_deg=capture.angle_deg,
-                method=name,
-                camera=method.camera(phase, calibrations[name]),
-                outside=method.outside,
-            )
-        evaluations.append(replace(row, devices=(phase.camera, by)))
 
     of_whole = {capture.name: capture for capture in planes}
-    for capture, phase in phase_maps(project, planes, progress):
-        seen.setdefault(capture.name, []).append(phase)
-        if (phase.camera, phase.projector) == (project.rig.camera_name, project.rig.projector_name):
-            ends[capture.name] = light_end(phase.u), light_end(phase.v)
-        for name, calibration in calibrations.items():
-            progress.check()
-            if not METHODS[name].one_pair or phase.camera == project.rig.camera_name:
-                try:
-                    cloud = METHODS[name].reconstruct(phase, calibration, False, progress.quiet())
-                except InputError as error:
-                    if error.where != "phase map":
-                        raise
-                    raise InputError(
-                        capture.path, error.seen, f"{error.remedy}, or take it out of project.json"
-                    ) from error
-                said = (*phase.notes, *_moved(phase, calibration, capture.name))
-                judge(capture, phase, name, cloud, said, phase.projector)
-        if 1 < len(of_whole[capture.name].pairs) == len(seen[capture.name]):
-            together = seen.pop(capture.name)
+
+    def by_pair(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap | None, Any, list[Row]]:
+        usual = (phase.camera, phase.projector) == (project.rig.camera_name, project.rig.projector_name)
+        end = (light_end(phase.u), light_end(phase.v)) if usual else None
+        own = phase.camera == project.rig.camera_name
+        rows = [
+            _by_itself(capture, phase, name, calibration, progress)
+            for name, calibration in calibrations.items()
+            if own or not METHODS[name].one_pair
+        ]
+        return phase if len(of_whole[capture.name].pairs) > 1 else None, end, rows
+
+    found: list[Row] = []
+    ends: dict[str, Any] = {}
+    seen: dict[str, list[PhaseMap]] = {}
+    for capture, (phase, end, rows) in from_phase_maps(project, planes, by_pair, progress):
+        found += rows
+        if end is not None:
+            ends[capture.name] = end
+        if phase is not None:
+            seen.setdefault(capture.name, []).append(phase)
+        if len(together := seen.get(capture.name, ())) == len(of_whole[capture.name].pairs):
             for name, calibration in calibrations.items():
                 if isinstance(calibration, PhotogrammetricCalibration):
                     clouds = joint_clouds(together, calibration, progress=progress.quiet())
                     for one in {p.camera: p for p in together if p.camera in clouds}.values():
-                        judge(capture, one, name, clouds[one.camera], (), TOGETHER)
+                        found.append(_judged(capture, one, name, calibration, clouds[one.camera], (), TOGETHER))
+            del seen[capture.name]
+    calibrated = {(row.capture, row.method, *row.devices): rms for row, rms, _ in found}
+    notes: dict[str, tuple[str, ...]] = {}
+    for row, _, said in found:
+        notes[row.capture] = tuple(dict.fromkeys((*notes.get(row.capture, ()), *said)))
     progress.check()
     for name, text in end_notes(ends, project.projector).items():
         notes[name] = (text, *notes.get(name, ()))
     order = list(METHODS)
     verdicts = {m: c.verdict for m, c in calibrations.items() if c.verdict is not None}
-    return judge_planes(sorted(evaluations, key=lambda e: order.index(e.method)), calibrated, notes, verdicts)
+    result = sorted((row for row, *_ in found), key=lambda e: order.index(e.method))
+    return judge_planes(result, calibrated, notes, verdicts)
+
+
+def _by_itself(capture: Capture, phase: PhaseMap, name: Method, calibration: Calibration, progress: Progress) -> Row:
+    """Judge a plane by one pair of devices."""
+    progress.check()
+    try:
+        cloud = METHODS[name].reconstruct(phase, calibration, False, progress.quiet())
+    except InputError as error:
+        if error.where != "phase map":
+            raise
+        raise InputError(capture.path, error.seen, f"{error.remedy}, or take it out of project.json") from error
+    said = (*phase.notes, *_moved(phase, calibration, capture.name))
+    return _judged(capture, phase, name, calibration, cloud, said, phase.projector)
+
+
+def _judged(
+    capture: Capture,
+    phase: PhaseMap,
+    name: Method,
+    calibration: Calibration,
+    cloud: PointCloud,
+    said: Sequence[str],
+    by: str,
+) -> Row:
+    from core.evaluate import evaluate_plane
+
+    method = METHODS[name]
+    with because_of({capture.name: said}):
+        row = evaluate_plane(
+            phase,
+            cloud,
+            capture=capture.name,
+            angle_deg=capture.angle_deg,
+            method=name,
+            camera=method.camera(phase, calibration),
+            outside=method.outside,
+        )
+    return replace(row, devices=(phase.camera, by)), calibration_rms(cloud), said
 
 
 def _moved(phase: PhaseMap, calibration: Calibration, capture: str) -> tuple[str, ...]:
