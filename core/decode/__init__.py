@@ -26,6 +26,7 @@ agreement.py  how far several periods contradict each other, and what that adds 
 sections.py   light sections: the centroid over a sweep of lines
 likelihood.py words that only a look-up tells apart, by the likelihood of all frames
 book.py       the words of an axis under every blur, and the kernels that find a pixel among them
+edges.py      how surely the edges of a Gray code alone tell the place
 ripple.py     whole lines' ripple on sine fringes
 rim.py        the rim of the projected field, where fringes are cut
 """

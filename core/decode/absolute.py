@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from core.decode.agreement import contradiction, refuse_open_orders, widen
 from core.decode.curves import LEVELS
+from core.decode.edges import sigma_of_edges
 from core.decode.estimate import Planes, estimable, refine
 from core.decode.exposures import DEEPEST, fuse_exposures
 from core.decode.fitting import estimate_response
@@ -38,7 +39,7 @@ from core.decode.sample import (
     take_sample,
 )
 from core.decode.sections import decode_sections, measure_ripple, section_scratch
-from core.decode.tables import SWEEP, AxisTable, Limits, Rows, Singles, axis_table, image_row, make_rows, no_axis
+from core.decode.tables import CODE, SWEEP, AxisTable, Limits, Rows, Singles, axis_table, image_row, make_rows, no_axis
 from core.errors import InputError
 from core.model import PhaseMap
 from core.parallel import run_in_bands
@@ -157,6 +158,8 @@ def decode(
             drop_rim(coordinate, s, flags, float(tables[axis].lines), float(tables[axis].rim), missing)
         if axis in sines:
             take_ripple_out(coordinate, s)
+        if tables[axis].start == CODE and tables[axis].gray and not len(tables[axis].period):
+            sigma_of_edges(coordinate, s, float(tables[axis].cell))
         apart = contradiction(arrays, tables[axis], limits, sequence.image_rows)
         if apart is not None:
             widen(s, apart.lines)

@@ -9,7 +9,7 @@ import numpy as np
 
 from core.decode.compiled import HALF, INT, NONE, ONE, ZEROTH, F, part, pixel_sum, turn_of
 from core.decode.options import Flag
-from core.decode.words import cell_of, word_of
+from core.decode.words import COARSEST, cell_of, coarser, word_of
 
 UNSURE, DISAGREEMENT = INT(Flag.UNSURE), INT(Flag.DISAGREEMENT)
 
@@ -46,6 +46,9 @@ def settle(table, source, limits, turns, noise, seen, count, soft, place, flags)
             blunt = max(max(dark + shot * threshold[i], floor) * per_contrast * per_contrast, BLUNT * BLUNT)
             sigma = period * np.sqrt(noise[i])
             place[i], certain = most_likely(gray, cell, lines, period, sigma, blunt, soft, word[i], loose, turn)
+            if not certain and gray and period == F(0) and unsure[i] != NONE:
+                middle, noise[i] = coarser(word[i], unsure[i], COARSEST)
+                place[i], certain = middle * cell - HALF, noise[i] != F(0)
             if not certain:
                 flags[i] |= UNSURE if unsure[i] != NONE else DISAGREEMENT
 

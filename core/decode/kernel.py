@@ -165,7 +165,8 @@ def decode_pixels(  # type: ignore[no-untyped-def]
                 unwrap(table, turns, variance, count, u, one, two, flag)
                 weigh(table, limits, turns, variance, count, u, one, two, s, flag)
             else:
-                fill(s, 0, count, table.cell / np.sqrt(F(12)))
+                for i in range(count):
+                    s[i] = table.cell * one[i] / np.sqrt(F(12))
             at_rim |= _finish(table, axis, count, u, s, amplitude, flag, u_out, s_out, least, every) << axis
         _even_image(image_rows, plain, source, count, image[here])
         m_out, f_out = modulation[here], flags[here]

@@ -81,7 +81,8 @@ def notes_on(
     seen, lost = flags[lit], missing[lit]
     if lost.mean() <= 1 - PROMISED:
         return (), False
-    clipped = (sample.max(axis=0)[lit] >= limits.saturation) & (seen & np.uint8(ORDER) != 0)
+    waves = any(len(table.period) for table in tables)  # a code is told by light at full scale, too
+    clipped = (sample.max(axis=0)[lit] >= limits.saturation) & (seen & np.uint8(ORDER) != 0) & waves
     seen = np.where(clipped, np.uint8(Flag.SATURATED), seen)
     head = f"Only {1 - lost.mean():.0%} of the pixels that the projector lights decode"
     usual = float(np.median(noise[lit]))

@@ -22,6 +22,7 @@ from core.decode.noise import (
 from core.decode.options import DecodeOptions
 from core.decode.response import Wave
 from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, modulation_of, sums_of
+from core.decode.words import BLURRED
 from core.errors import InputError
 from core.parallel import run_in_bands
 
@@ -36,6 +37,7 @@ ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which 
 OWN = 0.7  # part of the contrast of white and black that that of bits and their inverses should have
 SEVERAL = 0.03  # part of the lit pixels in which it is less, from which the bits themselves tell the contrast
 USUAL = 0.6  # part of the usual contrast that a code alone must have
+RESOLVED = 0.15  # part of the whole contrast that a fine bit must have in the mean for its sign to tell anything
 LEAST_CONTRAST = np.float32(1e-6)  # that divides
 BRIGHT = 0.6  # part of the range of mean grey values beyond which a pixel is bright
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
@@ -319,4 +321,6 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
     alone = not table.has_contrast and len(table.period) == 0
     usual = np.median(contrast[lit] / np.maximum(threshold[lit], 1)) if alone else 0
     fading = np.minimum(np.maximum(1.5 * share, 0.2), 1.0).astype(np.float32)
+    if table.gray and len(table.period) == 0:  # nothing but the bits tells the place
+        fading[len(share) - int(np.argmax(share[::-1] > RESOLVED)) :] = BLURRED
     return table._replace(fading=fading, least_contrast=np.float32(USUAL * usual))

@@ -10,6 +10,7 @@ from core.decode.compiled import (
     NONE,
     ONE,
     TILE,
+    ZEROTH,
     F,
     fill,
     grey_at,
@@ -29,6 +30,8 @@ NOISE_BIT = F(3.5)  # a bit nearer to its threshold, in standard deviations, is 
 EDGE = F(0.35)  # cells: how far from the edge of a cell code and phase may see it
 CLOSE = F(0.2)  # lines: so near to an edge of binary code all bits that change there are unsure
 TWO_PLACES = INT(1 << 30)  # no bit, but a reason for doubt
+COARSEST = 4  # lowest bits that code alone may do without, where fine stripes are blurred
+BLURRED = F(4)  # stands for the contrast of a bit that is not resolved: it is always unsure
 NEAR = F(0.6)  # part of half the contrast: a bit nearer to its threshold is at an edge
 
 
@@ -169,6 +172,27 @@ def cell_of(gray, word):  # type: ignore[no-untyped-def]
 
 
 @part
+def coarser(word, unsure, more):  # type: ignore[no-untyped-def]
+    """Place (cells) and width (cells; 0: none) that Gray code tells without its lowest bits.
+
+    Those that are unsure are left out, and `more` if need be, until none of the others is unsure or one that changes at
+    the edge of two cells of that width: there the place is the edge.
+    """
+    least = ZEROTH
+    while (unsure >> least) & 1 != NONE:
+        least += 1
+    for k in range(least, min(least + more, COARSEST) + 1):
+        rest, kept, width = INT(unsure >> k), INT(word >> k), F(INT(1) << k)
+        here = cell_of(True, kept)
+        if rest == NONE:
+            return (F(here) + HALF) * width, width
+        there = cell_of(True, INT(kept ^ rest))
+        if INT(rest & (rest - 1)) == NONE and abs(INT(there - here)) == 1:
+            return F(max(here, there)) * width, width
+    return F(0), F(0)
+
+
+@part
 def word_of(gray, cell):  # type: ignore[no-untyped-def]
     """Word that a cell carries."""
     return INT(cell ^ (cell >> 1)) if gray else cell
@@ -204,14 +228,27 @@ def locate(table, turns, variance, word, unsure, near, count, place, noise, doub
     if len(table.steps) == 0:
         for i in range(count):
             place[i] = (F(cell_of(gray, word[i])) + HALF) * cell - HALF
-            either = INT(unsure[i] & -unsure[i]) if gray else _side_of(word[i], unsure[i], near[i])
-            doubtful[i] = unsure[i] & ~either
+            noise[i], doubtful[i] = ONE, unsure[i] & ~_side_of(word[i], unsure[i], near[i])
+        if gray:
+            _locate_edges(cell, word, unsure, count, place, noise, doubtful)
         return
     combine(table.steps[0], table.step_error[0], turns, variance, count, place, noise)
     if gray:
         _locate_gray(table, word, unsure, near, count, place, noise, doubtful)
     else:
         _locate_binary(table, word, unsure, near, count, place, noise, doubtful)
+
+
+@part
+def _locate_edges(cell, word, unsure, count, place, cells, doubtful):  # type: ignore[no-untyped-def]
+    """Gray code alone where bits are unsure: the edge where one changes, or a wider cell without the fine ones."""
+    for i in range(count):
+        if unsure[i] != NONE:
+            middle, width = coarser(word[i], unsure[i], 0)
+            found = width != F(0)
+            place[i] = middle * cell - HALF if found else place[i]
+            cells[i] = width if found else ONE
+            doubtful[i] = NONE if found else unsure[i]
 
 
 @part

@@ -87,16 +87,31 @@ def test_uneven_shifts_in_any_order_are_fitted(bench, judge) -> None:
 
 @pytest.mark.parametrize("kind", ["gray", "binary"])
 @pytest.mark.parametrize("cell", [1, 4])
-def test_code_alone_gives_the_middle_of_its_cell(bench, judge, kind, cell) -> None:
+def test_code_alone_gives_the_middle_of_its_cell_or_its_edge(bench, judge, kind, cell) -> None:
     patterns = gray_and_phase("x", N, cell=cell, periods=[], kind=kind, inverse=True) + REFERENCE
     b = bench(blur=0.4)
     phase = decode(patterns, b.take(patterns), lines=(N, N))
     result = judge(phase, b.u, cell)
     assert result.gross == 0
     assert result.valid > 0.95
-    assert 0.9 < result.sigma_ratio < 1.1  # even distribution over the cell: cell / sqrt(12)
-    on_cells = (phase.u[np.isfinite(phase.u)] - (cell - 1) / 2) / cell
+    assert 0.9 < result.sigma_ratio < 1.1
+    on_cells = (phase.u[np.isfinite(phase.u)] - (cell - 1) / 2) / cell * (2 if kind == "gray" else 1)
     assert np.allclose(on_cells, np.round(on_cells))
+    if kind == "binary":
+        assert abs(result.rms - cell / np.sqrt(12)) < 0.01  # even distribution over the cell
+    else:
+        assert result.rms < 0.9 * cell / np.sqrt(12)
+
+
+@pytest.mark.parametrize("blur", [0.8, 1.2, 2.0, 3.0])
+def test_gray_code_alone_does_without_bits_that_are_not_resolved(bench, judge, blur) -> None:
+    patterns = gray_and_phase("x", N, cell=1, periods=[], inverse=True) + REFERENCE
+    b = bench(blur=blur)
+    phase = decode(patterns, b.take(patterns), lines=(N, N))
+    result = judge(phase, b.u, 1)
+    assert result.valid > 0.95
+    assert 0.3 < result.sigma_ratio < 1.1
+    assert np.nanmax(np.abs(phase.u - b.u) / phase.sigma_u) < 4
 
 
 @pytest.mark.parametrize("width", [1, 3])
