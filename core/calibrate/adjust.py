@@ -13,7 +13,7 @@ from core.calibrate.covariance import global_cofactors, point_cofactors, redunda
 from core.calibrate.elimination import invert
 from core.calibrate.equations import Equations, linearise, misclosures
 from core.calibrate.groups import without, wrong_group
-from core.calibrate.initial import initial_state
+from core.calibrate.initial import initial_state, misplaced
 from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
@@ -97,6 +97,8 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
         )
     progress(0.0, "initial values")
     state = initial_state(network, problem)
+    network, problem, state, more = misplaced(network, problem, state)
+    warnings += more
     rejected = 0
     while True:
         solved, lost, more = _solve_despite(network, problem, state, options, progress.part(0.1, 0.9))

@@ -14,18 +14,22 @@ from numpy.typing import NDArray
 
 from core.calibrate.columns import resect_columns
 from core.calibrate.equations import misclosures
-from core.calibrate.problem import Problem
+from core.calibrate.problem import Problem, problem_of
 from core.calibrate.selection import known_points
-from core.calibrate.state import State
+from core.calibrate.state import State, interior_of
 from core.calibrate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable
 from core.errors import AdjustmentError
-from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
+from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix, undistort
 from core.model import Network
 
 Array = NDArray[np.float64]
 
 OTHER_SIZE = 0.2  # of the logarithm of a scale: no board is printed that wrongly
 MOST_CONDITION = 1e6  # of a point's normal equations: rays a milliradian apart
+MISPLACED = 0.5  # of the object's size: an approximate point so far from where its images intersect may be wrong
+ROUNDS = 4  # of orienting and intersecting anew
+MOST_NAMED = 5
+CONTRADICTED = 10.0  # times the misclosures there that it leaves, if it is
 ENOUGH_SAMPLES = 300  # among which the rotation in the middle is sought
 
 
@@ -50,7 +54,7 @@ def initial_state(network: Network, problem: Problem) -> State:
     if failure is not None and not states:
         raise failure
     states += [_intersected(problem, state, known) for state in states]
-    return min(states, key=lambda s: float(np.median(np.max(np.abs(misclosures(problem, s)), axis=1))))
+    return min(states, key=lambda s: float(np.median(_misfits(problem, s))))
 
 
 def _of_known_points(network: Network, known: NDArray[np.bool_]) -> Network:
@@ -68,21 +72,27 @@ def _of_known_points(network: Network, known: NDArray[np.bool_]) -> Network:
 
 
 def _intersected(problem: Problem, state: State, known: NDArray[np.bool_]) -> State:
-    """Intersect the points that are not known from the oriented stations, distortion left aside.
+    """Intersect the points that are not known from the oriented stations.
 
     Notes
     -----
-    ``x Z + c X = 0`` and its twin in y are linear in a point's coordinates.
+    ``x Z + c X = 0`` and its twin in y are linear in a point's coordinates. Poses that fit worse than most count less.
     """
-    c, x0, y0 = state.interior[problem.device, :3].T
     at = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2] * [1, -1]
     turn, base = state.relative_rotation[problem.device], state.pose_rotation[problem.pose]
     R = turn @ base
     t = np.einsum("mij,mj->mi", turn, state.pose_shift[problem.pose]) + state.relative_shift[problem.device]
-    tangents = (at - np.column_stack([x0, y0])) / c[:, None]
+    tangents = np.zeros_like(at)
+    for d in np.unique(problem.device):
+        own, interior = problem.device == d, interior_of(problem, state, d)
+        plain = at[own] - [interior.x0_mm, interior.y0_mm]
+        straight = undistort(interior, at[own])
+        tangents[own] = np.where(np.isfinite(straight), straight, plain) / interior.c_mm
     rows = tangents[:, :, None] * R[:, 2:] + R[:, :2]
     right = -(tangents * t[:, 2:] + t[:, :2])
-    seen = (problem.root_weight > 0).astype(float)
+    usual = _medians(problem.pose, _misfits(problem, state))
+    middle = max(float(np.median(usual)), 1.0)
+    seen = (problem.root_weight > 0) * (middle / np.maximum(usual, middle))[problem.pose, None] ** 2
     N, b = np.zeros((len(known), 3, 3)), np.zeros((len(known), 3))
     np.add.at(N, problem.point, np.einsum("mk,mki,mkj->mij", seen, rows, rows))
     np.add.at(b, problem.point, np.einsum("mk,mki,mk->mi", seen, rows, right))
@@ -90,6 +100,47 @@ def _intersected(problem: Problem, state: State, known: NDArray[np.bool_]) -> St
     xyz = state.xyz.copy()
     xyz[sure] = np.linalg.solve(N[sure], b[sure][..., None])[..., 0]
     return replace(state, xyz=xyz)
+
+
+def misplaced(network: Network, problem: Problem, state: State) -> tuple[Network, Problem, State, list[str]]:
+    """Put approximate points that their images contradict where these intersect, with a warning that names them.
+
+    They might lie behind a device, where nothing is projected, and would draw stations and datum. What stations they
+    drew are oriented again, which may show others.
+    """
+    known, moved = known_points(network), np.zeros(len(network.point_names), bool)
+    for _ in range(ROUNDS):
+        there = _intersected(problem, state, known)
+        off = np.linalg.norm(there.xyz - state.xyz, axis=1)
+        size = np.median(np.linalg.norm(state.xyz - np.median(state.xyz, axis=0), axis=1))
+        wrong = off > MISPLACED * size
+        if wrong.any():
+            before, after = (_medians(problem.point, _misfits(problem, s)) for s in (state, there))
+            wrong &= (before > CONTRADICTED * after) & (after < CONTRADICTED * np.median(np.minimum(before, after)))
+        if not wrong.any():
+            break
+        moved |= wrong
+        xyz = np.where(wrong[:, None], there.xyz + problem.origin_mm, network.point_xyz_mm)
+        network = replace(network, point_xyz_mm=xyz)
+        problem = problem_of(network)
+        state = initial_state(network, problem)
+    if not moved.any():
+        return network, problem, state, []
+    names = ", ".join(network.point_names[i] for i in np.flatnonzero(moved)[:MOST_NAMED])
+    told = f"the images contradict the approximate coordinates of {np.count_nonzero(moved)} points: {names}"
+    return network, problem, state, [f"{told}; they were intersected instead"]
+
+
+def _misfits(problem: Problem, state: State) -> Array:
+    """Larger misclosure of every observation, shape (m,)."""
+    return np.asarray(np.max(np.abs(misclosures(problem, state)), axis=1))
+
+
+def _medians(group: NDArray[np.int64], misfit: Array) -> Array:
+    """Upper median of the misfits of every group, 0 to the last, each of which has some."""
+    order = np.lexsort((misfit, group))
+    count = np.bincount(group)
+    return np.asarray(misfit[order[np.cumsum(count) - count + count // 2]])
 
 
 def _oriented(network: Network, problem: Problem) -> State:

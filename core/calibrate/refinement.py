@@ -19,7 +19,7 @@ Ints = NDArray[np.int64]
 
 ITERATIONS = 8
 SETTLED = 1e-3  # share of the weighted squares by which a step has to lower them to be followed by another
-HUBER = 3.0  # median residuals of its pose beyond which an observation counts less
+OUTLYING = 3.0  # median residuals of its pose beyond which an observation counts less
 
 
 @inner(error_model="numpy")
@@ -50,30 +50,43 @@ def _median(values: Array, n: int) -> float:  # pragma: no cover  compiled
 
 
 @inner(error_model="numpy")
-def _soften(start: int, stop: int, w: Array, factor: Array, sizes: Array) -> None:  # pragma: no cover  compiled
-    """Square roots of the Huber weights of one pose's misclosures start to stop - 1."""
+def _soften(start: int, stop: int, w: Array, factor: Array, sizes: Array) -> float:  # pragma: no cover  compiled
+    """Square roots of weights of one pose's misclosures start to stop - 1; the misclosure they set in at."""
     for k in range(start, stop):
         factor[k] = sizes[k - start] = np.sqrt(w[k, 0] ** 2 + w[k, 1] ** 2)
-    limit = max(HUBER * _median(sizes, stop - start), 1e-9)
+    limit = max(OUTLYING * _median(sizes, stop - start), 1e-9)
     for k in range(start, stop):
-        factor[k] = np.sqrt(limit / factor[k]) if factor[k] > limit else 1.0
+        factor[k] = limit / factor[k] if factor[k] > limit else 1.0
+    return limit
+
+
+@inner(error_model="numpy")
+def _sum(start: int, stop: int, w: Array, limit: float) -> float:  # pragma: no cover  compiled
+    total = 0.0
+    for k in range(start, stop):
+        total += min(np.sqrt(w[k, 0] ** 2 + w[k, 1] ** 2), limit)
+    return total
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _soften_band(start: int, stop: int, first: Ints, w: Array, factor: Array) -> None:  # pragma: no cover  compiled
+def _soften_band(  # pragma: no cover  compiled
+    start: int, stop: int, first: Ints, w: Array, factor: Array, sums: Array
+) -> None:
     sizes = np.empty(len(w))
     for p in range(start, stop):
-        _soften(first[p], first[p + 1], w, factor, sizes)
+        sums[p] = _sum(first[p], first[p + 1], w, _soften(first[p], first[p + 1], w, factor, sizes))
 
 
-def huber_factors(problem: Problem, w: Array) -> Array:
-    """Square roots of Huber weights, shape (m, 1), of misclosures, shape (m, 2), pose by pose.
+def robust_factors(problem: Problem, w: Array) -> tuple[Array, Array]:
+    """Square roots of weights, shape (m, 1), of misclosures, shape (m, 2), pose by pose.
 
-    Observations beyond three median residuals of their pose count less.
+    Observations beyond three median residuals of their pose add no more to the weighted squares than those at three:
+    points may be wrong by any length. The second array, shape (poses,), are sums of residuals that count for three
+    medians at most.
     """
-    factor = np.empty(len(w))
-    run_in_bands(lambda a, b: _soften_band(a, b, problem.first, w, factor), problem.poses, least=100)
-    return factor[:, None]
+    factor, sums = np.empty(len(w)), np.empty(problem.poses)
+    run_in_bands(lambda a, b: _soften_band(a, b, problem.first, w, factor, sums), problem.poses, least=100)
+    return factor[:, None], sums
 
 
 @inner(error_model="numpy")
@@ -114,7 +127,8 @@ def _pose_normals(n: int, w: Array, J: Array, factor: Array, N: Array, b: Array)
 def _squares(n: int, w: Array, factor: Array) -> float:  # pragma: no cover  compiled
     total = 0.0
     for k in range(n):
-        total += factor[k] ** 2 * (w[k, 0] ** 2 + w[k, 1] ** 2)
+        if factor[k] > 0.0:  # 0 of what was behind the device before the step
+            total += factor[k] ** 2 * (w[k, 0] ** 2 + w[k, 1] ** 2)
     return total
 
 
@@ -160,9 +174,7 @@ def _refine_band(  # pragma: no cover  compiled
             if abs(cost - trial_cost) < SETTLED * cost:
                 break
         equations_band(o, end, observed, unknowns, w, no_J)
-        sums[p] = 0.0
-        for k in range(n):
-            sums[p] += abs(w[k, 0]) + abs(w[k, 1])
+        sums[p] = _sum(0, n, w, _soften(0, n, w, factor, sizes))
 
 
 def refined(problem: Problem, state: State) -> tuple[State, Array]:
@@ -172,15 +184,10 @@ def refined(problem: Problem, state: State) -> tuple[State, Array]:
     -------
     state : State
     sums : array, shape (poses,)
-        Sum of absolute whitened residuals of every pose: a measure that a few wrong points do not rule.
+        Of the residuals of every pose, as `robust_factors` gives them.
     """
     state = replace(state, pose_rotation=state.pose_rotation.copy(), pose_shift=state.pose_shift.copy())
     sums = np.empty(problem.poses)
     given = problem.first, problem.observed, unknowns_of(problem, state)
     run_in_bands(lambda a, b: _refine_band(a, b, *given, *room_for_block(problem), sums), problem.poses, least=8)
     return state, sums
-
-
-def absolute_sums(problem: Problem, w: Array) -> Array:
-    """Sum of absolute misclosures of every pose."""
-    return np.add.reduceat(np.sum(np.abs(w), axis=1), problem.first[:-1])

@@ -15,7 +15,7 @@ from core.calibrate.normals import SingularNormalsError
 from core.calibrate.problem import Problem, problem_of, weighted_problem
 from core.calibrate.state import State
 from core.calibrate.weakness import singular_error, unsolved_error
-from core.errors import InputError
+from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, rotation_vector_from_matrix
 from core.geometry.pairs import relative_derivatives
 from core.model import Network
@@ -25,6 +25,7 @@ from core.progress import SILENT, Progress
 Array = NDArray[np.float64]
 
 ERROR_LEVEL = 0.001  # chance that a rigid rig is called loose
+UNKNOWNS = 6  # of a free station
 NEGLIGIBLE = 0.3  # of sigma: uneven light moves all targets of an image alike by 0.1 to 0.2 sigma, no rig has to
 
 
@@ -76,6 +77,10 @@ def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILE
     constraints = rigid.redundancy - free.redundancy
     if constraints <= 0:
         raise InputError("the network", "no two devices share several poses", "test rigs of at least two devices")
+    values = np.bincount(free.pose, np.count_nonzero(free.root_weight, axis=1), free.poses)
+    if values.min() < UNKNOWNS:
+        name = f"station {solved.network.station_names[int(np.argmin(values))]}"
+        raise AdjustmentError(name, "its orientation is not determined by its points", "add points to it")
     given_rigid = solved.problem.redundancy == rigid.redundancy
     free_start = _freed(rigid, solved.state) if given_rigid else solved.state
     free_solution = _solution(solved.network, free, free_start, progress)

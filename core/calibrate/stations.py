@@ -15,7 +15,7 @@ from core.calibrate.elimination import reduce, solve
 from core.calibrate.equations import cost_of, misclosures
 from core.calibrate.normals import SingularNormalsError, assemble
 from core.calibrate.problem import COMPILED, RELATIVE, Problem, estimated, most_parameters, problem_of, reweighted
-from core.calibrate.refinement import absolute_sums, huber_factors, refined
+from core.calibrate.refinement import refined, robust_factors
 from core.calibrate.resection import resect_despite_errors
 from core.calibrate.state import State, moved
 from core.errors import AdjustmentError
@@ -145,7 +145,7 @@ def oriented_stations(network: Network, stations: list[int]) -> State:
         if not changed:
             break
         state = _improved_together(problem, state, interior)
-        best = absolute_sums(problem, misclosures(problem, state))
+        best = robust_factors(problem, misclosures(problem, state))[1]
     return state
 
 
@@ -173,6 +173,16 @@ def _candidates(network: Network, problem: Problem, stations: list[int]) -> list
     return [(np.array([p.rotation for p in row]), np.array([p.translation_mm for p in row])) for row in chosen]
 
 
+def _in_front(problem: Problem, state: State) -> Problem:
+    """Leave out the observations of points that lie behind a device."""
+    keep = np.isfinite(misclosures(problem, state)).all(axis=1)
+    if keep.all():
+        return problem
+    arrays = {name: getattr(problem, name)[keep] for name in ("device", "pose", "point", "order", "uv", "root_weight")}
+    first = np.searchsorted(arrays["pose"], np.arange(problem.poses + 1))
+    return replace(problem, **arrays, first=first.astype(np.int64))
+
+
 def _improved_together(problem: Problem, state: State, nominal: Array, iterations: int = 15) -> State:
     """Poses and main interior parameters improved together, wrong points softened, weak parameters kept near nominal.
 
@@ -181,6 +191,7 @@ def _improved_together(problem: Problem, state: State, nominal: Array, iteration
     """
     if problem.globals == 0:
         return refined(problem, state)[0]
+    problem = _in_front(problem, state)
     # radial: its displacement at the edge of the image, as a share of that radius
     radius = np.hypot(problem.raster[:, 0] * problem.raster[:, 2], problem.raster[:, 1] * problem.raster[:, 3])
     sigma = np.full_like(nominal, np.inf)
@@ -189,7 +200,7 @@ def _improved_together(problem: Problem, state: State, nominal: Array, iteration
     damping = 1e-3
     for _ in range(iterations):
         w = misclosures(problem, state)
-        factor = huber_factors(problem, w)
+        factor = robust_factors(problem, w)[0]
         soft, cost = reweighted(problem, factor), float(np.sum((factor * w) ** 2))
         weight = (cost / (INDEPENDENT * problem.poses) / sigma**2)[free]
         try:

@@ -9,7 +9,7 @@ import numpy as np
 from core.atomic import atomic_write, write_json
 from core.errors import InputError
 from core.fields import Fields, read_document, read_table
-from core.geometry import lens_of
+from core.geometry import LENSES, lens_of
 from core.model import Network, NetworkDevice, NetworkScale
 from core.project.captures import VERSION
 from core.project.rigs import device_to_dict, read_device
@@ -131,7 +131,9 @@ def _device(fields: Fields) -> NetworkDevice:
     estimate = tuple(fields.items("estimate"))
     for name in estimate:
         if name not in names:
-            raise fields.refuse("estimate", name, f"choose among {', '.join(names)}")
+            others = ", ".join(f'"{model}"' for model in LENSES if model != spec.model)
+            remedy = f'choose among {", ".join(names)}, or say "interior": {{"model": …}} of the lens ({others})'
+            raise fields.refuse("estimate", name, remedy)
     return NetworkDevice(spec, tuple(n for n in names if n in estimate))
 
 

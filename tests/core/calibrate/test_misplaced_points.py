@@ -1,0 +1,45 @@
+"""Approximate coordinates that are wrong: in another unit, exchanged, zero, behind a camera."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.calibrate import adjust
+
+SHARE = 8  # one point in so many is misplaced
+
+
+@pytest.mark.parametrize("kind", ["in micrometres", "in metres", "exchanged", "far off"])
+@pytest.mark.parametrize("held", [False, True])
+def test_points_told_at_wrong_places_change_nothing_and_are_named(simulate, kind, held):
+    network = simulate(seed=3).network
+    nominal, wrong = network.point_xyz_mm, np.arange(3, len(network.point_xyz_mm), SHARE)
+    if held:  # four control points in the corners give the datum
+        corners = [np.argmin(nominal[:, :2] @ along) for along in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+        sigma = np.full(nominal.shape, np.inf)
+        sigma[corners] = 0.05
+        network, wrong = replace(network, point_sigma_mm=sigma), np.setdiff1d(wrong, corners)
+    told, rng = nominal.copy(), np.random.default_rng(1)
+    told[wrong] = {
+        "in micrometres": nominal[wrong] * 1e3,
+        "in metres": nominal[wrong] / 1e3,
+        "exchanged": np.roll(nominal[wrong], len(wrong) // 2, axis=0),
+        "far off": nominal[wrong] + np.ptp(nominal, axis=0).max() * rng.standard_normal((len(wrong), 3)),
+    }[kind]
+    right, result = adjust(network), adjust(replace(network, point_xyz_mm=told))
+    assert result.sigma0 == pytest.approx(right.sigma0, rel=1e-3)
+    for name, device in right.devices.items():
+        assert np.abs((result.devices[name].interior.vector - device.interior.vector) / device.sigma)[:3].max() < 0.1
+    if not held:  # from control points others are intersected anyway
+        assert any("contradict the approximate coordinates" in w for w in result.warnings)
+    assert not any("contradict the approximate" in w for w in right.warnings)
+
+
+def test_a_board_that_is_roughly_known_is_taken_as_told(simulate):
+    network = simulate(seed=4).network
+    rough = network.point_xyz_mm + np.random.default_rng(2).normal(0, 20.0, network.point_xyz_mm.shape)
+    result = adjust(replace(network, point_xyz_mm=rough))
+    assert not any("contradict" in w for w in result.warnings)
+    moved = result.points_mm - rough  # the datum: all approximate coordinates
+    assert np.allclose(moved.mean(axis=0), 0, atol=1e-6)
