@@ -21,7 +21,7 @@ from core.errors import InputError
 from core.fields import regular
 from core.model import DeviceSpec, Project, Subject
 from core.model.finding import Finding
-from core.patterns import Pattern, SequenceSpec, brightness, read_sequence_file
+from core.patterns import Pattern, SequenceSpec, brightness, like, read_sequence_file
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_capture, read_image, write_image
 from core.project.captures import write_capture_json
@@ -93,7 +93,7 @@ def import_frames(
     files = frames_in(folder)
     if by == "list":
         files = _listed(folder, files, spec)
-    _check_count(folder, files, spec, patterns)
+    _check_count(folder, files, spec, patterns, lines)
     series = []
     for i, (plan, (whose, own)) in enumerate(zip(plans, parts, strict=True)):
         part = progress.part(0.9 * i / len(plans), 0.9 * (i + 1) / len(plans))
@@ -243,12 +243,16 @@ def _listed(folder: Path, files: Sequence[Path], spec: SequenceSpec) -> list[Pat
     return [there[Path(name).name] for name in spec.files]
 
 
-def _check_count(folder: Path, files: Sequence[Path], spec: SequenceSpec, patterns: Sequence[Pattern]) -> None:
+def _check_count(
+    folder: Path, files: Sequence[Path], spec: SequenceSpec, patterns: Sequence[Pattern], lines: tuple[int, int]
+) -> None:
     if not files:
         raise InputError(folder, "holds no images", f"give a folder of {', '.join(ENDINGS[:3])} files")
     if len(files) != len(patterns):
         seen = f"holds {len(files)} images, the sequence has {len(patterns)} patterns ({spec.words})"
         remedy = "add or remove frames, or give the --sequence that was shown"
+        if (other := like(spec, lines, len(files))) is not None:
+            remedy += f"; {other} has {len(files)}"
         raise InputError(folder, seen, remedy)
 
 

@@ -6,8 +6,10 @@ import json
 import os
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +78,33 @@ class SequenceSpec:
         """Its name for messages."""
         more = ", ".join(f"{key} {value}" for key, value in self.options.items())
         return f"{len(self.listed)} listed patterns" if self.preset is None else f"{self.preset}{more and f' ({more})'}"
+
+
+_USUAL: dict[str, tuple[Any, ...]] = {
+    "steps": (4, 3, 0, 5, 6, 8, 12),
+    "plain": (False,),
+    "axes": ("x", "y"),
+}
+
+
+def like(spec: SequenceSpec, lines: Size, count: int) -> str | None:
+    """Give the argument of a sequence like this one, by one or two usual options, that has so many patterns.
+
+    Examples
+    --------
+    >>> like(SequenceSpec("gray-inverse"), (1024, 1024), 42)
+    'gray-inverse:steps=0'
+    """
+    if spec.preset is None:
+        return None
+    known = PRESETS[spec.preset].options
+    changes = [{key: v} for key in known for v in _USUAL.get(key, ()) if spec.options.get(key) != v]
+    for more in [*changes, *({**a, **b} for a, b in combinations(changes, 2))]:
+        options = {**spec.options, **more}
+        with suppress(InputError):  # not every preset has all values
+            if len(SequenceSpec(spec.preset, options).patterns(lines)) == count:
+                return f"{spec.preset}:" + ",".join(f"{key}={str(v).lower()}" for key, v in options.items())
+    return None
 
 
 def default_sequence(grey: bool) -> SequenceSpec:
