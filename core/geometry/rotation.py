@@ -36,8 +36,9 @@ def matrix_from_rotation_vector(vector: ArrayLike) -> Array:
     v = np.asarray(vector, dtype=np.float64)
     angle = np.linalg.norm(v, axis=-1)[..., None, None]
     x, y, z = np.moveaxis(v, -1, 0)
-    zero = np.zeros_like(x)
-    K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*v.shape, 3)
+    K = np.zeros((*v.shape, 3))
+    K[..., 2, 1], K[..., 0, 2], K[..., 1, 0] = x, y, z
+    K[..., 1, 2], K[..., 2, 0], K[..., 0, 1] = -x, -y, -z
     # sin(a)/a and (1 - cos a)/a² through sinc, which knows its limit at 0
     return np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (K @ K)
 

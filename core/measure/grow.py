@@ -37,6 +37,7 @@ class Lattice:
     conflicts: dict[int, int] = field(default_factory=dict)  # picked spot -> another target that was predicted there
     notes: dict[int, str] = field(default_factory=dict)  # target -> why no spot was accepted
     fitted: int = 4  # how many targets the view was fitted to
+    foretold: tuple[View, Array, Array] | None = None
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -48,6 +49,13 @@ class Lattice:
         uv = np.full((len(self.blob), 2), np.nan)
         uv[self.known] = self.blobs.uv[self.blob[self.known]]
         return uv
+
+    def expected(self) -> tuple[Array, Array]:
+        """Pixels (n, 2) of all targets by the view, and pixels per mm on the board there (n, 2, 2)."""
+        if self.foretold is None or self.foretold[0] is not self.view:
+            xyz = self.board.xyz_mm
+            self.foretold = self.view, self.view.project(xyz), self.view.jacobian(xyz)
+        return self.foretold[1:]
 
 
 def grow(lattice: Lattice) -> None:
@@ -84,7 +92,7 @@ def predict(lattice: Lattice, targets: Ints) -> tuple[Array, Array, Ints]:
         Number of identified neighbours used.
     """
     board, near = lattice.board, lattice.board.neighbours[targets]
-    base = lattice.view.project(board.xyz_mm)
+    base, jacobian = lattice.expected()
     missed = np.nan_to_num(lattice.uv() - base)  # zero where unknown: its weight is zero too
     offset = (board.xyz_mm[near, :2] - board.xyz_mm[targets, None, :2]) / board.spacing_mm[targets, None, None]
     usable = lattice.known[near] & np.isfinite(base[near, 0])
@@ -97,7 +105,7 @@ def predict(lattice: Lattice, targets: Ints) -> tuple[Array, Array, Ints]:
     N[:, 1, 1] += 0.03 * total
     N[:, 2, 2] += 0.03 * total
     correction = np.linalg.solve(N, b)[:, 0, :]
-    return base[targets] + correction, lattice.view.jacobian(board.xyz_mm[targets]), usable.sum(axis=1)
+    return base[targets] + correction, jacobian[targets], usable.sum(axis=1)
 
 
 def misfits(lattice: Lattice, targets: Ints) -> tuple[Array, Ints]:
@@ -220,4 +228,4 @@ def _alike(lattice: Lattice, frontier: Ints, spot: Ints, jacobian: Array) -> tup
 
 def _ellipse(lattice: Lattice, targets: Ints) -> Array:
     """(m, 2, 2) px: the map of the unit disc to the image of each target's dot."""
-    return lattice.view.jacobian(lattice.board.xyz_mm[targets]) * lattice.board.radius_mm[targets, None, None]
+    return lattice.expected()[1][targets] * lattice.board.radius_mm[targets, None, None]

@@ -41,8 +41,9 @@ class View:
 
     def jacobian(self, xyz_mm: Array) -> Array:
         """Pixels per mm on the board at points (n, 3): shape (n, 2, 2), columns along the board's X and Y."""
-        _, dx, dy = _gradients(self, self.camera_from_board.apply(xyz_mm))
-        on_board = np.stack([dx, -dy], axis=1) @ self.camera_from_board.rotation[:, :2]  # v points down
+        _, by_point = _gradients(self, self.camera_from_board.apply(xyz_mm))
+        by_point[:, 1] *= -1.0  # v points down
+        on_board = by_point @ self.camera_from_board.rotation[:, :2]
         return np.asarray(on_board / np.array(self.spec.pitch_mm)[:, None])
 
 
@@ -122,26 +123,27 @@ def fit_view(start: View, xyz_mm: Array, uv: Array, *, radial: bool, iterations:
 def _linearised(view: View, xyz_mm: Array, measured: Array) -> tuple[Array, Array]:
     """Jacobian (2n, 7) by turn, shift and A1, and residuals (2n,), mm in the image."""
     turned = xyz_mm @ view.camera_from_board.rotation.T
-    xy, dx, dy = _gradients(view, turned + view.camera_from_board.translation_mm)
+    xy, by_point = _gradients(view, turned + view.camera_from_board.translation_mm)
     r2 = np.sum(xy**2, axis=1)
     J = np.empty((len(xy), 2, 7))
-    for row, d in ((0, dx), (1, dy)):
-        # d(turn x p) = turned x derivative, because the turn is applied from the left
-        for k in range(3):
-            J[:, row, k] = turned[:, k - 2] * d[:, k - 1] - turned[:, k - 1] * d[:, k - 2]
-        J[:, row, 3:6], J[:, row, 6] = d, xy[:, row] * r2
+    for k in range(3):  # d(turn x p) = turned x derivative, because the turn is applied from the left
+        a, b = k - 2, k - 1
+        J[:, :, k] = turned[:, a, None] * by_point[:, :, b] - turned[:, b, None] * by_point[:, :, a]
+    J[:, :, 3:6], J[:, :, 6] = by_point, xy * r2[:, None]
     return J.reshape(-1, 7), (measured - xy * (1 + view.a1 * r2)[:, None]).reshape(-1)
 
 
-def _gradients(view: View, p: Array) -> tuple[Array, Array, Array]:
-    """Collinearity image (n, 2) of points (n, 3) of the camera's frame; measured x and y by the points, (n, 3) each."""
+def _gradients(view: View, p: Array) -> tuple[Array, Array]:
+    """Collinearity image (n, 2) of points (n, 3) of the camera's frame; measured x and y by the points, (n, 2, 3)."""
+    image, by_point = np.empty((len(p), 2)), np.empty((len(p), 2, 3))
     c, a = view.spec.nominal_c_mm, view.a1
     with np.errstate(all="ignore"):
         z = np.where(p[:, 2] < 0, p[:, 2], np.nan)
         x, y = -c * p[:, 0] / z, -c * p[:, 1] / z
         r2, per_z = x * x + y * y, -1 / z
         xx, xy, yy = 1 + a * (r2 + 2 * x * x), 2 * a * x * y, 1 + a * (r2 + 2 * y * y)
-        by_xy = c * per_z * np.stack([xx, xy, yy])  # by the point's own x and y
-        dx = np.stack([by_xy[0], by_xy[1], (xx * x + xy * y) * per_z], axis=1)
-        dy = np.stack([by_xy[1], by_xy[2], (xy * x + yy * y) * per_z], axis=1)
-    return np.stack([x, y], axis=1), dx, dy
+        image[:, 0], image[:, 1] = x, y
+        by_point[:, 0, 0], by_point[:, 1, 1] = c * per_z * xx, c * per_z * yy
+        by_point[:, 0, 1] = by_point[:, 1, 0] = c * per_z * xy
+        by_point[:, 0, 2], by_point[:, 1, 2] = (xx * x + xy * y) * per_z, (xy * x + yy * y) * per_z
+    return image, by_point

@@ -116,7 +116,7 @@ class ProjectFolder:
         now = (version(folder / "capture.json"), version(folder / "picks.json"), boards)
         kept = self._read.get(folder)
         capture: Capture | None = kept[1] if kept is not None and kept[0] == now else None
-        if capture is None or not all(frame.path.exists() for frame in capture.frames):  # not read yet, or gone since
+        if capture is None or not all(os.path.exists(frame.place) for frame in capture.frames):  # new, or gone
             try:
                 capture = read_capture(folder, self.project)
             except StripeError as error:

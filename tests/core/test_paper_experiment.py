@@ -61,8 +61,8 @@ class Outcome:
 def outcome(once: Callable[..., Path]) -> Outcome:
     project = read_project(once("paper", lambda folder: simulate_project(folder, "paper", SEED)))
     truth = build_experiment("paper", SEED)
-    targets = measure_project(project)
     calibrate_project(project)
+    targets = measure_project(project)  # as they were measured for that
     calibrations = load_calibrations(project)
     found = calibrations["photogrammetric"]
     assert isinstance(found, PhotogrammetricCalibration)
