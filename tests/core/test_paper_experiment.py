@@ -31,10 +31,11 @@ from core.pipeline import (
     captures_of,
     evaluate_project,
     load_calibrations,
-    measure_project,
+    load_evaluation,
     phase_maps,
     simulate_project,
 )
+from core.pipeline.measure import kept_targets
 from core.project import read_project
 from core.reconstruct import reconstruct
 
@@ -57,12 +58,16 @@ class Outcome:
     clouds: dict[str, PointCloud]  # by the polynomial method
 
 
+def whole(folder: Path) -> None:
+    simulate_project(folder, "paper", SEED)
+    calibrate_project(read_project(folder))
+    evaluate_project(read_project(folder))
+
+
 @pytest.fixture(scope="module")
 def outcome(once: Callable[..., Path]) -> Outcome:
-    project = read_project(once("paper", lambda folder: simulate_project(folder, "paper", SEED)))
+    project = read_project(once("paper", whole))
     truth = build_experiment("paper", SEED)
-    calibrate_project(project)
-    targets = measure_project(project)  # as they were measured for that
     calibrations = load_calibrations(project)
     found = calibrations["photogrammetric"]
     assert isinstance(found, PhotogrammetricCalibration)
@@ -76,7 +81,7 @@ def outcome(once: Callable[..., Path]) -> Outcome:
     )
     planes = {capture.name: phase for capture, phase in phase_maps(project, captures_of(project, "plane"))}
     clouds = {name: reconstruct(phase, calibrations["polynomial"]) for name, phase in planes.items()}
-    return Outcome(project, truth, targets, planes, found, true, evaluate_project(project), clouds)
+    return Outcome(project, truth, kept_targets(project), planes, found, true, load_evaluation(project), clouds)
 
 
 def evaluation(outcome: Outcome, capture: str, method: str) -> PlaneEvaluation:
