@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.capture.lookup import dictionary, nearest
-from core.patterns import Axis, Code, Pattern, Phase
+from core.patterns import Axis, Code, Pattern, Phase, axis_of
 
 Array = NDArray[np.float32]
 
 PIXELS = 600  # of the brightest, looked up
+CONTRADICTION = 0.3  # squared distance, white = 1, after the response is taken out; a wrong frame costs 0.5 and more
+PER_FRAME = 0.03
 FAINT = 0.04  # amplitude of a wave, white = 1, from which it is judged
 NO_WAVE = 0.7  # what steps leave of a wave over its amplitude; square waves of few steps leave 0.4
 WAVE_SLACK = 0.5  # rad that a phase may lie outside of its code's cell, for blur at the cells' edges
@@ -31,24 +33,42 @@ class Looked:
     patterns: tuple[Pattern, ...]
     values: Array
     inverted: Array
-    limit: float
+    limit: float | Array
     axis: Axis
     lines: int
     across: int  # of the other axis
+
+    @classmethod
+    def of(
+        cls, shots: tuple[int, ...], patterns: Sequence[Pattern], values: Array, inverted: Array, lines: tuple[int, int]
+    ) -> Looked:
+        """Frames of one axis; `values` and `inverted` of these (k, n), the projector's columns and rows."""
+        axis = axis_of(patterns[0]) or "x"
+        limit = max(CONTRADICTION, PER_FRAME * len(shots))
+        return cls(shots, tuple(patterns), values, inverted, limit, axis, lines[axis == "y"], lines[axis == "x"])
 
 
 def contradicting(values: Array, patterns: Sequence[Pattern], looked: Looked, few: int = PIXELS) -> float:
     """Share of pixels that no projector line explains, once the curve of grey values is taken out."""
     some = np.linspace(0, values.shape[1] - 1, min(few, values.shape[1])).astype(int)
-    seen = values[:, some]
+    return float(np.mean(unexplained(values[:, some], patterns, looked, 2 if few == PIXELS else 0)[0]))
+
+
+def unexplained(
+    seen: Array, patterns: Sequence[Pattern], looked: Looked, rounds: int = 2
+) -> tuple[NDArray[np.bool_], Array]:
+    """Which pixels no projector line explains, (n,), and their values with the curve of grey values taken out."""
     possible, _ = looks(tuple(patterns), looked.lines)
     cost, best = nearest(seen, possible)
-    for _ in range(2 if few == PIXELS else 0):
+    straight = seen
+    for _ in range(rounds):
         if float(np.mean(cost > looked.limit)) <= 0.02:
             break
-        bent_cost, best = nearest(seen, bent(possible, seen, possible[:, best]))
+        levels, curve = _response(seen, possible[:, best])
+        straight = np.interp(seen, curve, levels).astype(np.float32)
+        bent_cost, best = nearest(seen, np.interp(possible, levels, curve).astype(np.float32))
         cost = np.minimum(cost, bent_cost)
-    return float(np.mean((cost > looked.limit) | _waves_disagree(seen, patterns, looked)))
+    return (cost > looked.limit) | _waves_disagree(seen, patterns, looked), straight
 
 
 @lru_cache(maxsize=96)
@@ -94,14 +114,12 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
     return bad
 
 
-def bent(possible: Array, seen: Array, expected: Array) -> Array:
-    """Pass what is possible through the curve by which grey values follow from it, a rising one."""
+def _response(seen: Array, expected: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give the rising curve by which grey values follow from what is expected: levels, and values there."""
     edges = np.linspace(0, 1, 13)
     bins = np.clip(np.digitize(expected, edges) - 1, 0, 11)
-    middle = [float(np.median(seen[bins == b])) if np.any(bins == b) else np.nan for b in range(12)]
+    middle = np.array([float(np.median(seen[bins == b])) if np.any(bins == b) else np.nan for b in range(12)])
     known = np.isfinite(middle)
     if known.sum() < 3:
-        return possible
-    levels = ((edges[1:] + edges[:-1]) / 2)[known]
-    curve = np.maximum.accumulate(np.array(middle)[known])
-    return np.interp(possible, levels, curve).astype(np.float32)
+        return edges, edges
+    return ((edges[1:] + edges[:-1]) / 2)[known], np.maximum.accumulate(middle[known])

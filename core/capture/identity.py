@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.contradictions import bent
-from core.capture.lookup import CONTRADICTION, LEAST, Fit, as_blurred, dictionary, leave_one_out, nearest, some
+from core.capture.contradictions import Looked, unexplained
+from core.capture.lookup import CONTRADICTION, LEAST, Fit, Numbers, as_blurred, dictionary, leave_one_out, nearest, some
 from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
 from core.model.finding import Finding
@@ -29,7 +29,9 @@ LOCAL = 0.5  # a part of the image or of the lines is wrong when half of it cont
 EDGES = 0.3  # of a code frame's edges contradict when it was exchanged; on the virtual bench none when it was not
 EDGED = 0.03  # of squared distance, for every frame that has an edge near each line: the blur is known roughly only
 _PIXELS = 9000  # looked up
-CURVED, ROUNDS = 0.1, 4  # of the pixels, once a response is taken out, which is known roughly; rounds that find it
+BRIGHTEST, LEAST_BRIGHT = 2000, 150  # of them, for a response; least
+CURVED = 0.1  # of the pixels: where more contradict, a response must explain nine tenths of them, else two thirds
+SCATTERED = 0.8  # of the pixels: so many contradict where light is scattered, which moves the levels at edges, too
 
 
 def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
@@ -54,6 +56,8 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
     contrast = (sampled.white - sampled.black)[lit]
     values = ((sampled.grey[:, lit] - sampled.black[lit]) / contrast).astype(np.float32)
     tolerance = (sampled.noise / contrast).astype(np.float32)
+    bright = np.flatnonzero(sampled.bright[lit])
+    bright = bright[np.linspace(0, len(bright) - 1, min(len(bright), BRIGHTEST)).astype(int)]
 
     def of_axis(axis: Axis) -> Finding | None:
         shots = tuple(i for i, p in enumerate(plan.shots) if axis_of(p) == axis)
@@ -63,7 +67,7 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
         possible, at = dictionary(patterns, count)
         weight = np.array([1 / patterns.count(p) for p in patterns], np.float32)
         fit = Fit(shots, values[list(shots)], possible, at, weight)
-        return _axis(plan, fit, tolerance, sampled.at[:, lit], sampled.shape, count)
+        return _axis(plan, fit, tolerance, sampled.at[:, lit], sampled.shape, lines, bright)
 
     axes: tuple[Axis, ...] = ("x", "y")
     with ThreadPoolExecutor(len(axes)) as pool:  # the work is in array operations, which leave the interpreter free
@@ -111,32 +115,38 @@ def _plain(plan: Plan, values: Array) -> Finding:
     return Finding("identity", "good", "white and black frames are what they claim")
 
 
-def _axis(plan: Plan, fit: Fit, tolerance: Array, at: NDArray[np.intp], shape: tuple[int, int], count: int) -> Finding:
+def _axis(
+    plan: Plan,
+    fit: Fit,
+    tolerance: Array,
+    at: NDArray[np.intp],
+    shape: tuple[int, int],
+    lines: tuple[int, int],
+    bright: Numbers,
+) -> Finding:
     k, along = len(fit.shots), "rows" if axis_of(plan.shots[fit.shots[0]]) == "y" else "columns"
     words = sum(use_of(plan.shots[i]) == "word" for i in fit.shots)
     limit = max(CONTRADICTION, 0.01 * float(fit.weight.sum()), EDGED * words) + 2 * k * tolerance**2
     root = np.sqrt(fit.weight)[:, None]
     cost, best = nearest(root * fit.values, root * fit.possible)
-    share, curved = float(np.mean(cost > limit)), None
-    if share > SHARE and (curved := _curved(fit, root, limit, best, min(CURVED, share / 3))):
-        fit, cost, best = curved
     bad = cost > limit
     share = float(bad.mean())
-    place = _local(bad, at, shape) or _local_lines(bad, fit.lines[best], count, along)
+    patterns, lit = [plan.shots[s] for s in fit.shots], replace(fit, values=fit.values[:, bright])
+    bent = _bent(lit, patterns, lines, limit[bright], share) if share > SHARE else None
+    place = _local(bad, at, shape) or _local_lines(bad, fit.lines[best], lines[along == "rows"], along)
     figures = {"contradicting": share, "pixels": float(len(bad))}
     few = some(len(bad), k)
     sharp = as_blurred(fit, best)
     left = leave_one_out(sharp, few, limit[few], tolerance[few], at[0, few])
-    misplaced = _misplaced_edges([plan.shots[s] for s in fit.shots], fit.values, bad)
+    misplaced = _misplaced_edges(patterns, fit.values, bad)
     unlike = [j for j in range(k) if left.wrong[j] or j in misplaced]
-    if curved or (share <= SHARE and place is None and not unlike):
+    if bent is not None or (share <= SHARE and place is None and not unlike):
         if not all(left.judged):
             open_ = ", ".join(describe(plan.shots[fit.shots[j]]) for j in range(k) if not left.judged[j])
             text = f"frames across {along} agree, but nothing in the sequence repeats what these say: {open_}"
             return Finding("identity", "warning", text + "; add phase steps or inverse frames", figures)
-        return Finding(
-            "identity", "good", f"all frames across {along} show their pattern ({share:.2%} differ)", figures
-        )
+        text = f"all frames across {along} show their pattern ({share if bent is None else bent:.2%} differ)"
+        return Finding("identity", "good", text, figures)
     explained = [j for j in range(k) if left.share[j] <= max(SHARE, 0.25 * share)]
     culprits = explained if len(explained) == 1 else unlike if share <= SHARE and unlike else list(range(k))
     if len(culprits) == 1:
@@ -149,17 +159,21 @@ def _axis(plan: Plan, fit: Fit, tolerance: Array, at: NDArray[np.intp], shape: t
     return Finding("identity", "bad", text, figures, tuple(fit.shots[j] for j in culprits))
 
 
-def _curved(
-    fit: Fit, root: Array, limit: Array, best: NDArray[np.intp], share: float
-) -> tuple[Fit, Array, NDArray[np.intp]] | None:
-    """Give fit, costs and places with all frames bent by one response, if no more than a share then contradicts."""
-    found = None
-    for _ in range(ROUNDS):
-        curved = replace(fit, possible=bent(fit.possible, fit.values, fit.possible[:, best]))
-        cost, best = nearest(root * curved.values, root * curved.possible)
-        if (now := float(np.mean(cost > limit))) <= share:
-            share, found = now, (curved, cost, best)
-    return found
+def _bent(fit: Fit, patterns: list[Pattern], lines: tuple[int, int], limit: Array, share: float) -> float | None:
+    """Give what still contradicts if a response or scattered light explains the rest and no edge is misplaced."""
+    if fit.values.shape[1] < LEAST_BRIGHT:
+        return None
+    few = share <= CURVED
+    looked = Looked.of(fit.shots, patterns, fit.values, fit.values, lines)
+    bad, straight = unexplained(fit.values, patterns, replace(looked, limit=limit) if few else looked)
+    if (left := float(bad.mean())) > share / (3 if few else 10):
+        return None
+    edges = _misplaced_edges(patterns, straight, bad)
+    if not few:
+        narrow = nearest(straight, fit.possible)[0] > CONTRADICTION + 0.01 * len(patterns)
+        near = _misplaced_edges(patterns, straight, narrow)
+        edges = near & edges if share > SCATTERED else near
+    return None if edges else left
 
 
 def _misplaced_edges(patterns: list[Pattern], values: Array, bad: NDArray[np.bool_]) -> set[int]:

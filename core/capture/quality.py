@@ -15,6 +15,7 @@ from core.patterns import cycle_lines, finest_steps, level_of
 
 Array = NDArray[np.float64]
 SAMPLES = 100_000
+BRIGHT = 0.3  # of nearly the highest contrast
 LIT = 0.01  # of the image must be lit by the projector
 MOVED_PX = 0.1  # a tenth of a pixel is ten times the centroid's precision
 MOVED_LINES = 0.15  # about what the phase of the reference rig resolves in a single pixel
@@ -42,6 +43,13 @@ class Sampled:
     def lit(self) -> NDArray[np.bool_]:
         """Which pixels the projector lights well enough to judge, (n,)."""
         return self.white - self.black > max(10 * self.noise, 0.02 * self.full)
+
+    @property
+    def bright(self) -> NDArray[np.bool_]:
+        """Which pixels it lights well, and no frame saturates, (n,)."""
+        contrast = self.white - self.black
+        least = max(0.05 * self.full, 12 * self.noise, BRIGHT * float(np.quantile(contrast, 0.97)))
+        return (contrast > least) & (self.grey.max(axis=0) < self.full)
 
 
 def sample_grid(shape: tuple[int, int]) -> NDArray[np.intp]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from core.capture.contradictions import PIXELS, Looked, contradicting
 from core.capture.mistakes import explanation
 from core.capture.plan import Plan
-from core.capture.quality import Sampled, summarise
+from core.capture.quality import BRIGHT, Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
 from core.model.finding import Finding
 from core.numerics import quantiles
@@ -27,14 +27,12 @@ from core.patterns import Axis, axis_of, level_of
 Array = NDArray[np.float32]
 
 GRID = 12_000  # pixels sampled
-CONTRADICTION = 0.3  # squared distance, white = 1, after the response is taken out; a wrong frame costs 0.5 and more
-PER_FRAME = 0.03
 SHARE = 0.12  # of the pixels that contradict themselves; sound captures have below 0.05
 FEW = 200  # pixels that nearly always show it: half of that where it is 0.15 comes once in 15,000 captures
 LEAST_LIT = 150  # sampled pixels without which nothing is told
 DARK = 0.01  # of the image that must be lit
 SATURATED = 0.05  # of the lit pixels
-BRIGHT, SATURATED_DOTS = 0.3, 0.25  # of nearly the highest contrast; of the pixels with more, on a board
+SATURATED_DOTS = 0.25  # of the bright pixels, on a board
 OFF_PLANE = 0.35  # share of a plane's pixels that no projective map holds
 PLANE_LINES = 3.0
 WRONG_HAND = 0.5
@@ -179,9 +177,7 @@ def _plain(plan: Plan, sampled: Sampled) -> list[Finding]:
 
 def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
     contrast = sampled.white - sampled.black
-    bright = 0.3 * float(np.quantile(contrast, 0.97))
-    lit = contrast > max(0.05 * sampled.full, 12 * sampled.noise, bright)
-    good = np.flatnonzero(lit & (sampled.grey.max(axis=0) < sampled.full))
+    good = np.flatnonzero(sampled.bright)
     if len(good) < LEAST_LIT:
         return []
     good = good[np.linspace(0, len(good) - 1, min(len(good), PIXELS)).astype(int)]
@@ -189,20 +185,12 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
     inverted = ((sampled.full - sampled.grey[:, good] - sampled.black[good]) / contrast[good]).astype(np.float32)
     found: list[Finding] = []
     axes: tuple[Axis, ...] = ("x", "y")
-    for axis, count in zip(axes, lines, strict=True):
+    for axis in axes:
         shots = tuple(i for i, p in enumerate(plan.shots) if axis_of(p) == axis)
         if len(shots) < 4:
             continue
-        looked = Looked(
-            shots,
-            tuple(plan.shots[i] for i in shots),
-            values[list(shots)],
-            inverted[list(shots)],
-            max(CONTRADICTION, PER_FRAME * len(shots)),
-            axis,
-            count,
-            lines[axis == "x"],
-        )
+        own = list(shots)
+        looked = Looked.of(shots, [plan.shots[i] for i in shots], values[own], inverted[own], lines)
         share = contradicting(looked.values, looked.patterns, looked, FEW)
         if share > SHARE / 2:
             share = contradicting(looked.values, looked.patterns, looked)

@@ -18,7 +18,7 @@ import pytest
 
 from core.capture.identity import identity
 from core.capture.plan import Plan
-from core.capture.quality import summarise
+from core.capture.quality import sample_grid, summarise
 from core.capture.stored import check_stored
 from core.decode import decode
 from core.model import Capture, Frame, Subject
@@ -197,17 +197,31 @@ def test_several_exposures_are_each_held_against_themselves(
     assert re.search(words, told(patterns * 2, seen, exposed=tuple(exposed)))
 
 
+def told_at_import(patterns: list[Pattern], images: Frames) -> str:
+    at = sample_grid(SHAPE)
+    plan = Plan(Subject("testfield", "a"), tuple(patterns), ())
+    sampled = summarise(plan, np.array([image[at[0], at[1]] for image in images], float), at, SHAPE, 255)
+    return "; ".join(f.text for f in identity(plan, sampled, LINES) if f.level == "bad")
+
+
 @pytest.mark.parametrize("gamma", [0.45, 2.2])
 @pytest.mark.parametrize("name", list(SEQUENCES))
 def test_a_response_is_no_contradiction_where_frames_are_taken_or_imported(name: str, gamma: float) -> None:
-    plan = Plan(Subject("testfield", "a"), tuple(SEQUENCES[name]), ())
-    images = render(list(SEQUENCES[name]), 11, gamma=gamma)
+    patterns = list(SEQUENCES[name])
+    images = render(patterns, 11, gamma=gamma)
+    assert not told_at_import(patterns, images)
+    assert told_at_import(patterns, [255 - i if k == 3 else i for k, i in enumerate(images)])
+    for pair in ((2, 4), (3, 4)):  # fine bits
+        assert "contradict" in told_at_import(patterns, swapped(images, *pair))
 
-    def bad(frames: Frames) -> list[str]:
-        grey = np.array([i[::3, ::3].ravel() for i in frames], float)
-        at = np.mgrid[: SHAPE[0] : 3, : SHAPE[1] : 3].reshape(2, -1)
-        found = identity(plan, summarise(plan, grey, at, SHAPE, 255), LINES)
-        return [f.text for f in found if f.level == "bad"]
 
-    assert not bad(images)
-    assert bad([255 - i if k == 3 else i for k, i in enumerate(images)])
+def test_shadow_and_scattered_light_are_no_contradiction_at_import() -> None:
+    patterns = list(SEQUENCES["sine"])
+    images = []
+    for image in render(patterns, 11):
+        seen = image - 8.0
+        seen[:, : SHAPE[1] // 2] *= 0.12
+        images.append(np.round(8 + 0.6 * seen + 0.3 * cv2.blur(seen, (61, 61))).clip(0, 255).astype(np.uint8))
+    assert told_at_import(patterns, images) == ""
+    for pair in ((2, 4), (0, 1)):
+        assert "contradict" in told_at_import(patterns, swapped(images, *pair))
