@@ -15,7 +15,7 @@ import numpy as np
 from core.atomic import part_prefix, sweep, unwritable
 from core.capture.identity import identity
 from core.capture.plan import Plan, make_plan
-from core.capture.quality import modulation, sample_grid, saturation, summarise
+from core.capture.quality import modulation, noise_of_one, sample_grid, saturation, summarise
 from core.capture.recognise import order_in_words, recognise
 from core.errors import InputError
 from core.fields import regular
@@ -292,6 +292,7 @@ def _verified(plan: Plan, images: Sequence[Image], lines: tuple[int, int]) -> tu
     bare = replace(plan, guards=())
     grey = np.array([image[at[0], at[1]] for image in images], np.float64)
     sampled = summarise(bare, grey, at, (shape[0], shape[1]), 255 if images[0].itemsize == 1 else int(grey.max()))
+    sampled = replace(sampled, noise=max(sampled.noise, noise_of_one(max(grey, key=np.mean), at)))
     findings: list[Finding] = [*identity(bare, sampled, lines), modulation(bare, sampled), saturation(sampled)]
     return tuple(sorted(findings, key=lambda f: f.level != "bad"))
 
