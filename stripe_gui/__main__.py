@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     threading.Thread(target=_warm_up, daemon=True).start()
     if options.project is not None:
         program.window.open_path(options.project)
-    return program.app.exec()
+    return program.run()
 
 
 def _warm_up() -> None:

@@ -8,7 +8,7 @@ import sys
 import traceback
 from types import FrameType, TracebackType
 
-from PySide6.QtCore import QLibraryInfo, QLocale, QObject, QSocketNotifier, Qt, QTranslator
+from PySide6.QtCore import QLibraryInfo, QLocale, QObject, QSocketNotifier, Qt, QTimer, QTranslator
 from PySide6.QtGui import QFont, QFontDatabase, QIcon
 from PySide6.QtWidgets import QApplication
 
@@ -49,6 +49,7 @@ class Program(QObject):
         self.app = app
         self.bench = bench or Workbench()
         self._translators: list[QTranslator] = []
+        self._ended: int | None = None  # by a signal: the exit code
         self.show_theme(self.bench.settings.text("theme", "system"))
         self.load_language(self.bench.settings.text("language", "") or _desktop_language())
         self.window = MainWindow(self.bench)
@@ -105,9 +106,14 @@ class Program(QObject):
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), self._end)
 
+    def run(self) -> int:
+        """Work until the window is closed, or not at all where a signal came before; give the exit code."""
+        return self.app.exec() if self._ended is None else self._ended
+
     def _end(self, number: int, _frame: FrameType | None) -> None:
+        self._ended = code = 128 + number
         self.window.end()
-        self.app.exit(128 + number)
+        QTimer.singleShot(0, lambda: self.app.exit(code))  # which before `exec` would be lost
 
     def watch_faults(self) -> None:
         """Tell faults of the program in a notice instead of only on the terminal."""

@@ -85,3 +85,32 @@ def test_a_window_killed_while_calibrating_leaves_the_project_as_it_was(
     session.open(finished_project)
     stages = ("capture", "decode", "evaluate")
     assert {session.statuses[stage].state for stage in stages} == {State.DONE}
+
+
+EARLY = """
+import os, signal, sys
+from pathlib import Path
+from stripe_gui import __main__ as start
+from stripe_gui.main_window import MainWindow
+
+opened = MainWindow.open_path
+
+def ended_meanwhile(window, path):
+    os.kill(os.getpid(), signal.SIGTERM)
+    window.repaint()
+    return opened(window, path)
+
+MainWindow.open_path = ended_meanwhile
+sys.exit(start.main([sys.argv[1]]))
+"""
+
+
+def test_a_window_ended_while_it_opens_a_project_does_not_stay(finished_project: Path, tmp_path: Path) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", EARLY, str(finished_project)],
+        env={**os.environ, "QT_QPA_PLATFORM": "offscreen", "XDG_CONFIG_HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (ended.returncode, ended.stderr) == (143, "")
