@@ -5,19 +5,23 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from core.decode.tables import Singles
+from core.decode.tables import Limits, Singles
 
 AROUND = (15, 15)  # px
 LEAST_REACH = 0.2  # cells
 LEAST_REST = 0.7  # of a cell
+NOISY = 10.0  # standard deviations of the noise: of less contrast a bit is unsure for the noise, wherever it is
 
 
-def sigma_of_edges(place: Singles, sigma: Singles, cell: float) -> None:
+def sigma_of_edges(
+    place: Singles, sigma: Singles, cell: float, modulation: Singles, image: Singles, limits: Limits
+) -> None:
     """Change the standard deviations (H, W), lines, of coordinates that Gray code tells to a cell or two.
 
     The finest bit changes at every second edge, a coarser one at the others, and is unsure within some reach of it,
     where the coordinate is the edge. A share p of the pixels that see it so means a reach of p cells: all of them where
-    the finest bit is not resolved. Beyond the edges the rest of the cell is left.
+    the finest bit is not resolved. Beyond the edges the rest of the cell is left. In dim places
+    nothing is gained.
     """
     even = cell / np.sqrt(12)
     cells = np.round(sigma / np.float32(even))
@@ -30,4 +34,6 @@ def sigma_of_edges(place: Singles, sigma: Singles, cell: float) -> None:
         np.copyto(told, 2 * np.maximum(share, np.float32(LEAST_REACH)), where=edges)
         rest -= share
     told = np.where(np.isnan(told), np.maximum(rest, np.float32(LEAST_REST)), told)
+    noise = np.sqrt(np.maximum(limits.dark + limits.shot * image, limits.floor))
+    told = np.where(modulation < NOISY * noise, np.maximum(told, 1), told)
     np.copyto(sigma, told * np.float32(even), where=known)

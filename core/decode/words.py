@@ -30,7 +30,7 @@ NOISE_BIT = F(3.5)  # a bit nearer to its threshold, in standard deviations, is 
 EDGE = F(0.35)  # cells: how far from the edge of a cell code and phase may see it
 CLOSE = F(0.2)  # lines: so near to an edge of binary code all bits that change there are unsure
 TWO_PLACES = INT(1 << 30)  # no bit, but a reason for doubt
-COARSEST = 4  # lowest bits that code alone may do without, where fine stripes are blurred
+COARSEST = 3  # lowest bits that code alone may do without, where fine stripes are blurred
 BLURRED = F(4)  # stands for the contrast of a bit that is not resolved: it is always unsure
 NEAR = F(0.6)  # part of half the contrast: a bit nearer to its threshold is at an edge
 
