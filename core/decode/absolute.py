@@ -159,9 +159,8 @@ def decode(
         if axis in sines:
             take_ripple_out(coordinate, s)
         if tables[axis].start == CODE and tables[axis].gray and not len(tables[axis].period):
-            sigma_of_edges(
-                coordinate, s, float(tables[axis].cell), *(a.reshape(shape) for a in (modulation, image)), limits
-            )
+            contrast, even = modulation.reshape(shape), image.reshape(shape)
+            sigma_of_edges(coordinate, s, float(tables[axis].cell), contrast, even, limits)
         apart = contradiction(arrays, tables[axis], limits, sequence.image_rows)
         if apart is not None:
             widen(s, apart.lines)

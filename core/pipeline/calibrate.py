@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from core.errors import InputError
+from core.errors import AdjustmentError, InputError
 from core.model import (
     Adjustment,
     Calibration,
@@ -49,7 +49,7 @@ def calibrate_project(
     InputError
         If there are no captures for it, or the method or an option names something unknown.
     AdjustmentError
-        If they do not determine the calibration.
+        If they do not determine the calibration; those by other methods are kept.
     """
     options = options or CalibrateOptions()
     check_options(project, options)
@@ -62,6 +62,7 @@ def _calibrate(
     project: Project, captures: dict[Method, list[Capture]], options: CalibrateOptions, progress: Progress
 ) -> dict[Method, Calibration]:
     done: dict[Method, Calibration] = {}
+    failures: dict[Method, AdjustmentError] = {}
     archives: dict[str, object] = {}
     held: dict[Method, dict[str, Any]] = {}  # the archives of those taken over
     held_by: dict[Method, int] = {}
@@ -81,11 +82,19 @@ def _calibrate(
         part = progress.part(i / len(captures), (i + 1) / len(captures))
         reads = METHODS[name].reads
         earlier = {m: known for m in reads if (known := done.get(m) or _in_use(project, m)) is not None}
-        found = METHODS[name].calibrate(project, used, options, part, *([earlier] if reads else []))
+        try:
+            found = METHODS[name].calibrate(project, used, options, part, *([earlier] if reads else []))
+        except AdjustmentError as error:
+            failures[name] = error
+            continue
         done[name] = archives[f"{name}.npz"] = found.calibration
         archives |= found.beside
         targets += found.targets
     progress.check()
+    for name, failure in failures.items():
+        if not done:
+            raise failure
+        del captures[name], records[name]
     anew = {t.capture for t in targets}
     sets = [*targets, *(t for t in kept_sets if t.capture not in anew)]  # those of captures without a part stay
     if targets:
@@ -107,6 +116,9 @@ def _calibrate(
         held_by=held_by,
     )
     keep_run(project, run, archives)
+    for failure in failures.values():
+        others = f"the {' and '.join(done)} calibration is kept"
+        raise AdjustmentError(failure.where, failure.seen, f"{failure.remedy}; {others}") from failure
     return done
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from core.cli import main
-from core.errors import Cancelled, InputError
+from core.errors import AdjustmentError, Cancelled, InputError
 from core.geometry import LENSES, matrix_from_rotation_vector
 from core.model import Adjustment, PhotogrammetricCalibration
 from core.pipeline import (
@@ -28,6 +28,7 @@ from core.pipeline import (
     runs,
     save_sign_off,
 )
+from core.pipeline.methods import METHODS
 from core.pipeline.runs import calibration_file
 from core.progress import Progress
 from core.project import load_archive, read_capture, read_image, read_project, write_image, write_picks
@@ -318,3 +319,21 @@ def test_parameters_with_other_zero_radii_are_not_set_against_each_other() -> No
 def test_a_run_without_a_photogrammetric_calibration_is_not_compared() -> None:
     first = run_with(1, 12.000, 0.002, np.zeros(3), np.zeros(3))
     assert compare_runs(first, replace(first, figures={"polynomial": {}})) == ()
+
+
+def test_a_calibration_stays_where_another_method_fails(calibrated: Path, capsys, monkeypatch) -> None:
+    def fails(*_: object) -> None:
+        raise AdjustmentError("depth captures", "no pixel sees the plate move", "look at them")
+
+    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], calibrate=fails, reused=False))
+    before = current_runs(read_project(calibrated))
+    document = json.loads((calibrated / "project.json").read_text())
+    document["scale"]["sigma_mm"] = 0.006
+    (calibrated / "project.json").write_text(json.dumps(document))
+    assert main(["calibrate", str(calibrated)]) == 1
+    told = capsys.readouterr().err
+    assert "no pixel sees the plate move" in told
+    assert "the photogrammetric calibration is kept" in told
+    after = current_runs(read_project(calibrated))
+    assert after["photogrammetric"] != before["photogrammetric"]
+    assert after["polynomial"] == before["polynomial"]
