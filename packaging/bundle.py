@@ -61,8 +61,10 @@ def complete(folder: Path) -> None:
     """Add the window's name for the program, the desktop's files and the script that installs all."""
     (folder / "stripe-gui").hardlink_to(folder / "stripe-core")
     # the core's sources lie in the bundle: compiled beside them, whatever the clock says after copying
-    compileall.compile_dir(folder / "_internal/core", quiet=1, invalidation_mode=PycInvalidationMode.UNCHECKED_HASH)
-    compile_kernels = [sys.executable, str(PACKAGING / "kernels.py"), str(folder / "_internal/core/kernels")]
+    inside = folder / "_internal"
+    how = {"stripdir": inside, "invalidation_mode": PycInvalidationMode.UNCHECKED_HASH}  # nor where it was built
+    compileall.compile_dir(inside / "core", quiet=1, **how)
+    compile_kernels = [sys.executable, str(PACKAGING / "kernels.py"), str(inside / "core/kernels")]
     subprocess.run([*compile_kernels, str(folder / "stripe-core")], check=True)
     share = folder / "share"
     place(PACKAGING / f"desktop/{ID}.desktop", share / "applications")

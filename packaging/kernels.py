@@ -24,6 +24,7 @@ COMMANDS = (
     "-c NETWORK P N",
     "adjust N",
     "-c SEQUENCES",
+    "-c ANEW met/stripe-workbench/kernels",
 )
 CODE = {
     "NETWORK": """
@@ -54,27 +55,36 @@ for patterns in [*lists, [p for axis in "xy" for p in light_sections(axis, lines
             except InputError as told:  # not every sequence can be refined
                 print(told)
 """,
+    # all of them in one order and by one process: names in a kernel count what was compiled before it
+    "ANEW": """
+import sys
+from importlib import import_module
+from pathlib import Path
+from core.compiling import signature
+for kernel in sorted(Path(sys.argv[1]).iterdir()):
+    module, _, name = kernel.name.rpartition("-")[0].rpartition(".")
+    getattr(import_module(module), name).compile(signature(kernel))
+""",
 }
 
 
 def main() -> int:
     """Run all; copy what was compiled."""
     out, program = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else sys.executable
-    if hasattr(os, "sched_setaffinity"):  # on one processor: names in kernels count what was compiled before them
-        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     with tempfile.TemporaryDirectory(prefix="stripe-kernels-") as folder:
         work = Path(folder)
-        own = {"XDG_CACHE_HOME": folder, "NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": "", "PYTHONPATH": str(ROOT)}
+        own = {"NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": "", "PYTHONPATH": str(ROOT)}
         own["PYTHONHASHSEED"] = "1"  # the same sources give the same bytes
         for command in COMMANDS:
             words = [CODE.get(word, word) for word in command.split()]
             start = [] if words[0] == "-c" or Path(program).name == "stripe-core" else ["-m", "core"]
             whole = [program, *start, *words]
+            own["XDG_CACHE_HOME"] = str(work / ("made" if "ANEW" in command else "met"))
             done = subprocess.run(whole, cwd=work, env={**os.environ, **own}, capture_output=True, text=True)
             if done.returncode:
                 print(f"kernels: {command} gave {done.returncode}:\n{done.stderr}", file=sys.stderr)
                 return 1
-        kernels = sorted((work / "stripe-workbench/kernels").glob("*.kernel"))
+        kernels = sorted((work / "made/stripe-workbench/kernels").glob("*.kernel"))
         size = sum(kernel.stat().st_size for kernel in kernels) / 1e6
         out.mkdir(parents=True, exist_ok=True)
         for kernel in kernels:
