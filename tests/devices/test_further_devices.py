@@ -211,6 +211,19 @@ def test_a_trigger_that_gives_two_images_shifts_nothing() -> None:
     camera.close()
 
 
+def test_two_images_on_their_way_are_given_up_before_the_next_trigger() -> None:
+    producer = Late(numbers=False, stamps=False, restarts=True)
+    camera = GenicamCamera("A1", harvester=producer)
+    camera.grab()
+    for producer.light, producer.lag_s in ((20, 0.4), (30, 0.3)):
+        with pytest.raises(DeviceError, match="no image within"):
+            camera.grab(timeout_s=0.1)
+    producer.lag_s = 0.4
+    for producer.light in (40, 50):
+        assert camera.grab(timeout_s=1.0).pixels.mean() == producer.light
+    camera.close()
+
+
 def test_what_is_automatic_is_off_and_gamma_is_one() -> None:
     producer = Producer(GainAuto=Node(value="Once"), Gamma=Node(value=0.7))
     GenicamCamera("A1", harvester=producer).close()
