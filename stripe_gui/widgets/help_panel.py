@@ -59,6 +59,8 @@ class HelpPanel(QWidget):
         self.browser.setAccessibleName(self.tr("Help text"))
         self.browser.anchorClicked.connect(self._follow)
         self.browser.document().setDocumentMargin(14)
+        # all of it wraps; Qt takes the margin beside a table for text
+        self.browser.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         close = tool("close", self.tr("Close help"), self.closed.emit)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(4, 16, 16, 12)
