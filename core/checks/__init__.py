@@ -9,7 +9,7 @@ lengths.py   scale bar, boards and plate positions: which of the known lengths i
 plates.py    ... where the plates stood, seen by camera and projector
 volume.py    how sure a calibration is over the working volume, and how far two differ in it
 planes.py    deviations from planes: form apart from noise, angles, one method against the other
-sequences.py what captures say they show: code and the light's end against projector lines
+sequences.py what captures say they show: code and the light's end against projector lines, their response
 greys.py     captures whose grey values are unlike the others'
 sizes.py     dots' diameters as seen and as given
 files.py     the same frames twice
@@ -24,7 +24,7 @@ from core.checks.lengths import bar_notes, length_concerns
 from core.checks.network import adjustment_concerns, nominal_concerns, variance_ratios
 from core.checks.planes import DOUBTFUL_RATIO, form_of, pair_concerns, plane_concerns
 from core.checks.plates import Plates, pose_plates, see_plates
-from core.checks.sequences import code_concerns, end_notes, light_end
+from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
 from core.checks.sizes import size_concerns
 
 __all__ = [
@@ -46,6 +46,7 @@ __all__ = [
     "pose_plates",
     "repeated_frames",
     "repeated_targets",
+    "response_concerns",
     "see_plates",
     "size_concerns",
     "variance_ratios",

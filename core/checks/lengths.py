@@ -23,6 +23,7 @@ SIGNIFICANT = 3.3  # sigmas of what the calibration leaves uncertain, at the lev
 FAILED = 0.02
 OUT_OF_SHAPE = 0.01  # r.m.s. deviation from the nominal board, as a share of its size
 OFF_LINES, MOST_OFF_LINES = 2.0, 6.0  # epipolar residuals over their sigmas, which are known to about a half
+POOR, TOO_WELL = 0.003, 0.1  # a sigma over its length; sigmas off the board that a bar so poor is in 8 % of the cases
 KNOWN_FACTORS = {10.0: "cm instead of mm", 25.4: "inches instead of mm", 1000.0: "m instead of mm"}
 SCATTER = 6.0  # times what the other plates scatter by
 LEAST_OFF = 3e-4  # of the distance: what positions are known to at best
@@ -73,15 +74,27 @@ def length_concerns(
             if np.isfinite(slope):
                 sigma = float(np.hypot(_by_calibration(plates, lambda p: _positions(p)[0]), noise))
                 lengths.append(Length("the plate positions", "capture.json, z_mm", 1.0 / slope, sigma))
-    apart = _distances(adjustment) if adjustment is not None else []
+    apart = _distances(adjustment, board) if adjustment is not None else []
     return [*apart, *_odd_one(lengths, scale, board), *concerns, *(_epipolar(plates) if plates is not None else ())]
 
 
-def _distances(adjustment: Adjustment) -> list[Concern]:
-    """Measured distances that the adjustment, which has them all, gives otherwise: no residual is beyond its sigma."""
+def _distances(adjustment: Adjustment, board: Testfield | None) -> list[Concern]:
+    """Measured distances that the adjustment, which has them all, gives otherwise; sigmas that are too large.
+
+    No residual is beyond its sigma, and a length that is known to `POOR` alone is hardly ever that of the board.
+    """
     network, concerns = adjustment.network, []
     known = [] if network.scale is None else [("scale", network.scale)]
     known += [(f"lengths, entry {i}", bar) for i, bar in enumerate(network.lengths)]
+    nominal = adjustment.points_mm * np.nan if board is None else nominal_of(adjustment, board)
+    for key, bar in known:
+        off = abs(float(np.linalg.norm(nominal[bar.stop] - nominal[bar.start])) - bar.length_mm)
+        if bar.sigma_mm > POOR * bar.length_mm and off < TOO_WELL * bar.sigma_mm:
+            text = (
+                f"project.json, {key}: sigma_mm is {bar.sigma_mm:g}, {bar.sigma_mm / bar.length_mm:.1%} of length_mm, "
+                f"which the nominal testfield has to {off:.2g} mm: is sigma_mm in µm instead of mm?"
+            )
+            concerns.append(Concern("doubtful", text))
     for key, bar in known if len(known) > 1 else ():
         a, b = (adjustment.points_mm[k] for k in (bar.start, bar.stop))
         found = float(np.linalg.norm(b - a))
@@ -134,6 +147,12 @@ def _shape(nominal: Array, found: Array, file: str) -> tuple[float, list[Concern
             "print the board at the same scale both ways"
         )
         return scale, [Concern("failed" if abs(stretch - 1) > FAILED else "doubtful", text)]
+    low = nominal * (1, 1, 1e-3)
+    scale_low, R, shift = similarity(low, found)
+    rest = found - scale_low * low @ R.T - shift
+    if off > max(TOLERANCE * size, 5 * float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))):
+        text = f"{file}: the board seen is {off:.3g} mm r.m.s. flatter: is z_mm in µm instead of mm?"
+        return scale_low, [Concern("failed", text)]
     if off > OUT_OF_SHAPE * size:
         text = (
             f"{file}: the board seen differs from it by {off:.3g} mm r.m.s.: another board, or its targets are "

@@ -137,7 +137,8 @@ def _angles(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
     """Angles between planes of one method against angle_deg.
 
     Tilts may be about any axes: between two planes the angle is at most the sum of theirs and at least the difference.
-    Signs are judged only where all normals lie in one plane and three or more others agree about its axis.
+    Signs are judged only where all normals lie in one plane, and three or more others agree about its axis or some
+    angle is negative: amounts need no signs.
     """
     method = evaluations[0].method if evaluations else None
     planes = [e for e in evaluations if e.method == method and e.angle_deg is not None and np.isfinite(e.plane).all()]
@@ -150,12 +151,13 @@ def _angles(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
     least, most = np.abs(np.subtract.outer(tilt, tilt)), np.add.outer(tilt, tilt)
     misfit = np.maximum(np.maximum(least - found, found - most), 0)
     np.fill_diagonal(misfit, 0)
+    odd: list[int] = []
     sign = False
     if misfit.max() <= OWN_ANGLE_DEG:
-        k, off, sign = _against_axis(normals, given)
-        if k is None:
+        odd, off, sign = _against_axis(normals, given)
+        if not odd:
             return []
-        misfit[k] = off
+        misfit[k := odd[0]] = off
     else:
         k = int(np.argmax(np.median(misfit, axis=1) if len(planes) > 2 else misfit.max(axis=1)))
     told = ", ".join(f"{off:.1f}°" for off in np.delete(misfit[k], k)[:4])
@@ -163,15 +165,19 @@ def _angles(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
     text = f"{e.capture}: angle_deg {e.angle_deg:g} differs from the angles to the other planes by {told}: "
     if len(planes) == 2:
         text = f"{e.capture} and {planes[1 - k].capture}: the angle between them differs from angle_deg by {told}: "
+    if len(odd) > 1:
+        text = (
+            f"{' or '.join(planes[i].capture for i in odd)}: all planes were turned about one axis, by other angles: "
+        )
     text += "its sign is reversed" if sign else "correct angle_deg, or the plane-table was not turned as it says"
     return [Concern("failed" if misfit.max() > MOST_ANGLE_DEG else "doubtful", text)]
 
 
-def _against_axis(normals: Array, given: Array) -> tuple[int | None, float, bool]:
-    """Find the one plane that contradicts the axis that all others agree about; how far off, and is it the sign."""
+def _against_axis(normals: Array, given: Array) -> tuple[list[int], float, bool]:
+    """Find planes of which one contradicts the axis that the others agree about; how far off, and is it the sign."""
     _, _, (first, second, axis) = np.linalg.svd(normals)
-    if len(given) < 4 or np.degrees(np.abs(normals @ axis)).max() > OWN_ANGLE_DEG:
-        return None, 0.0, False
+    if len(given) < 3 or np.degrees(np.abs(normals @ axis)).max() > OWN_ANGLE_DEG:
+        return [], 0.0, False
     turned = np.degrees(np.arctan2(normals @ second, normals @ first))
     turned = (turned - turned[0] + 180) % 360 - 180
     odd = []
@@ -181,7 +187,11 @@ def _against_axis(normals: Array, given: Array) -> tuple[int | None, float, bool
         off = abs(float(zero[k] - np.median(others)))
         if np.ptp(others) <= OWN_ANGLE_DEG and np.ptp(angles) > MOST_ANGLE_DEG and off > MOST_ANGLE_DEG:
             odd.append((k, off, abs(off - 2 * abs(given[k])) <= OWN_ANGLE_DEG))
-    return odd[0] if len(odd) == 1 else (None, 0.0, False)
+    if len(given) == 3:  # two agree about some axis by chance: only a sign can be told
+        said = min(float(np.ptp(turned - way * given)) for way in (1, -1))
+        signs = [k for k, _, sign in odd if sign] if (given < 0).any() and said > MOST_ANGLE_DEG else []
+        return signs, said, True
+    return ([odd[0][0]], *odd[0][1:]) if len(odd) == 1 else ([], 0.0, False)
 
 
 def _methods(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:

@@ -1,4 +1,4 @@
-"""What captures say they show: the code, and where the light ends, against the projector's lines."""
+"""What captures say they show against what project.json says of the projector: its lines, and its response."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from core.checks.concern import Concern
-from core.model import Capture, DeviceSpec, Floats
+from core.model import Array, Capture, DeviceSpec, Floats, TargetSet
 from core.patterns import Code
 
 End = tuple[int, float] | None  # a line, and where in the image it lies
@@ -18,6 +18,7 @@ DARK_PX = 4  # beyond it
 OFTEN = 0.3  # of the sections must end at the same line
 BEYOND = 0.01  # of the pixels may lie there by mistake
 SHORT = 0.01  # of the lines, and 3 of them, that the light may end early by blur
+CURVED = 0.1  # of full light, by which a response is unlike another; captures tell theirs to a few hundredths
 APART = 0.01  # of the image, that its end must have moved from one scene to the other
 
 
@@ -95,3 +96,33 @@ def code_concerns(captures: Sequence[Capture], projector: DeviceSpec) -> list[Co
         text += f": correct {word} in project.json or the bits and cell of the patterns"
         concerns.append(Concern("doubtful", text))
     return concerns
+
+
+def response_concerns(sets: Sequence[TargetSet], projectors: Mapping[str, DeviceSpec]) -> list[Concern]:
+    """Find projectors whose `response` has its columns exchanged, by the curve that captures of sine fringes show.
+
+    That may be straight, where the levels were chosen by the response, or bent twice.
+    """
+    concerns = []
+    at = np.linspace(0.1, 0.9, 9)
+    for name, spec in projectors.items():
+        seen = [_curve(t.response, at) for t in sets if t.projector == name and t.response is not None]
+        given = np.array(spec.response).reshape(-1, 2)
+        if not seen or len(given) < 3 or (np.diff(given, axis=0) <= 0).any():
+            continue
+        found, said, turned = np.median(seen, axis=0), _curve(given, at), _curve(given[:, ::-1], at)
+        curves = said, at, turned, _curve(given[:, ::-1], turned)
+        as_said, straight, *as_turned = (float(np.abs(found - curve).max()) for curve in curves)
+        if min(as_turned) < 0.5 * min(as_said, straight) and as_said > CURVED:
+            text = (
+                f"{name}: by its response in project.json, level 0.5 gives {said[4]:.2f} of the light, by the captures "
+                f"{found[4]:.2f}: are its columns exchanged? Give [level, light]"
+            )
+            concerns.append(Concern("doubtful", text))
+    return concerns
+
+
+def _curve(pairs: Array, at: Array) -> Array:
+    """Light at levels, from pairs (k, 2), both as shares of their range."""
+    level, light = ((column - column[0]) / (column[-1] - column[0]) for column in pairs.T)
+    return np.interp(at, level, light)

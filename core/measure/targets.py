@@ -21,6 +21,7 @@ from core.progress import SILENT, Progress
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
+DEEP = 0.2  # of a board's size that its targets' z may span; more is said where its picks do not fit
 BESIDE_CODE = 1.05  # radii from a code to where the board around a dot begins to count: 0.8, and the code's blur
 
 
@@ -89,7 +90,14 @@ def measure_targets(
     where = f"{capture}/picks.json" if capture else "picks.json"
     unwanted = frozenset(check_excluded(board, excluded, where))
     sight = Sight(image, phase, testfield, board, camera, unwanted, where, side, progress)
-    marks = kind.measure(sight, seeds)
+    try:
+        marks = kind.measure(sight, seeds)
+    except InputError as error:
+        x, y, z = np.ptp(testfield.xyz_mm, axis=0)
+        if z > DEEP * max(x, y):
+            deep = f"look at z_mm of the testfield as well, which spans {z:g} mm: is it in µm instead of mm?"
+            raise InputError(error.where, error.seen, f"{error.remedy}; {deep}") from error
+        raise
     progress(0.9, "reading projector coordinates")
     return _target_set(sight, marks, capture, projector)
 

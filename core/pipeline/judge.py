@@ -30,7 +30,7 @@ def judge_adjustment(adjustment: Adjustment) -> Adjustment:
 
 def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
     """Judge the calibrations of one run, each by itself and against the other, and list what was left out."""
-    from core.checks import code_concerns, grey_concerns, repeated_frames, repeated_targets
+    from core.checks import code_concerns, grey_concerns, repeated_frames, repeated_targets, response_concerns
 
     projector = evidence.project.projector
     taking_part = {c.name for chosen in evidence.used.values() for c in chosen}
@@ -40,6 +40,7 @@ def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
     sets = [t for t in evidence.sets if t.capture in taking_part]
     twice = twice or repeated_targets(sets)
     of_captures, greys = [*twice, *code_concerns(evidence.captures, projector)], grey_concerns(sets)
+    of_captures += response_concerns(sets, evidence.project.rig.projectors)
     result: dict[Method, Any] = dict(evidence.calibrations)
     for name, calibration in result.items():
         found = METHODS[name].judge(evidence, name, calibration)

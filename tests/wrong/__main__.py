@@ -22,6 +22,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
+
 from tests.wrong.files import FILES
 from tests.wrong.kinds import KINDS, NO_ERROR
 from tests.wrong.rendered import unlike, varied
@@ -181,6 +183,7 @@ def main() -> int:
     parser.add_argument("--place", type=Path, default=Path("wrong-results"), help="where projects and results are kept")
     options = parser.parse_args()
     options.place.mkdir(exist_ok=True)
+    cv2.setNumThreads(0)  # `in_child` copies none, and OpenCV would wait for them
     if options.files:
         count = refusals(options.place, options.only)
         print(f"{count} of {len(FILES)} kinds of files are not dealt with as they should be")

@@ -81,6 +81,8 @@ KINDS: dict[str, tuple[Change, str]] = {
     "scale bar in cm": (on("scale", "length_mm", to=lambda v: v / 10), f"{BAR}.*cm"),
     "scale bar in inches": (on("scale", "length_mm", to=lambda v: v / 25.4), f"{BAR}.*inches"),
     "scale bar in m": (on("scale", "length_mm", to=lambda v: v / 1000), f"{BAR}.* m instead"),
+    "scale bar's sigma in um": (on("scale", "sigma_mm", to=lambda v: 1000 * v), "sigma_mm.*µm"),
+    "plates counted from the other end": (z(lambda k, v: -v), Z),
     "scale bar on other targets": (on("scale", "to", to=lambda v: [v[0] + 1, v[1]]), f"{BAR}.*other targets"),
     "a further length 2 % off": (documents(further_length), "lengths, entry 0.*disagree"),
     "testfield x1.05": (all_times("testfield.csv", 1.05), BOARD),
@@ -117,6 +119,10 @@ KINDS: dict[str, tuple[Change, str]] = {
     "projector 16 lines too wide": (on("projector", "width", to=lambda v: v + 16), "projector.*width|by project.json the projector has"),
     "projector's height x0.75": (on("projector", "height", to=lambda v: v * 3 // 4), "projector.*height"),
     "projector's height x2": (on("projector", "height", to=lambda v: v * 2), "projector.*height|by project.json the projector has"),
+    "projector's response with its columns exchanged": (
+        documents(lambda d: d["projector"].update(response=[[round((i / 10) ** 2.2, 4), i / 10] for i in range(11)])),
+        "columns exchanged",
+    ),
     "camera's width and height exchanged": (
         documents(lambda d: d["camera"].update(width=d["camera"]["height"], height=d["camera"]["width"])),
         r"\d+x\d+|\d+ x \d+",
@@ -269,6 +275,9 @@ KINDS: dict[str, tuple[Change, str]] = {
 
 # what changes nothing there: two wrong descriptions say the same, or two angles or one code do not tell
 NO_ERROR = (
+    "bench: plates counted from the other end",  # the targets tell which way they went: not one point moves
+    "unlike: plates counted from the other end",
+    "bench: projector's response with its columns exchanged",  # square waves show none, and nothing uses it
     "bench: square said to be sine, or the reverse",  # four steps a period of four lines: the same light but for its height
     "bench: angle's sign reversed",  # of two planes one stands at 0: which way the other was turned is a convention
     "bench: angles of two planes exchanged",

@@ -1,4 +1,4 @@
-"""Projectors declared larger than their light reaches; measured distances that contradict each other."""
+"""Projectors declared otherwise than captures show them; measured distances that contradict each other."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from core.calibrate import calibrate_photogrammetric
-from core.checks import bar_notes, end_notes, length_concerns, light_end
+from core.checks import bar_notes, end_notes, length_concerns, light_end, response_concerns
 from core.errors import InputError
 from core.fields import read_document
 from core.model import DeviceSpec, NetworkScale, ScaleBar
@@ -43,6 +43,25 @@ def test_a_projector_declared_too_wide_is_named(width: int, told: bool) -> None:
     assert all(f"width is {width}: correct width" in text for text in notes.values())
     # an edge that stays where it is in the image may be the object's
     assert not end_notes({"a": ends["plane+00"], "b": ends["plane+00"]}, spec)
+
+
+@pytest.mark.parametrize("gamma", [0.5, 1.05, 1.6, 2.2])
+def test_a_response_with_its_columns_exchanged_is_named(gamma: float) -> None:
+    """Captures show a power law to 0.03 of the light, or a straight line where levels were chosen by the response."""
+    level, rng = np.linspace(0, 1, 11), np.random.default_rng(0)
+    target = simulate("modern", 3).fields[0]
+
+    def shown(power: float) -> list:
+        bend = 0.03 * rng.uniform(-1, 1, 4)[:, None] * np.sin(np.pi * level)
+        return [replace(target, response=np.column_stack([level, level**power + b])) for b in bend]
+
+    said = DeviceSpec(640, 480, (0.01, 0.01), 20.0, response=tuple(zip(level, level**gamma, strict=True)))
+    turned = replace(said, response=tuple(zip(level**gamma, level, strict=True)))
+    for power in (gamma, 1.0):
+        assert not response_concerns(shown(power), {"projector": said})
+    for power in (gamma, gamma**2):  # and where levels were chosen by the wrong one
+        told = response_concerns(shown(power), {"projector": turned})
+        assert [("columns exchanged" in c.text) for c in told] == [True] * (gamma != 1.05)
 
 
 def test_measured_distances_that_contradict_each_other_are_named() -> None:

@@ -64,6 +64,11 @@ def scaled(field: Testfield, x: float, y: float | None = None) -> Testfield:
     return replace(field, xyz_mm=field.xyz_mm * [x, x if y is None else y, 1.0])
 
 
+def uneven(field: Testfield) -> Testfield:
+    """Heights of some µm, given in µm."""
+    return replace(field, xyz_mm=field.xyz_mm + [0, 0, 1] * (8 * np.sin(field.xyz_mm[:, :1] / 40)))
+
+
 def device(p: Project, camera: bool, **changes) -> Project:
     cameras, projectors = dict(p.rig.cameras), dict(p.rig.projectors)
     group, name = (cameras, "camera") if camera else (projectors, "projector")
@@ -118,6 +123,8 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
     "bar +10 %": (lambda p: bar(p, 1.1), rf"{BAR}.*1\.(1|09)"),
     "bar in cm": (lambda p: bar(p, 0.1), f"{BAR}.*cm"),
     "bar in inches": (lambda p: bar(p, 1 / 25.4), f"{BAR}.*inches"),
+    "bar's sigma in um": (lambda p: replace(p, scale=replace(p.scale, sigma_mm=5.0)), "scale: sigma_mm is 5, .*µm"),
+    "board's z in um": (lambda p: replace(p, board=uneven(p.board)), r"testfield\.csv: .* flatter: is z_mm in µm"),
     "bar on other targets": (lambda p: replace(p, scale=replace(p.scale, stop=(6, 6))), f"{BAR}.*other targets"),
     "bar on a short pair": (lambda p: replace(p, scale=replace(p.scale, stop=(3, 8))), BAR),
     "board x1.05": (lambda p: replace(p, board=scaled(p.board, 1.05)), f"{BOARD}.*1.05|{BOARD}.*1.04"),
