@@ -40,7 +40,7 @@ from numba.extending import is_jitted, register_jitable
 from core.atomic import atomic_write
 from core.progress import announce
 
-__all__ = ["inner", "njit", "signature"]
+__all__ = ["inner", "kinds_of_arguments", "njit"]
 
 _KEPT_DAYS, _KEPT_BYTES = 60, 256_000_000
 _BROUGHT = Path(__file__).parent / "kernels"
@@ -134,9 +134,9 @@ class _Entry(pickle.Unpickler):
         return _rebuild_env if name == _rebuild_env.__name__ else super().find_class(module, name)
 
 
-def signature(kernel: Path) -> Any:
-    """Give the kinds of arguments that a kept kernel was compiled for, as its dispatcher's `compile` takes them."""
-    return _Entry(BytesIO(kernel.read_bytes())).load()[3]
+def kinds_of_arguments(kernel: Path) -> Any:
+    """Say what a kept kernel was compiled for, as its dispatcher's `compile` takes it."""
+    return _Entry(BytesIO(kernel.read_bytes())).load()[3].args
 
 
 def _loaded(target_context: Any, library: Any, function: Any, *rest: Any) -> Any:

@@ -60,10 +60,10 @@ for patterns in [*lists, [p for axis in "xy" for p in light_sections(axis, lines
 import sys
 from importlib import import_module
 from pathlib import Path
-from core.compiling import signature
+from core.compiling import kinds_of_arguments
 for kernel in sorted(Path(sys.argv[1]).iterdir()):
     module, _, name = kernel.name.rpartition("-")[0].rpartition(".")
-    getattr(import_module(module), name).compile(signature(kernel))
+    getattr(import_module(module), name).compile(kinds_of_arguments(kernel))
 """,
 }
 
