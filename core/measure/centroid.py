@@ -32,10 +32,10 @@ CLIPPED = (
     0.01  # px that a clipped top leaves of 10 to 25 px dots at 2 to 20 times full scale, bloomed or not: 0.005..0.012
 )
 BLURS_TO_EDGE, PIXEL = 2.5, 0.5  # how far a dot's middle pixel must be from its edge: blurs, and px
-NEIGHBOURS, LEAST_NEIGHBOURS = 24, 6  # dots that tell the light's gradient
+NEIGHBOURS, LEAST_NEIGHBOURS = 20, 6  # dots that tell the light's gradient
 PRINTS = 0.01  # share by which dots' prints differ, to begin with
 # how much light's logarithm usually changes over the neighbours' reach, by the terms of a cubic: a bound for few dots
-USUAL = np.repeat([1.0, 3.0, 0.3, 0.1], [1, 2, 3, 4])
+USUAL, UNUSUAL = np.repeat([2.0, 4.0, 4.0, 4.0], [1, 2, 3, 4]), 1.5
 
 
 def centroids(
@@ -107,14 +107,17 @@ def light_gradient(uv: Array, contrast: Array, inside: Array, weight: Array) -> 
     A = np.concatenate([np.stack(terms, axis=2) for terms in (value, by_x, by_y)], axis=1)
     bright = np.log(np.maximum(contrast, 1e-6))[near]
     bright = bright - row_median(bright)[:, None]
-    valid = np.abs(bright) < 0.5
+    valid = np.abs(bright) < UNUSUAL
+    # near ones count most: over all of them a cubic follows light that falls steeply only in part
+    share = np.tile((1 - np.minimum(np.hypot(x, y), 0.999) ** 3) ** 3, (1, 3))
     seen = np.nan_to_num(np.concatenate([bright, inside[near, 0] * scale, inside[near, 1] * scale], axis=1))
     told = np.concatenate([valid, *2 * [valid * weight[near] / scale**2]], axis=1)
     variance = [PRINTS**2, PRINTS**2]
     doubt, own = np.ones(told.shape), [0, k, 2 * k]
     for _ in range(3):
         known = told / np.repeat(variance, (k, 2 * k))
-        N, b = normal_equations(A, known * doubt, seen[..., None])
+        counted = known * doubt * share
+        N, b = normal_equations(A, counted, seen[..., None])
         C = np.linalg.inv(N + np.diag(1 / USUAL**2))
         fit = C @ b
         square = (seen - (A @ fit)[..., 0]) ** 2 * known
@@ -125,7 +128,8 @@ def light_gradient(uv: Array, contrast: Array, inside: Array, weight: Array) -> 
         for i, part in enumerate((left[:, :1], left[:, 1:])):
             if np.isfinite(part).any():
                 variance[i] = max(variance[i] * float(np.nanmedian(part)) * MEDIAN_OF_NORMAL**-2, 1e-8)
-    return fit[:, 1:3, 0] / scale, C[:, 1:3, 1:3] / scale[..., None] ** 2
+    cov = C @ (normal_equations(A, counted * share, seen[..., None])[0] + np.diag(1 / USUAL**2)) @ C
+    return fit[:, 1:3, 0] / scale, cov[:, 1:3, 1:3] / scale[..., None] ** 2
 
 
 def noise_model(image: NDArray[np.float32], rays: Rays, profile: Profiles) -> tuple[float, float]:

@@ -19,6 +19,21 @@ def test_gradient_follows_a_vignette_up_to_the_corners_of_a_coarse_testfield() -
     assert np.abs(off).max() < 0.002  # px
 
 
+def test_gradient_follows_light_that_falls_by_two_thirds_to_the_corners() -> None:
+    row, col = np.mgrid[:8, :11]
+    uv = np.stack([(col.ravel() - 5) * 40.0, (row.ravel() - 3.5) * 40.0], axis=-1)
+    fall, rng, off = 0.69 / 244.0**2, np.random.default_rng(1), []
+    away = 1 + fall * np.sum(uv**2, axis=1)  # one over the cosine's square
+    light, truth = away**-2, -4 * fall * uv / away[:, None]
+    for _ in range(20):
+        inside = truth + 5e-4 * rng.standard_normal(uv.shape) / light[:, None]
+        found, _ = light_gradient(uv, light * (1 + 0.01 * rng.standard_normal(len(uv))), inside, light**2)
+        off.append((found - truth) * 20.0**2 / 16)  # px, for dots of 20 px diameter
+    corner = np.linalg.norm(uv, axis=1) > 200
+    assert np.abs(np.mean(off, axis=0)[corner]).max() < 0.004
+    assert np.sqrt(np.mean(np.square(off)[:, corner])) < 0.01
+
+
 def test_gradient_over_a_tilted_board_near_a_lamp_at_its_side_is_not_drawn_to_zero() -> None:
     row, col = np.mgrid[:7, :9]
     uv = np.stack([(col.ravel() - 4) * 40.0, (row.ravel() - 3) * 40.0], axis=-1)  # 1 px is 1 mm
