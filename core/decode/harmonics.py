@@ -115,16 +115,15 @@ def _family(sharp: bytes, period: float) -> Family:
     place = (np.arange(lines * fine) + 0.5) / (fine * period)
     passed = [np.exp(-((np.sqrt(2) * np.pi * w * frequency) ** q)) for q in SHAPES for w in WIDTHS]
     first = np.abs(np.fft.fftfreq(lines * fine, 1 / fine) * period - 1) < 0.5 * period / lines
-    waves = [np.fft.ifft(terms * p) for p in passed] + [np.fft.ifft(terms * first)]
+    waves = np.fft.ifft(terms * np.array([*passed, first]))
     usual = np.exp(-0.5 * ((np.log(WIDTHS**2) - USUAL[0]) / USUAL[1]) ** 2)
     prior = np.concatenate([*(share * usual / usual.sum() for share in SHAPES.values()), [SINE]])
-    sums = np.zeros((4, len(waves), GRID))
-    for k, z in enumerate(waves):
-        seen = np.angle(z) / (2 * np.pi)
-        away = place - seen - np.rint(place - seen)
-        at = np.minimum(((seen + 0.5) * GRID).astype(int), GRID - 1)
-        for out, each in zip(sums[:, k], (None, away, away * away, np.log(np.abs(z) + 1e-9)), strict=True):
-            out[:] = np.bincount(at, each, GRID) / len(z)
+    seen = np.angle(waves) / (2 * np.pi)
+    away = place - seen - np.rint(place - seen)
+    at = np.minimum(((seen + 0.5) * GRID).astype(int), GRID - 1) + GRID * np.arange(len(waves))[:, None]
+    parts = np.ones_like(away), away, away * away, np.log(np.abs(waves) + 1e-9)
+    sums = np.array([np.bincount(at.ravel(), part.ravel(), at.shape[0] * GRID) for part in parts])
+    sums = sums.reshape(4, -1, GRID) / waves.shape[1]
     return Family(prior, sums)
 
 

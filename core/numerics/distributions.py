@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +31,8 @@ def normal_limit(level: float) -> float:
     >>> round(normal_limit(0.025), 3)
     1.96
     """
+    from statistics import NormalDist  # brings decimals and fractions along
+
     return -NormalDist().inv_cdf(level)
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from core.pipeline.calibrate import adjust_network as adjust_network
     from core.pipeline.calibrate import calibrate_project as calibrate_project
     from core.pipeline.calibrate import load_calibrations as load_calibrations
+    from core.pipeline.calibrate import methods_in_use as methods_in_use
     from core.pipeline.capture import capture_into as capture_into
     from core.pipeline.capture import check_scenario as check_scenario
     from core.pipeline.capture import simulate_project as simulate_project
@@ -99,7 +100,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "core.capture.latency": "probe_light",
     "core.capture.probe": "probe_device",
-    "core.pipeline.calibrate": "adjust_network calibrate_project load_calibrations",
+    "core.pipeline.calibrate": "adjust_network calibrate_project load_calibrations methods_in_use",
     "core.pipeline.capture": "capture_into check_scenario simulate_project",
     "core.pipeline.compare": "Difference compare_runs",
     "core.pipeline.decode": "decode_capture phase_maps read_phase write_phase",

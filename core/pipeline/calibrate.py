@@ -172,6 +172,14 @@ def adjust_network(folder: Path, progress: Progress = SILENT) -> Adjustment:
     return judge_adjustment(adjust(read_network(folder), progress=progress))
 
 
+def methods_in_use(project: Project) -> list[Method]:
+    """Name the methods that the project has a calibration by; an `InputError` if there is none."""
+    found = [name for name in METHODS if calibration_file(project, f"{name}.npz") is not None]
+    if not found:
+        raise InputError(project.path, "the project has no calibration", "run `stripe-core calibrate` on it first")
+    return found
+
+
 def load_calibrations(project: Project) -> dict[Method, Calibration]:
     """Read the calibrations that the project has.
 
@@ -180,13 +188,14 @@ def load_calibrations(project: Project) -> dict[Method, Calibration]:
     InputError
         If there is none, or one is of another camera or projector than the project's.
     """
-    found: dict[Method, Any] = {}
-    for name, method in METHODS.items():
-        if (path := calibration_file(project, f"{name}.npz")) is not None:
-            found[name] = load_archive(path, method.result)
-            _check_rig(path, method.devices(project, found[name]))
-    if not found:
-        raise InputError(project.path, "the project has no calibration", "run `stripe-core calibrate` on it first")
+    return {name: _loaded(project, name) for name in methods_in_use(project)}
+
+
+def _loaded(project: Project, name: Method) -> Any:
+    path = calibration_file(project, f"{name}.npz")
+    assert path is not None
+    found: Any = load_archive(path, METHODS[name].result)
+    _check_rig(path, METHODS[name].devices(project, found))
     return found
 
 
@@ -194,12 +203,12 @@ def chosen_calibration(project: Project, method: Method | None = None) -> tuple[
     """Read the calibration in use of one method, by default of the first that there is; give the method's name too."""
     if method is not None:
         method_of(method)
-    calibrations = load_calibrations(project)
-    chosen = method or next(iter(calibrations))
-    if chosen not in calibrations:
+    there = methods_in_use(project)
+    chosen = method or there[0]
+    if chosen not in there:
         remedy = f"run `stripe-core calibrate --method {chosen}` first"
         raise InputError(project.path, f"no {chosen} calibration", remedy)
-    return chosen, calibrations[chosen]
+    return chosen, _loaded(project, chosen)
 
 
 def photogrammetric_calibration(project: Project) -> PhotogrammetricCalibration:

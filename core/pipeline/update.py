@@ -10,7 +10,7 @@ from pathlib import Path
 from core.errors import Cancelled, InputError, StripeError
 from core.figures import phase_figures
 from core.model import Capture, Method, Project
-from core.pipeline.calibrate import calibrate_project, load_calibrations
+from core.pipeline.calibrate import calibrate_project, methods_in_use
 from core.pipeline.decode import phase_maps
 from core.pipeline.evaluate import evaluate_project
 from core.pipeline.failures import StageFailure, clear_failure, keep_failure
@@ -157,7 +157,7 @@ def _reconstruct(project: Project, states: ProjectStates, progress: Progress) ->
     graph, done = Graph(project), 0
     if not calibration_hashes(project):
         return ""
-    first = next(iter(load_calibrations(project)))
+    first = methods_in_use(project)[0]
     names = [name for name in _due(states, "reconstruct") if name in graph.captures]
     for name in progress.over(names, "reconstructing {0}"):
         capture = graph.captures[name].name

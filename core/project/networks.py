@@ -48,7 +48,7 @@ def read_network(folder: Path) -> Network:
         if pair in seen:
             seen_in = f"point {row.text('point')!r} is there already in station {row.text('station')!r}"
             raise InputError(row.where, seen_in, "remove one of the two")
-        seen[pair] = row.real("u"), row.real("v"), row.real("sigma_px", above=0.0)
+        seen[pair] = row.data["u"], row.data["v"], row.real("sigma_px", above=0.0)
     xyz, point_sigma = np.hsplit(np.array(list(points.values())).reshape(-1, 6), [3])
     station, point = np.array(list(seen), np.int64).reshape(-1, 2).T
     u, v, sigma = np.array(list(seen.values())).reshape(-1, 3).T

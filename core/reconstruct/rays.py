@@ -8,8 +8,9 @@ import numpy as np
 
 from core.geometry import ray_directions
 from core.model import DeviceSpec, Floats, Interior
+from core.parallel import run_in_bands
 
-ROWS_AT_ONCE = 256  # keeps the float64 work arrays of a 5 Mpx camera small
+ROWS_AT_ONCE = 32  # their float64 work arrays stay in the processor's cache
 
 
 @lru_cache(maxsize=3)
@@ -28,10 +29,14 @@ def camera_rays(spec: DeviceSpec, interior: Interior) -> Floats:
         float32 moves a point at 1 m by less than 0.06 µm per unit of direction. Read-only, shared between callers.
     """
     rays = np.empty((spec.height, spec.width, 2), np.float32)
-    for start in range(0, spec.height, ROWS_AT_ONCE):
-        rows = np.arange(start, min(start + ROWS_AT_ONCE, spec.height))
-        uv = np.stack(np.meshgrid(np.arange(spec.width), rows), axis=-1)
-        rays[rows] = ray_directions(spec, interior, uv)[..., :2]
+
+    def band(start: int, stop: int) -> None:
+        for first in range(start, stop, ROWS_AT_ONCE):
+            rows = np.arange(first, min(first + ROWS_AT_ONCE, stop))
+            uv = np.stack(np.meshgrid(np.arange(spec.width), rows), axis=-1)
+            rays[rows] = ray_directions(spec, interior, uv)[..., :2]
+
+    run_in_bands(band, spec.height, ROWS_AT_ONCE)
     rays.setflags(write=False)
     return rays
 

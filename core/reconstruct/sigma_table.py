@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.geometry import Pose, lens_of, project, ray_directions
+from core.geometry import Pose, lens_of, project, project_with_derivatives, ray_directions
 from core.model import Array, DeviceSpec, Interior
-from core.numerics import nearest
+from core.numerics import inverse_2x2, nearest
 
 NODES = 25  # rows, and about as many columns
 LANES = 4  # columns between nodes are a multiple: what a processor works on at once
@@ -144,36 +144,20 @@ def _variance(devices: Devices, uv: Array, q: Array, covariance: Array, weights:
     """Variance of X q², shape (rows, columns, k, 3): q = argmin Σ w (observed - f(q, p))² moves with the parameters p.
 
     ``dq/dp = -Σ w J df/dp / Σ w J²`` with ``J = df/dq``, and ``d(X q²)/dp = q dd/dp - d dq/dp`` for the viewing
-    direction d; the derivatives are central differences, over a sigma for the parameters.
+    direction d, which moves with the camera's parameters so that its image stands still.
     """
-    uncertain = np.flatnonzero(np.diag(covariance) > 0)
-    rays = ray_directions(*devices.camera, uv)
-    h = 1e-4 * q
-    J = (_projected(devices, rays, q + h) - _projected(devices, rays, q - h)) / (2 * h[..., None])
-    information = np.sum(weights * J**2, axis=-1)
-    columns = []
-    for p in uncertain:
-        step = float(np.sqrt(covariance[p, p]))
-        ends = []
-        for sign in (1, -1):
-            moved = _moved(devices, int(p), sign * step)
-            ray = ray_directions(*moved.camera, uv)
-            ends.append((_projected(moved, ray, q), ray))
-        df, dray = ((one - other) / (2 * step) for one, other in zip(*ends, strict=True))
-        dq = -np.sum(weights * J * df, axis=-1) / information
-        columns.append(q[..., None] * dray[:, :, None, :] - rays[:, :, None, :] * dq[..., None])
-    G = np.stack(columns, axis=-1)
-    return np.asarray(np.sum((G @ covariance[np.ix_(uncertain, uncertain)]) * G, axis=-1))
-
-
-def _moved(devices: Devices, parameter: int, step: float) -> Devices:
-    """Change one of the parameters in the order of `Pair.covariance`."""
-    (camera, inner), (projector, outer), pose = devices.camera, devices.projector, devices.projector_from_camera
-    k, m = len(inner.vector), len(outer.vector)
-    change = np.zeros(k + m + 6)
-    change[parameter] = step
-    of_camera, of_projector, of_pose = np.split(change, [k, k + m])
-    return Devices((camera, inner.changed(of_camera)), (projector, outer.changed(of_projector)), pose.changed(of_pose))
+    rays = ray_directions(*devices.camera, uv)[:, :, None]
+    seen = project_with_derivatives(*devices.camera, rays)
+    dray = np.zeros((*rays.shape, seen.by_interior.shape[-1]))
+    dray[..., :2, :] = -inverse_2x2(seen.by_point[..., :2]) @ seen.by_interior
+    lit = project_with_derivatives(*devices.projector, rays / q[..., None], devices.projector_from_camera)
+    q = q[..., None, None]
+    J = -(lit.by_point @ rays[..., None])[..., 0] / q[..., 0] ** 2
+    df = np.concatenate([lit.by_point @ dray / q, lit.by_interior, lit.by_pose], axis=-1)
+    dq = -((weights * J)[..., None, :] @ df) / np.sum(weights * J**2, axis=-1)[..., None, None]
+    G = -rays[..., None] * dq
+    G[..., : dray.shape[-1]] += q * dray
+    return np.asarray(np.sum((G @ covariance) * G, axis=-1))
 
 
 def _filled(nodes: Array) -> Array:

@@ -155,7 +155,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
         METHODS,
         check_cloud,
         coverage,
-        load_calibrations,
+        methods_in_use,
         reconstruct_capture,
         reconstruct_views,
         seen_by_several,
@@ -195,7 +195,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
             "of the {object_px} pixels of the object {by_code:.1%} by code, {filled:.1%} with texture".format(**covered)
         )
         figures["covered"] = covered
-    _tell_outdated(options, options.method or next(iter(load_calibrations(project))))
+    _tell_outdated(options, options.method or methods_in_use(project)[0])
     return figures
 
 
