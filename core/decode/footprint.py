@@ -13,17 +13,29 @@ from numpy.typing import NDArray
 
 from core.decode.compiled import HALF, INT, ONE, TINY, F, fast, part
 from core.decode.options import Flag
-from core.decode.tables import Array, Limits, Rows, Shorts, Singles
+from core.decode.tables import Limits, Rows, Shorts, Singles
 from core.parallel import run_in_bands
 
 USUAL, DIFFERENT = 0.5, 0.2  # px²: twice a footprint's variance, see `_change`, and by how much cameras differ
 UNSURE = F(0.3)  # part of the correction that may be wrong
 NOTICED = 1.2  # times the noise of a grey value: less draws coordinates by less than half of their own noise
-REACH = 3  # px from an edge to where it draws no more
+REACH, MARGIN = 3, 5  # px from an edge to where it draws no more, and in which the surface must be even
+SUMS = np.array(  # over a profile of pixels, `MARGIN` to either side: the middle's height, and bends of a surface
+    [
+        [0, 0, -1 / 2, 0, 0, 1, 0, 0, -1 / 2, 0, 0],
+        [0, 0, 1 / 3, 0, -1, 0, 1, 0, -1 / 3, 0, 0],
+        [0, 1, 0, -1, 0, 0, 0, -1, 0, 1, 0],
+        [0, 0, 0, 0, 0, 0, 1, 0, -2, 0, 1],
+        [1, 0, -2, 0, 1, 0, 0, 0, 0, 0, 0],
+    ]
+)
+BLUNT = 0.4  # part of what edges draw that may be otherwise
 STRONG, STRONGEST = 0.1, 2.0  # lines per px² of a footprint that tell it
 LARGEST = 2.0  # lines, differences of coordinates: more is a jump
 UNCERTAIN = 0.15  # part of what an edge draws by which its sharpness changes that
 OUTLIER = 4.0  # standard deviations
+CLEAR = 5.0  # standard deviations of a change of the light: more is an edge
+FADED = 0.07  # part of an edge's change of the light, 3 px from it: where most have more, it is shading
 SAMPLE = 1500  # places that tell
 BESIDE = F(1)  # px that light has its middle beside the pixel: it comes from its neighbours
 BETWEEN = F(2)  # lines that it may draw a coordinate where it jumps: more tells of neither side
@@ -69,6 +81,10 @@ def draw_back(
     if not known.any():
         return
     unit = F(np.median(light.ravel()[some][known] / lit[1][some][known]))
+    if not len(rows.value):  # it undulates with the patterns
+        seen = np.where(np.isfinite(place).any(axis=0), light, np.nan)
+        bends = [b[np.isfinite(b)] for b in (np.abs(np.diff(seen, 2, axis=k)) for k in (0, 1))]
+        limits = limits._replace(dark=limits.dark + F(max(np.median(b) if len(b) else 0 for b in bends) ** 2 / 0.45))
     fields, share = (light, modulation, place), F(cofactor / (NOTICED**2 * scale))
     least = tuple(F(NOTICED**2 * scale * n) for n in (limits.dark, limits.shot, limits.floor))
     at, pull = np.empty(light.size, INT), np.empty((light.size, PULLS), F)
@@ -82,7 +98,9 @@ def draw_back(
     run_in_bands(look, height)
     found.sort()
     there = np.concatenate([at[a:b] for a, b in found]), np.concatenate([pull[a:b] for a, b in found])
-    take_out(F(_footprint(place, sigma, *there)), *there, place, sigma, flags)
+    grey = np.maximum(limits.dark + limits.shot * light.ravel()[there[0]], limits.floor)
+    noise = np.sqrt(scale * grey) / (unit * modulation.ravel()[there[0]] + TINY)
+    take_out(F(_footprint(place, sigma, *there, noise)), *there, place, sigma, flags)
 
 
 @part
@@ -96,6 +114,13 @@ def _change(ahead, behind):  # type: ignore[no-untyped-def]
         return F(0)
     size = np.sqrt(abs(ahead)) + np.sqrt(abs(behind))
     return F(4) * ahead * abs(behind) / (size * size + TINY)
+
+
+@part
+def _beyond(change, noise):  # type: ignore[no-untyped-def]
+    """A change of the light less what its noise (its square that is noticed) makes of it."""
+    square = change * change
+    return change * max(ONE - F(2 / NOTICED**2) * noise / square, F(0)) if square > noise else F(0)
 
 
 @part
@@ -183,7 +208,7 @@ def find_changes(first, last, light, modulation, place, even, unit, share, least
             y = _change(down, up) if not lone else down + up
             if lone or not 0 < c < width - 1:  # at the border one side tells, less surely
                 noise *= F(4)
-            x, y = x if x * x > noise else F(0), y if y * y > noise else F(0)
+            x, y = _beyond(x, noise), _beyond(y, noise)
             if x == F(0) and y == F(0):
                 continue
             own = modulation[row, c] + TINY
@@ -232,32 +257,47 @@ def take_out(footprint, at, pull, place, sigma, flags):  # type: ignore[no-untyp
             sigma[k, row, c] = np.sqrt(s * s + UNSURE * UNSURE * shift * shift + doubt * doubt)
 
 
-def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles) -> float:
-    """Twice the variance of the footprint in px² by differences from the middle of two pixels beyond an edge."""
-    if len(at) == 0:
-        return USUAL
+def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise: Singles) -> float:
+    """Twice the variance of the footprint in px² by differences from the middle of two pixels beyond an edge.
+
+    Shading tells nothing (`noise` (n,) is that of a change of the light), nor do edges and bends of surfaces.
+    """
     height, width = place.shape[1:]
-    n = np.arange(0, len(at), max(1, len(at) // SAMPLE))
-    row, column = np.divmod(at[n], width)
+    n = np.flatnonzero(np.hypot(pull[:, 4], pull[:, 5]) > CLEAR * noise)
+    n = n[:: max(1, 3 * len(n) // SAMPLE)]
+    row, column = at[n] // width, at[n] % width
     down = np.abs(pull[n, 5]) > np.abs(pull[n, 4])
-    inside = np.where(down, (row >= REACH) & (row < height - REACH), (column >= REACH) & (column < width - REACH))
-    n, step = n[inside], np.where(down[inside], width * REACH, REACH)
-    here = at[n]
-    told: list[tuple[Array, Array]] = []
-    for k in (0, 1):
-        p, s = place[k].ravel(), sigma[k].ravel()
-        drawn, seen = pull[n, k].astype(float), p[here].astype(float)
-        for side in (here - step, here + step):
-            beside = np.minimum(np.searchsorted(at, side), len(at) - 1)
-            drawn -= np.where(at[beside] == side, pull[beside, k], 0) / 2
-            seen -= p[side] / 2
-        good = (np.abs(drawn) > STRONG) & (np.abs(drawn) < STRONGEST) & (np.abs(seen) < LARGEST)
-        noise = np.sqrt(1.5) * s[here[good]] + UNCERTAIN * np.abs(drawn[good])
-        told.append((drawn[good] / noise, seen[good] / noise))
-    x, y = (np.concatenate(each) for each in zip(*told, strict=True))
+    along, size = np.where(down, row, column), np.array([width, height])[down.astype(int)]
+    inside = (along >= MARGIN + REACH) & (along < size - MARGIN - REACH)
+    step, n = np.tile(np.where(down[inside], width, 1), 3), np.tile(n[inside], 3)
+    here = at[n] + np.repeat([-REACH, 0, REACH], len(n) // 3) * step
+    pixels = here + np.arange(-MARGIN, MARGIN + 1)[:, None] * step
+    number = np.minimum(np.searchsorted(at, pixels), len(at) - 1)
+    edge = at[number] == pixels
+    pulls = np.where(edge[..., None], pull[number, :2], 0)  # (pixels of a profile, profiles, axes)
+    seen = place.reshape(2, -1).T[pixels].astype(float)
+    own = sigma.reshape(2, -1).T[here].astype(float)
+    dim = np.where(edge, noise[number], noise[n])[[MARGIN - REACH, MARGIN, MARGIN + REACH]].max(axis=0)
+    slope = (seen[MARGIN + REACH] - seen[MARGIN - REACH]) / (2 * REACH)
+    told = np.tensordot(SUMS, np.where(np.isnan(seen), 0, seen), 1)
+    told[np.tensordot(SUMS != 0, np.isnan(seen), 1)] = np.nan
+    drawn, most = np.tensordot(SUMS, pulls, 1), np.tensordot(np.abs(SUMS), np.abs(pulls), 1)
+    y, x = told[0], drawn[0]
+    clear = (np.abs(x) > np.maximum(STRONG, CLEAR * dim[:, None] * np.abs(slope))) & (np.abs(x) < STRONGEST)
+    clear &= np.abs(y) < LARGEST
+    light = np.where(edge, np.hypot(*pull[number, 4:].T).T, 0)
+    far = np.abs(np.arange(len(light))[:, None] - light.argmax(axis=0)) > 2
+    clear &= (np.nanmedian(np.where(far, light, np.nan), axis=0) < FADED * light.max(axis=0))[:, None]
+    expected = np.sqrt(1.5) * own + UNCERTAIN * np.abs(x)
     value = USUAL
-    for _ in range(3):
-        left = y - value * x
-        keep = np.abs(left) < OUTLIER * max(1.0, 1.5 * float(np.median(np.abs(left)))) if len(left) else left > 0
-        value = (x[keep] @ y[keep] + USUAL / DIFFERENT**2) / (x[keep] @ x[keep] + 1 / DIFFERENT**2)
+    for _ in range(4):
+        bent = np.abs(told - value * drawn)[1:] > OUTLIER * own + value * BLUNT * most[1:]
+        good = clear & ~bent.any(axis=(0, 2))[:, None]
+        if not good.any():
+            break
+        a, b = x[good] / expected[good], y[good] / expected[good]
+        left = np.abs(b - value * a)
+        scatter = max(1.0, 1.5 * float(np.median(left)))
+        keep, weight = left < OUTLIER * scatter, (scatter / DIFFERENT) ** 2
+        value = (a[keep] @ b[keep] + USUAL * weight) / (a[keep] @ a[keep] + weight)
     return float(max(value, 0.0))

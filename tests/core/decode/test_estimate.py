@@ -58,20 +58,31 @@ def dots(
     y, x = (np.mgrid[: size * fine, : size * fine] - (fine - 1) / 2) / fine
     u, v = 4 + 0.71 * x + 0.06 * y, 4.3 + 0.73 * y - 0.04 * x
     albedo = np.where(np.hypot((x + 3) % 20 - 10, (y + 1) % 20 - 10) < 6, 0.85, dark)
+    return pictures(u, v, albedo, lines, fine, footprint_px, ambient, noise)
+
+
+def pictures(
+    u: np.ndarray,
+    v: np.ndarray,
+    albedo: np.ndarray,
+    lines: int,
+    fine: int,
+    footprint: float,
+    ambient: float,
+    noise: float,
+) -> tuple[list, list, np.ndarray]:
+    """Patterns, images and true u, v, albedo of a scene drawn with `fine` x `fine` samples a pixel."""
     patterns, rng = reference_sequence(lines, lines), np.random.default_rng(4)
-    images = []
+    images, at = [], slice(fine // 2, None, fine)
     for pattern in patterns:
         shown = brightness(pattern, np.arange(lines))
         edges = np.diff(np.concatenate([[0.0], shown, [0.0]]))
         place = np.arange(-8.0, lines + 8, 1 / 32)
         steps = (1 + erf((place[:, None] - (np.flatnonzero(edges) - 0.5)) / (0.6 * np.sqrt(2)))) / 2
         light = np.interp(v if getattr(pattern, "axis", "x") == "y" else u, place, steps @ edges[edges != 0])
-        seen = gaussian_filter(albedo * (ambient + 150 * light), footprint_px * fine)[
-            fine // 2 :: fine, fine // 2 :: fine
-        ]
+        seen = gaussian_filter(albedo * (ambient + 150 * light), footprint * fine)[at, at]
         images.append(np.clip(np.rint(seen + rng.normal(0, noise, seen.shape)), 0, 255).astype(np.uint8))
-    at = slice(fine // 2, None, fine)
-    return patterns, images, np.stack([u[at, at], v[at, at], gaussian_filter(albedo, footprint_px * fine)[at, at]])
+    return patterns, images, np.stack([u[at, at], v[at, at], gaussian_filter(albedo, footprint * fine)[at, at]])
 
 
 def test_edges_of_dots_are_not_drawn_to_the_brighter_side(monkeypatch) -> None:
@@ -107,6 +118,23 @@ def test_light_beyond_a_rim_is_no_measurement() -> None:
         error = getattr(phase, axis) - truth
         assert np.nanmax(np.abs(error[inner])) < 1.0
         assert np.sqrt(np.mean((error / getattr(phase, f"sigma_{axis}"))[seen & inner & ~own] ** 2)) < 1.5
+
+
+def test_steps_of_surfaces_tell_no_footprint() -> None:
+    """Plates before each other and the dark; found by their steps, it gave r.m.s. of 2.0 sigmas and lost a quarter."""
+    size, fine = 120, 5
+    y, x = (np.mgrid[: size * fine, : size * fine] - (fine - 1) / 2) / fine
+    plate, row = (x + 8.5) // 34 % 2, (y - 3.5) // 8 % 2
+    u, v = 4 + 0.83 * x + 0.05 * y + 9 * plate, 4.3 + 0.79 * y - 0.04 * x - 1.5 * row
+    albedo = np.where((x // 17) % 2 == 1, 0.0, 0.8 - 0.3 * row)
+    patterns, images, (u, v, albedo) = pictures(u, v, albedo, 160, fine, 0.5, 0.0, 1.0)
+    phase = decode(patterns, images, lines=(160, 160))
+    rim = (np.abs((x + 8.5) % 17 - 8.5) < 2) & (np.abs((y - 3.5) % 8 - 4) < 2)
+    rim = rim[fine // 2 :: fine, fine // 2 :: fine]
+    for axis, truth in (("u", u), ("v", v)):
+        error = ((getattr(phase, axis) - truth) / getattr(phase, f"sigma_{axis}"))[rim]
+        assert np.isfinite(error).sum() > 900
+        assert np.sqrt(np.nanmean(error**2)) < 1.25
 
 
 def test_a_pixel_that_moved_stands_out_by_its_misfit(bench) -> None:
