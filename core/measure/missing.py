@@ -29,7 +29,7 @@ def reasons(phase: PhaseMap, lattice: Lattice, faults: dict[int, str]) -> dict[i
     uv, jacobian, support = predict(lattice, unknown)
     ellipse = jacobian * lattice.board.radius_mm[unknown, None, None]
     height, width = phase.image.shape
-    dark = _darkness(phase, lattice)
+    share_lit = _share_lit(phase, np.nan_to_num(uv, nan=-1e4), ellipse, _darkness(phase, lattice))
     result = dict(faults)
     for k, target in enumerate(unknown.tolist()):
         half = np.linalg.norm(ellipse[k], axis=1)
@@ -40,7 +40,7 @@ def reasons(phase: PhaseMap, lattice: Lattice, faults: dict[int, str]) -> dict[i
             result[target] = "cut by the image border"
         elif lattice.notes.get(target):
             result[target] = lattice.notes[target]
-        elif _share_lit(phase, uv[k], ellipse[k], dark) < 0.5:
+        elif share_lit[k] < 0.5:
             result[target] = "not lit"
         elif support[k] == 0:
             result[target] = "ambiguous: too far from all identified targets to be sure"
@@ -60,9 +60,9 @@ def _darkness(phase: PhaseMap, lattice: Lattice) -> float:
     return float(np.median(value.max(axis=(1, 2)))) / 3
 
 
-def _share_lit(phase: PhaseMap, uv: Array, ellipse: Array, dark: float) -> float:
-    """Share of a target's surroundings with a decoded phase or the brightness of a lit dot."""
-    rays, radius = Rays(uv[None], ellipse[None]), np.array([0.0, 0.5, 1.0, 1.5])
+def _share_lit(phase: PhaseMap, uv: Array, ellipse: Array, dark: float) -> Array:
+    """Share (m,) of targets' surroundings with a decoded phase or the brightness of a lit dot."""
+    rays, radius = Rays(uv, ellipse), np.array([0.0, 0.5, 1.0, 1.5])
     decoded = np.isfinite(rays.sample(phase.u, radius)) | np.isfinite(rays.sample(phase.v, radius))
     bright = rays.sample(phase.image, radius) > dark
-    return float(np.mean(decoded | bright))
+    return np.asarray(np.mean(decoded | bright, axis=(1, 2)))

@@ -114,7 +114,7 @@ def from_phase_maps(
     if not can_fork(len(waiting)):
         yield from ((capture, what(capture, phase)) for capture, phase in phase_maps(project, waiting, progress))
         return
-    for name in ("core.decode.absolute", "core.capture.stored", "core.measure.targets"):
+    for name in ("core.decode.absolute", "core.capture.stored"):
         import_module(name)  # once, not by every process
 
     def work(k: int, said: Progress) -> T:
