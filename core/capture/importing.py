@@ -13,13 +13,13 @@ import cv2
 import numpy as np
 
 from core.atomic import part_prefix, sweep, unwritable
-from core.capture.identity import identity
 from core.capture.plan import Plan, make_plan
 from core.capture.quality import modulation, noise_of_one, sample_grid, saturation, summarise
 from core.capture.recognise import order_in_words, recognise
+from core.capture.stored import check_stored
 from core.errors import InputError
 from core.fields import regular
-from core.model import DeviceSpec, Project, Subject
+from core.model import Capture, DeviceSpec, Frame, PhaseMap, Project, Subject
 from core.model.finding import Finding
 from core.patterns import Pattern, SequenceSpec, brightness, like, read_sequence_file
 from core.progress import SILENT, Progress
@@ -30,6 +30,8 @@ from core.project.images import Image
 ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
 KEPT = (".png", ".tif", ".tiff")  # these are copied byte by byte, if they are grey
 ORDERS = ("name", "list", "content")
+
+Decoded = Callable[[Sequence[Pattern], Sequence[Image], tuple[int, int]], PhaseMap]
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,8 @@ def import_frames(
     *,
     sequence: SequenceSpec | None = None,
     order: str | None = None,
-    confirm: Callable[[Sequence[Pattern], Sequence[Image]], str] | None = None,
+    decoded: Decoded | None = None,
+    confirm: Callable[[PhaseMap], str] | None = None,
     progress: Progress = SILENT,
 ) -> ImportReport:
     """Copy frames into ``captures/NAME`` of a project and add the capture to it; whole or not at all.
@@ -68,9 +71,10 @@ def import_frames(
         "name": the files' names, numbers counted, are in the sequence's order. "list": the sequence names the files.
         "content": what each shows is found from the images. Without it "list" where the sequence names files, else
         "name".
+    decoded : callable, optional
+        Decodes images by their patterns and the projector's columns and rows: the checks see more then.
     confirm : callable, optional
-        Looks at patterns and images in the order found by content, says how sure it is, and raises where it cannot be
-        right.
+        Looks at what was decoded in the order found by content, says how sure it is, and raises where it is wrong.
 
     Raises
     ------
@@ -97,7 +101,9 @@ def import_frames(
     series = []
     for i, (plan, (whose, own)) in enumerate(zip(plans, parts, strict=True)):
         part = progress.part(0.9 * i / len(plans), 0.9 * (i + 1) / len(plans))
-        series.append(_read(project, plan, whose, [files[k] for k in own or range(len(files))], by, confirm, part))
+        series.append(
+            _read(project, plan, whose, [files[k] for k in own or range(len(files))], by, decoded, confirm, part)
+        )
     progress.check()
     converted = _write(target, series, str(folder.resolve()))
     try:
@@ -168,7 +174,8 @@ def _read(
     subject: Subject,
     files: list[Path],
     by: str,
-    confirm: Callable[[Sequence[Pattern], Sequence[Image]], str] | None,
+    decoded: Decoded | None,
+    confirm: Callable[[PhaseMap], str] | None,
     progress: Progress,
 ) -> _Series:
     """Read the frames of a series and see whether they are what they should be."""
@@ -180,11 +187,18 @@ def _read(
         found = recognise(images, patterns, lines, str(files[0].parent), progress)
         words.append(order_in_words([f.name for f in files], patterns, found))
         files, images = [files[k] for k in found], [images[k] for k in found]
-        if confirm is not None:
-            words.append(confirm(patterns, images))
+    phase = None
+    try:
+        phase = decoded(patterns, images, lines) if decoded is not None else None
+    except InputError as error:
+        if by == "content":
+            raise
+        words.append(f"the frames do not decode: {error.seen}; {error.remedy}")
+    if by == "content" and confirm is not None and phase is not None:
+        words.append(confirm(phase))
     _check_twice(files, images, patterns, lines)
     progress(0.7, "verifying")
-    findings = _verified(plan, images, lines)
+    findings = _verified(plan, images, lines, phase)
     for finding in findings:
         named = f" [{', '.join(files[k].name for k in finding.shots)}]" if 0 < len(finding.shots) <= 3 else ""
         hint = "; see whether --order content finds another order" if finding.level == "bad" else ""
@@ -285,15 +299,23 @@ def _check_twice(
             raise InputError(files[k], seen, "record the frame of each pattern")
 
 
-def _verified(plan: Plan, images: Sequence[Image], lines: tuple[int, int]) -> tuple[Finding, ...]:
-    """Give what the checks of a capture find: frames that do not show their patterns, light."""
+def _verified(
+    plan: Plan, images: Sequence[Image], lines: tuple[int, int], phase: PhaseMap | None
+) -> tuple[Finding, ...]:
+    """Give what the checks of stored captures find, and light and sharpness of the stripes."""
     shape = images[0].shape
     at = sample_grid((shape[0], shape[1]))
     bare = replace(plan, guards=())
     grey = np.array([image[at[0], at[1]] for image in images], np.float64)
     sampled = summarise(bare, grey, at, (shape[0], shape[1]), 255 if images[0].itemsize == 1 else int(grey.max()))
     sampled = replace(sampled, noise=max(sampled.noise, noise_of_one(max(grey, key=np.mean), at)))
-    findings: list[Finding] = [*identity(bare, sampled, lines), modulation(bare, sampled), saturation(sampled)]
+    capture = Capture(Path(plan.subject.name), plan.subject.role, tuple(Frame("", p) for p in plan.patterns))
+    findings = check_stored(capture, images, phase, lines)
+    if not any(f.level == "bad" for f in findings):
+        findings.append(Finding("order", "good", "the patterns come in their order"))
+    told = {"light": "modulation"}.get
+    checks = {told(f.check, f.check) for f in findings}
+    findings += [f for f in (modulation(bare, sampled), saturation(sampled)) if f.check not in checks]
     return tuple(sorted(findings, key=lambda f: f.level != "bad"))
 
 

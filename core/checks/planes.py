@@ -163,12 +163,13 @@ def _angles(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
     told = ", ".join(f"{off:.1f}°" for off in np.delete(misfit[k], k)[:4])
     e = planes[k]
     text = f"{e.capture}: angle_deg {e.angle_deg:g} differs from the angles to the other planes by {told}: "
-    if len(planes) == 2:
-        text = f"{e.capture} and {planes[1 - k].capture}: the angle between them differs from angle_deg by {told}: "
+    pair = np.flatnonzero((misfit > OWN_ANGLE_DEG).any(axis=1))
+    if len(pair) == 2 and not sign:  # one angle, which tells of neither
+        a, b = (planes[i].capture for i in pair)
+        text = f"{a} and {b}: the angle between them differs from angle_deg by {misfit.max():.1f}°: "
     if len(odd) > 1:
-        text = (
-            f"{' or '.join(planes[i].capture for i in odd)}: all planes were turned about one axis, by other angles: "
-        )
+        names = " or ".join(planes[i].capture for i in odd)
+        text = f"{names}: all planes were turned about one axis, by other angles: "
     text += "its sign is reversed" if sign else "correct angle_deg, or the plane-table was not turned as it says"
     return [Concern("failed" if misfit.max() > MOST_ANGLE_DEG else "doubtful", text)]
 

@@ -97,7 +97,7 @@ def pose_plates(
     names, z, xyz = [], [], []
     for t in targets:
         keys = list(zip(t.row.tolist(), t.col.tolist(), strict=True))
-        use = np.asarray(np.array([key in index for key in keys]) & np.isfinite(t.camera_uv).all(axis=1))
+        use = np.asarray(np.array([key in index for key in keys], bool) & np.isfinite(t.camera_uv).all(axis=1))
         if use.sum() < LEAST:
             continue
         nominal = board.xyz_mm[[index[key] for key, used in zip(keys, use.tolist(), strict=True) if used]]

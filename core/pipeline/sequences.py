@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from core.atomic import undone_on_failure
 from core.errors import InputError
-from core.model import Project, Subject
+from core.model import PhaseMap, Project, Subject
 from core.patterns import Pattern, SequenceSpec, default_sequence, pattern_image
 from core.progress import SILENT, Progress
 from core.project import read_project, write_image
@@ -140,19 +140,27 @@ def import_into(
     """Make a capture of a project from frames that came from elsewhere, as `core.capture.importing.import_frames`."""
     from core.capture.importing import import_frames
 
-    project = read_project(folder)
-    shown_by = project.rig.projectors.get(subject.projector, project.projector)
-    confirm = _steady(str(frames), (shown_by.width, shown_by.height))
-    return import_frames(project, frames, subject, sequence=sequence, order=order, confirm=confirm, progress=progress)
-
-
-def _steady(where: str, lines: tuple[int, int]) -> Callable[[Sequence[Pattern], Sequence[Image]], str]:
-    """Give what looks whether frames ordered by content decode to coordinates that run steadily over the image."""
-
-    def confirm(patterns: Sequence[Pattern], images: Sequence[Image]) -> str:
+    def decoded(patterns: Sequence[Pattern], images: Sequence[Image], lines: tuple[int, int]) -> PhaseMap:
         from core.decode import decode
 
-        phase = decode(patterns, images, lines=lines, where=where)
+        return decode(patterns, images, lines=lines, where=str(frames))
+
+    return import_frames(
+        read_project(folder),
+        frames,
+        subject,
+        sequence=sequence,
+        order=order,
+        decoded=decoded,
+        confirm=_steady(str(frames)),
+        progress=progress,
+    )
+
+
+def _steady(where: str) -> Callable[[PhaseMap], str]:
+    """Give what looks whether frames ordered by content decode to coordinates that run steadily over the image."""
+
+    def confirm(phase: PhaseMap) -> str:
         maps = [m for m in (phase.u, phase.v) if np.isfinite(m).any()]
         valid = [int(np.isfinite(m).sum()) for m in maps]
         jumping = max(map(_jumping, maps), default=1.0)

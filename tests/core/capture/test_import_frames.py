@@ -181,7 +181,7 @@ def test_frames_of_several_cameras_stay_theirs(project: Path, tmp_path: Path, ca
     assert "the rig has left, right" in capsys.readouterr().err
     (tmp_path / "in" / "capture.json").write_text(json.dumps({"frames": entries}))
     assert main(words) == 0
-    assert "left with projector: white and black frames are what they claim" in capsys.readouterr().out
+    assert "left with projector: the patterns come in their order" in capsys.readouterr().out
     series = read_capture(project / "captures" / "both", read_project(project)).series
     assert [(s.camera, [f.pattern for f in s.frames]) for s in series] == [("left", patterns), ("right", patterns)]
     left, right = (cv2.imread(str(s.frames[5].path), cv2.IMREAD_UNCHANGED) for s in series)

@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 import pytest
 
-from core.capture.identity import identity
+from core.capture.exchanged import exchanged_frames
+from core.capture.importing import _verified
 from core.capture.plan import Plan
-from core.capture.quality import sample_grid, summarise
 from core.capture.stored import check_stored
 from core.decode import decode
 from core.model import Capture, Frame, Subject
@@ -198,10 +198,9 @@ def test_several_exposures_are_each_held_against_themselves(
 
 
 def told_at_import(patterns: list[Pattern], images: Frames) -> str:
-    at = sample_grid(SHAPE)
     plan = Plan(Subject("testfield", "a"), tuple(patterns), ())
-    sampled = summarise(plan, np.array([image[at[0], at[1]] for image in images], float), at, SHAPE, 255)
-    return "; ".join(f.text for f in identity(plan, sampled, LINES) if f.level == "bad")
+    phase = decode(patterns, images, lines=LINES)
+    return "; ".join(f.text for f in _verified(plan, images, LINES, phase) if f.level == "bad")
 
 
 @pytest.mark.parametrize("gamma", [0.45, 2.2])
@@ -212,7 +211,44 @@ def test_a_response_is_no_contradiction_where_frames_are_taken_or_imported(name:
     assert not told_at_import(patterns, images)
     assert told_at_import(patterns, [255 - i if k == 3 else i for k, i in enumerate(images)])
     for pair in ((2, 4), (3, 4)):  # fine bits
-        assert "contradict" in told_at_import(patterns, swapped(images, *pair))
+        assert "exchanged" in told_at_import(patterns, swapped(images, *pair))
+
+
+@pytest.mark.parametrize("quality", [90, 70, 50, None])
+def test_frames_that_were_compressed_in_blocks_are_named(
+    quality: int | None, taken: tuple[list[Pattern], Frames]
+) -> None:
+    patterns, images = taken
+    for k, image in enumerate(images if quality else ()):
+        coded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        images = [*images[:k], cv2.imdecode(coded, cv2.IMREAD_UNCHANGED), *images[k + 1 :]]
+    assert ("compressed with losses" in told(patterns, images)) == (quality is not None)
+
+
+@pytest.mark.parametrize("name", list(SEQUENCES))
+def test_noise_of_faint_light_is_no_contradiction_at_import(name: str) -> None:
+    """Noise of 6 % of the light: held against one grey value, a fifth of the pixels would contradict."""
+    patterns, rng = list(SEQUENCES[name]), np.random.default_rng(5)
+    images = [i.astype(float) / 3 + rng.normal(0, 3.0, SHAPE) for i in render(patterns, 11)]
+    faint = [np.clip(np.round(i), 0, 255).astype(np.uint8) for i in images]
+    assert told_at_import(patterns, faint) == ""
+    for pair in ((0, 1), (1, 4)):
+        assert told_at_import(patterns, swapped(faint, *pair))
+
+
+@pytest.mark.parametrize("name", list(SEQUENCES))
+def test_exchanged_bits_are_told_of_objects_too_and_steps_of_depth_are_not(name: str) -> None:
+    patterns = list(SEQUENCES[name])
+    images = render(patterns, 12)
+    for pair in ((1, 3), (2, 4), (3, 4)):
+        assert "two of its frames were exchanged" in told(patterns, swapped(images, *pair), "object")
+    if name == "reference":  # words of cells stay as they are
+        assert "two phase steps were exchanged" in told(patterns, swapped(images, 8, 10), "object")
+    assert told(patterns, images, "object") == ""
+    rng = np.random.default_rng(3)
+    steps = np.repeat(rng.uniform(-40, 40, (9, 12)), 20, axis=0).repeat(20, axis=1)  # each along a line of the light
+    u = 80 + 0.5 * (np.arange(240) - 120) + steps + rng.normal(0, 0.1, steps.shape)
+    assert exchanged_frames(patterns, [("x", u.astype(np.float32), "columns")]) == []
 
 
 def test_shadow_and_scattered_light_are_no_contradiction_at_import() -> None:
@@ -224,4 +260,4 @@ def test_shadow_and_scattered_light_are_no_contradiction_at_import() -> None:
         images.append(np.round(8 + 0.6 * seen + 0.3 * cv2.blur(seen, (61, 61))).clip(0, 255).astype(np.uint8))
     assert told_at_import(patterns, images) == ""
     for pair in ((2, 4), (0, 1)):
-        assert "contradict" in told_at_import(patterns, swapped(images, *pair))
+        assert "exchanged" in told_at_import(patterns, swapped(images, *pair))

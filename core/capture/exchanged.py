@@ -1,0 +1,97 @@
+"""Frames of a code or phase steps that were exchanged: told by the decoded coordinates, on objects of any form.
+
+From one cell of a Gray code to the next one bit changes. If it stands for another, the coordinate jumps to a far cell
+whose word differs by one bit, all along that line; steps of depth join any words. Steps of square waves may be
+exchanged so that every cell keeps its word: then the coordinate runs backwards in each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.model.finding import Finding
+from core.patterns import Axis, Code, Pattern
+
+Map = NDArray[np.floating]
+
+ROWS = 300  # of a map that are looked at
+APART = 2  # px between the pixels that are compared: the one on the edge may be invalid
+LEAST = 12  # transitions by which a cell is judged
+FEWEST = 8  # cells that tell something
+ODD, ODD_CELLS = 0.03, 3  # of the cells may be left by jumps; bits that hardly matter make 0.06, sound captures none
+STEADY = (
+    1.5,
+    2.5,
+    4.0,
+)  # cells, least, meant and most, by which the coordinate rises where its way in a cell is looked at
+SURE_LINES = 0.15  # a smaller step in a cell is noise
+PAIRS, BACKWARDS = 200, 0.5  # pixels; of them. Sound maps have below 0.01, exchanged steps 0.9
+
+
+def exchanged_frames(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map, str]]) -> list[Finding]:
+    """Find frames that stand for each other; `maps` are decoded coordinates (H, W) and what they count."""
+    found = []
+    for axis, values, along in maps:
+        codes = [p for p in patterns if isinstance(p, Code) and p.axis == axis]
+        if len({(p.cell, p.kind) for p in codes}) != 1:
+            continue
+        share = _odd_cells(values, codes[0].cell) if codes[0].kind == "gray" else 0.0
+        if share > ODD:
+            text = f"{along} jump to and fro at {share:.0%} of the code's cells: two of its frames were exchanged"
+            found.append(Finding("order", "bad", text, {"odd": share}))
+        elif (share := _backwards(values, codes[0].cell)) > BACKWARDS:
+            text = f"{along} run backwards in {share:.0%} of the code's cells: two phase steps were exchanged"
+            found.append(Finding("order", "bad", text, {"backwards": share}))
+    return found
+
+
+def _both_ways(values: Map) -> Iterator[Map]:
+    """Some rows, and some columns as rows."""
+    for image in (values, values.T):
+        yield image[:: max(1, len(image) // ROWS)]
+
+
+def _odd_cells(values: Map, cell: int) -> float:
+    """Share of the cells that are left by jumps to a word of one other bit more often than not."""
+    jumps, cells = [], []
+    for image in _both_ways(values):
+        a, b = image[:, :-APART], image[:, APART:]
+        known = np.isfinite(a) & np.isfinite(b)
+        a, b = a[known], b[known]
+        first, second = (np.maximum((x + 0.5) // cell, 0).astype(np.int64) for x in (a, b))
+        left = first != second
+        if not left.any():
+            continue
+        far = np.abs(b - a) > cell + 4 * np.median(np.abs(b - a))
+        word = (first ^ first >> 1) ^ (second ^ second >> 1)
+        jumps.append((far & (word & (word - 1) == 0))[left])
+        cells.append(first[left])
+    if not cells:
+        return 0.0
+    count = np.bincount(np.concatenate(cells))
+    odd = np.bincount(np.concatenate(cells), np.concatenate(jumps)) > 0.5 * count
+    judged = count >= LEAST
+    number = int(np.count_nonzero(odd & judged))
+    return number / int(judged.sum()) if number >= ODD_CELLS and judged.sum() >= FEWEST else 0.0
+
+
+def _backwards(values: Map, cell: int) -> float:
+    """Share of neighbours in a cell between which the coordinate falls where it rises over some cells, or reverse."""
+    count, against = 0, 0
+    for image in _both_ways(values):
+        step = np.diff(image)
+        usual = float(np.median(np.abs(step[np.isfinite(step)]))) if np.isfinite(step).any() else 0.0
+        if usual <= 0:
+            continue
+        reach = int(np.clip(round(STEADY[1] * cell / usual), 3, image.shape[1] // 3))
+        a, step = image[:, :-reach], step[:, : image.shape[1] - reach]
+        rise = image[:, reach:] - a
+        inside = (a + 0.5) // cell == (a + step + 0.5) // cell
+        steady = (np.abs(rise) > STEADY[0] * cell) & (np.abs(rise) < STEADY[2] * cell)
+        use = inside & steady & (np.abs(step) > SURE_LINES)
+        count += int(np.count_nonzero(use))
+        against += int(np.count_nonzero(step[use] * rise[use] < 0))
+    return against / count if count >= PAIRS else 0.0
