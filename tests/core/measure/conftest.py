@@ -22,6 +22,7 @@ class Scene:
     true_xyz: np.ndarray
     pose: Pose
     light: tuple[float, float] = (0.0, 0.0)  # relative change of the light per px
+    fall: float = 0.0  # share of it that the corners lack, growing with the square of the radius
     blur: float = 0.8
     noise: float = 0.0
     black: float = 20.0
@@ -89,6 +90,7 @@ class Scene:
             cover = np.maximum(cover, share * np.clip(r - np.hypot(u - su, v - sv) + 0.5, 0, 1))
         dots, board = (self.white, self.black) if self.field.polarity == "white-on-black" else (self.black, self.white)
         light = (1 + self.light[0] * (u - w / 2)) * (1 + self.light[1] * (v - h / 2))
+        light *= 1 - self.fall * np.hypot(2 * u / w - 1, 2 * v / h - 1) ** 2 / 2
         if self.lit_from is not None:
             light = light * np.clip(u - self.lit_from + 0.5, self.ambient, 1)
         image = (board + (dots - board) * cover) * light

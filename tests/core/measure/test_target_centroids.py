@@ -70,6 +70,21 @@ def test_uneven_light_does_not_move_large_dots(bench, polarity):
     assert np.sqrt(np.mean(error**2)) < 0.01
 
 
+@pytest.mark.parametrize("polarity", ["white-on-black", "black-on-white"])
+def test_light_that_falls_to_a_fifth_moves_no_dot_and_costs_none(bench, polarity):
+    # at the corner the light changes by 1.4 % per px: a plain centroid of 20 px is 0.3 px off, its contour 0.15 px
+    camera, lens = DeviceSpec(480, 360, (0.007, 0.007), 6.0), bench.interior(6.0)
+    field = bench.grid(8, 11, pitch=50.0, diameter=22.7, polarity=polarity)
+    truth = bench.scene(bench.look(12, 50, 0, 950), camera, lens, field, fall=0.8, blur=0.7, white=220, black=14)
+    noisy = truth.phase(bits=False)
+    noisy.image[:] += np.random.default_rng(0).normal(0, 1.0, noisy.image.shape)
+    found = measure_targets(noisy, field, truth.seeds(((1, 1), (1, 9), (6, 9), (6, 1))), camera)
+    _, error = bench.compare(found, truth)
+    assert {m.reason for m in found.missing} == {"cut by the image border"}
+    square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.camera_cov), error) / 2
+    assert 0.8 < np.sqrt(np.mean(square)) < 1.25  # 160 coordinates; logarithms of the light left 2.3
+
+
 def test_diameters_are_those_of_the_projected_circles(bench):
     truth = bench.scene(bench.look(0, 0, 0, 600), interior=bench.interior(12.0), noise=1.0)
     found = measure_targets(truth.phase(), truth.field, truth.seeds(bench.middle), truth.spec)
