@@ -85,14 +85,17 @@ def centroids(
     return m, cov + floor[:, None, None] ** 2 * np.eye(2)
 
 
-def light_gradient(uv: Array, contrast: Array, inside: Array, weight: Array) -> tuple[Array, Array]:
+def light_gradient(
+    uv: Array, contrast: Array, inside: Array, weight: Array, shadowed: NDArray[np.bool_] | None = None
+) -> tuple[Array, Array]:
     """Relative change of the light per px at every bright dot, shape (m, 2), and its covariance (m, 2, 2).
 
     A cubic through the logarithms of the contrasts of the dots around, and through the changes seen `inside` them
     (m, 2), whose variances go with 1 / `weight` (m,): a dot alone tells too little, and prints differ at random. A
     quadratic leaves 0.002 px at a testfield's corners, where all neighbours are on one side and the light falls off
     fastest. What either kind is worth follows from how well it fits. A contrast of NaN does not count: where the light
-    ends in the ring round a dot, its background is too dark and its contrast too high.
+    ends in the ring round a dot, its background is too dark and its contrast too high. Dots that are `shadowed` (m,)
+    and dots that are not say nothing of each other's light.
     """
     k = min(NEIGHBOURS, len(uv))
     if k < LEAST_NEIGHBOURS:
@@ -108,6 +111,8 @@ def light_gradient(uv: Array, contrast: Array, inside: Array, weight: Array) -> 
     bright = np.log(np.maximum(contrast, 1e-6))[near]
     bright = bright - row_median(bright)[:, None]
     valid = np.abs(bright) < UNUSUAL
+    if shadowed is not None:
+        valid &= shadowed[near] == shadowed[:, None]
     # near ones count most: over all of them a cubic follows light that falls steeply only in part
     share = np.tile((1 - np.minimum(np.hypot(x, y), 0.999) ** 3) ** 3, (1, 3))
     seen = np.nan_to_num(np.concatenate([bright, inside[near, 0] * scale, inside[near, 1] * scale], axis=1))

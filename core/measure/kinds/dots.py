@@ -19,16 +19,19 @@ from core.measure.identify import identify
 from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
 from core.measure.missing import EXCLUDED, reasons
 from core.measure.picks import check_picks, snap
-from core.measure.profile import Profiles, profiles
+from core.measure.profile import PLATEAU, Profiles, profiles
 from core.measure.propose import find_dots, propose_picks
 from core.measure.rays import Rays
 from core.measure.rows import row_shift
 from core.measure.single import dot_at
 from core.measure.view import fit_both_tilts
 from core.model import DeviceSpec, Seed, Testfield
+from core.numerics import row_median
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
+
+SHADOW = 0.5  # of the usual share of the projector's light in all light: below, the projector does not reach a dot
 
 
 def _dark(testfield: Testfield) -> bool:
@@ -77,7 +80,9 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice) -> tuple[Marks,
     profile = profiles(image, rays, spacing / size)
     modulation = np.ascontiguousarray(sight.phase.modulation, np.float32)
     cut = half_lit(image, modulation, rays, profile, dark)
-    light, unsure = _light(moved, np.where(cut, np.nan, profile.contrast), profile, dark)
+    shown = row_median(rays.sample(modulation, PLATEAU).reshape(len(target), -1)) / profile.contrast
+    shadowed = shown < SHADOW * np.nanmedian(shown)
+    light, unsure = _light(moved, np.where(cut, np.nan, profile.contrast), profile, shadowed, dark)
     noise = noise_model(image, rays, profile)
     uv, cov = ESTIMATORS[sight.testfield.estimator](image, rays, profile, light, noise)
     moment = rays.ellipse @ np.swapaxes(rays.ellipse, 1, 2) / 4  # what a change of the light moves a dot by
@@ -93,7 +98,9 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice) -> tuple[Marks,
     return Marks(target, uv, cov, ellipse, window, profile.blur, np.zeros_like(uv), {}, row_shift_px=shift), fault
 
 
-def _light(uv: Array, contrast: Array, profile: Profiles, dark: bool) -> tuple[Array, Array]:
+def _light(
+    uv: Array, contrast: Array, profile: Profiles, shadowed: NDArray[np.bool_], dark: bool
+) -> tuple[Array, Array]:
     """Relative change of the light per px at every dot (m, 2), and its covariance (m, 2, 2).
 
     Dark dots lie in a bright surrounding, which shows it; for bright ones it follows from all of them.
@@ -103,7 +110,7 @@ def _light(uv: Array, contrast: Array, profile: Profiles, dark: bool) -> tuple[A
             gradient = np.nan_to_num(profile.plane[:, 1:] / profile.plane[:, :1])
         unsure = np.zeros((len(uv), 2, 2))
     else:
-        gradient, unsure = light_gradient(uv, contrast, profile.tilt, np.pi / 4 * profile.gentle**4)
+        gradient, unsure = light_gradient(uv, contrast, profile.tilt, np.pi / 4 * profile.gentle**4, shadowed)
     return np.clip(gradient, -0.05, 0.05), unsure
 
 
