@@ -16,8 +16,8 @@ from core.decode.options import Flag
 from core.decode.tables import Limits, Rows, Shorts, Singles
 from core.parallel import run_in_bands
 
-USUAL, DIFFERENT = 0.5, 0.2  # px²: twice a footprint's variance, see `_change`, and by how much cameras differ
-UNSURE = F(0.3)  # part of the correction that may be wrong
+USUAL, DIFFERENT = 0.5, 0.3  # px²: twice a footprint's variance, see `_change`, and by how much cameras differ
+UNSURE = 0.3  # part of the correction that may be wrong
 NOTICED = 1.2  # times the noise of a grey value: less draws coordinates by less than half of their own noise
 REACH, MARGIN = 3, 5  # px from an edge to where it draws no more, and in which the surface must be even
 SUMS = np.array(  # over a profile of pixels, `MARGIN` to either side: the middle's height, and bends of a surface
@@ -100,7 +100,8 @@ def draw_back(
     there = np.concatenate([at[a:b] for a, b in found]), np.concatenate([pull[a:b] for a, b in found])
     grey = np.maximum(limits.dark + limits.shot * light.ravel()[there[0]], limits.floor)
     noise = np.sqrt(scale * grey) / (unit * modulation.ravel()[there[0]] + TINY)
-    take_out(F(_footprint(place, sigma, *there, noise)), *there, place, sigma, flags)
+    footprint, doubt = _footprint(place, sigma, *there, noise)
+    take_out(F(footprint), F(np.hypot(UNSURE * footprint, doubt)), *there, place, sigma, flags)
 
 
 @part
@@ -238,8 +239,8 @@ def find_changes(first, last, light, modulation, place, even, unit, share, least
 
 
 @fast
-def take_out(footprint, at, pull, place, sigma, flags):  # type: ignore[no-untyped-def]
-    """Draw the pixels `at` back by what a footprint (px²) makes of their `pull`, and drop those lit from beside."""
+def take_out(footprint, unsure, at, pull, place, sigma, flags):  # type: ignore[no-untyped-def]
+    """Draw pixels `at` back by their `pull` for a footprint (px², its sigma `unsure`); drop those lit from beside."""
     width = flags.shape[1]
     for n in range(len(at)):
         row, c = at[n] // width, at[n] % width
@@ -252,13 +253,13 @@ def take_out(footprint, at, pull, place, sigma, flags):  # type: ignore[no-untyp
                 place[k, row, c] = sigma[k, row, c] = F(np.nan)
                 flags[row, c] |= _NO_U if k == 0 else _NO_V
                 continue
-            shift, doubt, s = footprint * pull[n, k], footprint * pull[n, 2 + k], sigma[k, row, c]
-            place[k, row, c] -= shift
-            sigma[k, row, c] = np.sqrt(s * s + UNSURE * UNSURE * shift * shift + doubt * doubt)
+            s, wrong, doubt = sigma[k, row, c], unsure * pull[n, k], footprint * pull[n, 2 + k]
+            place[k, row, c] -= footprint * pull[n, k]
+            sigma[k, row, c] = np.sqrt(s * s + wrong * wrong + doubt * doubt)
 
 
-def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise: Singles) -> float:
-    """Twice the variance of the footprint in px² by differences from the middle of two pixels beyond an edge.
+def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise: Singles) -> tuple[float, float]:
+    """Twice the variance of the footprint in px², and its sigma, by differences from two pixels about an edge.
 
     Shading tells nothing (`noise` (n,) is that of a change of the light), nor do edges and bends of surfaces.
     """
@@ -289,7 +290,7 @@ def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise:
     far = np.abs(np.arange(len(light))[:, None] - light.argmax(axis=0)) > 2
     clear &= (np.nanmedian(np.where(far, light, np.nan), axis=0) < FADED * light.max(axis=0))[:, None]
     expected = np.sqrt(1.5) * own + UNCERTAIN * np.abs(x)
-    value = USUAL
+    value, doubt = USUAL, DIFFERENT
     for _ in range(4):
         bent = np.abs(told - value * drawn)[1:] > OUTLIER * own + value * BLUNT * most[1:]
         good = clear & ~bent.any(axis=(0, 2))[:, None]
@@ -299,5 +300,6 @@ def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise:
         left = np.abs(b - value * a)
         scatter = max(1.0, 1.5 * float(np.median(left)))
         keep, weight = left < OUTLIER * scatter, (scatter / DIFFERENT) ** 2
-        value = (a[keep] @ b[keep] + USUAL * weight) / (a[keep] @ a[keep] + weight)
-    return float(max(value, 0.0))
+        known = a[keep] @ a[keep] + weight
+        value, doubt = (a[keep] @ b[keep] + USUAL * weight) / known, scatter / np.sqrt(known)
+    return float(max(value, 0.0)), float(doubt)

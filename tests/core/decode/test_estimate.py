@@ -130,11 +130,23 @@ def test_steps_of_surfaces_tell_no_footprint() -> None:
     patterns, images, (u, v, albedo) = pictures(u, v, albedo, 160, fine, 0.5, 0.0, 1.0)
     phase = decode(patterns, images, lines=(160, 160))
     rim = (np.abs((x + 8.5) % 17 - 8.5) < 2) & (np.abs((y - 3.5) % 8 - 4) < 2)
-    rim = rim[fine // 2 :: fine, fine // 2 :: fine]
+    rim = (rim & (np.abs(y - 60) < 56))[fine // 2 :: fine, fine // 2 :: fine]
     for axis, truth in (("u", u), ("v", v)):
         error = ((getattr(phase, axis) - truth) / getattr(phase, f"sigma_{axis}"))[rim]
-        assert np.isfinite(error).sum() > 900
+        assert np.isfinite(error).sum() > 850
         assert np.sqrt(np.nanmean(error**2)) < 1.25
+
+
+def test_sigma_holds_a_footprint_that_little_tells() -> None:
+    """A plate's rim too near to the image's border to tell it, in an unusually soft camera; r.m.s. was 2.2 sigmas."""
+    size, fine = 120, 5
+    y, x = (np.mgrid[: size * fine, : size * fine] - (fine - 1) / 2) / fine
+    u, v = 4 + 0.83 * x + 0.05 * y, 4.3 + 0.79 * y - 0.04 * x
+    patterns, images, (u, v, albedo) = pictures(u, v, np.where(y < 113.3, 0.8, 0.0), 160, fine, 0.8, 0.0, 0.5)
+    phase = decode(patterns, images, lines=(160, 160))
+    error = ((phase.v - v) / phase.sigma_v)[:, 8:-8][(albedo[:, 8:-8] > 0.02) & (albedo[:, 8:-8] < 0.7)]
+    assert np.isfinite(error).sum() > 80
+    assert np.sqrt(np.nanmean(error**2)) < 1.3
 
 
 def test_a_pixel_that_moved_stands_out_by_its_misfit(bench) -> None:
