@@ -1,9 +1,8 @@
 """Wrong input is named: results are held against each other, against what is known and against their own prediction.
 
-Every check gives `Concern`s: a state and one sentence with the figure, the probable cause and the remedy. The state of
-a verdict is that of its worst concern.
+Every check gives concerns (`core.model.Concern`): a state and one sentence with the figure, the probable cause and the
+remedy. The state of a verdict is that of its worst concern.
 
-concern.py   a concern, and the verdict that several make
 network.py   the bundle adjustment: chi-square test, systematic residuals, gross errors, nominal values
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
 plates.py    ... where the plates stood, seen by camera and projector
@@ -16,7 +15,6 @@ files.py     the same frames twice
 left_out.py  points and captures that had no part, with the reasons
 """
 
-from core.checks.concern import Concern, verdict_of
 from core.checks.files import repeated_frames, repeated_targets
 from core.checks.greys import grey_concerns
 from core.checks.left_out import left_out_of
@@ -26,6 +24,7 @@ from core.checks.planes import DOUBTFUL_RATIO, form_of, pair_concerns, plane_con
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
 from core.checks.sizes import size_concerns
+from core.model import Concern, verdict_of
 
 __all__ = [
     "DOUBTFUL_RATIO",

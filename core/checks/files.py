@@ -7,8 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from core.checks.concern import Concern
-from core.model import Capture, Frame, TargetSet
+from core.model import Capture, Concern, Frame, TargetSet
 from core.patterns import Pattern, axis_of, brightness, level_of
 
 MOST_NAMED = 4

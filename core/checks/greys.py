@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from core.checks.concern import Concern
-from core.model import TargetSet
+from core.model import Concern, TargetSet
 
 FEWEST = 4  # captures that tell what is usual
 FEW = 0.25  # of the captures may be unlike the others; more are another setting, by choice

@@ -12,10 +12,10 @@ from itertools import combinations
 
 import numpy as np
 
-from core.checks.concern import LEVEL, Concern
+from core.checks.network import LEVEL
 from core.checks.plates import Plates
 from core.geometry import similarity
-from core.model import Adjustment, Array, ScaleBar, Testfield
+from core.model import Adjustment, Array, Concern, ScaleBar, Testfield
 from core.numerics import chi_square_limit, sigma_by_median
 
 TOLERANCE = 0.002  # boards are made to about 0.1 %

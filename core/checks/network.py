@@ -10,11 +10,11 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from core.checks.concern import LEVEL, Concern
 from core.geometry.lens import lens_of
-from core.model import AdjustedDevice, Adjustment, Array
+from core.model import AdjustedDevice, Adjustment, Array, Concern
 from core.numerics import chi_square_limit, nearest
 
+LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
 AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is common to them

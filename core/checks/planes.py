@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.checks.concern import Concern
-from core.model import Array, Floats, PlaneEvaluation
+from core.model import Array, Concern, Floats, PlaneEvaluation
 from core.numerics import sigma_by_median
 
 WINDOW = 40.0  # the low pass's standard deviation is the image's larger side over this

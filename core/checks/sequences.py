@@ -7,8 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from core.checks.concern import Concern
-from core.model import Array, Capture, DeviceSpec, Floats, TargetSet
+from core.model import Array, Capture, Concern, DeviceSpec, Floats, TargetSet
 from core.patterns import Code
 
 End = tuple[int, float] | None  # a line, and where in the image it lies

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from core.checks.concern import Concern
-from core.model import TargetSet, Testfield
+from core.model import Concern, TargetSet, Testfield
 
 FEWEST = 8  # dots of a capture
 OFF = 1.25  # prints and blur change diameters by less; of six sound projects all were 0.98 to 1.00

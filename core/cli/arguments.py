@@ -58,11 +58,22 @@ class Commands:
         parser.add_argument("--json", metavar="FILE", help="write the figures (- for standard output)")
         return parser
 
-    def add_on_project(self, name: str, run: Run, text: str) -> Parser:
-        """Declare a command whose first argument is a project folder."""
+    def add_on_folder(self, name: str, run: Run, text: str) -> Parser:
+        """Declare a command whose first argument is a project's folder, `options.project`."""
         parser = self.add(name, run, text)
         parser.add_argument("project", type=Path, metavar="PROJECT")
         return parser
+
+    def add_on_project(self, name: str, run: Run, text: str) -> Parser:
+        """Declare a command whose first argument is a project, which is read before it runs."""
+
+        def run_on(options: Options, progress: Progress) -> dict[str, Any] | None:
+            from core.project import read_project
+
+            options.project = read_project(options.project)
+            return run(options, progress)
+
+        return self.add_on_folder(name, run_on, text)
 
 
 def add_devices(parser: Parser) -> None:

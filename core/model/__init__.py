@@ -29,7 +29,7 @@ from core.model.points import PlaneEvaluation, PointCloud
 from core.model.registration import Overlap, Registration
 from core.model.rig import DeviceSpec, Interior, Project, Rig, ScaleBar
 from core.model.targets import MissingTarget, Seed, TargetSet, Testfield
-from core.model.verdict import LeftOut, Verdict
+from core.model.verdict import Concern, LeftOut, Verdict, verdict_of
 
 __all__ = [
     "AdjustedDevice",
@@ -37,6 +37,7 @@ __all__ = [
     "Array",
     "Calibration",
     "Capture",
+    "Concern",
     "DepthCalibration",
     "DeviceSpec",
     "DriftPoint",
@@ -75,4 +76,5 @@ __all__ = [
     "TargetSet",
     "Testfield",
     "Verdict",
+    "verdict_of",
 ]

@@ -100,7 +100,9 @@ def _calibrate(
     if targets:
         save_targets(project, sets)
     beside = {file: value for own in (archives, *held.values()) for file, value in own.items()}
-    for name, judged in judge_calibrations(Evidence(project, done, beside, captures, options, sets)).items():
+    roles = {m: METHODS[m].roles for m in captures}
+    evidence = Evidence(project, done, beside, captures, options, sets, roles)
+    for name, judged in judge_calibrations(evidence).items():
         before, done[name] = done[name], judged
         if (before.verdict, before.left_out) != (judged.verdict, judged.left_out):
             archives |= {**held.get(name, {}), f"{name}.npz": judged}

@@ -5,12 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 from core.errors import AdjustmentError, InputError, NotRecognisedError, StripeError
-
-if TYPE_CHECKING:
-    from core.checks import Concern
+from core.model import Concern
 
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
 # notes that name the mistake, those that name a frame or a value, and those that name what must be looked at
@@ -23,8 +20,6 @@ SHARP = (
 
 def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:
     """What captures say of themselves, alike ones together, those that name a mistake first."""
-    from core.checks import Concern
-
     by_text: dict[str, list[tuple[str, str]]] = {}
     for name, texts in notes.items():
         for text in texts:

@@ -13,6 +13,7 @@ from core.model import (
     Adjustment,
     Calibration,
     Capture,
+    Concern,
     DepthCalibration,
     DeviceSpec,
     Interior,
@@ -20,6 +21,7 @@ from core.model import (
     Method,
     PhotogrammetricCalibration,
     Project,
+    Role,
     TargetSet,
     Testfield,
 )
@@ -28,7 +30,7 @@ from core.pipeline.folders import all_captures
 from core.pipeline.options import CalibrateOptions
 
 if TYPE_CHECKING:
-    from core.checks import Concern, Plates
+    from core.checks import Plates
 
 DOUBTS = ("not rigid", "look like gross errors", "left out, fewer than")  # of the adjustment's own warnings
 
@@ -43,6 +45,7 @@ class Evidence:
     used: Mapping[Method, Sequence[Capture]]
     options: CalibrateOptions
     sets: Sequence[TargetSet]  # all that are current
+    roles: Mapping[Method, Sequence[Role]]  # of the captures that a method reads
 
     @cached_property
     def captures(self) -> list[Capture]:
@@ -90,7 +93,7 @@ class Evidence:
 
     def said(self, method: Method) -> list[Concern]:
         """What the captures of a method say of themselves, and those of which nothing was measured."""
-        from core.checks import Concern, size_concerns
+        from core.checks import size_concerns
 
         empty = [
             Concern("doubtful", f"{t.capture}: none of its targets was measured: {_why(t.missing[0].reason)}")
@@ -104,10 +107,9 @@ class Evidence:
     def left_out(self, method: Method, rejected: Mapping[str, tuple[int, int]] | None = None) -> tuple[LeftOut, ...]:
         """List targets and captures without a part in a method's result; `rejected` is by station, of how many."""
         from core.checks import left_out_of
-        from core.pipeline.methods import METHODS
 
         names = {c.name for c in self.used[method]}
-        idle = [c.name for c in self.captures if c.role in METHODS[method].roles and c.name not in names]
+        idle = [c.name for c in self.captures if c.role in self.roles[method] and c.name not in names]
         why = [(n, "left out by choice" if n in self.options.without else "names no testfield") for n in idle]
         return left_out_of(self.targets(method), rejected, why)
 
@@ -133,8 +135,6 @@ def _why(reason: str) -> str:
 
 def warned(warnings: Sequence[str]) -> list[Concern]:
     """Those warnings of the adjustment that put its result in doubt."""
-    from core.checks import Concern
-
     return [Concern("doubtful", text) for text in warnings if any(doubt in text for doubt in DOUBTS)]
 
 

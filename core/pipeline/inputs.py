@@ -20,16 +20,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from core.model import Capture, Frame, Project, Testfield
+from core.pipeline.method import CalibrationMethod
 from core.pipeline.options import CalibrateOptions
 from core.project.contents import Contents, Look, contents_of, hash_value
-
-if TYPE_CHECKING:
-    from core.pipeline.methods import CalibrationMethod
 
 Record = dict[str, Any]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from core.model import Adjustment, Calibration, Method, PlaneEvaluation, PointCloud, Verdict
+from core.model import Adjustment, Calibration, Concern, Method, PlaneEvaluation, PointCloud, Verdict, verdict_of
 from core.parallel import run_in_bands
 from core.pipeline.causes import noted
 from core.pipeline.evidence import Evidence, sound_words, warned
@@ -16,13 +16,12 @@ from core.pipeline.methods import METHODS
 from core.project.contents import contents_of
 
 if TYPE_CHECKING:
-    from core.checks import Concern
     from core.checks.planes import Form
 
 
 def judge_adjustment(adjustment: Adjustment) -> Adjustment:
     """Judge the adjustment of a network on its own."""
-    from core.checks import adjustment_concerns, nominal_concerns, verdict_of
+    from core.checks import adjustment_concerns, nominal_concerns
 
     concerns = [*adjustment_concerns(adjustment), *nominal_concerns(adjustment.devices)]
     return replace(adjustment, verdict=verdict_of([*concerns, *warned(adjustment.warnings)], sound_words(adjustment)))
@@ -51,8 +50,6 @@ def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
 
 def _verdict(of_captures: Sequence[Concern], concerns: Sequence[Concern], sound: Sequence[str]) -> Verdict:
     """Put causes before effects: where a result failed, what is wrong with its captures comes first."""
-    from core.checks import verdict_of
-
     if any(c.state == "failed" for c in concerns):
         of_captures = [replace(c, state="failed") for c in of_captures]
     return verdict_of([*of_captures, *concerns], sound)
@@ -70,7 +67,7 @@ def judge_planes(
     deviations; `notes` is by capture what it says of itself; `verdicts` are those of the calibrations, which no plane's
     is better than.
     """
-    from core.checks import DOUBTFUL_RATIO, Concern, form_of, pair_concerns, plane_concerns
+    from core.checks import DOUBTFUL_RATIO, form_of, pair_concerns, plane_concerns
 
     common: list[Concern] = []
     for devices in dict.fromkeys(e.devices for e in evaluations):

@@ -18,7 +18,8 @@ from core.geometry import pair_of
 from core.model import DriftPoint, Method, PhaseMap, PhotogrammetricCalibration, Project
 from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.capture import devices_of
-from core.pipeline.methods import METHODS, CalibrationMethod
+from core.pipeline.method import CalibrationMethod
+from core.pipeline.methods import METHODS
 from core.pipeline.reconstruct import check_cloud, write_cloud
 from core.progress import SILENT, Progress
 from core.project import read_project
@@ -26,7 +27,6 @@ from core.project import read_project
 if TYPE_CHECKING:
     from core.capture.live import Taken
     from core.patterns import SequenceSpec
-    from core.pipeline.methods.method import CalibrationMethod
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,8 @@ def add(commands: Commands) -> None:
 
 def _export(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline.exchange import export_calibration
-    from core.project import read_project
 
-    project, names = read_project(options.project), (options.camera, options.projector)
+    project, names = options.project, (options.camera, options.projector)
     files, residuals = export_calibration(project, options.to, options.file, *names)
     for file in files:
         print(file)

@@ -22,10 +22,9 @@ def add(commands: Commands) -> None:
 
 def _batch(options: Options, progress: Progress) -> dict[str, Any]:
     from core.batch import run_batch
-    from core.project import read_project
 
     report = run_batch(
-        read_project(options.project),
+        options.project,
         options.out,
         options.captures,
         steps=options.do.split(","),

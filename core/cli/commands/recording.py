@@ -14,7 +14,7 @@ from core.progress import Progress
 
 def add(commands: Commands) -> None:
     """Declare the commands of this group."""
-    sub = commands.add_on_project("capture", _capture, "run one sequence on real or virtual devices")
+    sub = commands.add_on_folder("capture", _capture, "run one sequence on real or virtual devices")
     add_subject(sub)
     sub.add_argument("--projector", metavar="URL", help="virtual, serial, screen, ...")
     words = "virtual, folder, replay, uvc, ...; several take each pattern together: NAME=URL, given for each"
@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
     sub.add_argument("port", metavar="PORT", nargs="?", help="/dev/ttyUSB0, COM3, socket://host:port, /dev/hidraw0")
     sub.add_argument("--camera", metavar="URL", help="sees flashes of the projector URL: latency, jitter, linearity")
 
-    sub = commands.add_on_project("preflight", _preflight, "check a rig before its first calibration")
+    sub = commands.add_on_folder("preflight", _preflight, "check a rig before its first calibration")
     sub.add_argument("--projector", metavar="URL")
     sub.add_argument("--camera", metavar="URL")
     sub.add_argument("--depth", type=float, action="append", default=[], metavar="Z_MM", help="put a plate here too")

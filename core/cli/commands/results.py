@@ -90,11 +90,10 @@ def _line(options: Options) -> tuple[tuple[float, float], tuple[float, float]] |
 
 def _guess(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import accept_guesses, guess_picks
-    from core.project import read_project
 
     if options.accept is not None and options.accept < 1:
         raise InputError("--accept", f"is {options.accept}", "give 1 for the likeliest guess, 2 for the next")
-    project = read_project(options.project)
+    project = options.project
     found = guess_picks(project, options.captures or None, progress)
     kept = accept_guesses(project, found, options.accept) if options.accept else []
     for name, guesses in found.items():
@@ -114,9 +113,8 @@ def _guess(options: Options, progress: Progress) -> dict[str, Any]:
 def _runs(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import picked
     from core.pipeline import compare_runs, current_runs, delete_run, list_runs, make_current, rename_run
-    from core.project import read_project
 
-    project = read_project(options.project)
+    project = options.project
     runs = {run.number: run for run in list_runs(project)}
 
     def run_of(number: str | int) -> Run:
@@ -187,11 +185,10 @@ def _volume(
     import numpy as np
 
     from core.atomic import atomic_write
-    from core.project import read_project
 
     if options.out is not None:
         check_out(options.out, ".npz")
-    figures, maps = of(read_project(options.project), *other, options.kept, options.camera, options.projector)
+    figures, maps = of(options.project, *other, options.kept, options.camera, options.projector)
     names = [
         name
         for name in figures["depths"][0]
@@ -209,9 +206,8 @@ def _volume(
 
 def _cross_validate(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline.volumes import left_out_figures
-    from core.project import read_project
 
-    found = left_out_figures(read_project(options.project), options.kept, progress)
+    found = left_out_figures(options.project, options.kept, progress)
     for one in found:
         rms = one["foreseen_px"].items()
         foreseen = "  ".join(f"{name} {value:.4f} ({one['fitted_px'][name]:.4f})" for name, value in rms)
@@ -226,9 +222,8 @@ def _cross_validate(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _next_pose(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline.volumes import next_pose_figures
-    from core.project import read_project
 
-    found = next_pose_figures(read_project(options.project), options.kept, progress)
+    found = next_pose_figures(options.project, options.kept, progress)
     for one in found:
         tilt = (
             f"tilted {one['tilt_deg']:.0f}° about {one['about_deg']:.0f}°" if one["tilt_deg"] else "facing the camera"
@@ -243,11 +238,10 @@ def _profile(options: Options, progress: Progress) -> dict[str, Any]:
 
     from core.pipeline import kept_evaluation, read_profiles
     from core.pipeline.tables import write_profile_csv
-    from core.project import read_project
 
     if options.out is not None:
         check_out(options.out, ".csv")
-    project = read_project(options.project)
+    project = options.project
     found = read_profiles(project, kept_evaluation(project), options.capture, _line(options))
     figures: dict[str, Any] = {}
     for method, line in found.items():
@@ -273,9 +267,8 @@ def _profile(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _tables(options: Options, progress: Progress) -> dict[str, Any]:
     from core import pipeline
-    from core.project import read_project
 
-    project = read_project(options.project)
+    project = options.project
     evaluations = pipeline.kept_evaluation(project)
     write = pipeline.export_report if options.report else pipeline.export_tables
     files = write(project, options.out, progress=progress.part(0.0, 0.2))
@@ -291,9 +284,8 @@ def _sign(options: Options, progress: Progress) -> dict[str, Any]:
     from datetime import date
 
     from core.pipeline import sign_evaluation, sign_project
-    from core.project import read_project
 
-    project = read_project(options.project)
+    project = options.project
     if options.withdraw:
         sign_project(project, None)
         print("withdrawn")

@@ -90,9 +90,8 @@ def _decode(options: Options, progress: Progress) -> dict[str, Any]:
 def _measure(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import targets_figures
     from core.pipeline import measure_project
-    from core.project import read_project
 
-    project = read_project(options.project)
+    project = options.project
     targets = measure_project(project, progress)
     for t in targets:
         pair = "" if project.rig.is_pair else f"{t.camera} with {t.projector}: "
@@ -105,7 +104,6 @@ def _measure(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import CalibrateOptions, calibrate_project, calibration_figures, current_runs, result_tables
-    from core.project import read_project
 
     if options.degree < 1:
         raise InputError("--degree", f"is {options.degree}", "give 1 or more")
@@ -121,7 +119,7 @@ def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
         hold=tuple(options.hold),
         reject_beyond=options.reject or None,
     )
-    project = read_project(options.project)
+    project = options.project
     calibrations = calibrate_project(project, options.method, chosen, progress)
     figures = calibration_figures(calibrations)
     for method, entry in figures.items():
@@ -161,10 +159,9 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
         seen_by_several,
         write_cloud,
     )
-    from core.project import read_project
 
     check_cloud(options.out)
-    project = read_project(options.project)
+    project = options.project
     one_pair = options.orient or options.projector or (options.method and not METHODS[options.method].joint)
     rays: Any = options.rays or ("all" if not one_pair and seen_by_several(project, options.capture) else "pair")
     if options.fill and rays == "pair":
@@ -201,10 +198,9 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _merge(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import check_cloud, merge_captures, merge_figures, merge_words, write_cloud
-    from core.project import read_project
 
     check_cloud(options.out)
-    merged = merge_captures(read_project(options.project), options.captures, by=options.by, progress=progress)
+    merged = merge_captures(options.project, options.captures, by=options.by, progress=progress)
     points = write_cloud(options.out, merged.image, merged.cloud)
     for line in merge_words(merged):
         print(line)
@@ -216,9 +212,8 @@ def _merge(options: Options, progress: Progress) -> dict[str, Any]:
 def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import evaluation_figures
     from core.pipeline import evaluate_project, table_of_planes
-    from core.project import read_project
 
-    project = read_project(options.project)
+    project = options.project
     evaluations = evaluate_project(project, progress)
     figures = evaluation_figures(evaluations)
     for plane in figures["planes"]:
@@ -232,9 +227,8 @@ def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _report(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import report_project
-    from core.project import read_project
 
-    paths = report_project(read_project(options.project), options.out, progress)
+    paths = report_project(options.project, options.out, progress)
     _tell_outdated(options)
     print(f"{paths.html}\n{paths.pdf}")
     return {"html": str(paths.html), "pdf": str(paths.pdf)}
@@ -243,8 +237,7 @@ def _report(options: Options, progress: Progress) -> dict[str, Any]:
 def _tell_outdated(options: Options, method: str | None = None) -> None:
     """Say in a line on stderr if the calibrations that were used do not follow from what the project holds."""
     from core.pipeline import outdated_words
-    from core.project import read_project
 
-    if words := outdated_words(read_project(options.project), method):
-        told = f"{'; '.join(words)}; run `stripe-core update {options.project}`"
+    if words := outdated_words(options.project, method):
+        told = f"{'; '.join(words)}; run `stripe-core update {options.project.path}`"
         print(f"stripe-core: made from something else than the project holds now: {told}", file=sys.stderr)

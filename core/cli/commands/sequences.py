@@ -11,7 +11,7 @@ from core.progress import Progress
 
 def add(commands: Commands) -> None:
     """Declare the commands of this group."""
-    sub = commands.add_on_project("patterns", _patterns, "the sequence as images of the projector's size")
+    sub = commands.add_on_folder("patterns", _patterns, "the sequence as images of the projector's size")
     sub.add_argument("--out", type=Path, required=True, metavar="DIR")
     sub.add_argument("--linearise", action="store_true", help="undo the projector's response that project.json gives")
     sequence_argument(sub)
@@ -25,7 +25,7 @@ def add(commands: Commands) -> None:
     sub.add_argument("--camera", default="", metavar="NAME", help="whose frames they are, in a rig of several")
     sub.add_argument("--projector", default="", metavar="NAME", help="what was shown by which, in a rig of several")
 
-    sub = commands.add_on_project("plan-sequence", _plan, "sequences compared: noise, gross errors and time")
+    sub = commands.add_on_folder("plan-sequence", _plan, "sequences compared: noise, gross errors and time")
     sub.add_argument("--frames", type=int, metavar="N", help="how many there may be (28 if unsaid)")
     sub.add_argument("--sigma", type=float, metavar="LINES", help="the standard deviation wanted")
     sub.add_argument("--preflight", type=Path, metavar="FILE", help="what preflight --json wrote")

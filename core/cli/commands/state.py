@@ -14,15 +14,14 @@ def add(commands: Commands) -> None:
     """Declare the commands of this group."""
     commands.add_on_project("status", _status, "every stage of every capture: absent, current, outdated or failed")
     commands.add_on_project("update", _update, "do what is outdated or absent, in order")
-    sub = commands.add_on_project("check", _check, "every inconsistency of a project, explained")
+    sub = commands.add_on_folder("check", _check, "every inconsistency of a project, explained")
     sub.add_argument("--repair", action="store_true", help="mend what can be mended without loss")
 
 
 def _status(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import project_states
-    from core.project import read_project
 
-    states = project_states(read_project(options.project))
+    states = project_states(options.project)
     for stage, state in states.stages.items():
         first, *more = state.because or ("",)
         print(f"{stage:12s} {state.state:9s} {first}".rstrip())
@@ -38,12 +37,11 @@ def _status(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _update(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import update_project
-    from core.project import read_project
 
     def tell(text: str) -> None:
         print(text, flush=True)
 
-    update = update_project(read_project(options.project), progress, tell)
+    update = update_project(options.project, progress, tell)
     if not update.done:
         print("nothing to do")
     left = {stage: state for stage, state in update.states.stages.items() if state.state != "current"}

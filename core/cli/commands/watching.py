@@ -38,7 +38,7 @@ def add(commands: Commands) -> None:
     sub.add_argument("--orient", action="store_true", help="use the orientation that `orient --correct` has kept")
     add_devices(sub)
 
-    sub = commands.add_on_project("live", _live, "continuous capture to points; Ctrl+C ends it")
+    sub = commands.add_on_folder("live", _live, "continuous capture to points; Ctrl+C ends it")
     sub.add_argument("--projector", metavar="URL", help="as `capture` takes it")
     sub.add_argument("--camera", metavar="URL")
     sub.add_argument(
@@ -60,9 +60,8 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
         orient_pairs,
         parse_length,
     )
-    from core.project import read_project
 
-    project = read_project(options.project)
+    project = options.project
     if options.capture is None:
         if options.correct or options.length or options.points:
             raise InputError("orient", "no CAPTURE with --correct, --length or --points", "name the capture")
@@ -93,10 +92,9 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _features(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline import feature_figures, feature_words, measure_features
-    from core.project import read_project
 
     found = measure_features(
-        read_project(options.project),
+        options.project,
         options.capture,
         [("circle", text) for text in options.circle] + [("line", text) for text in options.line],
         camera=options.camera,

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Mapping
 from core.errors import InputError
 from core.figures import picked, verdict_figures
 from core.model import Calibration, Capture, Figures, Method
-from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement
+from core.pipeline.method import Calibrated, CalibrationMethod, Judgement
 from core.pipeline.methods.photogrammetric import PHOTOGRAMMETRIC
 from core.pipeline.methods.polynomial import POLYNOMIAL
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from core.geometry import pair_for
 from core.model import (
     Adjustment,
     Capture,
+    Concern,
     DeviceSpec,
     PhotogrammetricCalibration,
     Project,
@@ -25,12 +25,9 @@ from core.model import (
 from core.pipeline.causes import because_of
 from core.pipeline.evidence import Evidence, sound_words, warned
 from core.pipeline.measure import common_testfield, measured_targets
-from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement, intersected
+from core.pipeline.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
-
-if TYPE_CHECKING:
-    from core.checks import Concern
 
 ADJUSTMENT = "adjustment.npz"
 
@@ -118,8 +115,6 @@ def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibratio
 
 
 def _held(names: Sequence[str]) -> Concern:
-    from core.checks import Concern
-
     text = f"{' and '.join(names)} held at {'its' if len(names) == 1 else 'their'} nominal values: are these right? Try"
     return Concern("failed", f"{text} without --hold before you look for other causes")
 

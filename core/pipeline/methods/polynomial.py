@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from core.geometry import lens_of, nominal
 from core.model import (
     Array,
     Capture,
+    Concern,
     DepthCalibration,
     Interior,
     PhaseMap,
@@ -23,12 +24,9 @@ from core.model import (
 from core.pipeline.decode import from_phase_maps
 from core.pipeline.evidence import Evidence, lengths_of
 from core.pipeline.measure import common_testfield, measured_or_why, side_of, signs_of, turned_together
-from core.pipeline.methods.method import Calibrated, CalibrationMethod, Judgement, intersected
+from core.pipeline.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
-
-if TYPE_CHECKING:
-    from core.checks import Concern
 
 RESIDUAL_RATIO = 2.5  # of the residuals over those that the noise leaves
 
@@ -117,8 +115,6 @@ def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
 
 
 def _of_residuals(depth: DepthCalibration) -> list[Concern]:
-    from core.checks import Concern
-
     if not depth.noise_rms_mm or depth.residual_rms_mm <= RESIDUAL_RATIO * depth.noise_rms_mm:
         return []
     ratio = depth.residual_rms_mm / depth.noise_rms_mm

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from core.model import Capture, DeviceSpec, Figures, Interior, LeftOut, PhaseMap, PointCloud, Project, Role, TargetSet
+from core.model import (
+    Capture,
+    Concern,
+    DeviceSpec,
+    Figures,
+    Interior,
+    LeftOut,
+    PhaseMap,
+    PointCloud,
+    Project,
+    Role,
+    TargetSet,
+)
+from core.pipeline.evidence import Evidence
 from core.progress import Progress
-
-if TYPE_CHECKING:
-    from core.checks import Concern
-    from core.pipeline.evidence import Evidence
 
 
 @dataclass(frozen=True)
