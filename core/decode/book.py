@@ -15,7 +15,7 @@ from core.numerics import erf
 from core.patterns import Axis, Pattern, axis_of, brightness, level_of
 
 PER_LINE = 8  # entries of the tables; between them they are interpolated
-BLURS = np.round(np.geomspace(0.25, 2.4, 49), 4)  # lines
+BLURS = np.round(np.concatenate([np.geomspace(0.25, 2.4, 49), np.geomspace(2.64, 12.0, 15)]), 4)  # lines
 FEW = 10  # frames: their words are so much alike that places are looked up on quarter lines, else on half lines
 ROUNDS = 5  # of the adjustment
 FEWEST = 4  # frames: three unknowns and one that tells whether they fit

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from core.decode.book import BLURS, PER_LINE, Book, adjust, book_of, look_up
 from core.decode.frames import Image
 from core.decode.noise import Noise
+from core.decode.notes import notes_on
 from core.decode.options import DecodeOptions, Flag
-from core.decode.sample import quantum
-from core.decode.tables import Array, Singles
+from core.decode.sample import limits_of, quantum, spread, take_sample
+from core.decode.tables import WORDS, Array, Singles, no_axis
 from core.model import PhaseMap
 from core.parallel import run_in_bands
 from core.patterns import Axis, Pattern, axis_of, use_of
@@ -30,13 +31,13 @@ from core.progress import Progress
 
 COARSE = 3  # so manieth is tried first, then each around the best
 MARGIN = 16.0  # by which the squares (noise = 1) elsewhere must be greater: exp(-8) for one rival
-ELSEWHERE = 1  # line: nearer than this is the same place
+ELSEWHERE = 2.0  # times the blur, at least a line: nearer than this is the same place
 MISFIT = 0.08  # of the contrast, for each frame: what blur and box do not explain; twice what the virtual rig shows
 SAMPLE = 6000  # pixels that tell blur and noise
 TILES = 6, 8  # of the image, each with its blur
 NEIGHBOURS = 7  # px: of those around, the median predicts
 ALIKE = 3.0  # lines by which neighbours' places differ that agree with each other
-NEAR = 1.0  # lines that a place may move while it is adjusted
+NEAR = 1.0  # times the blur, at least a line: so far a place may move while it is adjusted
 RIM = 0.5  # lines: so near the field's edge its fading light is taken for a place on it
 
 F = np.float32
@@ -81,13 +82,20 @@ def decode_words(
     for number, axis in enumerate(worded):
         part = progress.part(number / len(worded), (number + 1) / len(worded))
         book = book_of(tuple(patterns), axis, lines[axis == "y"] if lines else None, where)
-        place, sigma, modulation, image, bad = _decode_axis(book, images, options, part)
+        place, sigma, modulation, image, bad, noise = _decode_axis(book, images, options, part)
         u, lack = axis == "x", Flag.NO_U if axis == "x" else Flag.NO_V
         alone = first and number == 0
         measured: dict[str, Any] = {"u": place, "sigma_u": sigma} if u else {"v": place, "sigma_v": sigma}
+        seen = [images[i] for i in book.frames]
+        lost = (bad | np.where(np.isnan(place), np.uint8(lack), np.uint8(0)))[spread(place.shape)].ravel()
+        limits = limits_of(noise, options.saturation or float(np.iinfo(images[0].dtype).max), options)
+        words, none = no_axis()._replace(start=WORDS), no_axis()
+        notes, dim = notes_on(seen, take_sample(seen), lost, limits, (words, none) if u else (none, words))
         result = replace(
             result,
             **measured,
+            notes=tuple(dict.fromkeys((*result.notes, *notes))),
+            dim_notes=(*result.dim_notes, *notes) if dim else result.dim_notes,
             modulation=modulation if alone else np.minimum(result.modulation, modulation),
             image=image if alone else (result.image + image) / F(2) if len(worded) == 2 else result.image,
             flags=(result.flags & np.uint8(255 - lack)) | bad | np.where(np.isnan(place), np.uint8(lack), np.uint8(0)),
@@ -97,13 +105,14 @@ def decode_words(
 
 def _decode_axis(
     book: Book, images: Sequence[Image], options: DecodeOptions, progress: Progress
-) -> tuple[Singles, Singles, Singles, Singles, NDArray[np.uint8]]:
-    """Give place, sigma, modulation, evenly lit image and flags, each (H, W)."""
+) -> tuple[Singles, Singles, Singles, Singles, NDArray[np.uint8], Noise]:
+    """Give place, sigma, modulation, evenly lit image and flags, each (H, W), and the noise."""
     shape, k = images[0].shape, len(book.frames)
     full = options.saturation or float(np.iinfo(images[0].dtype).max)
     progress(0.0, "reading blur and noise")
     blur, noise = _measure(book, images, full)
-    find = book.find(int(np.median(blur)))
+    usual = int(np.median(blur))
+    find, apart, step = book.find(usual), _apart(book, usual), max(NEAR, NEAR * float(BLURS[usual]))
     best = np.empty(shape, np.int32)
     top, rival = np.empty(shape, np.float32), np.empty(shape, np.float32)
     limits = F(noise.dark), F(noise.shot), F(noise.floor)
@@ -113,7 +122,7 @@ def _decode_axis(
     def search(first: int, last: int) -> None:
         grey = _grey(book, images, first, last)
         found = (a[first:last].ravel() for a in (best, top, rival))  # views: rows lie one after the other
-        look_up(grey, find, ELSEWHERE * book.grid, np.empty(find.shape[1], F), *found)
+        look_up(grey, find, apart, np.empty(find.shape[1], F), *found)
 
     def refine(first: int, last: int) -> None:
         grey = _grey(book, images, first, last)
@@ -133,7 +142,7 @@ def _decode_axis(
     variance = np.maximum(noise.dark + noise.shot * (offset + contrast / 2), noise.floor).astype(np.float32)
     sure = (top**2 - rival**2) > MARGIN * variance
     weak = (top < options.min_snr * np.sqrt(variance)) | (contrast / 2 < options.min_modulation) | (contrast <= 0)
-    good = sure & ~weak & (left < _bound(k, contrast, variance)) & (np.abs(place - start) <= NEAR)
+    good = sure & ~weak & (left < _bound(k, contrast, variance)) & (np.abs(place - start) <= step)
     if good.any():
         expected, agreed = _predicted(place, good)
         again = agreed & ~weak & ~(good & (np.abs(place - expected) < ALIKE))
@@ -141,7 +150,7 @@ def _decode_axis(
             kept, was = out.copy(), left.copy()
             start = np.where(again, expected, start).astype(np.float32)
             run_in_bands(refine, shape[0])
-            near = np.abs(place - start) <= NEAR
+            near = np.abs(place - start) <= step
             found = again & near & (left < _bound(k, contrast, variance))
             out[:, ~found], left[~found] = kept[:, ~found], was[~found]
             good |= found
@@ -168,7 +177,13 @@ def _decode_axis(
         np.maximum(contrast / 2, 0).astype(np.float32),
         np.clip(even, 0, full).astype(np.float32),
         flags,
+        noise,
     )
+
+
+def _apart(book: Book, blur: int) -> int:
+    """Entries of the look-up nearer than which another place is the same, for blurred words are alike."""
+    return round(max(1.0, ELSEWHERE * float(BLURS[blur])) * book.grid)
 
 
 def _bound(k: int, contrast: Singles, variance: Singles) -> Singles:
@@ -202,7 +217,7 @@ def _measure(book: Book, images: Sequence[Image], full: float) -> tuple[NDArray[
 
     def trial(numbers: list[int]) -> None:
         find = book.find(numbers[len(numbers) // 2])  # what is looked up hardly depends on the blur
-        look_up(grey, find, ELSEWHERE * book.grid, np.empty(find.shape[1], F), best, top, rival)
+        look_up(grey, find, _apart(book, numbers[len(numbers) // 2]), np.empty(find.shape[1], F), best, top, rival)
         for number in numbers:
             blurs, costs[number] = np.full(n, number), np.empty(n, F)
             adjust(grey, book.fine, blurs, book.places(best), unit, np.empty((4, n), F), costs[number], word)
@@ -226,7 +241,7 @@ def _measure(book: Book, images: Sequence[Image], full: float) -> tuple[NDArray[
     mine = blur[at[0], at[1]]
     values, squares = np.empty((4, n), F), np.empty(n, F)
     find = book.find(whole)
-    look_up(grey, find, ELSEWHERE * book.grid, np.empty(find.shape[1], F), best, top, rival)
+    look_up(grey, find, _apart(book, whole), np.empty(find.shape[1], F), best, top, rival)
     adjust(grey, book.fine, mine, book.places(best), unit, values, squares, word)
     entry = np.clip(np.rint((values[0] + 1) * PER_LINE).astype(int), 0, book.fine.shape[1] - 1)
     level = values[3][:, None] + values[2][:, None] * book.fine[mine, entry]

@@ -11,7 +11,7 @@ from core.decode.frames import Image
 from core.decode.noise import MEDIAN_OF_SQUARE, spatial_residual
 from core.decode.options import Flag
 from core.decode.sample import spread
-from core.decode.tables import NOTHING, PHASES, Array, AxisTable, Limits, Singles
+from core.decode.tables import NOTHING, PHASES, WORDS, Array, AxisTable, Limits, Singles
 
 LIT = 12.0  # standard deviations of a grey value that the frames of a lit pixel differ by: noise alone reaches 6
 NOWHERE = 0.005  # part of the image: less light is none
@@ -28,6 +28,10 @@ DETOUR = (
     "or from a facing wall. Dull the surface, show more periods or add a code."
 )
 LARGER = "Compare its width and height in project.json with those that the patterns were made for."
+COMPARE = (
+    "Stripes may be blurred or too dark, or other patterns than those listed. Focus, expose longer, show wider "
+    "stripes, or compare the frames with the patterns in capture.json."
+)
 ORDER = int(Flag.DISAGREEMENT | Flag.UNSURE)
 HALF = 0.5
 BLOCK = 5  # pixels of the sample, a side, whose mean shows light below the noise of one
@@ -81,7 +85,7 @@ def notes_on(
     seen, lost = flags[lit], missing[lit]
     if lost.mean() <= 1 - PROMISED:
         return (), False
-    waves = any(len(table.period) for table in tables)  # a code is told by light at full scale, too
+    waves = any(len(table.period) or table.start == WORDS for table in tables)  # a code is told at full scale, too
     clipped = (sample.max(axis=0)[lit] >= limits.saturation) & (seen & np.uint8(ORDER) != 0) & waves
     seen = np.where(clipped, np.uint8(Flag.SATURATED), seen)
     head = f"Only {1 - lost.mean():.0%} of the pixels that the projector lights decode"
@@ -138,21 +142,24 @@ def _causes(
 
     `noises` are that of their grey values as it was taken, and as the smoothest frame shows it.
     """
-    told = any(len(table.period) > 1 or len(table.sign) for table in tables)
+    worded = any(table.start == WORDS for table in tables)
+    told = worded or any(len(table.period) > 1 or len(table.sign) for table in tables)
     full, (noise, grain) = float(limits.saturation), noises
     grainy = noise <= APART * grain
     remedy = "Focus, expose longer or use longer periods."
     weak = f"the fringes are too weak for the noise of {noise:.1f} grey values. {remedy}"
-    if not grainy:
+    if worded:
+        weak = f"light and words differ by {noise:.1f} grey values, too much for the stripes' contrast. {COMPARE}"
+    elif not grainy:
         agree = f"frames that should agree differ by {noise:.1f} grey values, where their noise is {grain:.1f}."
         weak = f"{agree} {MIXED}"
     contrary = f"the frames contradict each other. {MIXED}" if told else "the phase is too noisy. Expose longer."
-    open_order = np.count_nonzero(lost & int(Flag.UNSURE)) > HALF * np.count_nonzero(lost & ORDER)
-    open_order &= grainy and not detour and all(table.start in (NOTHING, PHASES) for table in tables)
+    unsure = np.count_nonzero(lost & int(Flag.UNSURE)) > HALF * np.count_nonzero(lost & ORDER)
+    open_order = unsure and grainy and not detour and all(table.start in (NOTHING, PHASES) for table in tables)
     if open_order:
         more = "Expose longer, show more steps, or add a code or a longer period."
         contrary = f"the noise of {noise:.1f} grey values leaves the order of the fringe open. {more}"
-    contrary = DETOUR if detour else contrary
+    contrary = DETOUR if detour else f"words of several lines fit alike. {COMPARE}" if unsure and worded else contrary
     kinds = {
         int(Flag.SATURATED): f"too many steps are at full scale ({full:.0f}). Expose shorter or stop the lens down.",
         int(Flag.LOW_MODULATION): weak,

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Shorts = NDArray[np.int32]
 
-NOTHING, PHASES, CODE, SWEEP = 0, 1, 2, 3  # where an axis' coordinate starts
+NOTHING, PHASES, CODE, SWEEP, WORDS = range(5)  # where an axis' coordinate starts
 NEGLIGIBLE = 1e-9
 TOGETHER = 4  # frames that the kernel adds in one pass, for every pass over the sum costs more than a frame
 TAIL = 0.05  # part of a light section's height below which light is not counted

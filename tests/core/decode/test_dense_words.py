@@ -115,3 +115,37 @@ def test_two_lines_of_one_word_are_known_to_a_cell(bench) -> None:
     assert known.mean() > 0.9
     assert np.quantile(error[known], 0.997) < 3
     assert np.median(phase.sigma_u[known]) == pytest.approx(2 / np.sqrt(12), rel=0.01)
+
+
+def shifted_gray(lines: int, before: int) -> list:
+    """A Gray code that begins `before` lines early, as other programs centre theirs, with the inverse of every bit."""
+    number = np.arange(lines) + before
+    words = [(number ^ (number >> 1)) >> bit & 1 for bit in range(10)]
+    return [*(Lines.of("x", shown) for word in words for shown in (word, 1 - word)), White(), Black()]
+
+
+@pytest.mark.parametrize("blur", [4.0, 8.0])
+def test_lines_finer_than_a_pixel_cost_their_bits_alone(bench, judge, blur: float) -> None:
+    """Stripes of one and two lines leave no contrast; those of eight tell the place still."""
+    patterns = shifted_gray(N, 192)
+    b = bench(blur=blur, gain=150.0, dark=2.0)
+    phase = decode(patterns, b.take(patterns), lines=(N, N))
+    inner = np.isfinite(phase.u) & (b.u > 4 * blur) & (b.u < N - 4 * blur)  # the field's edge fades as fringes do
+    error = (phase.u - b.u)[inner]
+    assert inner.mean() > 0.8
+    assert np.abs(error).max() < blur
+    assert 0.85 < np.sqrt(np.mean((error / phase.sigma_u[inner]) ** 2)) < 1.15
+    assert phase.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("blur", "shown", "said"),
+    [(0.6, slice(None, None, -1), "capture.json"), (25.0, slice(None), "Focus"), (0.6, slice(0), "full scale (255)")],
+    ids=["other words", "blurred", "too bright"],
+)
+def test_words_that_decode_nowhere_say_why(bench, blur: float, shown: slice, said: str) -> None:
+    patterns = dense(14)
+    images = bench(blur=blur, gain=90.0).take(patterns)[shown] or bench(gain=900.0).take(patterns)
+    (note,) = decode(patterns, images, lines=(N, N)).notes
+    assert note.startswith("Only 0% of the pixels that the projector lights decode: ")
+    assert said in note
