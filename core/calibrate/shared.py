@@ -38,8 +38,9 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
         # where residuals say that sigmas are smaller than given, what is shared is smaller, too
         weight = np.fmin(weight, 1 / solved.network.observation_sigma[rows].reshape(-1, 4))
         cov = np.nan_to_num(t.cov) * weight[:, :, None] * weight[:, None, :]
-        cov[:, range(4), range(4)] = 0.0
-        part = A.reshape(-1, len(seen)).T @ (cov @ A).reshape(-1, len(seen))
+        cov = np.triu(cov, 1)[:, :3]  # of a symmetric sum one half is enough
+        half = A[:, :3].reshape(-1, len(seen)).T @ (cov @ A).reshape(-1, len(seen))
+        part = half + half.T
         if t.row_shift_px:
             by_u = np.zeros((len(rows), 4))
             by_u[:, 0] = 1.0

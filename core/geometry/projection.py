@@ -52,14 +52,18 @@ def project_with_derivatives(
     k = interior.c_mm / np.where(Z < 0, -Z, np.nan)
     xy = np.stack([k * X, k * Y], axis=-1)
     by_xy, by_interior = lens_of(interior).derivatives(interior, xy)
-    zero = np.zeros_like(k)
-    ends = np.stack([np.stack([k, zero, -k * X / Z], -1), np.stack([zero, k, -k * Y / Z], -1)], axis=-2)
     to_pixel = np.array([[1 / spec.pitch_mm[0]], [-1 / spec.pitch_mm[1]]])
-    by_device_point = to_pixel * (by_xy @ ends)
-    by_turn = np.cross(turned[..., None, :], by_device_point)  # (w × RP)·d = w·(RP × d)
+    by_pose = np.empty((*k.shape, 2, 6))
+    by_turn, by_device_point = by_pose[..., :3], by_pose[..., 3:]
+    by_device_point[..., :2] = to_pixel * by_xy * k[..., None, None]
+    along = by_xy[..., 0] * xy[..., None, 0] + by_xy[..., 1] * xy[..., None, 1]
+    by_device_point[..., 2] = to_pixel[:, 0] * along / -Z[..., None]
+    for j in range(3):  # (w × RP)·d = w·(RP × d)
+        a, b = turned[..., None, j - 2], turned[..., None, j - 1]
+        by_turn[..., j] = a * by_device_point[..., j - 1] - b * by_device_point[..., j - 2]
     return Projection(
         image_to_pixel(spec, distort(interior, xy)),
-        by_device_point @ pose.rotation,
+        (by_device_point.reshape(-1, 3) @ pose.rotation).reshape(by_device_point.shape),
         to_pixel * by_interior,
-        np.concatenate([by_turn, by_device_point], axis=-1),
+        by_pose,
     )

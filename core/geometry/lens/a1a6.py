@@ -39,20 +39,23 @@ def _derivatives(interior: Interior, xy: Array) -> tuple[Array, Array]:
     jxx = 1 + d + x * x * slope + 2 * a5 * y + 6 * a6 * x
     jxy = x * y * slope + 2 * a5 * x + 2 * a6 * y
     jyy = 1 + d + y * y * slope + 2 * a6 * x + 6 * a5 * y
-    affine = np.array([[1 + a3, a4], [a4, 1 - a3]])
-    by_xy = affine @ np.stack([np.stack([jxx, jxy], -1), np.stack([jxy, jyy], -1)], axis=-2)
-    one, zero = np.ones_like(x), np.zeros_like(x)
-    before = np.stack(  # of x', y' by x0, y0, A1, A2, A5, A6
-        [
-            np.stack([one, zero, x * radial1, x * radial2, f2, fx], axis=-1),
-            np.stack([zero, one, y * radial1, y * radial2, fy, f2], axis=-1),
-        ],
-        axis=-2,
-    )
-    after = affine @ before
-    by_a3, by_a4 = np.stack([x1, -y1], axis=-1), np.stack([y1, x1], axis=-1)
-    columns = [(by_xy @ xy[..., None])[..., 0] / interior.c_mm, *np.moveaxis(after[..., :4], -1, 0), by_a3, by_a4]
-    return by_xy, np.stack([*columns, after[..., 4], after[..., 5]], axis=-1)
+    by_xy, by_parameter = np.empty((*x.shape, 2, 2)), np.empty((*x.shape, 2, 9))
+
+    def affine(out: Array, p: Array | float, q: Array | float) -> None:
+        out[..., 0], out[..., 1] = (1 + a3) * p + a4 * q, a4 * p + (1 - a3) * q
+
+    affine(by_xy[..., 0], jxx, jxy)
+    affine(by_xy[..., 1], jxy, jyy)
+    affine(by_parameter[..., 0], (jxx * x + jxy * y) / interior.c_mm, (jxy * x + jyy * y) / interior.c_mm)
+    affine(by_parameter[..., 1], 1, 0)
+    affine(by_parameter[..., 2], 0, 1)
+    affine(by_parameter[..., 3], x * radial1, y * radial1)
+    affine(by_parameter[..., 4], x * radial2, y * radial2)
+    by_parameter[..., 0, 5], by_parameter[..., 1, 5] = x1, -y1
+    by_parameter[..., 0, 6], by_parameter[..., 1, 6] = y1, x1
+    affine(by_parameter[..., 7], f2, fy)
+    affine(by_parameter[..., 8], fx, f2)
+    return by_xy, by_parameter
 
 
 def _undistort(interior: Interior, m: Array, tolerance_mm: float) -> Array:
