@@ -127,7 +127,10 @@ def calibrate_depth(
     axis = choose_axis([plane.phase for plane in planes]) if options.axis == "auto" else options.axis
     measured = np.stack([plane.phase.u if axis == "u" else plane.phase.v for plane in planes])
     if not np.isfinite(measured).any():
-        raise InputError(WHERE, f"coordinate {axis} was decoded in no pixel", "choose the other axis")
+        seen = f"coordinate {axis} was decoded in no pixel"
+        if options.axis != "auto":
+            raise InputError(WHERE, seen, "choose the other axis")
+        raise AdjustmentError(WHERE, seen, "see that their frames show the plate lit, as capture.json says")
     modulations = [plane.phase.modulation for plane in planes]
     used, judged = smooth_maps(measured, modulations, options.low_pass_px, progress=progress.part(0.1, 0.5))
     progress(0.5, "fitting the depth of every pixel")

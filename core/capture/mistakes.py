@@ -25,6 +25,7 @@ FITS = 0.3  # of the contradictions that may stay where a mistake explains them
 MOST_PIXELS = 0.8  # of them must fit
 EVEN = 0.9  # of them where no edges are
 PLAIN = ("white", "black", "its inverse")  # what one frame alone may show by mistake, likelier than another pattern
+BEYOND, LEFT = 0.02, 0.06  # of all pixels: explained by more lines at least, and left by them at most
 MOST_FRAMES = 16  # beyond that pairs of frames are not tried
 
 
@@ -86,6 +87,21 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
     return ": frames are of another capture or sequence, something moved, or the patterns are not what was shown", None
 
 
+def more_lines(looked: Looked, share: float) -> str:
+    """Say that the projector has more lines than declared, where these explain what contradicts; else nothing."""
+    room = max((p.cell << p.bits for p in looked.patterns if isinstance(p, Code)), default=0)
+    if room <= looked.lines:
+        return ""
+    left = contradicting(looked.values, looked.patterns, replace(looked, lines=room))
+    if share - left <= BEYOND or left > max(FITS * share, LEFT):
+        return ""
+    along, word = ("columns", "width") if looked.axis == "x" else ("rows", "height")
+    return (
+        f"frames across {along} contradict each other in {share:.0%} of the pixels: they fit if the projector has more "
+        f"than {looked.lines} lines: {word} in project.json"
+    )
+
+
 def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[str, Array, Sequence[Pattern]]]:
     """Other descriptions of the same frames: words, values and patterns."""
     own, patterns = looked.values, looked.patterns
@@ -100,14 +116,15 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
     phases = [p for p in patterns if isinstance(p, Phase)]
     codes = [p for p in patterns if isinstance(p, Code)]
     if phases:
+        if max(abs(p.shift_rad) for p in phases) > 4 * pi:
+            shifts = [replace(p, shift_rad=p.shift_rad * pi / 180) if isinstance(p, Phase) else p for p in patterns]
+            yield "they fit if shift_rad is in degrees", own, shifts
         yield "they fit if the phase steps run the other way: the sign of shift_rad", own, _phases(patterns, sign=-1)
         for sign, way in ((1, ""), (-1, " and run the other way")):
             for quarter in (1, -1, 2):
                 when = f"{abs(quarter) * 90}° {'later' if quarter > 0 else 'earlier'}"
                 words = f"they fit if the phase steps begin {when}{way}"
                 yield f"{words}: shift_rad", own, _phases(patterns, sign=sign, shift=quarter * pi / 2)
-        shifts = [replace(p, shift_rad=p.shift_rad * pi / 180) if isinstance(p, Phase) else p for p in patterns]
-        yield "they fit if shift_rad is in degrees", own, shifts
     for period in sorted({p.period for p in phases}):
         for other in _other_periods(period, codes):
             changed = [replace(p, period=other) if isinstance(p, Phase) and p.period == period else p for p in patterns]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from core.capture.contradictions import PIXELS, Looked, contradicting
 from core.capture.exchanged import exchanged_frames
-from core.capture.mistakes import explanation
+from core.capture.mistakes import BEYOND, explanation, more_lines
 from core.capture.plan import Plan
 from core.capture.quality import BRIGHT, Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
@@ -30,6 +30,7 @@ Array = NDArray[np.float32]
 GRID = 12_000  # pixels sampled
 SHARE = 0.12  # of the pixels that contradict themselves; sound captures have below 0.05
 FEW = 200  # pixels that nearly always show it: half of that where it is 0.15 comes once in 15,000 captures
+MOST_BEYOND = 0.3  # of the pixels may lie beyond the declared lines: more lines explain them; of 24 sound axes none
 LEAST_LIT = 150  # sampled pixels without which nothing is told
 DARK = 0.01  # of the image that must be lit
 SATURATED = 0.05  # of the lit pixels
@@ -217,9 +218,11 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
         own = list(shots)
         looked = Looked.of(shots, [plan.shots[i] for i in shots], values[own], inverted[own], lines)
         share = contradicting(looked.values, looked.patterns, looked, FEW)
-        if share > SHARE / 2:
+        if share > BEYOND:
             share = contradicting(looked.values, looked.patterns, looked)
-        if share > SHARE:
+        if told := more_lines(looked, share) if BEYOND < share < MOST_BEYOND else "":
+            found.append(Finding("identity", "bad", told, {"contradicting": share}))
+        elif share > SHARE:
             along = "columns" if axis == "x" else "rows"
             text = f"frames across {along} contradict each other in {share:.0%} of the pixels"
             cause, shot = explanation(plan, values, looked, share)

@@ -21,6 +21,7 @@ from core.model import (
     PhotogrammetricCalibration,
     Project,
 )
+from core.pipeline.causes import because_of
 from core.pipeline.decode import from_phase_maps
 from core.pipeline.evidence import Evidence, lengths_of
 from core.pipeline.measure import common_testfield, measured_or_why, side_of, signs_of, turned_together
@@ -84,7 +85,8 @@ def _calibrate(
         known = interior[0] if interior else nominal(project.camera)
         doubts = lengths_of(project.camera, known, boards, {t.capture: t for t in told.values() if len(t.row)})
         if not doubts:
-            raise
+            with because_of({c.name: phase.notes for c, phase in zip(captures, phases, strict=True)}):
+                raise
         raise AdjustmentError(error.where, error.seen, f"{error.remedy}. First see to this: {doubts[0].text}") from None
     return Calibrated(replace(calibration, warnings=(*notes, *warnings, *calibration.warnings)), list(told.values()))
 

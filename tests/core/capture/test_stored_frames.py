@@ -214,6 +214,17 @@ def test_a_response_is_no_contradiction_where_frames_are_taken_or_imported(name:
         assert "exchanged" in told_at_import(patterns, swapped(images, *pair))
 
 
+@pytest.mark.parametrize("lines", [(128, 160), (160, 114), (160, 160)])
+def test_a_projector_declared_a_little_too_small_is_named(
+    lines: tuple[int, int], taken: tuple[list[Pattern], Frames]
+) -> None:
+    patterns, images = taken
+    capture = Capture(Path("a"), "object", tuple(Frame("", p) for p in patterns))
+    found = [f.text for f in check_stored(capture, images, None, lines)]
+    words = "width" * (lines[0] < 160) + "height" * (lines[1] < 160)
+    assert [words in text and "more than" in text for text in found] == [True] * (min(lines) < 160)
+
+
 @pytest.mark.parametrize("quality", [90, 70, 50, None])
 def test_frames_that_were_compressed_in_blocks_are_named(
     quality: int | None, taken: tuple[list[Pattern], Frames]
