@@ -1,17 +1,49 @@
-"""What all pages share: a title, a line that says what the page is for, buttons, and showing the project anew."""
+"""What all pages share: a title, a line that says what the page is for, buttons, whose frames are shown."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QPushButton, QTabWidget, QWidget
+from PySide6.QtWidgets import QComboBox, QPushButton, QTabWidget, QWidget
 
+from stripe_gui.session import Session
 from stripe_gui.widgets.layout import MARGIN, SPACE, action_button, button, column, label, row, tab_name
-from stripe_gui.widgets.pair_choice import PairChoice
 from stripe_gui.workbench import Workbench
+
+
+class PairChoice(QComboBox):
+    """Cameras by name, with their projector where there are several; hidden for one camera and one projector."""
+
+    def __init__(self, session: Session, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._session = session
+        self._pairs: tuple[tuple[str, str], ...] = ()
+        self.setAccessibleName(self.tr("Camera and projector"))
+        self.setToolTip(self.tr("Whose frames are shown."))
+        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        self.setVisible(False)
+        self.currentIndexChanged.connect(lambda i: session.choose_pair(self._pairs[i]))
+        for changed in (session.project_changed, session.refreshed, session.capture_changed):
+            changed.connect(self.refresh)  # no lambda: the session outlives the widget
+        self.refresh()
+
+    def refresh(self, _capture: str = "") -> None:
+        rig = self._session.opened.project.rig if self._session.is_open else None
+        pairs = rig.pairs if rig is not None and not rig.is_pair else ()
+        with QSignalBlocker(self):
+            if pairs != self._pairs:
+                self._pairs = pairs
+                self.clear()
+                several = rig is not None and len(rig.projectors) > 1
+                for camera, projector in pairs:
+                    both = self.tr("{camera} with {projector}").format(camera=camera, projector=projector)
+                    self.addItem(both if several else camera)
+            if pairs:
+                self.setCurrentIndex(pairs.index(self._session.pair))
+        self.setVisible(bool(pairs))
 
 
 class Page(QWidget):

@@ -10,7 +10,7 @@ runs.py       kept runs in tables, two side by side
 maps.py       levels, round numbers, and light on a surface
 told.py       what the core says, in the operator's language
 rig_view.py   how camera and projector stand and what they cover; rig_space.py in space, space.py what is drawn of it
-drift.py      the control chart of the rig; health.py whether it still stands, by one capture
+drift.py      the control chart of the rig, and whether it still stands, by one capture
 sequences.py  presets with their options, and what a sequence is to a projector
 capturing.py, importing.py, looking.py, new_project.py   what the wizards know
 start.py, capture.py, decode.py, calibrate.py, reconstruct.py, evaluate.py, report.py   one per page

@@ -1,17 +1,22 @@
-"""The control chart of a rig: what every capture shows less what those before it lead to expect."""
+"""Whether a rig has moved: by one capture, and by all in a control chart."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
-from core.model import DriftPoint
+from core.errors import InputError
+from core.model import Capture, DriftPoint, Project
+from core.pipeline import motion_words, orient_capture
 from core.pipeline.orient_words import ACTION, WARNING
+from core.progress import SILENT, Progress
 from core.report import Number, Table
 from core.report.numbers import DRIFT_ELEMENTS
 from core.report.table import Cell
+from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.plot import Curve
 
 translate = QCoreApplication.translate
@@ -70,3 +75,28 @@ def drift_table(chart: Sequence[DriftPoint]) -> Table:
         for i, point in enumerate(chart, 1)
     )
     return Table("", ("", translate("Rig", "capture"), translate("Rig", "rig"), "p", *element_names()), rows)
+
+
+@dataclass(frozen=True)
+class Health:
+    """What one capture says of the rig; `kind` is a notice's."""
+
+    kind: str
+    words: str
+    more: str = ""
+
+
+def health_of(project: Project, capture: Capture, progress: Progress = SILENT) -> Health:
+    """Look whether projector and camera stand as they were calibrated, by the frames of one camera and projector.
+
+    Nothing is kept: whoever looks at a capture changes no report.
+    """
+    camera, projector = capture.camera, capture.projector
+    try:
+        motion = orient_capture(
+            project, capture.name, camera=camera, projector=projector, keep=False, progress=progress
+        )
+    except InputError as error:
+        return Health("info", sentence(error.seen))
+    first, *more = map(sentence, motion_words(motion))
+    return Health("error" if motion.moved else "success", first, "\n".join(more))

@@ -8,23 +8,18 @@ help_panel.py       help beside the work
 command_palette.py  every action, searchable
 image_view.py       an image or a map with fixed levels, kept zoom and a read-out
 colour_bar.py       its colours (colours.py) and what they mean
-residual_plot.py    residual vectors of a device
-residual_view.py    those of all devices by capture, and what to do about one
-coverage_view.py    where in the images there are points
-matrix_view.py      correlations as a matrix; correlation_view.py with the strongest pairs
+residual_view.py    residual vectors of all devices by capture, and what to do about one
+correlation_view.py correlations as a matrix, and the strongest pairs
 point_map.py        sigmas of the object points over the testfield
-convergence_plot.py where the iterations are going
 calibrate_form.py   what can be chosen about a calibration
-calibration_results.py  everything a calibration found
-plot.py             curves over two axes
-histogram.py        histograms of deviations
+calibration_results.py  everything a calibration found, and where in the images there are points
+plot.py             curves over two axes, and histograms of deviations
 deviation_maps.py   maps of planes on one scale, with a cursor in all of them
-line_tool.py        a line drawn over images, by mouse or by keys
 space_view.py       points and lines in space
 result_table.py     a table of results, sortable and copyable
 field_map.py        the testfield in small, to choose a target
 loupe.py            a part of an image, eight times as large
-capture_list.py     the project's captures; pair_choice.py whose frames of them
+capture_list.py     the project's captures
 health_strip.py     whether the rig still stands as it was calibrated
 verdict.py          what is to be thought of a result; finding_list.py what checks found
 sequence_form.py    the choice of a sequence; pattern_strip.py its patterns

@@ -7,8 +7,8 @@ from typing import Any
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QFrame
 
+from stripe_gui.presenters.drift import Health, health_of
 from stripe_gui.presenters.folder import frames_key, version
-from stripe_gui.presenters.health import Health, health_of
 from stripe_gui.widgets.layout import button, label, row
 from stripe_gui.widgets.notice import COLOURS, Sign
 from stripe_gui.workbench import Workbench

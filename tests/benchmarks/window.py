@@ -142,7 +142,7 @@ def _grey(image: QImage) -> np.ndarray:
 
 
 def _residuals(app: QApplication) -> list[Row]:
-    from stripe_gui.widgets.residual_plot import ResidualPlot
+    from stripe_gui.widgets.residual_view import ResidualPlot
     from tests.benchmarks.painting import Canvas, quiver
 
     rng = np.random.default_rng(0)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from stripe_gui.awake import Awake
+from stripe_gui.screens import Awake
 
 ROOT = Path(__file__).parents[2]
 DESKTOP = """
@@ -51,7 +51,7 @@ app.exec()
 """
 PATTERNS = """
 from PySide6.QtCore import QCoreApplication
-from stripe_gui.awake import Awake
+from stripe_gui.screens import Awake
 app = QCoreApplication([])
 awake = Awake()
 print("held", *awake.held, flush=True)

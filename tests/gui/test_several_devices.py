@@ -14,9 +14,9 @@ from core.errors import InputError
 from core.model import Subject
 from core.pipeline.sequences import import_into
 from core.project import read_capture, read_image, read_project, write_image
+from stripe_gui.pages.page import PairChoice
 from stripe_gui.presenters.capture import rig_lines
 from stripe_gui.presenters.sequences import Shown, look_at
-from stripe_gui.widgets.pair_choice import PairChoice
 from tests.gui.hands import idle
 
 KEPT = ("testfield-01", "plane+00")

@@ -16,7 +16,7 @@ from core.report import Number, Table
 from stripe_gui.widgets.colours import SCALES, lookup, nice_ticks
 from stripe_gui.widgets.help_panel import HelpPanel
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.residual_plot import ResidualPlot
+from stripe_gui.widgets.residual_view import ResidualPlot
 from stripe_gui.widgets.result_table import ResultTable
 from stripe_gui.widgets.sign_off import SignOffForm
 

@@ -12,8 +12,7 @@ from PySide6.QtGui import QKeySequence, QShortcut
 from core.model import Capture, DeviceSpec, TargetSet
 from core.pipeline import measure_project
 from stripe_gui.pages.measure.background import Background
-from stripe_gui.pages.measure.image import ImagePanel
-from stripe_gui.pages.measure.keys import ImageKeys
+from stripe_gui.pages.measure.image import ImageKeys, ImagePanel
 from stripe_gui.pages.measure.model import Picking, Target
 from stripe_gui.pages.measure.side import SidePanel
 from stripe_gui.pages.measure.view import NextStep, PickingView, next_step, picking_view, question

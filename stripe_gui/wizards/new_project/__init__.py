@@ -2,6 +2,5 @@
 
 wizard.py    the steps in their order; the last writes the project
 steps.py     name and rig
-boards.py    testfield, depth plate, scale, summary
-pictures.py  a board as it will be printed
+boards.py    testfield, depth plate as they will be printed, scale, summary
 """
