@@ -27,7 +27,8 @@ REACH = 4.0  # blurs on either side of an edge whose pixels take part, and LEAST
 LEAST_REACH = 2.5
 RING_PX, RING, LEAST_RING_PX = 3.0, 0.6, 8.0  # the surface is taken from so far off the edge, over a share of its size
 GROSS, ROUGH = 5.0, 4.0  # standard deviations: of single points, and of all where the surface bends too much
-FEWEST_PIXELS, FEWEST_POINTS = 25, 30
+WITHIN_PX, MOSTLY = 1.0, 5.0  # inside a mark, whose surface is taken where it tells so many times more
+FEWEST_PIXELS, FEWEST_POINTS = 25, 20
 PASSES = 3
 MOST_MOVED = 0.25  # of its size that an edge may lie off where it was said to be
 MOST_VAGUE_PX = 0.3  # standard deviation of a shape that is one
@@ -123,13 +124,13 @@ def measure_feature(
 
     value, step = found(own), 0.1 * np.sqrt(np.diagonal(whole))
     J = np.stack([(found(own + d) - found(own - d)) / (2 * d.sum()) for d in np.diag(step)], axis=1)
-    covariance, of_edge = J @ whole @ J.T, J[:, :k] @ shape_cov @ J[:, :k].T
+    covariance = J @ whole @ J.T
     corners = carried(middle + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), surface)
     normal = np.cross(corners[2] - corners[0], corners[1] - corners[0])
     return Feature(
         kind=kind,
         uv=value[:2],
-        uv_cov=of_edge[:2, :2],
+        uv_cov=covariance[:2, :2],
         centre_mm=value[2:5],
         cov_mm2=covariance[2:5, 2:5] + _by_calibration(cloud, value[:2], scale),
         axes_mm=edge.figures(carried(edge.contour(shape, blur), surface))[1],
@@ -198,13 +199,17 @@ def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[A
     at = at[near := edge.near(at)]
     away = edge.distance(shape, at)
     away = np.abs(away) if edge.inside else away
+    z = cloud.xyz_mm[rows[near], columns[near]][:, 2].astype(np.float64)
+    weight = np.ones_like(z)
+    if cloud.sigma_depth_mm is not None:
+        weight = (z**2 / cloud.sigma_depth_mm[rows[near], columns[near]]) ** 2
     ring = (away > RING_PX) & (away < RING_PX + max(RING * scale, LEAST_RING_PX))
+    if weight[within := away < -WITHIN_PX].sum() > MOSTLY * weight[ring].sum():  # a bright mark on dark ground
+        ring = within
     if np.count_nonzero(ring) < FEWEST_POINTS:
         seen = f"{np.count_nonzero(ring)} points lie on the surface beside the edge"
         raise InputError(where, seen, "capture it with more light on the surface around it")
-    place = rows[near][ring], columns[near][ring]
-    z = cloud.xyz_mm[place][:, 2].astype(np.float64)
-    weight = np.ones_like(z) if cloud.sigma_depth_mm is None else (z**2 / cloud.sigma_depth_mm[place]) ** 2
+    z, weight = z[ring], weight[ring]
     A, q = _terms((at[ring] - middle) / scale), -1 / z
     for _ in range(3):
         N = np.linalg.inv((A * weight[:, None]).T @ A)

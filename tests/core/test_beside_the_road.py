@@ -89,7 +89,7 @@ def test_dots_of_a_plate_are_features_as_sure_as_they_say(calibrated: Path, quic
 
 def test_of_features_that_are_not_found_the_reason_is_told(calibrated: Path, capsys) -> None:
     assert main(["features", str(calibrated), "object-sphere"]) == 2
-    assert "0 points lie on the surface beside the edge" in capsys.readouterr().err
+    assert "the surface beside the edge is off a smooth one" in capsys.readouterr().err
 
 
 def test_a_guess_for_what_is_no_board_is_refused(quick: Path, capsys) -> None:

@@ -18,8 +18,8 @@ ACROSS = np.linalg.svd(NORMAL[None])[2][1:]  # two directions in the plate
 FINE, SIGMA, DEPTH_SIGMA = 7, 1.5, 0.04  # samples a pixel each way; grey values; mm of Z
 
 
-def seen(centre: np.ndarray, radius: float, dark: bool = True, half: bool = False):
-    """The plate with a hole, or half of it blackened: image and points."""
+def seen(centre: np.ndarray, radius: float, dark: bool = True, half: bool = False, mark: bool = False):
+    """The plate with a hole or, too dark to be decoded, with a mark, or half of it blackened: image and points."""
     h, w = SPEC.height, SPEC.width
     sub = (np.arange(FINE) - (FINE - 1) / 2) / FINE
     u, v = (np.arange(n)[:, None] + sub for n in (w, h))
@@ -36,7 +36,8 @@ def seen(centre: np.ndarray, radius: float, dark: bool = True, half: bool = Fals
             box = np.ones(int(1.1 * FINE) | 1) / (int(1.1 * FINE) | 1)
             light = np.apply_along_axis(np.convolve, axis, light, box, "same")
     image = light.reshape(h, FINE, w, FINE).mean(axis=(1, 3))
-    decoded = np.broadcast_to(half, (h, w)) | ~inside.reshape(h, FINE, w, FINE).any(axis=(1, 3))
+    samples = (inside if mark else ~inside).reshape(h, FINE, w, FINE)
+    decoded = np.broadcast_to(half, (h, w)) | samples.all(axis=(1, 3))
     whole = points.reshape(h, FINE, w, FINE, 3)[:, FINE // 2, :, FINE // 2]
     return image, whole, decoded
 
@@ -62,12 +63,12 @@ def errors(found: list[Feature], centre: np.ndarray) -> tuple[float, float, floa
     return float(np.sqrt(np.mean(off**2))), float(np.sqrt(np.mean(by_sigma**2))), float(np.mean(apart))
 
 
-@pytest.mark.parametrize(("radius", "dark"), [(8.0, True), (4.0, False)])
-def test_holes_are_found_in_space_as_surely_as_they_say(radius: float, dark: bool) -> None:
+@pytest.mark.parametrize(("radius", "dark", "mark"), [(8.0, True, False), (4.0, False, False), (7.0, False, True)])
+def test_holes_are_found_in_space_as_surely_as_they_say(radius: float, dark: bool, mark: bool) -> None:
     rng = np.random.default_rng(3)
     found: list[Feature] = []
     centre = MIDDLE + np.array([-3.3, 2.7]) @ ACROSS
-    made = seen(centre, radius, dark)
+    made = seen(centre, radius, dark, mark=mark)
     u, v = project(SPEC, CAMERA.interior, centre)
     for _ in range(20):
         start = np.array([u, v, radius]) + rng.normal(0, 0.7, 3)
