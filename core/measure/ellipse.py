@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from core.compiling import inner, njit
 from core.measure.centroid import centroids
+from core.measure.defocus import EDGES, undrawn
 from core.measure.kernels import in_bands
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
@@ -60,10 +61,11 @@ def ellipse_centres(
     out = np.empty((len(start), 5))
     in_bands(_fit, image, start, shape, reach, model, sharp, np.ascontiguousarray(light), variance, out)
     out[:, :2] += light * sharp[:, None] ** 2  # the light was there before the blur
-    moved = np.linalg.norm(out[:, :2] - start, axis=1)
+    moved = np.hypot(np.linalg.norm(out[:, :2] - start, axis=1), np.sqrt(np.abs(out[:, 2] + out[:, 4])))  # or may have
     fitted = np.isfinite(out).all(axis=1) & (moved < MOST_MOVED_PX)
     whole, keep = out[:, [2, 3, 3, 4]].reshape(-1, 2, 2) + FLOOR_PX**2 * np.eye(2), fitted[:, None]
-    return np.where(keep, out[:, :2], centre), np.where(keep[..., None], whole, cov)
+    fits, whole = undrawn(out[:, :2], whole, profile.spread, EDGES)
+    return np.where(keep, fits, centre), np.where(keep[..., None], whole, cov)
 
 
 @inner

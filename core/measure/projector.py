@@ -70,8 +70,9 @@ def _surface(
                 break
             cofactor = np.linalg.inv((A[use] / s[use, None] ** 2).T @ A[use])
             surface = cofactor @ (A[use].T @ (y[use] / s[use] ** 2))
-            result[k], spread[k] = surface[0], np.sqrt(cofactor[0, 0])
             off = np.abs(y - A @ surface)
+            misfit = np.sum((off[use] / s[use]) ** 2) / (np.count_nonzero(use) - terms)  # of blur beside other prints
+            result[k], spread[k] = surface[0], np.sqrt(cofactor[0, 0] * max(misfit, 1.0))
             keep = use & (off < 5 * s + max(3.0 * float(np.median(off[use])), 0.05))
             if np.array_equal(keep, use):
                 break

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.measure.board import board_from_testfield
+from core.measure.defocus import widening
 from core.measure.kinds import Marks, Sight, kind_of
 from core.measure.light import CUT, cut_by_edge, line_gradients
 from core.measure.missing import EXCLUDED
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 DEEP = 0.2  # of a board's size that its targets' z may span; more is said where its picks do not fit
+READ_DOUBT = 0.5  # share of the softer side's light that depends on the print round a target, per px of its widening
 BESIDE_CODE = 1.05  # radii from a code to where the board around a dot begins to count: 0.8, and the code's blur
 
 
@@ -144,7 +146,8 @@ def _target_set(sight: Sight, marks: Marks, capture: str, projector: DeviceSpec 
     )
     cov = found.camera_cov.copy()
     cov[:, 0, 0] += np.diagonal(found.row_cov)
-    shared = np.einsum("nij,njk,nik->ni", gradient[keep], cov, gradient[keep])
+    read = cov + READ_DOUBT**2 * np.einsum("ni,nj->nij", *2 * [widening(marks.uv, marks.blur**2)[keep]])
+    shared = np.einsum("nij,njk,nik->ni", gradient[keep], read, gradient[keep])
     sigma = np.sqrt(found.projector_sigma**2 + np.nan_to_num(shared))
     return replace(found, camera_cov=cov, projector_sigma=sigma)
 
@@ -155,7 +158,8 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
     Where a pixel at the centre is not decoded, or wrong, the rest of the dot tells; where the dot is not, or is printed
     dark, the board round it.
     """
-    phase, (centre, ellipse, window) = sight.phase, (marks.uv, marks.ellipse, marks.window)
+    phase, (ellipse, window) = sight.phase, (marks.ellipse, marks.window)
+    centre = marks.uv - widening(marks.uv, marks.blur**2)  # the light there comes from round the target's centre
     ground, dark = np.minimum(window, marks.code - BESIDE_CODE), sight.testfield.polarity == "black-on-white"
     coordinate, sigma = np.full((len(centre), 2), np.nan), np.full((len(centre), 2), np.nan)
     for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
