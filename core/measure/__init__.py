@@ -14,6 +14,7 @@ profile.py        contour, blur, background and plateau of every dot
 light.py          where the projector's light ends, in the camera's image
 faults.py         dots that must not be measured, and why
 centroid.py       weighted centroid, its covariance, the image's noise, the light's gradient
+defocus.py        blur that changes across a dot, and what it draws
 rows.py           how far whole rows of the image are shifted
 eccentricity.py   the middle of an ellipse is not the image of the circle's centre
 projector.py      projector coordinates from the phase maps

@@ -37,10 +37,11 @@ def widening(uv: Array, spread: Array) -> Array:
     x, y = np.nan_to_num((uv - middle) / size).T
     one, none = np.ones_like(x), np.zeros_like(x)
     A = np.stack([one, x, y, x * x, x * y, y * y], axis=1)
-    weight, fit = usable / np.maximum(spread, 0.1), np.zeros(6)  # a width's sigma goes with the width
+    fit = np.zeros(6)
+    weight = usable / np.maximum(spread, 0.1)  # a width's sigma goes with the width
     for _ in range(5):
         root = weight[usable, None]
-        fit = np.linalg.lstsq(A[usable] * root, spread[usable] * root[:, 0], rcond=None)[0]
+        fit[:] = np.linalg.lstsq(A[usable] * root, spread[usable] * root[:, 0], rcond=None)[0]
         off = np.abs(spread - A @ fit) / np.maximum(spread, 0.1)
         usual = max(float(np.median(off[usable])) / MEDIAN_OF_NORMAL, 1e-6)
         weight = usable / np.maximum(spread, 0.1) / (1 + (off / (3 * usual)) ** 2)

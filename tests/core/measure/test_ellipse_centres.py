@@ -18,8 +18,8 @@ PITCH = 22  # px from dot to dot
 def discs(semi_axes, defocus_px, rng, rows=7, cols=9, fall=(0.0, 0.0), widens=0.0, gaussian=False):
     """An image of tilted ellipses at random places in their pixels, out of focus: a disc, not a Gaussian.
 
-    The light on each falls by a share per px. Every point is spread over a disc that `widens` from column to column, or a Gaussian
-    of its variance.
+    The light on each falls by a share per px. Every point is spread over a disc that `widens` from column to column, or
+    a Gaussian of its variance.
     """
     height, width = (rows + 1) * PITCH, (cols + 1) * PITCH
     v, u = (np.mgrid[0 : height * FINE, 0 : width * FINE] + 0.5) / FINE - 0.5
