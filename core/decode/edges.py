@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from core.decode.tables import Limits, Singles
 
@@ -11,6 +14,7 @@ AROUND = (15, 15)  # px
 LEAST_REACH = 0.2  # cells
 LEAST_REST = 0.7  # of a cell
 NOISY = 10.0  # standard deviations of the noise: of less contrast a bit is unsure for the noise, wherever it is
+FEW = 0.5  # part of the pixels about a dim one that tell a cell or two
 
 
 def sigma_of_edges(
@@ -20,20 +24,26 @@ def sigma_of_edges(
 
     The finest bit changes at every second edge, a coarser one at the others, and is unsure within some reach of it,
     where the coordinate is the edge. A share p of the pixels that see it so means a reach of p cells: all of them where
-    the finest bit is not resolved. Beyond the edges the rest of the cell is left. In dim places
-    nothing is gained.
+    the finest bit is not resolved. Beyond the edges the rest of the cell is left. In dim places nothing is gained, and
+    a bit may look sure by chance: where few about a pixel tell as much, it claims no more than they.
     """
+
+    def mean(values: NDArray[Any], where: NDArray[np.bool_]) -> NDArray[Any]:
+        sums = (cv2.boxFilter(a.astype(np.float32), -1, AROUND, normalize=False) for a in (values, where))
+        return next(sums) / np.maximum(next(sums), 1)
+
     even = cell / np.sqrt(12)
     cells = np.round(sigma / np.float32(even))
     y = (place + np.float32(0.5)) / np.float32(cell)
-    known = np.isfinite(place) & (cells <= 2)
-    count = np.maximum(cv2.boxFilter(known.astype(np.float32), -1, AROUND, normalize=False), 1)
+    finite = np.isfinite(place)
+    known = finite & (cells <= 2)
     told, rest = np.full(sigma.shape, np.nan, np.float32), np.ones(sigma.shape, np.float32)
     for edges in (known & (cells == 2), known & (cells < 2) & (np.abs(y - np.round(y)) < 0.25)):
-        share = cv2.boxFilter(edges.astype(np.float32), -1, AROUND, normalize=False) / count
+        share = mean(edges, known)
         np.copyto(told, 2 * np.maximum(share, np.float32(LEAST_REACH)), where=edges)
         rest -= share
     told = np.where(np.isnan(told), np.maximum(rest, np.float32(LEAST_REST)), told)
     noise = np.sqrt(np.maximum(limits.dark + limits.shot * image, limits.floor))
-    told = np.where(modulation < NOISY * noise, np.maximum(told, 1), told)
+    around = np.where(mean(known, finite) < FEW, np.sqrt(mean(np.where(finite, cells, 0) ** 2, finite)), 1)
+    told = np.where(modulation < NOISY * noise, np.maximum(told, around), told)
     np.copyto(sigma, told * np.float32(even), where=known)

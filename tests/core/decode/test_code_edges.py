@@ -9,20 +9,45 @@ from scipy.ndimage import gaussian_filter1d
 from core.decode import decode
 from core.patterns import brightness, gray_and_phase
 
+LINES, FINE = 128, 20
+
+
+def taken(blur_lines: float, contrast: object, cell: int, u: np.ndarray, rng: np.random.Generator) -> tuple:
+    """Patterns of a Gray code and its inverse, and grey values where u is seen, with noise of two."""
+    patterns = gray_and_phase("x", LINES, cell=cell, periods=[], inverse=True)
+    places = (np.arange(LINES * FINE) - (FINE - 1) / 2) / FINE
+    images = []
+    for pattern in patterns:
+        light = gaussian_filter1d(np.repeat(brightness(pattern, np.arange(LINES)), FINE), blur_lines * FINE)
+        grey = 20 + contrast * np.interp(u, places, light) + rng.normal(0, 2, u.shape)
+        images.append(np.clip(np.rint(grey), 0, 255).astype(np.uint8))
+    return patterns, images
+
+
+def places(rows: int, rng: np.random.Generator) -> np.ndarray:
+    """Coordinates of pixels, lines, evenly over the cells."""
+    return np.linspace(4, LINES - 5, 500)[None, :] + rng.uniform(-0.5, 0.5, (rows, 1))
+
 
 @pytest.mark.parametrize(("blur_lines", "contrast", "cell"), [(0.5, 15, 1), (0.8, 25, 1), (1.2, 15, 2)])
 def test_pixels_at_blurred_edges_fall_to_both_sides_alike(blur_lines: float, contrast: float, cell: int) -> None:
-    lines, fine, rng = 128, 20, np.random.default_rng(4)
-    patterns = gray_and_phase("x", lines, cell=cell, periods=[], inverse=True)
-    u = np.linspace(4, lines - 5, 500)[None, :] + rng.uniform(-0.5, 0.5, (200, 1))
-    places = (np.arange(lines * fine) - (fine - 1) / 2) / fine
-    images = []
-    for pattern in patterns:
-        light = gaussian_filter1d(np.repeat(brightness(pattern, np.arange(lines)), fine), blur_lines * fine)
-        grey = 20 + contrast * np.interp(u, places, light) + rng.normal(0, 2, u.shape)
-        images.append(np.clip(np.rint(grey), 0, 255).astype(np.uint8))
-    phase = decode(patterns, images, lines=(lines, 1))
+    rng = np.random.default_rng(4)
+    u = places(200, rng)
+    phase = decode(*taken(blur_lines, contrast, cell, u, rng), lines=(LINES, 1))
     error = (phase.u - u)[np.isfinite(phase.u)]
     assert len(error) > 0.9 * u.size
     # an error within a cell has a standard deviation of 0.3 cells; five of those of the mean
     assert abs(np.mean(error)) < 5 * 0.3 * cell / np.sqrt(len(error))
+
+
+@pytest.mark.parametrize("blur_lines", [0.5, 0.8, 1.6])
+def test_dim_bits_claim_no_more_than_a_cell(blur_lines: float) -> None:
+    """From 5 standard deviations of the noise up, where a bit looks as at an edge wherever it is: none beyond six."""
+    rng = np.random.default_rng(1)
+    u, contrast = places(300, rng), np.geomspace(10, 40, 300)[:, None]
+    phase = decode(*taken(blur_lines, contrast, 1, u, rng), lines=(LINES, 1))
+    known = np.isfinite(phase.u)
+    error = np.abs(phase.u - u)[known] / phase.sigma_u[known]
+    assert known.mean() > 0.7
+    assert np.count_nonzero(error > 6) <= 2
+    assert 0.5 < np.sqrt(np.mean(error**2)) < 1.1
