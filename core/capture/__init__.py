@@ -4,7 +4,6 @@ plan.py      what shall be recorded, as plain data
 run.py       the loop: show, wait, take (with one camera or several), store; verify; take again
 triggered.py a whole sequence by the clock of projector or camera, which triggers the other
 store.py     shots on disk, the transcript, and how an interrupted capture resumes
-writer.py    ... while the next one is taken
 live.py      the same sequence again and again, in memory
 probe.py     every command of a projector's profile tried once
 latency.py   how long the light takes from the program to the camera, by flashes

@@ -20,6 +20,7 @@ from core.capture.store import (
     TIFF,
     Listen,
     Store,
+    Writer,
     capture_status,
     is_complete,
     list_together,
@@ -28,7 +29,6 @@ from core.capture.store import (
     read_findings,
 )
 from core.capture.triggered import period_of, take_sequence
-from core.capture.writer import Writer
 from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.model import Project, Subject

@@ -1,4 +1,4 @@
-"""A serial line that always comes back within a bounded time.
+"""A serial line that always comes back within a bounded time; which ports there are, and HID reports as such a line.
 
 pyserial tells of a lost line in many ways: `SerialException` from reading and writing, `OSError` from asking,
 `termios.error` from flushing, `TypeError` from a port closed meanwhile. Here all of them are one error.
@@ -6,19 +6,104 @@ pyserial tells of a lost line in many ways: `SerialException` from reading and w
 
 from __future__ import annotations
 
+import os
+import select
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
-from core.devices.hid import HidPort, is_hid
-from core.devices.ports import Identity, find_again, identity_of, opening_remedy
 from core.devices.profile import Port
 from core.devices.protocol import Check, no_check, wait_until
 from core.errors import DeviceError
 
 _WRITE_S = 2.0
 _GRAIN_S = 0.01  # of waiting for a byte
+REPORT = 64  # bytes; a write begins with the report's number, which is 0 where a device has only one
+Identity = tuple[int, int, str]  # vendor, product and serial number of a USB device
+
+_BY_ID = Path("/dev/serial/by-id")
+
+
+def identity_of(place: str) -> Identity | None:
+    """Give what tells a port's device from all others; None for a port that has no such thing."""
+    real = os.path.realpath(place)
+    return next((_identity(port) for port in _ports() if os.path.realpath(port.device) == real), None)
+
+
+def find_again(identity: Identity) -> str | None:
+    """Give the name that a device has now; None while it is away."""
+    return next((str(port.device) for port in _ports() if _identity(port) == identity), None)
+
+
+def opening_remedy(place: str) -> str:
+    """Say what to do about a port that does not open."""
+    if os.path.exists(place) and not os.access(place, os.R_OK | os.W_OK):
+        if (group := _group(place)) is None:
+            return "ask the owner of this computer for the right to use it"
+        return f"it belongs to the group {group}: `sudo usermod -aG {group} $USER`, then log in again"
+    if not os.path.exists(place) and (there := proposals()):
+        return f"use one that is there: {', '.join(there)}"
+    return "check cable and port name, and that no other program uses the port"
+
+
+def proposals() -> list[str]:
+    """Name the ports that are there, by names that stay the same where the system gives such."""
+    stable = sorted(str(path) for path in _BY_ID.iterdir()) if _BY_ID.is_dir() else []
+    return stable or sorted(str(port.device) for port in _ports() if _identity(port) is not None)
+
+
+def _group(place: str) -> str | None:
+    try:
+        import grp
+    except ImportError:  # Windows knows no groups of files
+        return None
+    try:
+        return grp.getgrgid(os.stat(place).st_gid).gr_name
+    except (KeyError, OSError):
+        return None
+
+
+def _ports() -> list[Any]:
+    from serial.tools import list_ports
+
+    return list(list_ports.comports())
+
+
+def _identity(port: Any) -> Identity | None:
+    return (port.vid, port.pid, port.serial_number) if port.vid is not None and port.serial_number else None
+
+
+def is_hid(place: str) -> bool:
+    """Whether a port's name is that of a HID device."""
+    return place.startswith("/dev/hidraw")
+
+
+class HidPort:
+    """A HID device."""
+
+    def __init__(self, place: str, wait_s: float) -> None:
+        self.wait_s = wait_s
+        self.in_waiting = 0
+        self._file = os.open(place, os.O_RDWR | getattr(os, "O_NONBLOCK", 0))
+        self._read = b""
+
+    def write(self, data: bytes) -> None:
+        """Send bytes, a report at a time."""
+        for at in range(0, len(data), REPORT):
+            os.write(self._file, b"\0" + data[at : at + REPORT].ljust(REPORT, b"\0"))
+
+    def read(self, count: int) -> bytes:
+        """Give up to `count` bytes, waiting a moment for the first."""
+        if count and not self._read and select.select([self._file], [], [], self.wait_s)[0]:
+            self._read = os.read(self._file, REPORT)
+        data, self._read = self._read[:count], self._read[count:]
+        self.in_waiting = len(self._read)
+        return data
+
+    def close(self) -> None:
+        os.close(self._file)
 
 
 class LineDownError(DeviceError):

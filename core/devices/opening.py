@@ -153,7 +153,7 @@ def _serial(address: Address, note: Note, check: Check) -> Projector:
 
 def _emulated(address: Address, note: Note, check: Check) -> Projector:
     """A serial projector whose other end is an emulator on the stage of a scene."""
-    from core.devices.emulated import EmulatedProjector
+    from core.devices.server import EmulatedProjector
 
     stage = open_stage(Address(address.url, "virtual", address.place, address.options, address.asked))
     profile, settle_s = _profile(address, *stage.scene.projector_size)

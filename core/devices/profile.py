@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from core.devices.framing import Framing
-from core.devices.sums import CheckSum
+from core.devices.framing import CheckSum, Framing
 from core.devices.template import LineBits, Template, Value
 from core.patterns import Pattern
 from core.patterns.kinds import KINDS

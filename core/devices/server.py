@@ -1,4 +1,4 @@
-"""The emulated projector at the other end of a pseudo-terminal or a socket, in a thread of its own."""
+"""The emulated projector behind a pseudo-terminal or a socket, in a thread of its own; the device it makes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,16 @@ import tempfile
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 from core.devices.emulator import Emulator, HangUp
+from core.devices.faults import Faults
+from core.devices.profile import Profile
+from core.devices.protocol import Check, Note, no_check, no_note
+from core.devices.rs232 import SerialProjector
+from core.devices.virtual import Stage
 from core.errors import InputError
 
 DEAD_S = 0.05  # how long the line stays away after a hang-up
@@ -164,3 +170,36 @@ class EmulatedLine:
                 self._line.cut()
                 self._end.wait(DEAD_S)
                 self._line.restore()
+
+
+class EmulatedProjector(SerialProjector):
+    """A serial projector that brings the other end of its line along."""
+
+    def __init__(
+        self,
+        stage: Stage,
+        profile: Profile,
+        faults: Faults,
+        line: str = "pty",
+        note: Note = no_note,
+        settle_s: float | None = None,
+        check: Check = no_check,
+    ) -> None:
+        if "load" not in profile.commands:
+            remedy = "emulate one that is loaded, as stripe-lines; try this one on its device with `stripe-core probe`"
+            raise InputError(profile.name, "patterns are not loaded by this profile", remedy)
+        settle_s = profile.settle_s if settle_s is None else settle_s
+        stage.switching_s = settle_s
+        # a pseudo-terminal has no parity and refuses to be told of one
+        profile = replace(profile, port=replace(profile.port, parity="none", bits=8, stop=1.0))
+        self.line = EmulatedLine(Emulator(replace(profile, settle_s=settle_s), stage, faults), line)
+        try:
+            super().__init__(self.line.url, profile, note, settle_s=settle_s, check=check)
+        except BaseException:
+            self.line.close()
+            raise
+
+    def close(self) -> None:
+        """Let both ends of the line go."""
+        super().close()
+        self.line.close()

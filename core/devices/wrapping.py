@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from core.devices.entries import Entries
-from core.devices.framing import PARTS, Framing, agree
+from core.devices.framing import CHECKS, KINDS, PARTS, CheckSum, Framing, agree
 from core.devices.profile import Command
-from core.devices.sums import CHECKS, KINDS, CheckSum
 from core.devices.template import Template
 from core.errors import InputError
 

@@ -2,8 +2,8 @@
 
     capture -> decode -> measure -> calibrate -> reconstruct -> evaluate -> report
 
-One file for each, of the same name; `folders` says where a project keeps things, `runs` and `compare` keep calibrations
-and set them side by side, `guessing`, `signing` and `tables` do what lies beside the road: guesses of picks, the
+One file for each, of the same name; `folders` says where a project keeps things, `runs` keeps calibrations
+and sets them side by side, `guessing`, `signing` and `tables` do what lies beside the road: guesses of picks, the
 sign-off, everything as CSV. `graph` alone knows what is current: every result carries the record of what it was made
 from (`inputs`), set beside what is there now; `update` does what is not current. A stage takes what it needs from the
 captures and from ``results/`` in the project, and writes its own result there. Nothing is written before a stage has
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from core.pipeline.calibrate import methods_in_use as methods_in_use
     from core.pipeline.capture import capture_into as capture_into
     from core.pipeline.capture import check_scenario as check_scenario
+    from core.pipeline.capture import preflight_rig as preflight_rig
     from core.pipeline.capture import simulate_project as simulate_project
-    from core.pipeline.compare import Difference as Difference
-    from core.pipeline.compare import compare_runs as compare_runs
     from core.pipeline.decode import decode_capture as decode_capture
     from core.pipeline.decode import phase_maps as phase_maps
     from core.pipeline.decode import read_phase as read_phase
@@ -60,7 +59,6 @@ if TYPE_CHECKING:
     from core.pipeline.orient_words import drift_words as drift_words
     from core.pipeline.orient_words import motion_words as motion_words
     from core.pipeline.orient_words import motions_figures as motions_figures
-    from core.pipeline.preflight import preflight_rig as preflight_rig
     from core.pipeline.reconstruct import check_cloud as check_cloud
     from core.pipeline.reconstruct import reconstruct_capture as reconstruct_capture
     from core.pipeline.reconstruct import write_cloud as write_cloud
@@ -68,7 +66,9 @@ if TYPE_CHECKING:
     from core.pipeline.report import report_project as report_project
     from core.pipeline.report import result_tables as result_tables
     from core.pipeline.report import table_of_planes as table_of_planes
+    from core.pipeline.runs import Difference as Difference
     from core.pipeline.runs import Run as Run
+    from core.pipeline.runs import compare_runs as compare_runs
     from core.pipeline.runs import current_run as current_run
     from core.pipeline.runs import current_runs as current_runs
     from core.pipeline.runs import delete_run as delete_run
@@ -101,8 +101,7 @@ _HOMES = {
     "core.capture.latency": "probe_light",
     "core.capture.probe": "probe_device",
     "core.pipeline.calibrate": "adjust_network calibrate_project load_calibrations methods_in_use",
-    "core.pipeline.capture": "capture_into check_scenario simulate_project",
-    "core.pipeline.compare": "Difference compare_runs",
+    "core.pipeline.capture": "capture_into check_scenario preflight_rig simulate_project",
     "core.pipeline.decode": "decode_capture phase_maps read_phase write_phase",
     "core.pipeline.evaluate": "evaluate_project load_evaluation",
     "core.pipeline.features": "feature_figures feature_words measure_features",
@@ -116,10 +115,10 @@ _HOMES = {
     "core.pipeline.options": "CalibrateOptions",
     "core.pipeline.orient": "drift_of orient_capture orient_pairs parse_length",
     "core.pipeline.orient_words": "drift_figures drift_words motion_words motions_figures",
-    "core.pipeline.preflight": "preflight_rig",
     "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",
     "core.pipeline.report": "outdated_words report_project result_tables table_of_planes",
-    "core.pipeline.runs": "Run current_run current_runs delete_run list_runs make_current rename_run",
+    "core.pipeline.runs": "Difference Run compare_runs current_run current_runs delete_run list_runs make_current"
+    " rename_run",
     "core.pipeline.signed": "load_sign_off",
     "core.pipeline.signing": "save_sign_off sign_evaluation sign_project",
     "core.pipeline.states": "ProjectStates State",

@@ -19,8 +19,8 @@ from core.model import (
     Project,
 )
 from core.pipeline.calibrate import load_calibrations
-from core.pipeline.causes import because_of
 from core.pipeline.decode import from_phase_maps
+from core.pipeline.evidence import because_of
 from core.pipeline.folders import captures_of, result_path
 from core.pipeline.inputs import evaluated_from
 from core.pipeline.judge import calibration_rms, judge_planes

@@ -1,7 +1,7 @@
 """The one place that knows the state of everything: what stages read, and whether their results still follow from it.
 
 A result carries the record of what it was made from (`core.pipeline.inputs`). Here the record of what is there now is
-set beside it: equal is current, otherwise the difference is told in sentences (`core.pipeline.differences`). Nothing
+set beside it: equal is current, otherwise the difference is told in sentences (`core.pipeline.states`). Nothing
 else decides: commands, batch, window, report and sign-off ask `project_states`.
 
 Stages, what they read, and where their results lie:
@@ -23,7 +23,6 @@ from typing import Any
 
 from core.errors import StripeError
 from core.model import Capture, Method, Project
-from core.pipeline.differences import differences
 from core.pipeline.failures import read_failures
 from core.pipeline.folders import result_path
 from core.pipeline.holdings import UNKNOWN, Holdings, reported_now, stored_record
@@ -41,7 +40,17 @@ from core.pipeline.measure import BOARDS, side_of
 from core.pipeline.methods import METHODS, archives_of, shares
 from core.pipeline.options import CalibrateOptions
 from core.pipeline.runs import calibration_file, calibration_hashes, read_run, run_folder
-from core.pipeline.states import CURRENT, STAGES, ProjectStates, State, part_of, together, upstream_words, worst
+from core.pipeline.states import (
+    CURRENT,
+    STAGES,
+    ProjectStates,
+    State,
+    differences,
+    part_of,
+    together,
+    upstream_words,
+    worst,
+)
 from core.project.archive import read_head
 from core.project.contents import hash_value
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from core.model import Adjustment, Calibration, Concern, Method, PlaneEvaluation, PointCloud, Verdict, verdict_of
 from core.parallel import run_in_bands
-from core.pipeline.causes import noted
-from core.pipeline.evidence import Evidence, sound_words, warned
+from core.pipeline.evidence import Evidence, noted, sound_words, warned
 from core.pipeline.methods import METHODS
 from core.project.contents import contents_of
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from core.errors import InputError, NotRecognisedError
 from core.figures import targets_figures
 from core.model import Capture, PhaseMap, Project, Role, TargetSet, Testfield
-from core.pipeline.causes import because_of
 from core.pipeline.decode import from_phase_maps
+from core.pipeline.evidence import because_of
 from core.pipeline.folders import all_captures, result_path
 from core.pipeline.inputs import measured_from
 from core.progress import SILENT, Progress

@@ -3,7 +3,6 @@
 images.py    frames: single-channel PNG and TIFF of 8 or 16 bit; a truncated file is refused
 captures.py  project.json, testfield.csv, capture.json and picks.json, read and written
 boards.py    regular testfields, and a new project without captures
-drafts.py    picks at work: finished or not, nothing is lost
 rigs.py      the rig in project.json
 unfinished.py a capture that was interrupted
 networks.py  a network folder, read and written
@@ -15,9 +14,12 @@ from core.atomic import atomic_write, write_json
 from core.project.archive import load_archive, save_archive
 from core.project.boards import create_project, nominal_testfield, refuse_used_folder
 from core.project.captures import (
+    ENOUGH,
     add_capture,
     choose_sequence,
     find_project,
+    keep_picks,
+    kept_picks,
     read_capture,
     read_picks,
     read_project,
@@ -27,7 +29,6 @@ from core.project.captures import (
     write_project,
     write_testfield,
 )
-from core.project.drafts import ENOUGH, keep_picks, kept_picks
 from core.project.images import iterate_images, read_image, read_images, write_image
 from core.project.networks import read_network, write_network
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import marshal
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -38,6 +39,8 @@ _COLUMNS = ("row", "col", "x_mm", "y_mm", "z_mm", "diameter_mm")
 
 
 # ------------------------------------------------------------------------------------------------------------- reading
+ENOUGH = 4  # picks that measuring needs
+PICKS, DRAFT = "picks.json", "picks-draft.json"
 
 
 def read_project(folder: Path) -> Project:
@@ -339,3 +342,23 @@ def choose_sequence(folder: Path, sequence: SequenceSpec | None) -> None:
             data |= {"version": max(VERSIONS), "sequence": sequence.data}
         if data.get("sequence") != before:
             write_json(path, data)
+
+
+def keep_picks(folder: Path, seeds: Sequence[Seed], excluded: Sequence[tuple[int, int]] = ()) -> None:
+    """Keep the picks of a capture, finished or not; the file that no longer holds goes after the other is there.
+
+    They are finished when every camera that has any has enough.
+    """
+    fewest = min(Counter(seed.camera for seed in seeds).values(), default=0)
+    kept, gone = (PICKS, DRAFT) if fewest >= ENOUGH else (DRAFT, PICKS)
+    if seeds or excluded:
+        write_picks(Path(folder) / kept, seeds, excluded)
+    else:
+        (Path(folder) / kept).unlink(missing_ok=True)
+    (Path(folder) / gone).unlink(missing_ok=True)
+
+
+def kept_picks(folder: Path) -> tuple[tuple[Seed, ...], tuple[tuple[int, int], ...]]:
+    """Give the picks of a capture and the targets it excludes, as they were kept last."""
+    there = [path for path in (Path(folder) / PICKS, Path(folder) / DRAFT) if path.exists()]
+    return read_picks(max(there, key=lambda path: path.stat().st_mtime_ns)) if there else ((), ())

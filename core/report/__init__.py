@@ -13,10 +13,9 @@ csv_files.py   tables and measured values as CSV
 words.py       the summary: sentences with the figures in them, what was warned of, what is missing
 figures/       the drawings, one room of their own
 document.py    what stands where, for HTML and PDF alike
-html.py        one self-contained HTML file
+html.py        one self-contained HTML file, also of the checks before the first calibration
 pdf.py         the same content on A4 pages
 seal.py        who signed a report, and whether it was changed since
-checks.py      the checks before the first calibration as one HTML file
 board.py       a testfield to print at true size, PDF and SVG
 write.py       both files, written whole or not at all
 

@@ -67,7 +67,7 @@ def _adjustment_drawings(data: ReportData) -> list[Drawing]:
 
     found = [] if data.adjustment is None else [*image_drawings(data.adjustment), *network_drawings(data.adjustment)]
     if data.volume is not None:
-        from core.report.figures.volume import volume_drawing
+        from core.report.figures.rig import volume_drawing
 
         figures, maps = data.volume
         found.append(volume_drawing(figures["depths"], maps["form_sigma_mm"]))
@@ -81,13 +81,13 @@ def _plane_drawings(data: ReportData) -> Sequence[Drawing]:
 
 
 def _drift_drawings(data: ReportData) -> Sequence[Drawing]:
-    from core.report.figures.drift import drift_drawing
+    from core.report.figures.rig import drift_drawing
 
     return [drift_drawing(chart) for chart in data.drift]
 
 
 def _response_drawings(data: ReportData) -> Sequence[Drawing]:
-    from core.report.figures.response import response_drawing
+    from core.report.figures.rig import response_drawing
 
     return [response_drawing(name, curves) for name, curves in data.responses.items()]
 

@@ -1,19 +1,27 @@
-"""The report as one HTML file that needs nothing else: no network, no script, figures and style within."""
+"""The report as one HTML file without network or script, figures and style within; the checks of a rig too."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
+from core.atomic import atomic_write
+from core.model import Finding
 from core.progress import SILENT, Progress
 from core.report.document import Document
 from core.report.figures import Drawing, svg_text
+from core.report.figures.canvas import CAMERA, colour_bar, drawing_style, new_figure, plain_axes
 from core.report.table import cell_text, numeric_columns
 from core.resources import resource
+
+HEIGHT_IN = 3.0
 
 
 def html_text(document: Document, *, progress: Progress = SILENT) -> str:
@@ -59,3 +67,49 @@ def _heading(column: str) -> tuple[str, str]:
 
 def _template(name: str) -> str:
     return resource("report", name).read_text(encoding="utf-8")
+
+
+def write_checks(checks: Sequence[Finding], title: str, out: Path) -> Path:
+    """Write ``preflight.html`` into a folder, whole or not at all; give its path."""
+    drawings = [drawing for i, check in enumerate(checks) if (drawing := _drawing(f"check-{i}", check)) is not None]
+    text = set_page("checks.html.j2", drawings, title=title, checks=list(enumerate(checks)))
+    path = Path(out) / "preflight.html"
+    with atomic_write(path) as file:
+        file.write(text.encode())
+    return path
+
+
+def _drawing(key: str, check: Finding) -> Drawing | None:
+    with drawing_style():
+        if check.curve:
+            figure, seen = _curve(check), f"{check.axes[1]} against {check.axes[0]}"
+        elif check.picture is not None and np.isfinite(check.picture).any():
+            figure, seen = _picture(check), f"{check.picture_label} over the camera's image"
+        else:
+            return None
+    title = check.title.capitalize()
+    return Drawing(key, "checks", title, seen, f"{title}: {seen}.", figure)
+
+
+def _curve(check: Finding) -> Figure:
+    figure = new_figure(HEIGHT_IN)
+    axes = figure.add_subplot()
+    x, y = np.array(check.curve).T
+    axes.plot(x, y, color=CAMERA, marker="o", markersize=3.5, linewidth=1.2)
+    axes.set_xlabel(check.axes[0])
+    axes.set_ylabel(check.axes[1])
+    axes.set_ylim(min(0.0, float(y.min())), max(float(y.max()) * 1.05, 1e-9))
+    plain_axes(axes)
+    return figure
+
+
+def _picture(check: Finding) -> Figure:
+    assert check.picture is not None
+    figure = new_figure(HEIGHT_IN)
+    axes = figure.add_subplot()
+    image = axes.imshow(check.picture, cmap="viridis", interpolation="nearest")
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.set_anchor("W")  # where the sentence begins, the scale right beside it
+    colour_bar(figure, image, axes, check.picture_label, cax=axes.inset_axes((1.03, 0.0, 0.04, 1.0)))
+    return figure

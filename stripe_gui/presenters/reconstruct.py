@@ -15,9 +15,9 @@ from PySide6.QtGui import QColor
 from core.evaluate import heights
 from core.model import Capture, Floats, Method, PointCloud
 from core.pipeline import points_file
-from core.pipeline.differences import differences
 from core.pipeline.inputs import reconstructed_from
 from core.pipeline.runs import calibration_hashes
+from core.pipeline.states import differences
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
 from stripe_gui.presenters.maps import MapView, hill_shade, lit_colours, percentile, round_up

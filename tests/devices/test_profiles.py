@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from core.cli import main
-from core.devices import link, offer_screens, open_projector, ports
+from core.devices import link, offer_screens, open_projector
 from core.devices.dialogue import Dialogue
 from core.devices.emulator import Emulator
-from core.devices.framing import unwrap, wrap
+from core.devices.framing import CHECKS, CheckSum, unwrap, wrap
 from core.devices.profiles import profile_names, read_profile
 from core.devices.scene import FlatScene
 from core.devices.server import EmulatedLine
-from core.devices.sums import CHECKS, CheckSum
 from core.devices.virtual import Stage
 from core.errors import DeviceError, InputError
 from core.patterns import Black, Code, Level, Line, Phase, White, parse_sequence
@@ -435,7 +434,7 @@ def test_a_device_that_comes_back_under_another_name_is_found_by_its_serial_numb
     first, second = Prompting(), Prompting()
     there: dict[str, str] = {}
     monkeypatch.setattr(
-        ports,
+        link,
         "_ports",
         lambda: [SimpleNamespace(device=name, vid=0x403, pid=0x6001, serial_number=s) for name, s in there.items()],
     )
@@ -455,11 +454,11 @@ def test_a_device_that_comes_back_under_another_name_is_found_by_its_serial_numb
 def test_a_port_that_does_not_open_says_whose_it_is_or_which_are_there(tmp_path: Path, monkeypatch) -> None:
     port = tmp_path / "ttyUSB0"
     port.write_bytes(b"")
-    monkeypatch.setattr(ports.os, "access", lambda place, mode: False)
+    monkeypatch.setattr(link.os, "access", lambda place, mode: False)
     group = port.group()
-    assert f"usermod -aG {group}" in ports.opening_remedy(str(port))
-    monkeypatch.setattr(ports, "_BY_ID", tmp_path)
-    assert str(port) in ports.opening_remedy(str(tmp_path / "ttyUSB7"))
+    assert f"usermod -aG {group}" in link.opening_remedy(str(port))
+    monkeypatch.setattr(link, "_BY_ID", tmp_path)
+    assert str(port) in link.opening_remedy(str(tmp_path / "ttyUSB7"))
 
 
 @pytest.mark.parametrize("name", ["stripe-lines", "stripe-frames"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from core import pipeline
 from core.cli.arguments import Commands, Options, add_devices
 from core.progress import Progress
 
@@ -39,13 +40,12 @@ def _export(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _import(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.cli.verdicts import print_verdict
-    from core.pipeline import calibration_figures, current_runs
+    from core.cli.console import print_verdict
     from core.pipeline.exchange import import_calibration
     from core.project import read_project
 
     project = read_project(options.project)
-    figures = calibration_figures({"photogrammetric": import_calibration(project, options.form, options.file)})
+    figures = pipeline.calibration_figures({"photogrammetric": import_calibration(project, options.form, options.file)})
     print_verdict("photogrammetric", figures["photogrammetric"]["verdict"])
-    print(f"kept as run {max(current_runs(project).values())}")
+    print(f"kept as run {max(pipeline.current_runs(project).values())}")
     return figures

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from core import pipeline
 from core.cli.arguments import Commands, Options, Parser, chosen_sequence, sequence_argument
 from core.progress import Progress
 
@@ -33,7 +34,7 @@ def _scenario(sub: Parser) -> None:
 
 
 def _demo(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.cli.verdicts import print_verdict
+    from core.cli.console import print_verdict
     from core.demo import run_demo
 
     sequence = chosen_sequence(options)
@@ -49,18 +50,14 @@ def _demo(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _simulate(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import simulate_project
-
     sequence = chosen_sequence(options)
-    project = simulate_project(options.folder, options.scenario, options.seed, progress, sequence=sequence)
+    project = pipeline.simulate_project(options.folder, options.scenario, options.seed, progress, sequence=sequence)
     print(f"{project.path}: {len(project.captures)} captures")
     return {"project": str(project.path), "captures": len(project.captures), "seed": options.seed}
 
 
 def _testfield(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import print_testfield
-
-    sheet = print_testfield(options.testfield, options.out, progress)
+    sheet = pipeline.print_testfield(options.testfield, options.out, progress)
     across, down = sheet.bars_mm
     print(f"{options.out}: page of {sheet.width_mm:.1f} x {sheet.height_mm:.1f} mm")
     print(f"print at 100 %; its bars must then measure {across:g} mm across and {down:g} mm down")

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from core import pipeline
 from core.cli.arguments import Commands, Options, check_out
 from core.errors import InputError, StripeError
 from core.progress import Progress
@@ -89,13 +90,11 @@ def _line(options: Options) -> tuple[tuple[float, float], tuple[float, float]] |
 
 
 def _guess(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import accept_guesses, guess_picks
-
     if options.accept is not None and options.accept < 1:
         raise InputError("--accept", f"is {options.accept}", "give 1 for the likeliest guess, 2 for the next")
     project = options.project
-    found = guess_picks(project, options.captures or None, progress)
-    kept = accept_guesses(project, found, options.accept) if options.accept else []
+    found = pipeline.guess_picks(project, options.captures or None, progress)
+    kept = pipeline.accept_guesses(project, found, options.accept) if options.accept else []
     for name, guesses in found.items():
         first = "; ".join(f"{s.row},{s.col} at {s.u:.1f},{s.v:.1f}" for s in guesses[0]) if guesses else "no guess"
         print(f"{name:20s} {len(guesses)} guesses: {first}{'  (kept)' if name in kept else ''}")
@@ -112,10 +111,9 @@ def _guess(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _runs(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import picked
-    from core.pipeline import compare_runs, current_runs, delete_run, list_runs, make_current, rename_run
 
     project = options.project
-    runs = {run.number: run for run in list_runs(project)}
+    runs = {run.number: run for run in pipeline.list_runs(project)}
 
     def run_of(number: str | int) -> Run:
         if str(number) not in map(str, runs):
@@ -124,13 +122,15 @@ def _runs(options: Options, progress: Progress) -> dict[str, Any]:
         return runs[int(number)]
 
     if options.name is not None:
-        rename_run(project, run_of(options.name[0]), options.name[1])
+        pipeline.rename_run(project, run_of(options.name[0]), options.name[1])
     if options.use is not None:
-        make_current(project, run_of(options.use))
+        pipeline.make_current(project, run_of(options.use))
     if options.delete is not None:
-        delete_run(project, run_of(options.delete))
-    differences = compare_runs(run_of(options.compare[0]), run_of(options.compare[1])) if options.compare else ()
-    used = current_runs(project)
+        pipeline.delete_run(project, run_of(options.delete))
+    differences = (
+        pipeline.compare_runs(run_of(options.compare[0]), run_of(options.compare[1])) if options.compare else ()
+    )
+    used = pipeline.current_runs(project)
     listed = [
         {
             "run": run.number,
@@ -141,7 +141,7 @@ def _runs(options: Options, progress: Progress) -> dict[str, Any]:
             "captures": {method: list(names) for method, names in run.captures.items()},
             "sigma0": run.figures.get("photogrammetric", {}).get("sigma0"),
         }
-        for run in list_runs(project)
+        for run in pipeline.list_runs(project)
     ]
     for entry in listed:
         sigma0 = f"sigma0 {entry['sigma0']:.3f}" if entry["sigma0"] is not None else ""
@@ -236,13 +236,12 @@ def _next_pose(options: Options, progress: Progress) -> dict[str, Any]:
 def _profile(options: Options, progress: Progress) -> dict[str, Any]:
     import numpy as np
 
-    from core.pipeline import kept_evaluation, read_profiles
     from core.pipeline.tables import write_profile_csv
 
     if options.out is not None:
         check_out(options.out, ".csv")
     project = options.project
-    found = read_profiles(project, kept_evaluation(project), options.capture, _line(options))
+    found = pipeline.read_profiles(project, pipeline.kept_evaluation(project), options.capture, _line(options))
     figures: dict[str, Any] = {}
     for method, line in found.items():
         known = line.deviation_mm[np.isfinite(line.deviation_mm)]
@@ -266,8 +265,6 @@ def _profile(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _tables(options: Options, progress: Progress) -> dict[str, Any]:
-    from core import pipeline
-
     project = options.project
     evaluations = pipeline.kept_evaluation(project)
     write = pipeline.export_report if options.report else pipeline.export_tables
@@ -283,11 +280,9 @@ def _tables(options: Options, progress: Progress) -> dict[str, Any]:
 def _sign(options: Options, progress: Progress) -> dict[str, Any]:
     from datetime import date
 
-    from core.pipeline import sign_evaluation, sign_project
-
     project = options.project
     if options.withdraw:
-        sign_project(project, None)
+        pipeline.sign_project(project, None)
         print("withdrawn")
         return {"signed": False}
     if not options.operator.strip():
@@ -299,7 +294,7 @@ def _sign(options: Options, progress: Progress) -> dict[str, Any]:
             raise InputError("--date", f"is {options.date!r}", "give it as YYYY-MM-DD") from error
     if options.tolerance is not None and not 0 < options.tolerance < float("inf"):
         raise InputError("--tolerance", f"is {options.tolerance}", "give millimetres above 0")
-    signed, found = sign_evaluation(
+    signed, found = pipeline.sign_evaluation(
         project,
         options.operator,
         tolerance_mm=options.tolerance,

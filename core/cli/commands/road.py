@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from core import pipeline
 from core.cli.arguments import Commands, Options, add_devices, check_out, method_name
-from core.cli.verdicts import print_left_out, print_verdict
+from core.cli.console import print_left_out, print_verdict
 from core.errors import InputError
 from core.progress import Progress
 
@@ -74,12 +75,11 @@ def add(commands: Commands) -> None:
 
 def _decode(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import phase_figures
-    from core.pipeline import decode_capture, write_phase
 
     check_out(options.out, ".npz")
     named = {"camera": options.camera, "projector": options.projector}
-    phase = decode_capture(options.capture, progress, **named, estimate=options.estimate)
-    write_phase(options.out, phase)
+    phase = pipeline.decode_capture(options.capture, progress, **named, estimate=options.estimate)
+    pipeline.write_phase(options.out, phase)
     figures = phase_figures(phase)
     print(options.out)
     for note in phase.notes:
@@ -89,10 +89,9 @@ def _decode(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _measure(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import targets_figures
-    from core.pipeline import measure_project
 
     project = options.project
-    targets = measure_project(project, progress)
+    targets = pipeline.measure_project(project, progress)
     for t in targets:
         pair = "" if project.rig.is_pair else f"{t.camera} with {t.projector}: "
         why = f": {t.missing[0].reason}" if t.missing and not len(t.row) else ""
@@ -103,15 +102,13 @@ def _measure(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import CalibrateOptions, calibrate_project, calibration_figures, current_runs, result_tables
-
     if options.degree < 1:
         raise InputError("--degree", f"is {options.degree}", "give 1 or more")
     if not 0 <= options.low_pass <= 1000:
         raise InputError("--low-pass", f"is {options.low_pass}", "give 0 to 1000 pixels")
     if not 0 <= options.reject < math.inf:
         raise InputError("--reject", f"is {options.reject}", "give 0 or more sigmas")
-    chosen = CalibrateOptions(
+    chosen = pipeline.CalibrateOptions(
         rigid=not options.free_stations,
         degree=None if options.table else options.degree,
         low_pass_px=options.low_pass,
@@ -120,22 +117,21 @@ def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
         reject_beyond=options.reject or None,
     )
     project = options.project
-    calibrations = calibrate_project(project, options.method, chosen, progress)
-    figures = calibration_figures(calibrations)
+    calibrations = pipeline.calibrate_project(project, options.method, chosen, progress)
+    figures = pipeline.calibration_figures(calibrations)
     for method, entry in figures.items():
         print_verdict(method, entry["verdict"])
         print_left_out(entry["left_out"])
     print()
-    print(result_tables(project))
-    print(f"\nkept as run {max(current_runs(project).values())}")
+    print(pipeline.result_tables(project))
+    print(f"\nkept as run {max(pipeline.current_runs(project).values())}")
     return figures
 
 
 def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import adjustment_figures
-    from core.pipeline import adjust_network
 
-    figures = adjustment_figures(adjust_network(options.network, progress))
+    figures = adjustment_figures(pipeline.adjust_network(options.network, progress))
     print_verdict("network", figures["verdict"])
     print(f"sigma0 {figures['sigma0']:.6g}, redundancy {figures['redundancy']}, {figures['iterations']} iterations")
     for name, device in figures["devices"].items():
@@ -149,21 +145,12 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import (
-        METHODS,
-        check_cloud,
-        coverage,
-        methods_in_use,
-        reconstruct_capture,
-        reconstruct_views,
-        seen_by_several,
-        write_cloud,
-    )
-
-    check_cloud(options.out)
+    pipeline.check_cloud(options.out)
     project = options.project
-    one_pair = options.orient or options.projector or (options.method and not METHODS[options.method].joint)
-    rays: Any = options.rays or ("all" if not one_pair and seen_by_several(project, options.capture) else "pair")
+    one_pair = options.orient or options.projector or (options.method and not pipeline.METHODS[options.method].joint)
+    rays: Any = options.rays or (
+        "all" if not one_pair and pipeline.seen_by_several(project, options.capture) else "pair"
+    )
     if options.fill and rays == "pair":
         raise InputError("--fill texture", "matches between cameras", "give a capture by several cameras, and all rays")
     if rays != "pair":
@@ -171,9 +158,9 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
             other = f"--method {options.method}" if options.method else "--orient or --projector"
             raise InputError("--rays", f"{rays} does not go with {other}", "leave one of the two out")
         named = {"camera": options.camera, "rays": rays, "fill": bool(options.fill)}
-        image, cloud = reconstruct_views(project, options.capture, **named, progress=progress)
+        image, cloud = pipeline.reconstruct_views(project, options.capture, **named, progress=progress)
     else:
-        phase, cloud = reconstruct_capture(
+        phase, cloud = pipeline.reconstruct_capture(
             project,
             options.capture,
             options.method,
@@ -184,51 +171,46 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
             projector=options.projector,
         )
         image = phase.image
-    points = write_cloud(options.out, image, cloud)
+    points = pipeline.write_cloud(options.out, image, cloud)
     print(f"{options.out}: {points} points")
     figures: dict[str, Any] = {"points": points, "out": str(options.out)}
-    if covered := coverage(cloud):
+    if covered := pipeline.coverage(cloud):
         print(
             "of the {object_px} pixels of the object {by_code:.1%} by code, {filled:.1%} with texture".format(**covered)
         )
         figures["covered"] = covered
-    _tell_outdated(options, options.method or methods_in_use(project)[0])
+    _tell_outdated(options, options.method or pipeline.methods_in_use(project)[0])
     return figures
 
 
 def _merge(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import check_cloud, merge_captures, merge_figures, merge_words, write_cloud
-
-    check_cloud(options.out)
-    merged = merge_captures(options.project, options.captures, by=options.by, progress=progress)
-    points = write_cloud(options.out, merged.image, merged.cloud)
-    for line in merge_words(merged):
+    pipeline.check_cloud(options.out)
+    merged = pipeline.merge_captures(options.project, options.captures, by=options.by, progress=progress)
+    points = pipeline.write_cloud(options.out, merged.image, merged.cloud)
+    for line in pipeline.merge_words(merged):
         print(line)
     print(f"{options.out}: {points} points")
     _tell_outdated(options)
-    return {**merge_figures(merged), "out": str(options.out)}
+    return {**pipeline.merge_figures(merged), "out": str(options.out)}
 
 
 def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import evaluation_figures
-    from core.pipeline import evaluate_project, table_of_planes
 
     project = options.project
-    evaluations = evaluate_project(project, progress)
+    evaluations = pipeline.evaluate_project(project, progress)
     figures = evaluation_figures(evaluations)
     for plane in figures["planes"]:
         pair = "" if project.rig.is_pair else f", {plane['camera']} with {plane['projector']}"
         print_verdict(f"{plane['capture']}{pair}, {plane['method']}", plane["verdict"])
     print()
-    print(table_of_planes(project, evaluations))
+    print(pipeline.table_of_planes(project, evaluations))
     _tell_outdated(options)
     return figures
 
 
 def _report(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import report_project
-
-    paths = report_project(options.project, options.out, progress)
+    paths = pipeline.report_project(options.project, options.out, progress)
     _tell_outdated(options)
     print(f"{paths.html}\n{paths.pdf}")
     return {"html": str(paths.html), "pdf": str(paths.pdf)}
@@ -236,8 +218,6 @@ def _report(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _tell_outdated(options: Options, method: str | None = None) -> None:
     """Say in a line on stderr if the calibrations that were used do not follow from what the project holds."""
-    from core.pipeline import outdated_words
-
-    if words := outdated_words(options.project, method):
+    if words := pipeline.outdated_words(options.project, method):
         told = f"{'; '.join(words)}; run `stripe-core update {options.project.path}`"
         print(f"stripe-core: made from something else than the project holds now: {told}", file=sys.stderr)

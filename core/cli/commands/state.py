@@ -6,6 +6,7 @@ import sys
 from dataclasses import asdict
 from typing import Any
 
+from core import pipeline
 from core.cli.arguments import Commands, Options, UnfinishedError
 from core.progress import Progress
 
@@ -19,9 +20,7 @@ def add(commands: Commands) -> None:
 
 
 def _status(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import project_states
-
-    states = project_states(options.project)
+    states = pipeline.project_states(options.project)
     for stage, state in states.stages.items():
         first, *more = state.because or ("",)
         print(f"{stage:12s} {state.state:9s} {first}".rstrip())
@@ -36,12 +35,10 @@ def _status(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _update(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import update_project
-
     def tell(text: str) -> None:
         print(text, flush=True)
 
-    update = update_project(options.project, progress, tell)
+    update = pipeline.update_project(options.project, progress, tell)
     if not update.done:
         print("nothing to do")
     left = {stage: state for stage, state in update.states.stages.items() if state.state != "current"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from core import pipeline
 from core.cli.arguments import Commands, Options, add_devices, chosen_sequence, method_name, sequence_argument
 from core.errors import InputError
 from core.progress import Progress
@@ -51,49 +52,37 @@ def add(commands: Commands) -> None:
 
 
 def _orient(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import (
-        drift_figures,
-        drift_of,
-        drift_words,
-        motion_words,
-        motions_figures,
-        orient_pairs,
-        parse_length,
-    )
-
     project = options.project
     if options.capture is None:
         if options.correct or options.length or options.points:
             raise InputError("orient", "no CAPTURE with --correct, --length or --points", "name the capture")
-        charts = drift_of(project, significance=options.significance, progress=progress)
-        for line in drift_words(charts):
+        charts = pipeline.drift_of(project, significance=options.significance, progress=progress)
+        for line in pipeline.drift_words(charts):
             print(line)
-        return drift_figures(charts)
-    motions = orient_pairs(
+        return pipeline.drift_figures(charts)
+    motions = pipeline.orient_pairs(
         project,
         options.capture,
         camera=options.camera,
         projector=options.projector,
         correct=options.correct,
         significance=options.significance,
-        lengths=[parse_length(words) for words in options.length],
+        lengths=[pipeline.parse_length(words) for words in options.length],
         points=Path(options.points) if options.points not in (None, "testfield") else options.points,
         progress=progress,
     )
     for motion in motions:
-        for line in motion_words(motion):
+        for line in pipeline.motion_words(motion):
             print(line)
     if options.correct:
         for m in motions:
             of = "" if project.rig.is_pair else f" --camera {m.camera} --projector {m.projector}"
             print(f"kept: `stripe-core reconstruct {project.path} {m.capture} --orient{of}` uses it")
-    return motions_figures(motions)
+    return pipeline.motions_figures(motions)
 
 
 def _features(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline import feature_figures, feature_words, measure_features
-
-    found = measure_features(
+    found = pipeline.measure_features(
         options.project,
         options.capture,
         [("circle", text) for text in options.circle] + [("line", text) for text in options.line],
@@ -103,16 +92,14 @@ def _features(options: Options, progress: Progress) -> dict[str, Any]:
         progress=progress,
     )
     for feature in found:
-        print(feature_words(feature))
-    return {"features": [feature_figures(feature) for feature in found]}
+        print(pipeline.feature_words(feature))
+    return {"features": [pipeline.feature_figures(feature) for feature in found]}
 
 
 def _live(options: Options, progress: Progress) -> dict[str, Any]:
     from contextlib import closing
 
-    from core.pipeline import live_cycles
-
-    cycles = live_cycles(
+    cycles = pipeline.live_cycles(
         options.project,
         projector=options.projector,
         camera=options.camera,

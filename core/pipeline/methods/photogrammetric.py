@@ -22,8 +22,7 @@ from core.model import (
     TargetSet,
     Testfield,
 )
-from core.pipeline.causes import because_of
-from core.pipeline.evidence import Evidence, sound_words, warned
+from core.pipeline.evidence import Evidence, because_of, sound_words, warned
 from core.pipeline.measure import common_testfield, measured_targets
 from core.pipeline.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions

@@ -21,9 +21,8 @@ from core.model import (
     PhotogrammetricCalibration,
     Project,
 )
-from core.pipeline.causes import because_of
 from core.pipeline.decode import from_phase_maps
-from core.pipeline.evidence import Evidence, lengths_of
+from core.pipeline.evidence import Evidence, because_of, lengths_of
 from core.pipeline.measure import common_testfield, measured_or_why, side_of, signs_of, turned_together
 from core.pipeline.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions

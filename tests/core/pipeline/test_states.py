@@ -27,7 +27,7 @@ from core.pipeline import (
     save_sign_off,
     update_project,
 )
-from core.pipeline.differences import differences
+from core.pipeline.states import differences
 from core.project import read_capture, read_project, write_picks
 from core.project.contents import Contents
 from core.report import SignOff
