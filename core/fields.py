@@ -202,7 +202,7 @@ def read_table(
     Raises
     ------
     InputError
-        If a column is missing, a row is too short, or the table is empty.
+        If a column is missing, a row is too short or too long, or the table is empty.
     """
     try:
         lines = regular(path).read_text(encoding="utf-8-sig").splitlines()
@@ -228,8 +228,14 @@ def read_table(
         raise InputError(path, "the table has a header and no rows", "add the rows")
     table, place = [], f"{path}: line "
     for i, line in numbered[1:]:
-        values: dict[str, Any] = dict(zip(header, _cells(path, i, line), strict=False))
-        where = f"{place}{i}"
+        cells, where = _cells(path, i, line), f"{place}{i}"
+        if any(cells[len(header) :]):
+            seen, remedy = (
+                f"{len(cells)} fields, and the header {len(header)}",
+                "write decimals with a point, or name the columns",
+            )
+            raise InputError(where, seen, remedy)
+        values: dict[str, Any] = dict(zip(header, cells, strict=False))
         for name in columns:
             cell = values.get(name, "")
             values[name] = cell or None if name in texts else _number(cell, name, where)

@@ -399,6 +399,7 @@ def test_a_network_comes_back(network_folder: Path) -> None:
         ("observations.csv", "1,a,1.5", "1,a,1_5", "u is '1_5'"),
         ("observations.csv", "1,a,1.5", "1,a,1e300", "u is 1e"),
         ("observations.csv", "1,a,1.5", "1,a," + 200_000 * "5", "field larger than"),
+        ("observations.csv", "1,a,1.5", "1,a,1,5", "6 fields, and the header 5"),
         ("observations.csv", "u,v", "u,u,v", "'u' 2 times"),
         ("observations.csv", ",0.05", ",0", "sigma_px is 0"),
         ("points.csv", "b,", "a,", "there already"),
