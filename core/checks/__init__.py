@@ -19,7 +19,7 @@ from core.checks.files import repeated_frames, repeated_targets
 from core.checks.greys import grey_concerns
 from core.checks.left_out import left_out_of
 from core.checks.lengths import bar_notes, length_concerns
-from core.checks.network import adjustment_concerns, nominal_concerns, variance_ratios
+from core.checks.network import adjustment_concerns, given_concerns, nominal_concerns, variance_ratios
 from core.checks.planes import DOUBTFUL_RATIO, form_of, pair_concerns, plane_concerns
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
@@ -35,6 +35,7 @@ __all__ = [
     "code_concerns",
     "end_notes",
     "form_of",
+    "given_concerns",
     "grey_concerns",
     "left_out_of",
     "length_concerns",

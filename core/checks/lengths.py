@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from core.checks.network import LEVEL
+from core.checks.network import LEVEL, unit_hint
 from core.checks.plates import Plates
 from core.geometry import similarity
 from core.model import Adjustment, Array, Concern, ScaleBar, Testfield
@@ -24,7 +24,6 @@ FAILED = 0.02
 OUT_OF_SHAPE = 0.01  # r.m.s. deviation from the nominal board, as a share of its size
 OFF_LINES, MOST_OFF_LINES = 2.0, 6.0  # epipolar residuals over their sigmas, which are known to about a half
 POOR, TOO_WELL = 0.003, 0.1  # a sigma over its length; sigmas off the board that a bar so poor is in 8 % of the cases
-KNOWN_FACTORS = {10.0: "cm instead of mm", 25.4: "inches instead of mm", 1000.0: "m instead of mm"}
 SCATTER = 6.0  # times what the other plates scatter by
 LEAST_OFF = 3e-4  # of the distance: what positions are known to at best
 
@@ -104,7 +103,7 @@ def _distances(adjustment: Adjustment, board: Testfield | None) -> list[Concern]
                 f"project.json, {key}: is {bar.length_mm:.4g} mm, {found:.4g} mm by all measured distances together "
                 f"({abs(off) / bar.sigma_mm:.3g} times sigma_mm): two known lengths disagree; measure them again"
             )
-            text += _unit_hint(max(found / bar.length_mm, bar.length_mm / found))
+            text += unit_hint(max(found / bar.length_mm, bar.length_mm / found))
             concerns.append(Concern("failed" if abs(off) > FAILED * found else "doubtful", text))
     return concerns
 
@@ -278,7 +277,7 @@ def _odd_one(lengths: list[Length], scale: ScaleBar | None, board: Testfield | N
         return [_told(lengths[k], factors[k] / true, others, scale, board) for k in odd]
     worst = float(factors.max() / factors.min())
     told = "; ".join(f"{entry.name} ({entry.key}) says {entry.factor / factors[0]:.4f}" for entry in lengths)
-    hint = _unit_hint(worst)
+    hint = unit_hint(worst)
     if len(lengths) == 2 and lengths[1].key == "testfield.csv" and worst <= 1 + FAILED:  # as printers stretch a board
         hint = f", or, if the bar is right, multiply the coordinates in testfield.csv by {1 / lengths[1].factor:.4f}"
     text = f"known lengths disagree, relative to {lengths[0].name}: {told}; measure them again{hint}"
@@ -288,18 +287,11 @@ def _odd_one(lengths: list[Length], scale: ScaleBar | None, board: Testfield | N
 
 def _told(entry: Length, factor: float, others: str, scale: ScaleBar | None, board: Testfield | None) -> Concern:
     text = f"{entry.name} ({entry.key}): its lengths are {factor:.4f} times what {others} give"
-    text += _unit_hint(max(factor, 1 / factor)) or "; correct it, or measure it again"
+    text += unit_hint(max(factor, 1 / factor)) or "; correct it, or measure it again"
     if entry.name == "the scale bar":
         text += _bar_hint(scale, board, factor)
     off = max(factor, 1 / factor) - 1
     return Concern("failed" if off > FAILED else "doubtful", text)
-
-
-def _unit_hint(ratio: float) -> str:
-    for factor, words in KNOWN_FACTORS.items():
-        if abs(ratio / factor - 1) < 0.02:
-            return f"; is it in {words}?"
-    return ""
 
 
 def bar_notes(scale: ScaleBar | None, board: Testfield) -> tuple[str, ...]:
@@ -307,7 +299,7 @@ def bar_notes(scale: ScaleBar | None, board: Testfield) -> tuple[str, ...]:
     own = _nominal_length(scale, board)
     if scale is None or own is None or abs(scale.length_mm / own - 1) <= FAILED:
         return ()
-    hint = _unit_hint(max(scale.length_mm / own, own / scale.length_mm))
+    hint = unit_hint(max(scale.length_mm / own, own / scale.length_mm))
     return (f"the scale bar has length_mm {scale.length_mm:g}, the nominal testfield {own:g} mm there{hint}",)
 
 

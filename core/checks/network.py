@@ -11,12 +11,14 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from core.geometry.lens import lens_of
-from core.model import AdjustedDevice, Adjustment, Array, Concern
-from core.numerics import chi_square_limit, nearest
+from core.model import AdjustedDevice, Adjustment, Array, Concern, NetworkScale
+from core.numerics import chi_square_limit, nearest, normal_limit
 
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
+KNOWN_FACTORS = {10.0: "cm instead of mm", 25.4: "inches instead of mm", 1000.0: "m instead of mm"}
+ANOTHER_UNIT = 0.01  # residuals over sigmas that no carefulness explains
 AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is common to them
 LOST = 0.05  # share of the observations that may be gross errors
 MOST_LOST = 0.25
@@ -36,6 +38,53 @@ def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int
         By station, how many of how many observations were left out as gross errors.
     """
     return [*_chi_square(adjustment), *_systematic(adjustment), *_rejected(rejected or {})]
+
+
+def unit_hint(ratio: float) -> str:
+    """Ask for the unit where a ratio of lengths is that of two of them."""
+    for factor, words in KNOWN_FACTORS.items():
+        if abs(ratio / factor - 1) < 0.02:
+            return f"; is it in {words}?"
+    return ""
+
+
+def given_concerns(adjustment: Adjustment) -> list[Concern]:
+    """Hold adjusted points against coordinates with sigmas in points.csv, and against lengths in network.json."""
+    network, concerns = adjustment.network, []
+    for axis, sigma in enumerate([] if network.point_sigma_mm is None else network.point_sigma_mm.T):
+        known, name = np.flatnonzero(np.isfinite(sigma)), "xyz"[axis]
+        off = (adjustment.points_mm - network.point_xyz_mm)[known, axis]
+        ratio = np.abs(off) / np.maximum(sigma[known], 1e-9)
+        if len(known) and np.sum(ratio**2) > DOUBTFUL_RATIO**2 * chi_square_limit(len(known), LEVEL):
+            worst, rms = int(np.argmax(ratio)), float(np.sqrt(np.mean(ratio**2)))
+            text = (
+                f"points.csv: {name}_mm of {len(known)} points is off by {rms:.3g} times sigma_{name}_mm (chi-square "
+                f"test), of point {network.point_names[known[worst]]} by {off[worst]:.3g} mm: correct these "
+                "coordinates, or their sigmas"
+            )
+            concerns.append(Concern("failed" if rms > FAILED_RATIO else "doubtful", text))
+    bars = [network.scale, *network.lengths] if network.scale else network.lengths
+    return concerns + [concern for bar in bars for concern in _length(adjustment, bar)]
+
+
+def _length(adjustment: Adjustment, bar: NetworkScale) -> list[Concern]:
+    network, points = adjustment.network, (adjustment.points_mm, adjustment.network.point_xyz_mm)
+    found = float(np.linalg.norm(points[0][bar.start] - points[0][bar.stop]))
+    size, roughly = (float(np.linalg.norm(xyz - xyz.mean(axis=0))) for xyz in points)
+    start, stop = (network.point_names[k] for k in (bar.start, bar.stop))
+    if abs(found - bar.length_mm) > DOUBTFUL_RATIO * normal_limit(LEVEL / 2) * bar.sigma_mm:
+        text = (
+            f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm ± {bar.sigma_mm:.2g}, adjusted "
+            f"{found:.6g} mm: measure it again"
+        )
+        return [Concern("doubtful", text)]
+    if hint := unit_hint(max(roughly / size, size / max(roughly, 1e-9))):
+        text = (
+            f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm, at the scale of points.csv "
+            f"{found * roughly / size:.4g} mm{hint}"
+        )
+        return [Concern("doubtful", text)]
+    return []
 
 
 def factors(adjustment: Adjustment) -> dict[str, tuple[float, float]]:
@@ -62,9 +111,12 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
     concerns = []
     for name, (factor, redundancy) in factors(adjustment).items():
         critical = DOUBTFUL_RATIO**2 * chi_square_limit(redundancy, LEVEL) / redundancy
+        ratio = float(np.sqrt(factor))
+        if ratio < ANOTHER_UNIT and redundancy > 10:
+            text = f"{name}: residuals are {ratio:.2g} times what the sigmas of its observations allow: another unit?"
+            concerns.append(Concern("doubtful", text))
         if factor <= critical:
             continue
-        ratio = float(np.sqrt(factor))
         text = (
             f"{name}: residuals are {ratio:.3g} times what the sigmas of its observations allow (chi-square test, "
             f"variance factor {factor:.3g}, critical {critical:.3g}): "

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 def judge_adjustment(adjustment: Adjustment) -> Adjustment:
     """Judge the adjustment of a network on its own."""
-    from core.checks import adjustment_concerns, nominal_concerns
+    from core.checks import adjustment_concerns, given_concerns, nominal_concerns
 
-    concerns = [*adjustment_concerns(adjustment), *nominal_concerns(adjustment.devices)]
+    concerns = [*given_concerns(adjustment), *adjustment_concerns(adjustment), *nominal_concerns(adjustment.devices)]
     return replace(adjustment, verdict=verdict_of([*concerns, *warned(adjustment.warnings)], sound_words(adjustment)))
 
 

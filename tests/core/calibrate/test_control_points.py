@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from core.calibrate import adjust
 from core.errors import AdjustmentError
+from core.model import NetworkScale
+from core.pipeline.judge import judge_adjustment
 from core.project import read_network
 
 C_MM, PITCH_MM, WIDTH, HEIGHT = 8.0, 0.0045, 1600, 1200
@@ -81,3 +84,22 @@ def test_control_ties_images_together_and_what_nobody_sees_is_no_hindrance(tmp_p
     loose = np.where(np.isin(np.arange(13), [2, 3, 4, 5]), np.inf, 0.0)
     with pytest.raises(AdjustmentError, match=r"every station needs 4 points .* or that are known"):
         adjust(network_of(tmp_path, points, points, np.where(np.arange(13) > 7, np.inf, loose), seen))
+
+
+def test_control_that_the_images_contradict_is_never_passed(tmp_path):
+    rng = np.random.default_rng(2)
+    points, sigma = rng.uniform(-100, 100, (9, 3)), np.full(9, 0.1)
+    everywhere = dict.fromkeys(PLACES, range(9))
+    sound = judge_adjustment(
+        adjust(network_of(tmp_path, points, points + rng.normal(0, 0.1, (9, 3)), sigma, everywhere))
+    )
+    assert sound.verdict.state == "passed"
+    told = points.copy()
+    told[3, 0] += 3.0
+    judged = judge_adjustment(adjust(network_of(tmp_path, points, told, sigma, everywhere)))
+    assert judged.verdict.state != "passed"
+    assert any("points.csv: x_mm" in text and "point P3" in text for text in judged.verdict.because)
+    network = network_of(tmp_path, points, points, np.full(9, np.inf), everywhere)
+    inches = NetworkScale(0, 1, float(np.linalg.norm(points[0] - points[1])) / 25.4, 0.001)
+    judged = judge_adjustment(adjust(replace(network, scale=inches)))
+    assert "inches instead of mm" in judged.verdict.because[0]
