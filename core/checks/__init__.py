@@ -18,7 +18,7 @@ left_out.py  points and captures that had no part, with the reasons
 from core.checks.files import repeated_frames, repeated_targets
 from core.checks.greys import grey_concerns
 from core.checks.left_out import left_out_of
-from core.checks.lengths import bar_notes, length_concerns
+from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
 from core.checks.network import adjustment_concerns, given_concerns, nominal_concerns, variance_ratios
 from core.checks.planes import DOUBTFUL_RATIO, form_of, pair_concerns, plane_concerns
 from core.checks.plates import Plates, pose_plates, see_plates
@@ -34,6 +34,7 @@ __all__ = [
     "bar_notes",
     "code_concerns",
     "end_notes",
+    "foreign_concerns",
     "form_of",
     "given_concerns",
     "grey_concerns",

@@ -24,6 +24,7 @@ FAILED = 0.02
 OUT_OF_SHAPE = 0.01  # r.m.s. deviation from the nominal board, as a share of its size
 OFF_LINES, MOST_OFF_LINES = 2.0, 6.0  # epipolar residuals over their sigmas, which are known to about a half
 POOR, TOO_WELL = 0.003, 0.1  # a sigma over its length; sigmas off the board that a bar so poor is in 8 % of the cases
+FOREIGN_LINES = 1.0  # epipolar residuals that no calibration of the rig itself leaves
 SCATTER = 6.0  # times what the other plates scatter by
 LEAST_OFF = 3e-4  # of the distance: what positions are known to at best
 
@@ -120,6 +121,23 @@ def _epipolar(plates: Plates) -> list[Concern]:
             )
             concerns.append(Concern("failed" if factor > MOST_OFF_LINES**2 else "doubtful", text))
     return concerns
+
+
+def foreign_concerns(seen: Plates) -> list[Concern]:
+    """See whether a calibration from elsewhere is of this rig: boards that it measured, placed by that calibration.
+
+    Another rig's is off by many lines and per cent; limits are wide, for other programs' calibrations tell no sigmas.
+    """
+    off = float(np.median([rms for rms, _, _ in seen.epipolar.values()])) if seen.epipolar else 0.0
+    ratio = _plate_board(seen)[0]
+    told, remedy = [], "is it of another rig, or was the rig changed since?"
+    if off > FOREIGN_LINES:
+        text = f"by the imported calibration camera and projector see targets {off:.2g} lines off each other's rays"
+        told.append(Concern("failed", f"{text}: {remedy}"))
+    if np.isfinite(ratio) and abs(ratio - 1) > FAILED:
+        text = f"by the imported calibration the board measures {ratio:.3f} times what its file says"
+        told.append(Concern("failed", f"{text}: {remedy}"))
+    return told
 
 
 def nominal_of(adjustment: Adjustment, board: Testfield) -> Array:

@@ -65,7 +65,7 @@ def check_picks(board: Board, seeds: Sequence[Seed], size: tuple[int, int], wher
             raise InputError(where, seen, "pick a target inside the image")
         if (s.row, s.col) not in board.index:
             seen = f"{name} is not in the testfield, which has rows {_span(board.row)} and columns {_span(board.col)}"
-            raise InputError(where, seen, "correct its row and column")
+            raise InputError(where, seen, "correct its row and column, or name the board that was captured")
         target.append(board.index[s.row, s.col])
     uv = np.array([[s.u, s.v] for s in seeds], np.float64)
     for i, k in combinations(range(len(seeds)), 2):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,11 +12,14 @@ from core.atomic import check_place
 from core.errors import InputError
 from core.model import Adjustment, Network, NetworkDevice, PhotogrammetricCalibration, Project
 from core.pipeline.calibrate import photogrammetric_calibration
+from core.pipeline.folders import captures_of
 from core.pipeline.methods import calibration_figures
 from core.pipeline.options import CalibrateOptions
+from core.pipeline.picking import current_target_sets
 from core.pipeline.runs import Run, keep_run, now
 
 if TYPE_CHECKING:
+    from core.checks import Concern
     from core.exchange import Format
 
 
@@ -51,10 +55,15 @@ def import_calibration(project: Project, name: str, path: Path) -> Photogrammetr
     InputError
         For an unknown format, or a file that does not hold a camera and a projector of these sizes.
     """
+    from core.checks import Concern, verdict_of
     from core.exchange import pair_to_calibration
 
     pair = _format(name).read(path)
     calibration = pair_to_calibration(pair, project.camera, project.projector, f"{path.name} ({name})")
+    if concerns := _foreign(project, calibration):
+        told = calibration.verdict.because if calibration.verdict else ()
+        verdict = verdict_of([*concerns, *(Concern("doubtful", text) for text in told)])
+        calibration = replace(calibration, verdict=verdict)
     run = Run(
         number=0,
         made_at=now(),
@@ -67,6 +76,20 @@ def import_calibration(project: Project, name: str, path: Path) -> Photogrammetr
     )
     keep_run(project, run, {"photogrammetric.npz": calibration, "adjustment.npz": _no_adjustment(calibration)})
     return calibration
+
+
+def _foreign(project: Project, calibration: PhotogrammetricCalibration) -> list[Concern]:
+    """What the project's own boards and nominal values say against a calibration that came from elsewhere."""
+    from core.checks import foreign_concerns, nominal_concerns, see_plates
+
+    concerns = nominal_concerns({"camera": calibration.camera, "projector": calibration.projector})
+    boards = {c.name: c.testfield for c in captures_of(project, "testfield") if c.testfield is not None}
+    own = project.rig.camera_name, project.rig.projector_name
+    sets = [t for t in current_target_sets(project) if t.capture in boards and (t.camera, t.projector) == own]
+    if not sets:
+        return concerns
+    board = boards[sets[0].capture]
+    return [*concerns, *foreign_concerns(see_plates(calibration, sets, dict.fromkeys(boards, 0.0), board))]
 
 
 def _format(name: str) -> Format:

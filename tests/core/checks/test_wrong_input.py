@@ -17,6 +17,7 @@ import pytest
 from core.calibrate import calibrate_photogrammetric
 from core.checks import (
     adjustment_concerns,
+    foreign_concerns,
     length_concerns,
     nominal_concerns,
     repeated_targets,
@@ -24,6 +25,7 @@ from core.checks import (
     verdict_of,
 )
 from core.errors import StripeError
+from core.geometry import Pose, calibration_of_pair, pair_of
 from core.model import TargetSet, Testfield, Verdict
 from tests.core.checks.rigs import RIGS, Project, simulate, turn
 
@@ -245,6 +247,24 @@ def test_varied_rigs_raise_no_false_alarm(seed: int) -> None:
     honest = float(np.random.default_rng(seed).uniform(0.7, 1.4))
     p = simulate(name, 1000 + seed, vary=True, poses=8 + seed % 5, honest=honest)
     assert judge(p) == Verdict("passed")
+
+
+@pytest.mark.parametrize("name", list(RIGS))
+def test_an_imported_calibration_of_another_rig_is_named(name: str, projects: dict[str, Project]) -> None:
+    p = projects[name]
+    own = pair_of(calibrated(p)[0])
+
+    def told(pose: Pose) -> str:
+        none = np.zeros_like(own.covariance)  # as other programs' calibrations tell none
+        known = calibration_of_pair(own.camera, own.projector, pose, none)
+        seen = see_plates(known, p.fields, {t.capture: 0.0 for t in p.fields}, p.board)
+        return "; ".join(c.text for c in foreign_concerns(seen))
+
+    R, t = own.projector_from_camera.rotation, own.projector_from_camera.translation_mm
+    assert told(own.projector_from_camera) == ""
+    assert "the board measures 1.100 times" in told(Pose(R, 1.1 * t))
+    assert "is it of another rig" in told(Pose(turn("x", 2) @ R, t))
+    assert "is it of another rig" in told(Pose(turn("y", 3) @ R, t))
 
 
 def test_the_simulator_turns_as_it_says() -> None:
