@@ -22,7 +22,7 @@ def left_out_of(
     Parameters
     ----------
     targets : sequence of TargetSet
-        Of the captures that took part; their missing targets are told by reason.
+        Of the captures that took part; their missing targets are told by reason and, of several devices, by pair.
     rejected : mapping, optional
         By station ("capture/device"), how many of how many observations were left out in the adjustment.
     captures : iterable of (str, str)
@@ -32,10 +32,12 @@ def left_out_of(
     """
     found = []
     of: dict[str, int] = {}
+    pairs = {(t.camera, t.projector) for t in targets}
     for t in targets:
         of[t.capture] = len(t.row) + len(t.missing)
+        pair = f"{t.camera} with {t.projector}: " if len(pairs) > 1 else ""
         for reasons in _alike(m.reason for m in t.missing):
-            found.append(LeftOut(t.capture, len(reasons), of[t.capture], _merged(reasons)))
+            found.append(LeftOut(t.capture, len(reasons), of[t.capture], pair + _merged(reasons)))
     for station, (n, whole) in (rejected or {}).items():
         if n:
             capture, _, device = station.rpartition("/")

@@ -27,9 +27,10 @@ def volume_figures(
     Returns
     -------
     figures : dict
-        Under "depths" for every depth r.m.s. sigmas over the grid: `sigma_mm` of a point's place in the camera's frame,
-        `form_sigma_mm` after the best movement of all points as one, and of both devices' images `camera_px` and
-        `projector_lines`, after the best place of the device. Noise of a capture is no part of them.
+        Of several devices "camera" and "projector"; under "depths" for every depth r.m.s. sigmas over the grid:
+        `sigma_mm` of a point's place in the camera's frame, `form_sigma_mm` after the best movement of all points as
+        one, and of both devices' images `camera_px` and `projector_lines`, after the best place of the device. Noise
+        of a capture is no part of them.
     maps : dict
         The same over the grid, shape (depths, rows, columns), NaN where the projector lights nothing; `uv`, `xyz_mm`.
 
@@ -40,7 +41,7 @@ def volume_figures(
     """
     from core.checks.volume import form_of_fields, image_fields, point_fields, sigmas_of, volume_of
 
-    pair, depths = _known(project, run, camera, projector)
+    pair, depths, named = _known(project, run, camera, projector)
     if not pair.covariance.any():
         seen = "the calibration is another program's, which tells no sigmas"
         raise InputError(project.path, seen, "calibrate here, or import a file that has parameter_covariance")
@@ -55,7 +56,7 @@ def volume_figures(
         "projector_lines": sigmas_of(image_fields(pair.projector, pair.covariance[split:end, split:end], lit)),
     }
     maps = {name: volume.grid(v) for name, v in {**values, "uv": volume.uv, "xyz_mm": volume.xyz_mm}.items()}
-    return {"depths": _by_depth(depths, {name: maps[name] for name in values})}, maps
+    return {**named, "depths": _by_depth(depths, {name: maps[name] for name in values})}, maps
 
 
 def difference_figures(
@@ -84,7 +85,7 @@ def difference_figures(
     """
     from core.checks.volume import difference
 
-    pair, depths = _known(project, run, camera, projector)
+    pair, depths, _ = _known(project, run, camera, projector)
     second = _known(project, other, camera, projector)[0] if isinstance(other, int) else _of_folder(other, pair)
     found = difference(pair, second, depths)
     maps = {
@@ -144,13 +145,15 @@ def _by_depth(depths: Array, maps: dict[str, Array]) -> list[dict[str, Any]]:
     return rows
 
 
-def _known(project: Project, run: int | None, camera: str, projector: str) -> tuple[Pair, Array]:
-    """Give the pair of the calibration in use, or of a kept run, and the depths of its working volume."""
+def _known(project: Project, run: int | None, camera: str, projector: str) -> tuple[Pair, Array, dict[str, str]]:
+    """Give the pair of the calibration in use, or of a kept run, the depths of its working volume, and its names."""
     from core.checks.volume import working_depths
 
     calibration, adjustment = _kept(project, run)
     pair = pair_of(calibration, camera, projector)
-    return pair, working_depths(pair, adjustment, camera or calibration.camera_name)
+    camera, projector = camera or calibration.camera_name, projector or calibration.projector_name
+    named = {"camera": camera, "projector": projector} if len(calibration.devices) > 2 else {}
+    return pair, working_depths(pair, adjustment, camera), named
 
 
 def _kept(project: Project, run: int | None) -> tuple[PhotogrammetricCalibration, Adjustment | None]:

@@ -144,10 +144,14 @@ def volume_table(figures: Mapping[str, Any]) -> Table:
         for row in figures["depths"]
     ]
     columns = ("depth", "σ of a point [mm]", "of form [mm]", "of the camera's image [px]", "of the projector's [lines]")
-    notes = (
+    notes: tuple[str, ...] = (
         "r.m.s. over the image, by the calibration alone; form: after the best movement of all points as one, images: "
         "after the best place of the device.",
     )
+    if "camera" in figures:
+        notes += (
+            f"Of {figures['camera']} with {figures['projector']}; `stripe-core uncertainty` tells of the others.",
+        )
     return Table("Uncertainty over the working volume", columns, tuple(rows), notes)
 
 

@@ -22,8 +22,10 @@ from core.pipeline import calibrate_project, load_calibrations, reconstruct_capt
 from core.pipeline.decode import decode_capture, phase_maps
 from core.pipeline.exchange import export_calibration
 from core.pipeline.measure import kept_targets
+from core.pipeline.volumes import volume_figures
 from core.project import read_capture, read_project
 from core.reconstruct import Sight
+from core.report.numbers import volume_table
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +49,16 @@ def test_targets_of_every_camera_are_measured(project: Project) -> None:
     found = {(t.capture, t.camera, t.projector) for t in kept_targets(project)}
     assert len(found) == 16
     assert ("testfield-01", "right", "projector") in found
+
+
+def test_what_is_said_of_a_pair_names_it(project: Project) -> None:
+    """Points left out, and the working volume's table: each line was there for both cameras, of neither."""
+    pairs = {f"{camera} with projector" for camera in project.rig.cameras}
+    told = [entry.because for entry in load_calibrations(project)["photogrammetric"].left_out]
+    assert pairs == {text.partition(": ")[0] for text in told}
+    figures, _ = volume_figures(project, camera="right")
+    assert (figures["camera"], figures["projector"]) == ("right", "projector")
+    assert "Of right with projector; " in volume_table(figures).notes[-1]
 
 
 def test_figures_have_all_devices_and_orientations(project: Project) -> None:

@@ -23,7 +23,7 @@ def known(monkeypatch):
         for covariance in (np.diag(SIGMA**2), np.zeros((24, 24)))
     )
     depths = np.array([550.0, 600.0, 650.0])
-    monkeypatch.setattr(volumes, "_known", lambda project, run, *devices: ((imported if run else sure), depths))
+    monkeypatch.setattr(volumes, "_known", lambda project, run, *devices: ((imported if run else sure), depths, {}))
 
     class Folder:
         path = "project"
