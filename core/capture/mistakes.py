@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.contradictions import Looked, contradicting, looks
+from core.capture.contradictions import PIXELS, Looked, contradicting, looks, unexplained
 from core.capture.lookup import nearest
 from core.capture.plan import Plan
 from core.patterns import Code, Pattern, Phase, describe
@@ -26,6 +26,7 @@ MOST_PIXELS = 0.8  # of them must fit
 EVEN = 0.9  # of them where no edges are
 PLAIN = ("white", "black", "its inverse")  # what one frame alone may show by mistake, likelier than another pattern
 BEYOND, LEFT = 0.02, 0.06  # of all pixels: explained by more lines at least, and left by them at most
+MOST_BEYOND = 0.3  # of the pixels may lie beyond the declared lines: more lines explain them; of 24 sound axes none
 MOST_FRAMES = 16  # beyond that pairs of frames are not tried
 
 
@@ -87,12 +88,26 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
     return ": frames are of another capture or sequence, something moved, or the patterns are not what was shown", None
 
 
-def more_lines(looked: Looked, share: float) -> str:
+def left_unexplained(looked: Looked, few: int = PIXELS) -> tuple[float, float]:
+    """Shares of pixels that no declared line explains, and none that the code can tell."""
+    some = np.linspace(0, looked.values.shape[1] - 1, min(few, looked.values.shape[1])).astype(int)
+    bad, straight = unexplained(looked.values[:, some], looked.patterns, looked, 2 if few == PIXELS else 0)
+    left = bad.copy()
+    if _room(looked) > looked.lines and bad.any():
+        left[bad] = unexplained(straight[:, bad], looked.patterns, replace(looked, lines=_room(looked)), 0)[0]
+    return float(bad.mean()), float(left.mean())
+
+
+def _room(looked: Looked) -> int:
+    """How many lines the code can tell."""
+    return max((p.cell << p.bits for p in looked.patterns if isinstance(p, Code)), default=0)
+
+
+def more_lines(looked: Looked, share: float, left: float) -> str:
     """Say that the projector has more lines than declared, where these explain what contradicts; else nothing."""
-    room = max((p.cell << p.bits for p in looked.patterns if isinstance(p, Code)), default=0)
-    if room <= looked.lines:
+    if share - left <= BEYOND or share >= MOST_BEYOND:
         return ""
-    left = contradicting(looked.values, looked.patterns, replace(looked, lines=room))
+    left = contradicting(looked.values, looked.patterns, replace(looked, lines=_room(looked)))  # now with all pixels
     if share - left <= BEYOND or left > max(FITS * share, LEFT):
         return ""
     along, word = ("columns", "width") if looked.axis == "x" else ("rows", "height")

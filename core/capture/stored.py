@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.contradictions import PIXELS, Looked, contradicting
+from core.capture.contradictions import PIXELS, Looked
 from core.capture.exchanged import exchanged_frames
-from core.capture.mistakes import BEYOND, explanation, more_lines
+from core.capture.mistakes import BEYOND, explanation, left_unexplained, more_lines
 from core.capture.plan import Plan
 from core.capture.quality import BRIGHT, Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
@@ -30,7 +30,6 @@ Array = NDArray[np.float32]
 GRID = 12_000  # pixels sampled
 SHARE = 0.12  # of the pixels that contradict themselves; sound captures have below 0.05
 FEW = 200  # pixels that nearly always show it: half of that where it is 0.15 comes once in 15,000 captures
-MOST_BEYOND = 0.3  # of the pixels may lie beyond the declared lines: more lines explain them; of 24 sound axes none
 LEAST_LIT = 150  # sampled pixels without which nothing is told
 DARK = 0.01  # of the image that must be lit
 SATURATED = 0.05  # of the lit pixels
@@ -87,10 +86,13 @@ def check_stored(
         if not any(f.check in ("light", "saturation") for f in found):
             found += _contradictions(plan, sampled, lines)
         found += _halves(plan, images)
-    if phase is not None and not any(f.level == "bad" and f.check != "movement" for f in found):
+    bad = {f.check for f in found if f.level == "bad"} - {"movement"}
+    if phase is not None and bad <= {"lines"}:
         patterns = [f.pattern for f in capture.frames]
-        jumping = exchanged_frames(patterns, [("x", phase.u, "columns"), ("y", phase.v, "rows")])
-        found += [*_hand(phase), *(jumping or (_plane(phase) if capture.role != "object" else []))]
+        if jumping := exchanged_frames(patterns, [("x", phase.u, "columns"), ("y", phase.v, "rows")]):
+            found = [f for f in found if f.check != "lines"]  # exchanged bits name lines that are not there
+        if jumping or not bad:
+            found += [*_hand(phase), *(jumping or (_plane(phase) if capture.role != "object" else []))]
     return [*found, *_compressed(capture, images)]
 
 
@@ -217,11 +219,11 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
             continue
         own = list(shots)
         looked = Looked.of(shots, [plan.shots[i] for i in shots], values[own], inverted[own], lines)
-        share = contradicting(looked.values, looked.patterns, looked, FEW)
-        if share > BEYOND:
-            share = contradicting(looked.values, looked.patterns, looked)
-        if told := more_lines(looked, share) if BEYOND < share < MOST_BEYOND else "":
-            found.append(Finding("identity", "bad", told, {"contradicting": share}))
+        share, left = left_unexplained(looked, FEW)
+        if share > SHARE / 2 or share - left > BEYOND / 2:
+            share, left = left_unexplained(looked)
+        if told := more_lines(looked, share, left):
+            found.append(Finding("lines", "bad", told, {"contradicting": share}))
         elif share > SHARE:
             along = "columns" if axis == "x" else "rows"
             text = f"frames across {along} contradict each other in {share:.0%} of the pixels"
