@@ -21,8 +21,9 @@ from core.numerics import sigma_by_median
 Array = NDArray[np.float64]
 
 LEAST_STRENGTH = 1e-13  # share of a parameter's information that is its own, below which it is rounding
-HOPELESS = 0.1  # sigma of a parameter, as displacement at the image's edge over the image's radius: not estimated
-POOR = 0.01  # the same, to be warned of
+HOPELESS = 0.2  # sigma of a parameter, as displacement at the image's edge over the image's radius: not estimated
+LOST = 0.1  # sigma of a point over the extent of all of them: not determined
+POOR = 0.01  # the same as either, to be warned of
 ROLL_CONCENTRATION = 0.9  # mean length of the doubled roll angles; 1 where all images have the same roll
 LEAST_CONVERGENCE_DEG = 20.0  # between the viewing directions of the images that differ most
 CONVERGENT_DEG = 10.0  # inclination to the mean direction at which an image counts as convergent
@@ -107,7 +108,7 @@ def _poor_points(network: Network, problem: Problem, state: State, inverse: Inve
     squares = variance * np.abs(cofactors).sum(axis=1)
     sigma, extent = np.sqrt(squares), float(np.linalg.norm(np.ptp(state.xyz, axis=0)))
     order = np.argsort(-sigma)
-    lost = [network.point_names[i] for i in order if sigma[i] > HOPELESS * extent]
+    lost = [network.point_names[i] for i in order if sigma[i] > LOST * extent]
     if lost:
         raise AdjustmentError(
             f"point {listed(lost)}",

@@ -163,3 +163,13 @@ def test_mistaken_identities_are_rejected_where_they_are_few(simulate):
 def test_numbers_that_mean_nothing_are_refused(simulate, change, message):
     with pytest.raises(InputError, match=message):
         adjust(change(simulate(poses=4).network))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_principal_point_that_is_hardly_known_is_given_with_its_sigma(simulate, seed):
+    drawn = simulate(use=("camera",), poses=8, seed=seed, sigma_px={"camera": 4.0})
+    adjustment = adjust(drawn.network)
+    device = adjustment.devices["camera"]
+    off = device.interior.vector - drawn.interior["camera"].vector
+    assert np.abs(off / device.sigma).max() < 4.5
+    assert any("weakly determined: camera." in warning for warning in adjustment.warnings)
