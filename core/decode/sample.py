@@ -29,7 +29,8 @@ from core.parallel import run_in_bands
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
 RESIDUALS, FEWEST = 4096, 512  # residuals that are enough, but from no fewer pixels
 UNSATURATED = 100  # pixels without a saturated step, fewer do not tell the noise
-WIDE = 0.25  # part of a frame that must not be saturated to tell it
+WHOLE = 1, 0.25  # steps of the grey values, part of a frame that must lie in one and not be saturated to tell it
+BY_LEVEL = 8, 0.01  # the same where bright places tell noise that dark ones do not
 FEW_ROWS = 8192  # pixels in rows of the image that tell the noise of bent waves
 LIT = 0.1  # part of the brightest pixels' amplitude that one must have to tell it
 DIM = 0.5  # part of the brightest pixels' range of grey values, less of which is no light
@@ -122,8 +123,10 @@ def measure_noise(
         g = telling[used[numbers]]
         g_top = g.max(axis=0)
         g = np.compress(g_top < saturation, g, axis=1)  # an index would leave it in a slower order
-        if g.shape[1] < UNSATURATED < len(g_top):
-            return estimate_noise(*_smoothest(images, saturation), step)
+        swing = np.ptp(telling[used[numbers]], axis=0)
+        lit = swing > DIM * np.percentile(swing, 90)
+        if np.count_nonzero(lit & (g_top < saturation)) < UNSATURATED < np.count_nonzero(lit & (g_top >= saturation)):
+            return estimate_noise(*_smoothest(images, saturation, *BY_LEVEL), step)
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
         residual, unlit = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g), 0.0
         level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
@@ -267,21 +270,23 @@ def _smoothness(
                 each[0] for each in without_harmonics(residual[None], factors, shown, waves, also=spatial_residual)
             )
         return residual[good], level[good]
-    return _smoothest(images, saturation)
+    return _smoothest(images, saturation, *WHOLE)
 
 
-def _smoothest(images: Sequence[Image], saturation: float) -> tuple[Array, Array]:
-    """Second differences along some rows of the frame with the widest stripes, and their levels."""
+def _smoothest(images: Sequence[Image], saturation: float, steps: int, least: float) -> tuple[Array, Array]:
+    """Second differences along some rows, and their levels: in every step of levels of the frame smoothest there."""
     height = images[0].shape[0]
-    best, found = np.inf, (np.zeros(0), np.zeros(0))
+    best, found = np.full(steps, np.inf), [(np.zeros(0), np.zeros(0))] * steps
     for image in images:
         grey = image[height // 64 :: max(1, height // 32)].astype(np.float32)
         good = np.maximum(np.maximum(grey[:, 2:], grey[:, :-2]), grey[:, 1:-1]) < saturation
-        if good.mean() > WIDE:
-            residual, level = (each[good] for each in spatial_residual(grey))
-            median = float(np.median(np.abs(residual)))
-            best, found = (median, (residual, level)) if median < best else (best, found)
-    return found
+        residual, level = (each[good] for each in spatial_residual(grey))
+        part = (level * (steps / saturation)).astype(int)
+        for n in np.flatnonzero(np.bincount(part, minlength=steps) > least * good.size):
+            median = float(np.median(np.abs(residual[part == n])))
+            if median < best[n]:
+                best[n], found[n] = median, (residual[part == n], level[part == n])
+    return np.concatenate([each for each, _ in found]), np.concatenate([each for _, each in found])
 
 
 def limits_of(noise: Noise, saturation: float, options: DecodeOptions, tables: Sequence[AxisTable] = ()) -> Limits:

@@ -164,6 +164,18 @@ def _bent(pattern: Phase) -> Lines:
     return Lines("x", tuple(light.tolist()))
 
 
+def test_noise_of_light_that_saturates_is_not_that_of_the_dark(bench, judge) -> None:
+    """Every pixel that is lit has a saturated step, so only what is not lit shows its noise by all four."""
+    patterns = [*(p for axis in "xy" for p in gray_and_phase(axis, N, cell=8, periods=[16])), *REFERENCE]
+    lit = np.where(np.arange(600) < 250, 300.0, 0.0)[None, :]
+    b = bench(height=300, width=600, both=True, gain=lit, ambient=10.0, dark=2.0, shot=0.03)
+    phase = decode(patterns, b.take(patterns), lines=(N, N))
+    for axis, truth in (("x", b.u), ("y", b.v)):
+        result = judge(phase, truth, 3, axis)
+        assert result.valid > 0.2
+        assert 0.85 < result.sigma_ratio < 1.15
+
+
 def test_a_saturated_white_frame_does_no_harm(bench, judge) -> None:
     """Blur keeps the fringes from reaching the brightness of white."""
     patterns = [*gray_and_phase("x", N, cell=4, periods=[4]), *REFERENCE]
