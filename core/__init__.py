@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from core.api import reconstruct_phase as reconstruct_phase
     from core.api import triangulate as triangulate
     from core.api import undistort_image as undistort_image
+    from core.errors import AdjustmentError as AdjustmentError
+    from core.errors import InputError as InputError
     from core.errors import StripeError as StripeError
     from core.pipeline import CalibrateOptions as CalibrateOptions
     from core.pipeline import adjust_network as adjust_network
@@ -76,7 +78,7 @@ _HOMES = {
     " measure_project orient_capture print_testfield reconstruct_capture report_project simulate_project",
     "core.project": "read_capture read_network read_project",
     "core.progress": "Progress",
-    "core.errors": "StripeError",
+    "core.errors": "AdjustmentError InputError StripeError",
 }
 if not TYPE_CHECKING:  # else every name would be right
     _find, _listed, _names = attach(__name__, _HOMES)

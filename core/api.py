@@ -27,9 +27,11 @@ from core.geometry import (
     ray_directions,
     undistort,
 )
-from core.given import as_coordinates, as_image, as_numbers, as_pattern, as_sigmas, as_size
+from core.given import as_coordinates, as_device, as_image, as_numbers, as_pattern, as_sigmas, as_size
 from core.model import (
     AdjustedDevice,
+    Adjustment,
+    Concern,
     DeviceSpec,
     Interior,
     Pair,
@@ -41,6 +43,7 @@ from core.model import (
     ScaleBar,
     TargetSet,
     Testfield,
+    verdict_of,
 )
 from core.patterns import Pattern
 from core.progress import SILENT, Progress
@@ -51,6 +54,7 @@ Device = AdjustedDevice | tuple[DeviceSpec, Interior]
 OPENCV_FROM_OURS = Pose(np.diag([1.0, -1.0, -1.0]))
 _LEAST_SIGMA = 1e-4  # px or lines: one told smaller counts as this
 _AT_ONCE = 1 << 16  # points intersected together
+_BESIDE = 0.5  # of a raster that coordinates may lie beside it: those of a projector are extrapolated at times
 
 
 def decode_frames(
@@ -70,7 +74,8 @@ def decode_frames(
     images : sequence of uint8 or uint16 arrays, shape (H, W)
         In the same order, whichever it is. A masked array must have nothing masked.
     projector_size : (int, int), optional
-        Columns and rows of the projector; without it what the frames themselves tell apart.
+        Columns and rows of the projector; without it what the frames themselves tell apart, which of one period alone
+        is the place within it.
 
     Returns
     -------
@@ -86,7 +91,7 @@ def decode_frames(
 
     shown = [as_pattern(f"patterns[{k}]", pattern) for k, pattern in enumerate(patterns)]
     arrays = [as_image(f"images[{k}]", image) for k, image in enumerate(images)]
-    size = None if projector_size is None else as_size(projector_size)
+    size = None if projector_size is None else as_size("projector_size", projector_size)
     return decode(shown, arrays, lines=size, where="images", progress=progress)
 
 
@@ -124,33 +129,45 @@ def calibrate_points(
     Returns
     -------
     calibration : PhotogrammetricCalibration
-        With the covariance of all its parameters.
+        With the covariance of all its parameters. Its `verdict` says what speaks against it: residuals against the
+        sigmas given, nominal focal lengths, the board against the length.
 
     Raises
     ------
-    InputError
-        If the arrays do not fit together.
-    AdjustmentError
+    core.InputError
+        If the arrays do not fit together, or not the devices.
+    core.AdjustmentError
         If the points do not determine the calibration.
     """
     from core.calibrate import calibrate_photogrammetric
+    from core.checks import (
+        adjustment_concerns,
+        left_out_of,
+        length_concerns,
+        nominal_concerns,
+        rejected_of,
+        sound_words,
+    )
 
+    as_device("camera", camera)
+    as_device("projector", projector)
     board = np.atleast_2d(as_numbers("board_mm", board_mm))
     n = len(board)
     if board.ndim != 2 or board.shape[1] not in (2, 3):
         raise InputError("board_mm", f"has shape {board.shape}", "give (n, 3) or (n, 2)")
     if board.shape[1] == 2:
         board = np.column_stack([board, np.zeros(n)])
-    if length is not None and len(length) != 4:
-        raise InputError("length", f"has {len(length)} values", "give two indices, millimetres and their sigma")
-    seen = _positions("camera_uv", camera_uv, n)
-    lit = _positions("projector_uv", projector_uv, n)
+    if length is not None and (len(length) != 4 or length[0] == length[1] or not {*length[:2]} <= {*range(n)}):
+        told = f"is {tuple(length)!r}, the board has {n} points"
+        raise InputError("length", told, "give indices of two of them from 0, millimetres and their sigma")
+    seen = _positions("camera_uv", camera_uv, n, camera)
+    lit = _positions("projector_uv", projector_uv, n, projector)
     if len(seen) != len(lit):
         raise InputError("projector_uv", f"has {len(lit)} positions, camera_uv {len(seen)}", "give as many")
     if not np.isfinite(board).all():
         raise InputError("board_mm", "has undefined values", "give approximate coordinates of every point")
-    sigma = as_sigmas("camera_sigma_px", camera_sigma_px, seen)
-    sigma_lit = as_sigmas("projector_sigma_lines", projector_sigma_lines, lit)
+    sigma = as_sigmas("camera_sigma_px", camera_sigma_px, seen, exact=False)
+    sigma_lit = as_sigmas("projector_sigma_lines", projector_sigma_lines, lit, exact=False)
     row, col = np.zeros(n, np.int64), np.arange(n)
     field = Testfield(row, col, board, np.full(n, np.nan))
     targets = []
@@ -162,7 +179,29 @@ def calibrate_points(
         targets.append(TargetSet(f"position {k + 1}", row[use], col[use], seen[k, use], covariance, *where))
     bar = ScaleBar((0, length[0]), (0, length[1]), length[2], length[3]) if length else None
     rig = Rig({"camera": camera}, {"projector": projector})
-    return calibrate_photogrammetric(rig, field, targets, scale=bar, rigid=rigid, progress=progress)[0]
+    found, adjustment = calibrate_photogrammetric(rig, field, targets, scale=bar, rigid=rigid, progress=progress)
+    rejected, _ = rejected_of(adjustment, targets)
+    concerns = [
+        *_from_behind(adjustment),
+        *adjustment_concerns(adjustment, rejected),
+        *length_concerns(adjustment, field, bar, None, False),
+        *nominal_concerns(found.devices),
+    ]
+    verdict = verdict_of(concerns, sound_words(adjustment))
+    return replace(found, verdict=verdict, left_out=left_out_of(targets, rejected))
+
+
+def _from_behind(adjustment: Adjustment) -> list[Concern]:
+    """Tell a board whose z leads away from the devices, as it does where images are mirrored."""
+    poses = adjustment.station_from_object
+    behind = sum(1 for pose in poses if pose.rotation[2, 2] < 0)
+    if 2 * behind <= len(poses):
+        return []
+    text = (
+        f"board_mm: is seen from behind in {behind} of {len(poses)} images: give its y upwards, and v downwards; "
+        "of mirrored images the calibration is mirrored, too"
+    )
+    return [Concern("doubtful", text)]
 
 
 def reconstruct_phase(
@@ -438,17 +477,23 @@ def _known(device: Device) -> tuple[DeviceSpec, Interior]:
     known = (device.spec, device.interior) if isinstance(device, AdjustedDevice) else device
     match known:
         case (DeviceSpec() as spec, Interior() as interior):
-            return spec, interior
+            return as_device("device", spec), interior
     raise InputError(
         "device", f"is of type {type(device).__name__}", "give what a calibration holds, or (DeviceSpec, Interior)"
     )
 
 
-def _positions(name: str, given: Sequence[ArrayLike], n: int) -> Array:
+def _positions(name: str, given: Sequence[ArrayLike], n: int, device: DeviceSpec) -> Array:
+    size = np.array([device.width, device.height])
     arrays = [as_coordinates(f"{name}[{k}]", uv) for k, uv in enumerate(given)]
     for k, uv in enumerate(arrays):
         if uv.shape != (n, 2):
             raise InputError(f"{name}[{k}]", f"has shape {uv.shape}", f"give ({n}, 2), NaN where a point was not seen")
+        beside = np.any((uv < -_BESIDE * size) | (uv > (1 + _BESIDE) * size), axis=1)
+        if beside.any():
+            u, v = uv[beside][0]
+            seen = f"has ({u:.6g}, {v:.6g}), its device {size[0]}x{size[1]} pixels or lines"
+            raise InputError(f"{name}[{k}]", seen, "give coordinates of this device, or its size")
     if not arrays:
         raise InputError(name, "is empty", "give one array for each position of the board")
     return np.stack(arrays)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import InputError
-from core.model.arrays import Array
+from core.model import Array, DeviceSpec
 from core.patterns import KINDS, Pattern, pattern_from_dict
 
 
@@ -34,14 +34,14 @@ def as_image(name: str, given: ArrayLike) -> NDArray[Any]:
     return image.astype(image.dtype.newbyteorder("="), copy=False)
 
 
-def as_size(given: tuple[int, int]) -> tuple[int, int]:
-    """Give a projector's columns and rows."""
+def as_size(name: str, given: tuple[int, int]) -> tuple[int, int]:
+    """Give a device's columns and rows."""
     try:
         width, height = map(index, given)
     except (TypeError, ValueError):
         width = height = 0
     if min(width, height) < 1:
-        raise InputError("projector_size", f"is {given!r}", "give columns and rows, two whole numbers above 0")
+        raise InputError(name, f"is {given!r}", "give columns and rows, two whole numbers above 0")
     return width, height
 
 
@@ -62,13 +62,26 @@ def as_coordinates(name: str, given: ArrayLike) -> Array:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def as_sigmas(name: str, sigma: ArrayLike, of: Array) -> Array:
-    """Give a standard deviation to each of the coordinates; it may be undefined where the coordinate is."""
+def as_device(name: str, given: DeviceSpec) -> DeviceSpec:
+    """Give a device that can be: its raster and its focal length are above 0."""
+    if not isinstance(given, DeviceSpec):
+        raise InputError(name, f"is of type {type(given).__name__}", "give a DeviceSpec")
+    as_size(f"size of {name}", (given.width, given.height))
+    lengths = as_numbers(f"{name}.pitch_mm", given.pitch_mm), as_numbers(f"{name}.nominal_c_mm", given.nominal_c_mm)
+    for field, values, shape in zip(("pitch_mm", "nominal_c_mm"), lengths, ((2,), ()), strict=True):
+        if values.shape != shape or not np.all((values > 0) & np.isfinite(values)):
+            raise InputError(f"{name}.{field}", f"is {getattr(given, field)!r}", "give millimetres above 0")
+    return given
+
+
+def as_sigmas(name: str, sigma: ArrayLike, of: Array, *, exact: bool = True) -> Array:
+    """Give a standard deviation to each coordinate; it may be undefined where that is, and 0 if `exact`."""
     values = as_numbers(name, sigma)
     try:
         spread = np.broadcast_to(values, of.shape)
     except ValueError:
         raise InputError(name, f"has shape {values.shape}", f"give what broadcasts to {of.shape}") from None
-    if not np.all((np.isfinite(spread) & (spread >= 0)) | np.isnan(of)):
-        raise InputError(name, "has negative or undefined values", "give standard deviations")
+    if not np.all((np.isfinite(spread) & (spread >= 0) & (exact | (spread > 0))) | np.isnan(of)):
+        seen = f"has {'' if exact else 'zero, '}negative or undefined values"
+        raise InputError(name, seen, "give standard deviations")
     return spread

@@ -57,7 +57,7 @@ ALLOWED = {
     | {"lazy", "checks", "exchange", "orient"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "given": {"errors", "model", "patterns"},
-    "api": GROUND | {"given", "decode", "calibrate", "reconstruct", "orient"},
+    "api": GROUND | {"given", "decode", "calibrate", "checks", "reconstruct", "orient"},
     "demo": {"progress", "model", "patterns", "figures", "project", "pipeline", "report"},
     "cli": {
         "errors",

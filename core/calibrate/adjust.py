@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -31,7 +32,14 @@ from core.calibrate.snooping import (
     within_images,
 )
 from core.calibrate.state import State, interior_of, station_orientations
-from core.calibrate.weakness import ORIENTATION, check_estimable, geometry_warnings, singular_error, unsolved_error
+from core.calibrate.weakness import (
+    ORIENTATION,
+    check_estimable,
+    geometry_warnings,
+    mirrored_error,
+    singular_error,
+    unsolved_error,
+)
 from core.errors import AdjustmentError
 from core.geometry import LENSES, Pose
 from core.model import AdjustedDevice, Adjustment, Network
@@ -41,6 +49,7 @@ Array = NDArray[np.float64]
 
 FACTOR_TOLERANCE = 1e-4  # relative change at which variance components have settled
 FACTOR_ROUNDS = 20
+MIRRORED = 10.0  # σ0 at most, if it is the mirrored images that fit
 LEAST_FACTOR = 1e-8  # of a variance: simulated observations without noise count as ten thousand times better, no more
 
 
@@ -83,8 +92,38 @@ def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Prog
 
 
 def solve_network(network: Network, options: AdjustOptions, progress: Progress = SILENT) -> tuple[Solved, list[str]]:
-    """Adjust a network, reject gross errors where the options say so, and collect what weakens it."""
+    """Adjust a network, reject gross errors where the options say so, and collect what weakens it.
+
+    Where that fails and would not with mirrored images, the error says so.
+    """
     check_network(network)
+    try:
+        return _solved(network, options, progress)
+    except AdjustmentError:
+        every = tuple(network.devices)
+        if _fits(_mirrored(network, every), options):
+            raise mirrored_error(", ".join(every)) from None
+        if alone := [name for name in every if _fits(_mirrored(network, (name,)), options)]:
+            raise mirrored_error(" or ".join(alone)) from None
+        raise
+
+
+def _fits(network: Network, options: AdjustOptions) -> bool:
+    with suppress(AdjustmentError):
+        return _solved(network, options, SILENT)[0].variance < MIRRORED**2
+    return False
+
+
+def _mirrored(network: Network, devices: Collection[str]) -> Network:
+    """Count v of those devices upwards."""
+    of = [network.station_device[s] for s in network.observation_station]
+    last = np.array([network.devices[name].spec.height - 1 if name in devices else np.nan for name in of])
+    uv = network.observation_uv.copy()
+    uv[:, 1] = np.where(np.isnan(last), uv[:, 1], last - uv[:, 1])
+    return replace(network, observation_uv=uv)
+
+
+def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tuple[Solved, list[str]]:
     network, warnings = adjustable(network)
     network, more = without_unobservable(network)
     warnings += more

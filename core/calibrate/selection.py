@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -134,8 +135,8 @@ def adjustable(network: Network) -> tuple[Network, list[str]]:
         few, single = _weak_stations(network), np.empty(0, np.int64)
         keep = ~np.isin(network.observation_station, few)
         if len(few):
-            names = listed([network.station_names[s] for s in few])
-            warnings.append(f"left out, fewer than {LEAST_POINTS} usable points: station {names}")
+            names = listed([network.station_names[s] for s in few if s in network.observation_station])
+            warnings += [f"left out, fewer than {LEAST_POINTS} usable points: station {names}"] * bool(names)
         else:
             single = _single_ray_points(network)
             keep = ~np.isin(network.observation_point, single)
@@ -205,7 +206,7 @@ def _check_connected(network: Network) -> None:
     )
 
 
-def listed(names: list[str], most: int = 8) -> str:
+def listed(names: Sequence[str], most: int = 8) -> str:
     """Join names for a message, the first few of many."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more

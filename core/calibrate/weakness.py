@@ -155,6 +155,16 @@ def singular_error(network: Network, problem: Problem, state: State, error: Sing
     return _loose_points([network.point_names[i] for i in lost])
 
 
+def mirrored_error(devices: str) -> AdjustmentError:
+    """Say whose images would fit if they were mirrored."""
+    return AdjustmentError(
+        devices,
+        "images fit the points only when they are mirrored",
+        "count v downwards and u to the right, exchange u and v if they were exchanged, or give the points in a "
+        "right-handed system",
+    )
+
+
 def _loose_points(names: list[str]) -> AdjustmentError:
     return AdjustmentError(
         f"point {listed(names)}",
@@ -251,7 +261,7 @@ def _no_convergence(R: Array, estimated: list[str]) -> str:
     shown = {"left": -normals[:, 0], "right": normals[:, 0], "up": normals[:, 1], "down": -normals[:, 1]}
     missing = [side for side, lean in shown.items() if not np.any(lean > limit)] or list(shown)
     return (
-        f"only {count} of {len(R)} images are inclined by more than {CONVERGENT_DEG:.0f}° to the mean viewing "
+        f"{count} of {len(R)} images are inclined by more than {CONVERGENT_DEG:.0f}° to the mean viewing "
         f"direction (widest angle {widest:.0f}°): c, x0, y0 are weak; add convergent images: "
         f"tilt the field by 30° so that it faces {', '.join(missing)}"
     )

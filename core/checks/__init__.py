@@ -17,9 +17,9 @@ left_out.py  points and captures that had no part, with the reasons
 
 from core.checks.files import repeated_frames, repeated_targets
 from core.checks.greys import grey_concerns
-from core.checks.left_out import left_out_of
+from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
-from core.checks.network import adjustment_concerns, given_concerns, nominal_concerns, variance_ratios
+from core.checks.network import adjustment_concerns, given_concerns, nominal_concerns, sound_words
 from core.checks.planes import DOUBTFUL_RATIO, form_of, pair_concerns, plane_concerns
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
@@ -45,11 +45,12 @@ __all__ = [
     "pair_concerns",
     "plane_concerns",
     "pose_plates",
+    "rejected_of",
     "repeated_frames",
     "repeated_targets",
     "response_concerns",
     "see_plates",
     "size_concerns",
-    "variance_ratios",
+    "sound_words",
     "verdict_of",
 ]

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
-from core.model import LeftOut, TargetSet
+import numpy as np
+
+from core.model import Adjustment, LeftOut, StationId, TargetSet
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
@@ -60,3 +62,27 @@ def _merged(reasons: list[str]) -> str:
         return reasons[0]
     most = max(reasons, key=lambda reason: [float(n) for n in NUMBER.findall(reason)])
     return NUMBER.sub(lambda figure: f"up to {figure.group()}", most, count=1)
+
+
+def rejected_of(
+    adjustment: Adjustment, targets: Sequence[TargetSet]
+) -> tuple[dict[str, tuple[int, int]], dict[str, tuple[int, int]]]:
+    """By station, observations left out of how many: gross errors, and points that nothing else sees."""
+    network = adjustment.network
+    points = set(network.point_names)
+    count = np.bincount(network.observation_station, minlength=len(network.station_names))
+    left = dict(zip(network.station_names, count.tolist(), strict=True))
+    gross, lonely = {}, {}
+    for t in targets:
+        names = [f"{r}/{c}" for r, c in zip(t.row.tolist(), t.col.tolist(), strict=True)]
+        camera = np.asarray(np.isfinite(t.camera_uv).all(axis=1))
+        projected = np.asarray(np.isfinite(t.projector_uv).any(axis=1))
+        for device, other, seen in ((t.camera, t.projector, camera), (t.projector, t.camera, camera & projected)):
+            station, of = str(StationId(t.capture, device)), int(seen.sum())
+            if station not in left and (by := str(StationId(t.capture, device, other))) in left:
+                station = by
+            alone = sum(1 for name, s in zip(names, seen.tolist(), strict=True) if s and name not in points)
+            lost = of - left.get(station, 0) - alone
+            gross[station] = max(lost, 0), of
+            lonely[station] = alone, of
+    return gross, lonely

@@ -14,10 +14,12 @@ from core.geometry.lens import lens_of
 from core.model import AdjustedDevice, Adjustment, Array, Concern, NetworkScale
 from core.numerics import chi_square_limit, nearest, normal_limit
 
+DOUBTS = ("not rigid", "look like gross errors", "left out, fewer than")  # of the adjustment's own warnings
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
 KNOWN_FACTORS = {10.0: "cm instead of mm", 25.4: "inches instead of mm", 1000.0: "m instead of mm"}
+OTHER_SCALE = 2.0  # nobody's approximate coordinates are so wrong
 ANOTHER_UNIT = 0.01  # residuals over sigmas that no carefulness explains
 AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is common to them
 LOST = 0.05  # share of the observations that may be gross errors
@@ -30,14 +32,21 @@ OFF_CENTRE = 0.2  # a camera's principal point, as a share of half its image
 
 
 def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int, int]] | None = None) -> list[Concern]:
-    """Test the residuals of a bundle adjustment.
+    """Test the residuals of a bundle adjustment, and heed those of its warnings that put it in doubt.
 
     Parameters
     ----------
     rejected : mapping, optional
         By station, how many of how many observations were left out as gross errors.
     """
-    return [*_chi_square(adjustment), *_systematic(adjustment), *_rejected(rejected or {})]
+    own = [Concern("doubtful", text) for text in adjustment.warnings if any(doubt in text for doubt in DOUBTS)]
+    return [*_chi_square(adjustment), *_systematic(adjustment), *_rejected(rejected or {}), *own]
+
+
+def sound_words(adjustment: Adjustment) -> tuple[str, ...]:
+    """What to say of an adjustment that nothing speaks against."""
+    told = ", ".join(f"{name} {factor**0.5:.2f}" for name, (factor, _) in factors(adjustment).items())
+    return (f"residuals over the sigmas given: {told}; nothing systematic",) if told else ()
 
 
 def unit_hint(ratio: float) -> str:
@@ -78,10 +87,11 @@ def _length(adjustment: Adjustment, bar: NetworkScale) -> list[Concern]:
             f"{found:.6g} mm: measure it again"
         )
         return [Concern("doubtful", text)]
-    if hint := unit_hint(max(roughly / size, size / max(roughly, 1e-9))):
+    ratio = max(roughly / size, size / max(roughly, 1e-9))
+    if ratio > OTHER_SCALE:
         text = (
             f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm, at the scale of points.csv "
-            f"{found * roughly / size:.4g} mm{hint}"
+            f"{found * roughly / size:.4g} mm{unit_hint(ratio)}: correct the one, or the coordinates"
         )
         return [Concern("doubtful", text)]
     return []
@@ -99,11 +109,6 @@ def factors(adjustment: Adjustment) -> dict[str, tuple[float, float]]:
         if redundancy > 1:
             result[name] = float(np.nansum(squares[own])) / redundancy, redundancy
     return result
-
-
-def variance_ratios(adjustment: Adjustment) -> dict[str, float]:
-    """By device, residuals over what the sigmas given allow."""
-    return {name: float(np.sqrt(factor)) for name, (factor, _) in factors(adjustment).items()}
 
 
 def _chi_square(adjustment: Adjustment) -> list[Concern]:

@@ -37,7 +37,6 @@ from core.pipeline.options import CalibrateOptions
 if TYPE_CHECKING:
     from core.checks import Plates
 
-DOUBTS = ("not rigid", "look like gross errors", "left out, fewer than")  # of the adjustment's own warnings
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
 # notes that name the mistake, those that name a frame or a value, and those that name what must be looked at
 SHARP = (
@@ -175,19 +174,6 @@ def lengths_of(
 def _why(reason: str) -> str:
     """Why no target was measured; dots of another size are cut in the middle, or reach into each other."""
     return f"{reason}; look at diameter_mm in its testfield file, too" if "contour" in reason else reason
-
-
-def warned(warnings: Sequence[str]) -> list[Concern]:
-    """Those warnings of the adjustment that put its result in doubt."""
-    return [Concern("doubtful", text) for text in warnings if any(doubt in text for doubt in DOUBTS)]
-
-
-def sound_words(adjustment: Adjustment) -> tuple[str, ...]:
-    """What to say of an adjustment that nothing speaks against."""
-    from core.checks import variance_ratios
-
-    told = ", ".join(f"{name} {ratio:.2f}" for name, ratio in variance_ratios(adjustment).items())
-    return (f"residuals over the sigmas given: {told}; nothing systematic",) if told else ()
 
 
 def _plates(

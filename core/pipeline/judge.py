@@ -10,7 +10,7 @@ import numpy as np
 
 from core.model import Adjustment, Calibration, Concern, Method, PlaneEvaluation, PointCloud, Verdict, verdict_of
 from core.parallel import run_in_bands
-from core.pipeline.evidence import Evidence, noted, sound_words, warned
+from core.pipeline.evidence import Evidence, noted
 from core.pipeline.methods import METHODS
 from core.project.contents import contents_of
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 def judge_adjustment(adjustment: Adjustment) -> Adjustment:
     """Judge the adjustment of a network on its own."""
-    from core.checks import adjustment_concerns, given_concerns, nominal_concerns
+    from core.checks import adjustment_concerns, given_concerns, nominal_concerns, sound_words
 
     concerns = [*given_concerns(adjustment), *adjustment_concerns(adjustment), *nominal_concerns(adjustment.devices)]
-    return replace(adjustment, verdict=verdict_of([*concerns, *warned(adjustment.warnings)], sound_words(adjustment)))
+    return replace(adjustment, verdict=verdict_of(concerns, sound_words(adjustment)))
 
 
 def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:

@@ -130,6 +130,8 @@ def _device(fields: Fields) -> NetworkDevice:
         return NetworkDevice(spec)
     estimate = tuple(fields.items("estimate"))
     for name in estimate:
+        if estimate.count(name) > 1:
+            raise fields.refuse("estimate", list(estimate), f"name {name} once")
         if name not in names:
             others = ", ".join(f'"{model}"' for model in LENSES if model != spec.model)
             remedy = f'choose among {", ".join(names)}, or say "interior": {{"model": …}} of the lens ({others})'

@@ -169,7 +169,9 @@ def test_what_the_calibration_is_unsure_of_goes_into_the_covariance(points):
         assert np.allclose(by_calibration, seen, rtol=0.2, atol=0.2 * np.trace(seen))
 
 
-def test_points_of_a_chessboard_calibrate_camera_and_projector():
+@pytest.fixture(scope="module")
+def chessboard():
+    """Its corners, and where camera and projector see them, with noise of 0.03 px and 0.05 lines."""
     rng = np.random.default_rng(7)
     x, y = np.meshgrid(np.linspace(-130, 130, 11), np.linspace(-100, 100, 9))
     board = np.column_stack([x.ravel(), y.ravel()])
@@ -190,10 +192,21 @@ def test_points_of_a_chessboard_calibrate_camera_and_projector():
         seen.append(camera + rng.normal(size=camera.shape) * sigma_px)
         lit.append(projector + rng.normal(size=camera.shape) * sigma_lines)
     seen[3][5] = np.nan  # a corner that was not found
-    found = core.calibrate_points(
-        CAMERA, PROJECTOR, board, seen, lit, camera_sigma_px=sigma_px, projector_sigma_lines=sigma_lines,
-        length=(0, len(board) - 1, float(np.hypot(260, 200)), 0.001),
-    )  # fmt: skip
+    return board, seen, lit
+
+
+DIAGONAL = 0, 98, float(np.hypot(260, 200)), 0.001
+
+
+def calibrated(board, seen, lit, length=DIAGONAL):
+    return core.calibrate_points(
+        CAMERA, PROJECTOR, board, seen, lit, camera_sigma_px=0.03, projector_sigma_lines=0.05, length=length
+    )
+
+
+def test_points_of_a_chessboard_calibrate_camera_and_projector(chessboard):
+    found = calibrated(*chessboard)
+    assert found.verdict.state == "passed"
     off = np.concatenate(
         [
             found.camera.interior.vector - CAMERA_TRUTH[1].vector,
@@ -205,6 +218,19 @@ def test_points_of_a_chessboard_calibrate_camera_and_projector():
     shift = found.projector_from_camera.translation_mm - PROJECTOR_FROM_CAMERA.translation_mm
     assert np.abs(shift / sigma[21:]).max() < 4.5
     assert found.sigma0 == pytest.approx(1, abs=0.1)
+
+
+def test_calibrations_are_judged_and_mirrored_images_named(chessboard):
+    board, seen, lit = chessboard
+    twice = calibrated(board, seen, lit, length=(0, 98, 656.0, 0.01)).verdict
+    assert (twice.state, "lengths disagree" in twice.because[0]) == ("failed", True)
+    upwards = [[1, -1] * uv + [0, PROJECTOR.height - 1] for uv in lit]
+    with pytest.raises(
+        core.AdjustmentError, match="camera or projector: images fit the points only when they are mirrored"
+    ):
+        calibrated(board, seen, upwards)
+    both = calibrated(board, [[1, -1] * uv + [0, CAMERA.height - 1] for uv in seen], upwards).verdict
+    assert (both.state, "from behind" in both.because[0]) == ("doubtful", True)
 
 
 def test_frames_decode_by_patterns_or_by_their_description():
@@ -234,6 +260,14 @@ def test_an_undistorted_image_is_what_opencv_makes():
         (lambda: core.calibrate_points(CAMERA, PROJECTOR, np.zeros((5, 4)), [], []), "board_mm"),
         (lambda: core.calibrate_points(CAMERA, PROJECTOR, np.zeros((5, 2)), [], []), "camera_uv"),
         (lambda: core.calibrate_points(CAMERA, PROJECTOR, np.zeros((5, 2)), [np.zeros((4, 2))], []), r"camera_uv\[0\]"),
+        (lambda: calibrated(np.zeros((5, 2)), [np.full((5, 2), 3e3)], [np.zeros((5, 2))], None), "1280x1024"),
+        (lambda: calibrated(np.zeros((5, 2)), [], [], (0, 5, 100.0, 0.1)), "length: .* 5 points"),
+        (lambda: core.calibrate_points(CAMERA, PROJECTOR, [[0, 0]], [[[0, 0]]], [[[0, 0]]], camera_sigma_px=0), "zero"),
+        (
+            lambda: core.calibrate_points(DeviceSpec(-3, 4, (0.1, 0.1), 3), PROJECTOR, [[0, 0]], [], []),
+            "size",
+        ),
+        (lambda: core.calibrate_points(CAMERA, DeviceSpec(3, 4, 0.1, 3), [[0, 0]], [], []), "projector.pitch_mm"),
         (lambda: core.triangulate(calibration(), np.zeros((5, 2)), np.zeros((4, 2))), "projector_uv"),
         (lambda: core.triangulate(calibration(), [0, 0], [0, 0], camera_sigma_px=-1), "camera_sigma_px"),
         (lambda: core.triangulate(calibration(), [[0, 0], [0]], [0, 0]), "camera_uv"),

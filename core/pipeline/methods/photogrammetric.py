@@ -18,11 +18,10 @@ from core.model import (
     PhotogrammetricCalibration,
     Project,
     ScaleBar,
-    StationId,
     TargetSet,
     Testfield,
 )
-from core.pipeline.evidence import Evidence, because_of, sound_words, warned
+from core.pipeline.evidence import Evidence, because_of
 from core.pipeline.measure import common_testfield, measured_targets
 from core.pipeline.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
@@ -96,14 +95,13 @@ def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: A
 
 
 def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibration) -> Judgement:
-    from core.checks import adjustment_concerns, left_out_of, nominal_concerns
+    from core.checks import adjustment_concerns, left_out_of, nominal_concerns, rejected_of, sound_words
 
     adjustment, targets = evidence.beside[ADJUSTMENT], evidence.targets(name)
     assert isinstance(adjustment, Adjustment)
-    rejected, lonely = _rejected(adjustment, targets)
+    rejected, lonely = rejected_of(adjustment, targets)
     concerns = [
         *adjustment_concerns(adjustment, rejected),
-        *warned(calibration.warnings),
         *(c for c in evidence.lengths if not evidence.of_plate(c)),
         *nominal_concerns(calibration.devices, evidence.project.rig.cameras),
     ]
@@ -116,30 +114,6 @@ def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibratio
 def _held(names: Sequence[str]) -> Concern:
     text = f"{' and '.join(names)} held at {'its' if len(names) == 1 else 'their'} nominal values: are these right? Try"
     return Concern("failed", f"{text} without --hold before you look for other causes")
-
-
-def _rejected(
-    adjustment: Adjustment, targets: Sequence[TargetSet]
-) -> tuple[dict[str, tuple[int, int]], dict[str, tuple[int, int]]]:
-    """By station, observations left out of how many: gross errors, and points that nothing else sees."""
-    network = adjustment.network
-    points = set(network.point_names)
-    count = np.bincount(network.observation_station, minlength=len(network.station_names))
-    left = dict(zip(network.station_names, count.tolist(), strict=True))
-    gross, lonely = {}, {}
-    for t in targets:
-        names = [f"{r}/{c}" for r, c in zip(t.row.tolist(), t.col.tolist(), strict=True)]
-        camera = np.asarray(np.isfinite(t.camera_uv).all(axis=1))
-        projected = np.asarray(np.isfinite(t.projector_uv).any(axis=1))
-        for device, other, seen in ((t.camera, t.projector, camera), (t.projector, t.camera, camera & projected)):
-            station, of = str(StationId(t.capture, device)), int(seen.sum())
-            if station not in left and (by := str(StationId(t.capture, device, other))) in left:
-                station = by
-            alone = sum(1 for name, s in zip(names, seen.tolist(), strict=True) if s and name not in points)
-            lost = of - left.get(station, 0) - alone
-            gross[station] = max(lost, 0), of
-            lonely[station] = alone, of
-    return gross, lonely
 
 
 def _devices(project: Project, calibration: PhotogrammetricCalibration) -> Sequence[tuple[str, DeviceSpec, DeviceSpec]]:

@@ -173,3 +173,29 @@ def test_a_principal_point_that_is_hardly_known_is_given_with_its_sigma(simulate
     off = device.interior.vector - drawn.interior["camera"].vector
     assert np.abs(off / device.sigma).max() < 4.5
     assert any("weakly determined: camera." in warning for warning in adjustment.warnings)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda n: replace(n, observation_uv=[1, -1] * n.observation_uv + [0, n.devices["camera"].spec.height - 1]),
+        lambda n: replace(n, observation_uv=n.observation_uv[:, ::-1].copy()),
+        lambda n: replace(n, point_xyz_mm=n.point_xyz_mm * [1, 1, -1]),
+    ],
+    ids=["v upwards", "u and v exchanged", "points left-handed"],
+)
+def test_mirrored_images_of_points_in_space_are_named(simulate, change):
+    network = simulate(use=("camera",), depth_mm=80.0, approximation_mm=0.5).network
+    with pytest.raises(AdjustmentError, match="camera: images fit the points only when they are mirrored"):
+        adjust(change(network))
+
+
+def test_a_station_without_observations_is_told_once(simulate):
+    network = simulate(use=("camera",), poses=6).network
+    idle = replace(
+        network,
+        station_names=(*network.station_names, "idle"),
+        station_device=(*network.station_device, "camera"),
+        station_pose=(*network.station_pose, max(network.station_pose) + 1),
+    )
+    assert [w for w in adjust(idle).warnings if "idle" in w] == ["left out, no observations: station idle"]
