@@ -56,9 +56,10 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
         return _one(looked, min(plain)[2], min(plain)[1])
     tried = [(contradicting(v, p, looked, FEW), text, p) for text, v, p in _descriptions(plan, values, looked)]
     least = min(left for left, _, _ in tried)
-    room = max((p.cell << p.bits for p in looked.patterns if isinstance(p, Code)), default=0)
-    wider = contradicting(looked.values, looked.patterns, replace(looked, lines=room), FEW)
-    if looked.lines < room and wider <= most and wider + ALIKE < least:  # more lines allow for more
+    wider = 1.0
+    if looked.lines < _room(looked):
+        wider = contradicting(looked.values, looked.patterns, replace(looked, lines=_room(looked)), FEW)
+    if wider <= most and wider + ALIKE < least:  # more lines allow for more
         word = "width" if looked.axis == "x" else "height"
         why = f": they fit if the projector has more than {looked.lines} lines: {word} in project.json"
         return why + (

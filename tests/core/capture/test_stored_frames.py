@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import cv2
@@ -147,6 +148,14 @@ def test_frames_that_are_not_what_they_claim_are_named(kind: str, taken: tuple[l
     change, words = EXCHANGED[kind]
     found = told(patterns, change(images))
     assert re.search(words, found), found
+
+
+def test_exchanged_steps_without_a_code_contradict() -> None:
+    patterns: list[Pattern] = [
+        Phase(axis, period, 4, step, step * np.pi / 2, "sine")
+        for axis, period, step in product("xy", (160, 20), range(4))  # type: ignore[arg-type]
+    ]
+    assert "contradict each other" in told(patterns, swapped(render(patterns, 5, dots=False), 1, 5))
 
 
 def test_exchanged_axes_are_named(taken: tuple[list[Pattern], Frames]) -> None:
