@@ -22,6 +22,7 @@ FEW = 160  # pixels on which a mistake is tried
 ALIKE = 0.04  # shares of contradictions that are no different
 SURE = 0.06  # squared difference, white = 1, from what a frame is said to show
 FITS = 0.3  # of the contradictions that may stay where a mistake explains them
+EVEN_STEPS = 0.02  # mean of the steps as unit vectors; degrees taken for radians have 0.8 by their number
 MOST_PIXELS = 0.8  # of them must fit
 EVEN = 0.9  # of them where no edges are
 PLAIN = ("white", "black", "its inverse")  # what one frame alone may show by mistake, likelier than another pattern
@@ -118,6 +119,29 @@ def more_lines(looked: Looked, share: float, left: float) -> str:
     )
 
 
+def degrees(looked: Looked) -> str:
+    """Say that shifts are degrees, where as such the steps of every period are evenly spaced and make a wave."""
+    phases = [(p, seen) for p, seen in zip(looked.patterns, looked.values, strict=True) if isinstance(p, Phase)]
+    for period in {p.period for p, _ in phases}:
+        given = np.array([p.shift_rad for p, _ in phases if p.period == period])
+        seen = np.array([seen for p, seen in phases if p.period == period])
+        (uneven, rest), (even, left) = (_steps(given, seen), _steps(np.radians(given), seen))
+        if even > EVEN_STEPS or uneven < 2 * EVEN_STEPS or (len(given) > 3 and left > 0.8 * rest):
+            return ""
+    if not phases:
+        return ""
+    least, most = (choose(p.shift_rad for p, _ in phases) for choose in (min, max))
+    along = "columns" if looked.axis == "x" else "rows"
+    return f"shift_rad of frames across {along} is in degrees ({least:g} to {most:g}): give it in radians"
+
+
+def _steps(shifts: NDArray[np.float64], seen: Array) -> tuple[float, float]:
+    """How unevenly steps are spaced, 0 to 1, and the r.m.s. that a wave leaves of their grey values (k, n)."""
+    design = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
+    rest = seen - design @ np.linalg.lstsq(design, seen, rcond=None)[0]
+    return float(abs(np.exp(1j * shifts).mean())), float(np.sqrt(np.mean(rest**2)))
+
+
 def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[str, Array, Sequence[Pattern]]]:
     """Other descriptions of the same frames: words, values and patterns."""
     own, patterns = looked.values, looked.patterns
@@ -132,9 +156,6 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
     phases = [p for p in patterns if isinstance(p, Phase)]
     codes = [p for p in patterns if isinstance(p, Code)]
     if phases:
-        if max(abs(p.shift_rad) for p in phases) > 4 * pi:
-            shifts = [replace(p, shift_rad=p.shift_rad * pi / 180) if isinstance(p, Phase) else p for p in patterns]
-            yield "they fit if shift_rad is in degrees", own, shifts
         yield "they fit if the phase steps run the other way: the sign of shift_rad", own, _phases(patterns, sign=-1)
         for sign, way in ((1, ""), (-1, " and run the other way")):
             for quarter in (1, -1, 2):

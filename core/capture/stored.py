@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from core.capture.contradictions import PIXELS, Looked
 from core.capture.exchanged import exchanged_frames
-from core.capture.mistakes import BEYOND, explanation, left_unexplained, more_lines
+from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines
 from core.capture.plan import Plan
 from core.capture.quality import BRIGHT, Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
@@ -38,7 +38,7 @@ OFF_PLANE = 0.35  # share of a plane's pixels that no projective map holds
 PLANE_LINES = 3.0
 WRONG_HAND = 0.5
 MOVED_PX = 0.5
-MOVED_RESPONSE = 0.3  # of the correlation's peak; without texture there is none
+MOVED_RESPONSE = 0.45  # of the correlation's peak: bare boards show 0.35 by chance, what moved 0.55 and more
 DRIFT = 0.15
 LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts them
 BESIDE = 4  # grey values to either side that tell how often one is expected
@@ -219,6 +219,9 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
             continue
         own = list(shots)
         looked = Looked.of(shots, [plan.shots[i] for i in shots], values[own], inverted[own], lines)
+        if told := degrees(looked):
+            found.append(Finding("identity", "bad", told, shots=shots))
+            continue
         share, left = left_unexplained(looked, FEW)
         if share > SHARE / 2 or share - left > BEYOND / 2:
             share, left = left_unexplained(looked)

@@ -158,6 +158,16 @@ def test_exchanged_steps_without_a_code_contradict() -> None:
     assert "contradict each other" in told(patterns, swapped(render(patterns, 5, dots=False), 1, 5))
 
 
+@pytest.mark.parametrize(("steps", "gamma"), [(3, 1.0), (4, 2.2), (12, 1.0)])
+def test_shifts_in_degrees_are_named_and_a_bare_board_shows_no_movement(steps: int, gamma: float) -> None:
+    patterns = [p for axis in "xy" for p in gray_and_phase(axis, 160, cell=8, periods=(16,), steps=steps)]  # type: ignore[arg-type]
+    images = render(patterns, 3, gamma=gamma, dots=False)
+    assert told(patterns, images) == ""
+    given = [of(Phase, shift_rad=lambda p: float(np.rad2deg(p.shift_rad)))(p) for p in patterns]
+    assert told(given, images).count("is in degrees (0 to ") == 2
+    assert steps == 3 or told(given, render(given, 3, gamma=gamma, dots=False)) == ""  # shown so
+
+
 def test_exchanged_axes_are_named(taken: tuple[list[Pattern], Frames]) -> None:
     patterns, images = taken
     other = {"x": "y", "y": "x"}
