@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import threading
@@ -12,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from core.errors import StripeError
@@ -95,12 +97,22 @@ def can_fork(count: int) -> bool:
         _pool.cache_clear()  # so that they end: only this thread could have given them work
         for thread in others:
             thread.join(1.0)
+        _end_workers_of_opencv()
     with suppress(OSError):  # no Linux
         for _ in range(20):
-            if len(os.listdir("/proc/self/task")) == 1:
+            # its number is exact; a list of /proc/self/task lacks threads where one ends meanwhile
+            if re.search(r"^Threads:\s*1$", Path("/proc/self/status").read_text(), re.MULTILINE):
                 return True
             time.sleep(0.001)  # the kernel takes a moment longer
     return False
+
+
+def _end_workers_of_opencv() -> None:
+    """End the threads that OpenCV keeps for its next call, which starts others."""
+    if opencv := sys.modules.get("cv2"):
+        count = opencv.getNumThreads()
+        opencv.setNumThreads(1)
+        opencv.setNumThreads(count)
 
 
 def on_processes(work: Callable[[int, Progress], T], count: int, progress: Progress) -> Iterator[T]:
@@ -120,6 +132,7 @@ def on_processes(work: Callable[[int, Progress], T], count: int, progress: Progr
     readers = [reader for reader, _ in pipes]
     copies = [fork.Process(target=_copy, args=(work, turn, sender, readers), daemon=True) for _, sender in pipes]
     done: dict[int, Any] = {}
+    _end_workers_of_opencv()  # a copy would wait for them
     try:
         for copy, (_, sender) in zip(copies, pipes, strict=True):
             copy.start()

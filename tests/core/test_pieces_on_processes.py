@@ -17,13 +17,21 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are c
 
 SCRIPT = """
 import os, signal, sys, time
+import cv2
+import numpy as np
 from core.errors import InputError
 from core.parallel import can_fork, limit_threads, on_processes, run_in_bands
 from core.progress import Progress, announce
 
 limit_threads(3)
+cv2.setNumThreads(3)
+image = np.zeros((2000, 2000), np.float32)
 run_in_bands(lambda start, stop: time.sleep(0.01), 100)
+cv2.GaussianBlur(image, (0, 0), 2.0)
+assert len(os.listdir("/proc/self/task")) > 3, "OpenCV has no threads of its own: nothing to be tried"
 assert can_fork(9) and not can_fork(2)
+assert cv2.getNumThreads() == 3
+cv2.GaussianBlur(image, (0, 0), 2.0)  # starts them again: no copy may wait for them
 me, heard = os.getpid(), []
 said = Progress(lambda fraction, message: heard.append(message))
 
