@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +29,7 @@ from core.progress import SILENT, Progress
 WHERE = "depth captures"
 MOST_DEGREE = 7
 OUTLIER_FACTOR = 6.0  # a pixel whose residuals exceed so many times what its noise explains has a gross error
+CELL_PX = 8  # the noise of the curves is kept in cells of this side
 TOO_MANY_LOST = 0.02  # share of pixels without a usable curve that is worth a warning
 
 
@@ -132,14 +134,17 @@ def calibrate_depth(
             raise InputError(WHERE, seen, "choose the other axis")
         raise AdjustmentError(WHERE, seen, "see that their frames show the plate lit, as capture.json says")
     modulations = [plane.phase.modulation for plane in planes]
-    used, judged = smooth_maps(measured, modulations, options.low_pass_px, progress=progress.part(0.1, 0.5))
+    sigmas = [plane.phase.sigma_u if axis == "u" else plane.phase.sigma_v for plane in planes]
+    smooth = progress.part(0.1, 0.5)
+    used, judged, variance = smooth_maps(measured, modulations, sigmas, options.low_pass_px, smooth)
+    variance *= len(planes) / np.maximum(np.isfinite(used).sum(axis=0), 1)  # of curves that fewer positions carry
     progress(0.5, "fitting the depth of every pixel")
     if options.degree is None:
         curves = fit_table(depths, used, judged, least)
     else:
         curves = fit_polynomials(depths, used, judged, options.degree, least)
     progress(0.9, "looking for pixels with gross errors")
-    sigma = _mean_sigma([plane.phase.sigma_u if axis == "u" else plane.phase.sigma_v for plane in planes])
+    sigma = _mean_sigma(sigmas)
     travel_mm = float(depths[-1] - depths[0])
     good, lost = _usable(curves, sigma, travel_mm)
     if not good.any():
@@ -149,7 +154,6 @@ def calibrate_depth(
             "check that the captures show the plate where capture.json says",
         )
     u_range = np.where(good, curves.u_range, np.float32(np.nan))
-    left = min(1.0, 0.5 / (np.sqrt(np.pi) * options.low_pass_px)) if options.low_pass_px else 1.0  # by a Gaussian
     progress(1.0, "the depth is calibrated")
     return DepthCalibration(
         axis=axis,
@@ -166,7 +170,7 @@ def calibrate_depth(
         warnings=(*oriented.warnings, *lost),
         noise_rms_mm=_noise_rms(curves, sigma, travel_mm, good),
         covariance=oriented.covariance,
-        curve_noise_lines=left * float(np.sqrt(np.mean(sigma[good].astype(np.float64) ** 2))),
+        curve_noise_lines=_in_cells(variance, good),
     )
 
 
@@ -273,6 +277,19 @@ def _noise_rms(curves: Curves, sigma: Floats, travel_mm: float, good: NDArray[np
         expected = (sigma * travel_mm / (curves.u_range[1] - curves.u_range[0]))[good]
     expected = expected[np.isfinite(expected)]
     return float(np.sqrt(np.mean(expected.astype(np.float64) ** 2))) if expected.size else None
+
+
+def _in_cells(variance: Floats, good: NDArray[np.bool_]) -> Floats:
+    """Standard deviation, r.m.s. of the good pixels in each of equal cells."""
+    height, width = good.shape
+    size = max(width // CELL_PX, 1), max(height // CELL_PX, 1)
+    sums = [
+        cv2.resize(np.where(good, a, 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        for a in (variance, good)
+    ]
+    with np.errstate(invalid="ignore"):
+        mean = sums[0] / sums[1]
+    return np.sqrt(np.where(sums[1] > 0, mean, variance[good].mean(dtype=np.float64))).astype(np.float32)
 
 
 def _usable(curves: Curves, sigma: Floats, travel_mm: float) -> tuple[NDArray[np.bool_], list[str]]:

@@ -3,11 +3,13 @@
 Over a plate the coordinate u is a smooth surface over the image; its pixel noise would otherwise stay in every pixel's
 curve for good. A Gaussian alone would bend a sloping map along every border and gap. So a smooth trend is taken off
 first, and only the small rest is averaged over the pixels that show the undisturbed plate: not those on the rim of a
-target or of the lit field, where one pixel mixes two brightnesses and its coordinate is drawn to the brighter one.
+target or of the lit field, where one pixel mixes two brightnesses and its coordinate is drawn to the brighter one. Each
+counts by its own variance: white dots on a black board tell ten times as sharply as the board between them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import cv2
@@ -22,26 +24,29 @@ from core.progress import SILENT, Progress
 TREND_DEGREES = (1, 2, 4)  # one after the other: the higher ones start from what the lower ones took for the plate
 TREND_PIXELS = 10_000  # a subsample that determines 15 coefficients well
 TREND_STEPS = 10  # for each degree
+LEAST_VARIANCE = 1e-6  # lines²
 LEAST_PIXELS = 250  # with fewer a plane stays as it is
 DISTURBED_FACTOR = 5.0  # pixels further from the trend, in units of the rest's spread, do not show the plate alone
 DISTURBED_LINES = (0.1, 3.0)  # but never those nearer than the one, and always those further than the other
-DISTURBED_SHARE = 0.15  # the same for the modulation, relative to its own trend
+DISTURBED_SHARE = 0.3  # on a rim the modulation changes by more within the reach below, or by
+DISTURBED_TIMES = 3.0  # as many times what it usually does there, light and noise
 DISTURBED_RIM_PX = 2  # so far a neighbour's brightness reaches
+MOVED = 3.0  # sigmas by which a pixel's coordinate has moved
 COVER = 0.5  # share of the Gaussian's weight that must lie on the plate
 FILL_FACTOR = 5.0  # width of the Gaussian that fills gaps, in units of the low-pass: targets of a dozen pixels
 
 
 def smooth_maps(
-    maps: Floats, modulations: list[Floats], sigma_px: float, *, progress: Progress = SILENT
-) -> tuple[Floats, Floats]:
+    maps: Floats, modulations: Sequence[Floats], sigmas: Sequence[Floats], sigma_px: float, progress: Progress = SILENT
+) -> tuple[Floats, Floats, Floats]:
     """Smooth the coordinate maps of a plate by a Gaussian of standard deviation `sigma_px`.
 
     Parameters
     ----------
     maps : array, shape (planes, H, W)
         In lines, NaN where invalid.
-    modulations : list of arrays, shape (H, W)
-        Of the same planes, grey values.
+    modulations, sigmas : sequences of arrays, shape (H, W)
+        Of the same planes, grey values and lines.
     sigma_px : float
         With 0 the maps are returned as they are.
 
@@ -52,34 +57,43 @@ def smooth_maps(
         are NaN. Pixels far off the plate's trend, or that do not move with it, stay as they are.
     undisturbed : array, shape (planes, H, W)
         The maps themselves, NaN where disturbed.
+    variance : array, shape (H, W)
+        What the smoothed maps have left of their noise, lines², mean of the planes.
     """
-    if sigma_px <= 0:
-        return maps, maps
-    smoothed, undisturbed = np.empty(maps.shape, np.float32), np.empty(maps.shape, np.float32)
-    moving = _moving(maps)
+    smoothed, undisturbed, variance = maps, maps, np.stack(sigmas).astype(np.float32) ** 2
+    if sigma_px > 0:
+        smoothed, undisturbed = np.empty_like(maps), np.empty_like(maps)
+        moving = _moving(maps, variance)
 
     def smooth(start: int, stop: int) -> None:
         for i in range(start, stop):
             progress.check()
-            smoothed[i], undisturbed[i] = _smooth(maps[i], modulations[i], moving, sigma_px)
+            smoothed[i], undisturbed[i] = _smooth(maps[i], modulations[i], variance[i], moving, sigma_px)
 
-    progress(0.0, "smoothing planes")
-    run_in_bands(smooth, len(maps), least=1)
-    return smoothed, undisturbed
+    if sigma_px > 0:
+        progress(0.0, "smoothing planes")
+        run_in_bands(smooth, len(maps), least=1)
+    known = np.isfinite(variance)
+    mean = np.where(known, variance, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return smoothed, undisturbed, mean
 
 
-def _moving(maps: Floats) -> NDArray[np.bool_]:
-    """Whether a pixel's coordinate only rises or only falls from plane to plane: a still background does neither."""
+def _moving(maps: Floats, variance: Floats) -> NDArray[np.bool_]:
+    """Whether a pixel's coordinate only rises or only falls, beyond its noise: a still background does neither."""
     rises = np.zeros(maps.shape[1:], np.bool_)
     falls = np.zeros(maps.shape[1:], np.bool_)
-    for one, other in pairwise(maps):
+    for i, k in pairwise(range(len(maps))):
         with np.errstate(invalid="ignore"):
-            rises |= other > one
-            falls |= other < one
+            step, noise = maps[k] - maps[i], MOVED * np.sqrt(variance[i] + variance[k])
+            rises |= step > noise
+            falls |= step < -noise
     return rises ^ falls
 
 
-def _smooth(measured: Floats, modulation: Floats, moving: NDArray[np.bool_], sigma_px: float) -> tuple[Floats, Floats]:
+def _smooth(
+    measured: Floats, modulation: Floats, variance: Floats, moving: NDArray[np.bool_], sigma_px: float
+) -> tuple[Floats, Floats]:
+    """Smooth one plane; `variance` (H, W) becomes that of what is returned."""
     known = np.isfinite(measured)
     lit = known & moving
     if np.count_nonzero(lit) < LEAST_PIXELS:
@@ -91,34 +105,43 @@ def _smooth(measured: Floats, modulation: Floats, moving: NDArray[np.bool_], sig
     rest = np.where(lit, measured - trend, 0).astype(np.float32)
     near = lit & (np.abs(rest) <= DISTURBED_LINES[1])
     plate = even & (np.abs(rest) <= np.clip(DISTURBED_FACTOR * spread, *DISTURBED_LINES))
-    mean, covered = _average(rest, plate, sigma_px)
-    wide, widely = _average(rest, plate, FILL_FACTOR * sigma_px)
+    weight = np.where(plate, 1 / np.maximum(variance, LEAST_VARIANCE), 0).astype(np.float32)
+    mean, covered = _average(rest, weight, sigma_px)
+    wide, widely = _average(rest, weight, FILL_FACTOR * sigma_px)
     elsewhere = np.where(near, np.float32(np.nan), measured)  # disturbed, or not the plate at all
     filled = np.where(covered | plate, trend + mean, np.where(widely, trend + wide, elsewhere))
+    narrow, broad = (_left(weight, reach) for reach in (sigma_px, FILL_FACTOR * sigma_px))
+    variance[:] = np.where(covered | plate, narrow, np.where(widely, broad, variance))
+    variance[np.isnan(filled)] = np.nan
     return filled.astype(np.float32), np.where(plate | ~near, measured, np.float32(np.nan))
 
 
 def _evenly_bright(modulation: Floats, lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Whether a pixel and its neighbours are about as bright as the plate is around there."""
-    smooth, _ = _average(np.nan_to_num(modulation), lit, 1.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        level = np.log(np.where(lit, smooth, np.nan)).astype(np.float32)
-    usable = np.isfinite(level)
-    if np.count_nonzero(usable) < LEAST_PIXELS:
-        return lit
-    trend, spread = _trend(level, usable)
-    with np.errstate(invalid="ignore"):
-        odd = ~(np.abs(level - trend) <= max(DISTURBED_SHARE, DISTURBED_FACTOR * spread))
+    smooth, _ = _average(np.nan_to_num(modulation), lit.astype(np.float32), 1.0)
     size = 2 * DISTURBED_RIM_PX + 1
-    return np.asarray(cv2.dilate(odd.astype(np.uint8), np.ones((size, size), np.uint8), borderValue=0) == 0)
-
-
-def _average(values: Floats, of: NDArray[np.bool_], sigma_px: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Gaussian average over some pixels, and where they cover enough of the Gaussian."""
-    weight = _blur(of.astype(np.float32), sigma_px)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = _blur(np.where(of, values, 0).astype(np.float32), sigma_px) / weight
-    return mean, weight >= COVER
+        level = np.where(lit, np.log(smooth), 0)
+    around = [
+        op(np.where(lit, level, off), np.ones((size, size))) for op, off in ((cv2.dilate, -9e9), (cv2.erode, 9e9))
+    ]
+    change = np.where(lit, around[0] - around[1], 0)
+    usual = float(np.quantile(change[lit], 0.25))  # rims may be the half of a board
+    return np.asarray(change <= max(DISTURBED_SHARE, DISTURBED_TIMES * usual))
+
+
+def _average(values: Floats, weight: Floats, sigma_px: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """Weighted Gaussian average, and where pixels that count cover enough of the Gaussian."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = _blur(np.where(weight > 0, values, 0).astype(np.float32) * weight, sigma_px) / _blur(weight, sigma_px)
+    return mean, _blur((weight > 0).astype(np.float32), sigma_px) >= COVER
+
+
+def _left(weight: Floats, sigma_px: float) -> Floats:
+    """Variance of that average, the weights being one over the pixels': a Gaussian's square is a narrower one."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        narrow = _blur(weight, sigma_px / np.sqrt(2)) / np.float32(4 * np.pi * sigma_px**2)
+        return np.asarray(np.minimum(narrow / _blur(weight, sigma_px) ** 2, 1 / weight), np.float32)
 
 
 def _blur(image: Floats, sigma_px: float) -> Floats:

@@ -118,10 +118,10 @@ def evaluate_plane(
 
     Notes
     -----
-    The predicted sigmas and their r.m.s. come from the phase noise alone: a pixel's noise moves its point along the
-    pixel's ray, and ``X / Z`` is that movement per mm of Z, so d has the sigma ``sigma_Z |n · X / Z|``. Errors of the
-    calibration move neighbouring points together; they tilt, shift and bend the whole plane and are part of each
-    point's own sigma, not of these.
+    The predicted sigmas and their r.m.s. come from the noise of pixels alone, the phase's and the depth curves': it
+    moves a point along the pixel's ray, and ``X / Z`` is that movement per mm of Z, so d has the sigma
+    ``sigma_Z |n · X / Z|``. Errors of the calibration move neighbouring points together; they tilt, shift and bend the
+    whole plane and are part of each point's own sigma, not of these.
     """
     valid = np.asarray(np.isfinite(cloud.xyz_mm).all(axis=-1))
     points = cloud.xyz_mm[valid].astype(np.float64)

@@ -158,7 +158,8 @@ class DepthCalibration:
     noise_rms_mm: float | None = None  # what the noise of the coordinates alone would leave
     # (k + 8, k + 8) of the camera's parameters, the plate's rotation vector (rad) and shift (mm), its axis' two slopes
     covariance: Array | None = None
-    curve_noise_lines: float | None = None  # standard deviation, r.m.s., of the coordinates that curves were fitted to
+    # standard deviation of the coordinates that curves were fitted to, r.m.s. in (h, w) equal cells of the image
+    curve_noise_lines: Floats | float | None = None
 
 
 class Calibration(Protocol):

@@ -19,7 +19,7 @@ class PointCloud:
 
     xyz_mm: Floats
     sigma_mm: Floats | None = None  # (H, W, 3), phase noise and calibration
-    sigma_depth_mm: Floats | None = None  # (H, W) of the camera's Z, phase noise alone; both methods
+    sigma_depth_mm: Floats | None = None  # (H, W) of the camera's Z, noise of capture and depth curves; both methods
     sight: NDArray[np.uint8] | None = None  # (H, W), how many saw it: `core.reconstruct.Sight`; several cameras only
     source: NDArray[np.uint8] | None = None  # (H, W), by which of the cameras a joined cloud has it
     object_px: int | None = None  # that the object takes in the first camera's image, where its holes were filled

@@ -12,7 +12,7 @@ from core.compiling import njit
 from core.errors import InputError
 from core.model import DepthCalibration, PhaseMap, PointCloud
 from core.parallel import run_in_bands
-from core.reconstruct.lookup_sigma import whole_sigma
+from core.reconstruct.lookup_sigma import add_curves, whole_sigma
 from core.reconstruct.rays import camera_rays, flat
 
 
@@ -30,8 +30,8 @@ def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool
     Returns
     -------
     cloud : PointCloud
-        `sigma_depth_mm` of Z from phase noise; `sigma_mm` from phase noise, that of the curves, and the camera's
-        orientation, where the calibration has its covariance.
+        `sigma_depth_mm` of Z from the capture's phase noise and that of the curves; `sigma_mm` from both and the
+        camera's orientation, where the calibration has its covariance.
 
     Raises
     ------
@@ -65,7 +65,8 @@ def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool
             )
 
     run_in_bands(band, measured.shape[0])
-    return PointCloud(xyz, whole_sigma(calibration, sigma, xyz, sigma_depth), sigma_depth, by_depth=True)
+    add_curves(calibration, sigma, xyz, sigma_depth)
+    return PointCloud(xyz, whole_sigma(calibration, xyz, sigma_depth), sigma_depth, by_depth=True)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")

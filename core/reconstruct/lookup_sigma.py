@@ -18,27 +18,40 @@ NODES = 24  # along the longer side: between them the variances are even to 1 %
 STEP = 0.02  # sigmas, of the numerical derivatives
 
 
-def whole_sigma(calibration: DepthCalibration, sigma: Floats, xyz: Floats, sigma_depth: Floats) -> Floats | None:
-    """Sigmas (H, W, 3) of looked-up points (H, W, 3): phase and curve along the ray, and the camera's orientation.
+def add_curves(calibration: DepthCalibration, sigma: Floats, xyz: Floats, sigma_depth: Floats) -> None:
+    """Add the noise of the curves to what a capture's own, `sigma` (H, W) lines, makes of Z, `sigma_depth` (H, W)."""
+    if calibration.curve_noise_lines is None:
+        return
+    cells, size = np.atleast_2d(np.float32(calibration.curve_noise_lines)), sigma.shape[::-1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        curve = cv2.resize(cells, size, interpolation=cv2.INTER_LINEAR) / sigma
+        sigma_depth *= np.sqrt(1 + curve**2 * _leverage(calibration, _plate_z(calibration, xyz)))
 
-    `sigma` (H, W) is that of the capture's coordinate, lines, and `sigma_depth` what it makes of Z. None where the
-    calibration has no covariance.
+
+def _plate_z(calibration: DepthCalibration, xyz: Floats) -> Floats:
+    """Where along its axis the plate goes through points (H, W, 3)."""
+    pose = calibration.camera_from_plate
+    normal = pose.rotation[:, 2]
+    per_mm = float(normal @ pose.rotation @ calibration.axis_direction)
+    return np.asarray(
+        ((xyz @ normal.astype(np.float32)) - np.float32(normal @ pose.translation_mm)) / np.float32(per_mm)
+    )
+
+
+def whole_sigma(calibration: DepthCalibration, xyz: Floats, sigma_depth: Floats) -> Floats | None:
+    """Sigmas (H, W, 3) of looked-up points (H, W, 3): noise along the ray, and the camera's orientation.
+
+    `sigma_depth` (H, W) is what noise makes of Z. None where the calibration has no covariance.
     """
     if calibration.covariance is None:
         return None
     height, width = sigma_depth.shape
-    pose = calibration.camera_from_plate
-    normal = pose.rotation[:, 2]
-    per_mm = float(normal @ pose.rotation @ calibration.axis_direction)
-    coefficients = _coefficients(calibration, height, width)
+    coefficients, z = _coefficients(calibration, height, width), _plate_z(calibration, xyz)
     result = np.empty(xyz.shape, np.float32)
     with np.errstate(invalid="ignore", divide="ignore"):
-        z = ((xyz @ normal.astype(np.float32)) - np.float32(normal @ pose.translation_mm)) / np.float32(per_mm)
-        curve = np.float32(calibration.curve_noise_lines or 0.0) / sigma
-        variance = sigma_depth**2 * (1 + curve**2 * _leverage(calibration, z))
         for axis in range(3):
             a, b, c = (cv2.resize(part, (width, height), interpolation=cv2.INTER_LINEAR) for part in coefficients[axis])
-            along = (xyz[..., axis] / xyz[..., 2]) ** 2 * variance
+            along = (xyz[..., axis] / xyz[..., 2] * sigma_depth) ** 2
             result[..., axis] = np.sqrt(np.maximum(a + z * (b + z * c), 0) + along)
     return result
 

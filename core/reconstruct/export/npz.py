@@ -14,7 +14,7 @@ def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
     """Write the arrays of a point cloud, float32, under the names of the interchange contract.
 
     ``xyz`` (H, W, 3) in mm in the camera's frame, NaN where invalid; ``sigma`` (H, W, 3) in mm, photogrammetric method
-    only, and ``sigma_xyz`` of the depth method; ``sigma_depth`` (H, W) in mm, of Z from phase noise alone; ``sight``
+    only, and ``sigma_xyz`` of the depth method; ``sigma_depth`` (H, W) in mm, of Z from noise alone; ``sight``
     (H, W), of several cameras only, codes of `core.reconstruct.Sight`; ``source`` (H, W), of joined clouds only, whose
     point it is.
     """

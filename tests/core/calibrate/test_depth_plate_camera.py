@@ -92,9 +92,7 @@ def _misplaced(seed: int) -> np.ndarray:
             (found.interior, found.camera_from_plate, found.axis_direction),
         )
     )
-    sigmas = whole_sigma(
-        calibration, np.ones(u.shape, np.float32), seen.astype(np.float32), np.zeros(u.shape, np.float32)
-    )
+    sigmas = whole_sigma(calibration, seen.astype(np.float32), np.zeros(u.shape, np.float32))
     assert sigmas is not None
     return ((seen - true) / sigmas)[10:50:15, 10:70:20]
 
