@@ -32,6 +32,8 @@ DAMPED = 16.0  # times what is known beforehand, so much a round is held back
 CELLS = 24  # of a period, in which residuals are held against each other
 MISFIT = 0.005  # part of a pixel's light by which fringes may differ from the model without noise
 FIELD = 0.03  # the same for whole fields and bits, whose scattered light is another
+UNUSUAL = 2.0  # standard deviations of the blur from which the search does not begin at what is usual
+COARSE = 2.0  # times the finest period, one whose amplitude tells the finest's blur
 BLUR = -0.8, 0.7  # logarithm of the blur's variance (lines²): what is usual, and how much rigs differ
 OUTLIER = 9.0  # mean square of a pixel's residuals from which it counts less
 HALFWAY = 0.15  # part of a bit's light beyond which it is at an edge
@@ -85,6 +87,7 @@ class _Model:
         self.seen = seen[:, where].T  # (n, F)
         self.phase = np.angle(quadratures[:, where]).T  # (n, J)
         self.gain, self.ground = np.ones(self.size), np.zeros(self.size)
+        self.amplitude = amplitude[:, where]  # (J, n)
         self.solved = self.left = np.zeros(0)
 
     def terms(self, r: Response) -> Terms:
@@ -170,11 +173,24 @@ def estimate_response(
     return Response(values, normal) if _significance(values, normal) > SIGNIFICANT else None
 
 
+def _blurs(model: _Model) -> Array:
+    """Logarithms of both axes' blur to begin with: what dims fine fringes beside coarse ones, where it is unusual."""
+    blur, usual = np.full(2, BLUR[0]), np.median(model.amplitude, axis=1)
+    for axis in (0, 1):
+        mine = [(w.frames.period, a) for w, a in zip(model.waves, usual, strict=True) if w.axis == axis]
+        if mine and max(mine)[0] > COARSE * min(mine)[0]:
+            (fine, faint), (coarse, bright) = min(mine), max(mine)
+            told = np.log(bright / faint) / (2 * np.pi**2 * (fine**-2.0 - coarse**-2.0))
+            if told > np.exp(BLUR[0] + UNUSUAL * BLUR[1]):
+                blur[axis] = np.log(told)
+    return blur
+
+
 def _search(model: _Model, crowds: Sequence[Crowd] = ()) -> Response | None:
     """Least squares over all frames; with `crowds`, None where neither they nor the first round show a curve."""
     start = np.frombuffer(_START)
     prior = np.diag(np.concatenate([SPREAD, [BLUR[1], BLUR[1], FIELD, FIELD]]) ** -2.0)
-    found = Response(start, prior)
+    found = Response(np.concatenate([start[:PARAMETERS], _blurs(model), start[-2:]]), prior)
     for k in range(ROUNDS):
         normal, right = _reduced(model, found, first=k == 0)
         right -= prior @ (found.values - start)

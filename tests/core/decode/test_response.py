@@ -90,6 +90,18 @@ SEQUENCES = {
 }
 
 
+def test_a_response_is_found_beside_much_blur() -> None:
+    """The fine fringes lose half their amplitude beside the coarse ones: the search begins with the blur that tells."""
+    error = []
+    for exponent in (1.0, 2.2):
+        sight, patterns = Sight(power(exponent), blur_lines=3.0), sequence(*SEQUENCES["hierarchy of 3 steps"])
+        phase = decode(patterns, sight.take(patterns), lines=(LINES, 480))
+        error.append(phase.u - sight.u)
+        assert 0.9 < np.sqrt(np.mean((error[-1] / phase.sigma_u) ** 2)) < 1.15
+    straight, bent = (np.sqrt(np.mean(e**2)) for e in error)
+    assert bent < 1.3 * straight
+
+
 @pytest.mark.parametrize("exponent", [0.8, 1.4, 2.2, None], ids=["0.8", "1.4", "2.2", "S"])
 @pytest.mark.parametrize("name", SEQUENCES)
 def test_any_response_decodes_as_well_as_a_straight_one(name: str, exponent: float | None) -> None:
