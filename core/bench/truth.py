@@ -14,6 +14,7 @@ from core.geometry import project
 from core.model import Seed
 
 Array = NDArray[np.float64]
+MARGIN = 2.0  # px or lines from the edge of an image
 _RIM = 24  # points of a target's edge that are looked at
 
 
@@ -45,7 +46,7 @@ class TrueTargets:
     """Where the targets of a board really are, one row of every array per target.
 
     `camera_uv` (n, 2) px and `projector_uv` (n, 2) lines of the circles' centres; `xyz_mm` (n, 3) in the board's frame;
-    `visible`: the whole circle is within the camera's image and lit; `partly`: some of its edge is, not all.
+    `visible`: the whole circle is within the camera's image and lit.
     """
 
     row: NDArray[np.int64]
@@ -54,7 +55,6 @@ class TrueTargets:
     camera_uv: Array
     projector_uv: Array
     visible: NDArray[np.bool_]
-    partly: NDArray[np.bool_]
 
 
 def truth_maps(rig: Rig, scene: Scene) -> TruthMaps:
@@ -68,9 +68,7 @@ def truth_maps(rig: Rig, scene: Scene) -> TruthMaps:
     return TruthMaps(uv[..., 0], uv[..., 1], scene.camera_from_board.apply(points), lit, samples.gain.astype(float))
 
 
-def true_targets(
-    rig: Rig, scene: Scene, camera_margin_px: float = 2.0, projector_margin_lines: float = 2.0
-) -> TrueTargets:
+def true_targets(rig: Rig, scene: Scene) -> TrueTargets:
     """Find where a scene's targets appear and whether they are wholly seen and lit.
 
     Shadows of spheres and blocks are not considered: testfields have none.
@@ -83,19 +81,18 @@ def true_targets(
     rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(_RIM)], axis=-1)
     edge = t.xyz_mm[:, None, :] + rim * t.diameter_mm[:, None, None] / 2
     inside = np.ones((len(t.row), _RIM), bool)
-    for spec, interior, pose, margin in (
-        (rig.camera, rig.camera_interior, scene.camera_from_board, camera_margin_px),
-        (rig.projector, rig.projector_interior, projector_from_board, projector_margin_lines),
+    for spec, interior, pose in (
+        (rig.camera, rig.camera_interior, scene.camera_from_board),
+        (rig.projector, rig.projector_interior, projector_from_board),
     ):
         uv = project(spec, interior, edge, pose)
         last = np.array([spec.width - 1, spec.height - 1])
-        inside &= np.all((uv >= margin) & (uv <= last - margin), axis=-1)
+        inside &= np.all((uv >= MARGIN) & (uv <= last - MARGIN), axis=-1)
         facing = np.einsum("ij,j->i", pose.origin_mm - t.xyz_mm, [0.0, 0.0, 1.0]) > 0
         inside &= facing[:, None]
     camera_uv = project(rig.camera, rig.camera_interior, t.xyz_mm, scene.camera_from_board)
     projector_uv = project(rig.projector, rig.projector_interior, t.xyz_mm, projector_from_board)
-    whole, some = np.asarray(inside.all(axis=1)), np.asarray(inside.any(axis=1))
-    return TrueTargets(t.row, t.col, t.xyz_mm, camera_uv, projector_uv, whole, some & ~whole)
+    return TrueTargets(t.row, t.col, t.xyz_mm, camera_uv, projector_uv, np.asarray(inside.all(axis=1)))
 
 
 def operator_picks(targets: TrueTargets, rng: np.random.Generator) -> tuple[Seed, ...]:

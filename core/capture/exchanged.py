@@ -23,11 +23,8 @@ APART = 2  # px between the pixels that are compared: the one on the edge may be
 LEAST = 12  # transitions by which a cell is judged
 FEWEST = 8  # cells that tell something
 ODD, ODD_CELLS = 0.03, 3  # of the cells may be left by jumps; bits that hardly matter make 0.06, sound captures none
-STEADY = (
-    1.5,
-    2.5,
-    4.0,
-)  # cells, least, meant and most, by which the coordinate rises where its way in a cell is looked at
+# cells, least, meant and most, by which the coordinate rises where its way in a cell is looked at
+STEADY = 1.5, 2.5, 4.0
 SURE_LINES = 0.15  # a smaller step in a cell is noise
 PAIRS, BACKWARDS = 200, 0.5  # pixels; of them. Sound maps have below 0.01, exchanged steps 0.9
 

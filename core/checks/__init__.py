@@ -9,21 +9,17 @@ plates.py    ... where the plates stood, seen by camera and projector
 volume.py    how sure a calibration is over the working volume, and how far two differ in it
 planes.py    deviations from planes: form apart from noise, angles, one method against the other
 sequences.py what captures say they show: code and the light's end against projector lines, their response
-greys.py     captures whose grey values are unlike the others'
-sizes.py     dots' diameters as seen and as given
-files.py     the same frames twice
+captures.py  the same frames twice, grey values unlike the others', dots' diameters as seen and as given
 left_out.py  points and captures that had no part, with the reasons
 """
 
-from core.checks.files import repeated_frames, repeated_targets
-from core.checks.greys import grey_concerns
+from core.checks.captures import grey_concerns, repeated_frames, repeated_targets, size_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
 from core.checks.network import adjustment_concerns, given_concerns, nominal_concerns, sound_words
 from core.checks.planes import DOUBTFUL_RATIO, form_of, pair_concerns, plane_concerns
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
-from core.checks.sizes import size_concerns
 from core.model import Concern, verdict_of
 
 __all__ = [

@@ -248,14 +248,14 @@ def add(*rows: dict[int, float]) -> dict[int, float]:
     return total
 
 
-def image_row(frames: SortedFrames, use_white: bool = True) -> dict[int, float]:
+def image_row(frames: SortedFrames) -> dict[int, float]:
     """The row of the evenly lit image: white frames, means of steps, and bits plus inverses, each by its information.
 
     Every such combination sees the ambient light and a known share of the projector's; the weights make the one of
     least noise. Empty where no combination is even.
     """
     flat: list[tuple[dict[int, float], float]] = []  # combination of unit weight sum, projector's share
-    if frames.white and use_white:
+    if frames.white:
         flat.append((mean_of(frames.white), 1.0))
     for axis in frames.axes.values():
         for fit in (fit_phase(phase) for phase in axis.phases):

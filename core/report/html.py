@@ -88,7 +88,7 @@ def _drawing(key: str, check: Finding) -> Drawing | None:
         else:
             return None
     title = check.title.capitalize()
-    return Drawing(key, "checks", title, seen, f"{title}: {seen}.", figure)
+    return Drawing(key, title, seen, f"{title}: {seen}.", figure)
 
 
 def _curve(check: Finding) -> Figure:

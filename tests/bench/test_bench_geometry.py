@@ -132,6 +132,5 @@ def test_a_target_is_visible_only_if_all_of_it_is_seen_and_lit(ideal_rig):
     for uv, spec in ((t.camera_uv, e.rig.camera), (t.projector_uv, e.rig.projector)):
         inside = np.all((uv > 0) & (uv < [spec.width - 1, spec.height - 1]), axis=1)
         assert not np.any(t.visible & ~inside)
-    assert not np.any(t.visible & t.partly)
     dark = Scene(scene.board, Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, -600.0])))
     assert not true_targets(e.rig, dark).visible.any()  # the board's back

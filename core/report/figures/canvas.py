@@ -102,7 +102,6 @@ class Drawing:
     """
 
     key: str
-    section: str
     title: str
     caption: str
     alternative: str

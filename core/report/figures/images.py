@@ -120,7 +120,7 @@ def _residual_vectors(adjustment: Adjustment, names: list[str]) -> Drawing:
     )
     rms = "; ".join("{} {:.2f} and {:.2f} µm".format(n, *adjustment.devices[n].residual_rms_um) for n in names)
     alternative = f"Residual vectors over the image of {', '.join(names)}. R.m.s. in x and y: {rms}."
-    return Drawing("residuals", "adjustment", "Residual vectors over the image", caption, alternative, figure)
+    return Drawing("residuals", "Residual vectors over the image", caption, alternative, figure)
 
 
 def _arrows(starts: Array, ends: Array) -> Array:
@@ -168,7 +168,7 @@ def _coverage(adjustment: Adjustment, names: list[str]) -> Drawing:
         "corners, they are extrapolated."
     )
     alternative = f"Counts of image points per cell of the image. Cells with points: {', '.join(told)}."
-    return Drawing("coverage", "adjustment", "Coverage of the image", caption, alternative, figure)
+    return Drawing("coverage", "Coverage of the image", caption, alternative, figure)
 
 
 def _cells(axes: Axes, found: Coverage) -> None:

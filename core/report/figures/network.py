@@ -70,7 +70,7 @@ def _network(adjustment: Adjustment) -> Drawing:
         f"{sum(d == name for d in adjustment.network.station_device)} of {name}" for name in adjustment.devices
     )
     alternative = f"Plan and side view of {len(centres)} stations ({counts}) around {len(points)} object points."
-    return Drawing("network", "adjustment", "The network", caption, alternative, figure)
+    return Drawing("network", "The network", caption, alternative, figure)
 
 
 def _view(axes: Axes, adjustment: Adjustment, centres: Array, strokes: Array, points: Array) -> None:
@@ -114,7 +114,6 @@ def _convergence(adjustment: Adjustment) -> Drawing:
     told = ", ".join(f"{v:.4g}" for v in values)
     return Drawing(
         "convergence",
-        "adjustment",
         "Convergence of the adjustment",
         caption,
         f"Weighted sum of squares by iteration: {told}.",
@@ -149,4 +148,4 @@ def _correlations(found: Correlations) -> Drawing:
         "their single values mean little, though together they fit."
     )
     alternative = f"Correlation matrix of {n} parameters. Strongest: {told or f'none reaches {STRONG:g}'}."
-    return Drawing("correlations", "adjustment", "Correlations of the parameters", caption, alternative, figure)
+    return Drawing("correlations", "Correlations of the parameters", caption, alternative, figure)

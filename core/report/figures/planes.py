@@ -100,7 +100,6 @@ def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm
     panels = ", ".join(_heading(c).replace("\n", " ") for c in captures)
     return Drawing(
         "deviations",
-        "planes",
         "Deviation maps of the plane-table",
         caption,
         f"Colour maps of the deviations, rows {' and '.join(methods)}, columns {panels}; figures in Table 3.",
@@ -144,7 +143,6 @@ def _histograms(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], li
     )
     return Drawing(
         "histograms",
-        "planes",
         "Distribution of the deviations",
         caption,
         f"Histograms of the deviations, rows {' and '.join(methods)}; r.m.s. and predicted r.m.s. are in Table 3.",

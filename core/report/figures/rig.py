@@ -54,7 +54,7 @@ def drift_drawing(chart: Sequence[DriftPoint]) -> Drawing:
     )
     out = [p.capture for p in chart if p.state == "action"]
     alternative = f"{len(chart)} captures; out of control: {', '.join(out) or 'none'}."
-    return Drawing(f"drift-{camera}-{projector}", "drift", "Control chart of the rig", caption, alternative, figure)
+    return Drawing(f"drift-{camera}-{projector}", "Control chart of the rig", caption, alternative, figure)
 
 
 def response_drawing(projector: str, curves: Curves) -> Drawing:
@@ -75,7 +75,7 @@ def response_drawing(projector: str, curves: Curves) -> Drawing:
     )
     apart = float(np.abs(each - middle).max())
     alternative = f"Light at half level {np.interp(0.5, level, middle):.3f}; captures differ by up to {apart:.3f}."
-    return Drawing(f"response-{projector}", "response", "Response of the projector", caption, alternative, figure)
+    return Drawing(f"response-{projector}", "Response of the projector", caption, alternative, figure)
 
 
 def volume_drawing(layers: Sequence[Mapping[str, Any]], sigma_mm: Array) -> Drawing:
@@ -97,4 +97,4 @@ def volume_drawing(layers: Sequence[Mapping[str, Any]], sigma_mm: Array) -> Draw
         "Strong colour towards edges and depths: no target was captured beyond. Grey: outside the projector's light."
     )
     alternative = f"Maps of the sigma of form at {len(shown)} depths; figures in the table of the working volume."
-    return Drawing("volume", "adjustment", "Uncertainty over the working volume", caption, alternative, figure)
+    return Drawing("volume", "Uncertainty over the working volume", caption, alternative, figure)

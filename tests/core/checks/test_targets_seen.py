@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.checks.captures import size_concerns
 from core.checks.plates import intersect_targets
-from core.checks.sizes import size_concerns
 from core.geometry import Pose, calibration_of_pair, matrix_from_axis_angle, pair_of, project
 from core.model import AdjustedDevice, DeviceSpec, Interior, TargetSet, Testfield
 

@@ -225,7 +225,7 @@ def test_lines_texts_and_images_of_the_page_stand_where_the_data_are():
     out = BytesIO()
     canvas = Canvas(out, pagesize=(288, 216))
     pdf._register_fonts()
-    set_on_page(Drawing("any", "any", "", "", "", figure), canvas)
+    set_on_page(Drawing("any", "any", "", "", figure), canvas)
     canvas.save()
     page = PdfReader(out).pages[0]
     told = [(name.decode(), list(on)) for on, name in page.get_contents().operations]

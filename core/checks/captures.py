@@ -1,4 +1,8 @@
-"""The same frames twice: under two patterns, or in two captures. A camera never takes the same image again."""
+"""Captures held against each other and their boards: the same frames twice, unlike grey values, dots of another size.
+
+A camera never takes the same image again; grey values of one camera by the same settings are alike; eccentricities go
+with the square of the dots' size.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +11,18 @@ from itertools import combinations
 
 import numpy as np
 
-from core.model import Capture, Concern, Frame, TargetSet
+from core.model import Capture, Concern, Frame, TargetSet, Testfield
 from core.patterns import Pattern, axis_of, brightness, level_of
 
 MOST_NAMED = 4
 LEAST_COMMON = 8  # targets of two captures that are compared
 SAME = 0.2  # of sigma, r.m.s.: two images of a board that stands still differ by 1.4
+CAPTURES = 4  # that tell which gaps in the grey values are usual
+FEW = 0.25  # of the captures may be unlike the others; more are another setting, by choice
+GAPS, USUAL_GAPS = 0.1, 0.02  # of the grey values; brighter by a tenth leaves out a tenth
+DOTS = 8  # of a capture that tell their size
+OFF = 1.25  # prints and blur change diameters by less; of six sound projects all were 0.98 to 1.00
+RADIUS = 1.7, 2.4  # times as large: diameter_mm is the radius
 
 
 def repeated_frames(
@@ -94,3 +104,42 @@ def _lights(pattern: Pattern, lines: tuple[int, int]) -> Iterator[np.ndarray]:
             yield np.asarray(brightness(pattern, np.arange(count)))
         else:
             yield np.full(1, -1.0)
+
+
+def grey_concerns(sets: Sequence[TargetSet]) -> list[Concern]:
+    """Find captures whose frames leave grey values out that those of the others of the same camera take."""
+    concerns = []
+    for camera in dict.fromkeys(t.camera for t in sets):
+        gaps = {t.capture: t.gaps for t in sets if t.camera == camera and t.gaps is not None}
+        usual = float(np.quantile([*gaps.values()], 1 - FEW)) if len(gaps) >= CAPTURES else 1.0
+        for name, share in gaps.items():
+            if usual < USUAL_GAPS and share > GAPS:
+                text = (
+                    f"{name}: its frames leave out {share:.0%} of the grey values, those of the other captures "
+                    f"{usual:.0%}: they were brightened, given a gamma or cut to fewer bits after the camera; record "
+                    "it with the settings of the others"
+                )
+                concerns.append(Concern("doubtful", text))
+    return concerns
+
+
+def size_concerns(targets: Sequence[TargetSet], boards: Mapping[str, Testfield | None]) -> list[Concern]:
+    """Compare diameters with the dots' distances from each other, by boards (by capture) of one file."""
+    found = {t.capture: size for t in targets if (size := _size(t, boards.get(t.capture))) is not None}
+    size = float(np.median([*found.values()])) if found else 1.0
+    if 1 / OFF <= size <= OFF:
+        return []
+    names = f"{min(found)} and {len(found) - 1} more" if len(found) > 1 else min(found)
+    remedy = "is it the radius?" if RADIUS[0] < size < RADIUS[1] else "correct it, or name the board that was captured"
+    text = f"{names}: dots are seen {size:.2f} times as large as diameter_mm of their testfield file says; {remedy}"
+    return [Concern("doubtful", text)]
+
+
+def _size(t: TargetSet, board: Testfield | None) -> float | None:
+    """Seen over nominal diameter, by the affinity from the board to the image."""
+    if board is None or board.kind != "dots" or len(t.row) < DOTS:
+        return None
+    at = [board.index()[key] for key in zip(t.row.tolist(), t.col.tolist(), strict=True)]
+    A = np.column_stack([board.xyz_mm[at, :2] - board.xyz_mm[at, :2].mean(axis=0), np.ones(len(at))])
+    area = abs(np.linalg.det(np.linalg.lstsq(A, t.camera_uv, rcond=None)[0][:2]))
+    return float(np.median(t.diameter_px / board.diameter_mm[at]) / np.sqrt(area)) if area > 0 else None
