@@ -87,10 +87,11 @@ def decode_words(
         alone = first and number == 0
         measured: dict[str, Any] = {"u": place, "sigma_u": sigma} if u else {"v": place, "sigma_v": sigma}
         seen = [images[i] for i in book.frames]
-        lost = (bad | np.where(np.isnan(place), np.uint8(lack), np.uint8(0)))[spread(place.shape)].ravel()
+        lost = bad | np.where(np.isnan(place), np.uint8(lack), np.uint8(0))
         limits = limits_of(noise, options.saturation or float(np.iinfo(images[0].dtype).max), options)
         words, none = no_axis()._replace(start=WORDS), no_axis()
-        notes, dim = notes_on(seen, take_sample(seen), lost, limits, (words, none) if u else (none, words))
+        of_sample = lost[spread(place.shape)].ravel()
+        notes, dim = notes_on(seen, take_sample(seen), of_sample, limits, (words, none) if u else (none, words))
         result = replace(
             result,
             **measured,
@@ -98,7 +99,7 @@ def decode_words(
             dim_notes=(*result.dim_notes, *notes) if dim else result.dim_notes,
             modulation=modulation if alone else np.minimum(result.modulation, modulation),
             image=image if alone else (result.image + image) / F(2) if len(worded) == 2 else result.image,
-            flags=(result.flags & np.uint8(255 - lack)) | bad | np.where(np.isnan(place), np.uint8(lack), np.uint8(0)),
+            flags=(result.flags & np.uint8(255 - lack)) | lost,
         )
     return result
 
