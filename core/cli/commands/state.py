@@ -21,17 +21,31 @@ def add(commands: Commands) -> None:
 
 def _status(options: Options, progress: Progress) -> dict[str, Any]:
     states = pipeline.project_states(options.project)
+    told: dict[str, str] = {}  # cause, and the stage at which it is told
     for stage, state in states.stages.items():
-        first, *more = state.because or ("",)
+        new: dict[str, str] = {}
+        for text in state.because:
+            new.setdefault(_cause(text), text)
+        before = dict.fromkeys(told[cause] for cause in new if cause in told)
+        lines = [text for cause, text in new.items() if cause not in told]
+        told |= {cause: stage for cause in new if cause not in told}
+        first, *more = [*lines, *([f"see {', '.join(before)}"] if before else [])] or [""]
         print(f"{stage:12s} {state.state:9s} {first}".rstrip())
         for text in more:
             print(f"{'':22s} {text}")
     print()
     for name, of in states.captures.items():
-        own = {stage: state for stage, state in of.items() if state.state != "current"}
-        told = "; ".join(f"{stage} {s.state}: {', '.join(s.because)}" for stage, s in own.items())
-        print(f"{name:20s} {told or 'current: ' + ', '.join(of)}")
+        own = []
+        for stage, state in of.items():
+            causes = ", ".join(text for text in state.because if _cause(text) not in told)
+            own += [f"{stage} {state.state}: {causes}".removesuffix(": ")] if state.state != "current" else []
+        print(f"{name:20s} {'; '.join(own) or 'current: ' + ', '.join(of)}")
     return states.as_dict()
+
+
+def _cause(text: str) -> str:
+    """Give a cause without the stages that hand it on."""
+    return text.rpartition(" is outdated: ")[2]
 
 
 def _update(options: Options, progress: Progress) -> dict[str, Any]:

@@ -302,6 +302,17 @@ def test_results_of_something_else_are_told_and_stand_in_the_report(whole: Path,
     assert "scale.length_mm was" in (whole / "results/report/report.html").read_text()
 
 
+def test_status_tells_every_cause_once(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scale_changed(whole)
+    assert main(["status", str(whole)]) == 0
+    told = capsys.readouterr().out
+    assert told.count("scale.length_mm was") == 1, told
+    stages, captures = told.split("\n\n")
+    lines = {line.split()[0]: line.split()[1:] for line in stages.splitlines()}
+    assert lines["evaluate"] == ["outdated", "see", "calibrate"]
+    assert any(line.split() == ["plane+00", "evaluate", "outdated"] for line in captures.splitlines())
+
+
 def test_status_is_written_as_the_contract_says(whole: Path, tmp_path: Path) -> None:
     scale_changed(whole)
     assert main(["status", str(whole), "--json", str(tmp_path / "s.json")]) == 0
