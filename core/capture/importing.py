@@ -21,7 +21,7 @@ from core.errors import InputError
 from core.fields import regular
 from core.model import Capture, DeviceSpec, Frame, PhaseMap, Project, Subject
 from core.model.finding import Finding
-from core.patterns import Pattern, SequenceSpec, brightness, like, read_sequence_file
+from core.patterns import Pattern, SequenceSpec, alike, like, read_sequence_file
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_capture, read_image, write_image
 from core.project.captures import write_capture_json
@@ -293,8 +293,7 @@ def _check_twice(
         other = known.setdefault(check, k)
         if other == k or np.ptp(image) == 0 or not np.array_equal(image, images[other]):
             continue
-        shown = [[brightness(patterns[j], np.arange(n)).tobytes() for n in lines] for j in (k, other)]
-        if shown[0] != shown[1]:
+        if not alike(patterns[k], patterns[other], lines):
             seen = f"the same image as {files[other].name}, for another pattern"
             raise InputError(files[k], seen, "record the frame of each pattern")
 

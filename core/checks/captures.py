@@ -6,13 +6,13 @@ with the square of the dots' size.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from core.model import Capture, Concern, Frame, TargetSet, Testfield
-from core.patterns import Pattern, axis_of, brightness, level_of
+from core.patterns import Pattern, alike, level_of
 
 MOST_NAMED = 4
 LEAST_COMMON = 8  # targets of two captures that are compared
@@ -43,11 +43,11 @@ def repeated_frames(
             if (key := contents.get(frame.place)) is not None:
                 places.setdefault(key, []).append((capture, frame))
     shared: dict[tuple[str, str], list[tuple[Frame, Frame]]] = {}
-    for alike in places.values():
-        for (a, f), (b, g) in combinations(alike, 2):
+    for same in places.values():
+        for (a, f), (b, g) in combinations(same, 2):
             if _dark(f.pattern) or _dark(g.pattern):
                 continue  # darkness may look the same twice
-            if a is b and _look_alike(f.pattern, g.pattern, lines):
+            if a is b and alike(f.pattern, g.pattern, lines):
                 continue
             shared.setdefault((a.name, b.name), []).append((f, g))
     frames = {c.name: len([f for f in c.frames if not _dark(f.pattern)]) for c in captures}
@@ -79,8 +79,6 @@ def _told(a: str, b: str, pairs: list[tuple[Frame, Frame]], frames: int) -> Conc
     if a == b:
         more = f" and {len(pairs) - 1} pairs more" if len(pairs) > 1 else ""
         text = f"{a}: {f.path.name} and {g.path.name} are the same image under two patterns{more}: record one again"
-        if f.path == g.path:
-            text = f"{a}: {f.path.name} stands under two patterns{more}: correct capture.json or record it again"
         return Concern("failed", text)
     if len({f.path.name for f, _ in pairs}) >= 0.9 * frames:
         return Concern("failed", f"{b} has the same frames as {a}: one capture under two names; take one out")
@@ -90,20 +88,6 @@ def _told(a: str, b: str, pairs: list[tuple[Frame, Frame]], frames: int) -> Conc
 
 def _dark(pattern: Pattern) -> bool:
     return level_of(pattern) == 0
-
-
-def _look_alike(a: Pattern, b: Pattern, lines: tuple[int, int]) -> bool:
-    """Whether two patterns light all lines alike."""
-    return all(np.array_equal(x, y) for x, y in zip(_lights(a, lines), _lights(b, lines), strict=True))
-
-
-def _lights(pattern: Pattern, lines: tuple[int, int]) -> Iterator[np.ndarray]:
-    for axis, count in zip("xy", lines, strict=True):
-        own = axis_of(pattern)
-        if own is None or own == axis:
-            yield np.asarray(brightness(pattern, np.arange(count)))
-        else:
-            yield np.full(1, -1.0)
 
 
 def grey_concerns(sets: Sequence[TargetSet]) -> list[Concern]:

@@ -12,6 +12,7 @@ lcd.py        what a line-addressed glass plate can show (one axis, or columns X
 from core.patterns.kinds import KINDS, Axis, Black, Code, Kind, Level, Line, Lines, Pattern, Phase, White
 from core.patterns.lcd import CrossPatternLcd
 from core.patterns.pattern import (
+    alike,
     axis_of,
     brightness,
     cycle_lines,
@@ -51,6 +52,7 @@ __all__ = [
     "Phase",
     "SequenceSpec",
     "White",
+    "alike",
     "axis_of",
     "brightness",
     "cycle_lines",

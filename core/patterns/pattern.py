@@ -39,6 +39,14 @@ def brightness(pattern: Pattern, lines: ArrayLike) -> Array:
     return KINDS[pattern.kind].light(pattern, np.asarray(lines, dtype=np.int64))
 
 
+def alike(a: Pattern, b: Pattern, lines: tuple[int, int]) -> bool:
+    """Whether two patterns light all columns and all rows of a projector alike."""
+    if (axis := axis_of(a)) != axis_of(b):
+        return False
+    count = max(lines) if axis is None else lines[axis == "y"]
+    return np.array_equal(brightness(a, np.arange(count)), brightness(b, np.arange(count)))
+
+
 def axis_of(pattern: Pattern) -> Axis | None:
     """Give the axis that a pattern varies along; None where it lights the whole field evenly."""
     return getattr(pattern, "axis", None)

@@ -19,6 +19,7 @@ from core.model import Capture, DeviceSpec, Frame, Project, Rig, ScaleBar, Seed,
 from core.patterns import (
     Pattern,
     SequenceSpec,
+    alike,
     pattern_from_dict,
     pattern_to_dict,
     read_sequence,
@@ -34,6 +35,7 @@ PATIENCE_S = 30.0  # for another program that is writing project.json
 ROLES = ("testfield", "depth", "plane", "object")
 _UNKNOWN: tuple[tuple[str, Mapping[str, DeviceSpec]], ...] = (("camera", {}), ("projector", {}))  # no project: any name
 _KNOWN_FRAMES: dict[bytes, tuple[Frame, ...]] = {}
+_MANY_LINES = 4096, 4096  # where the projector is not known
 _MOST_KNOWN = 64
 _COLUMNS = ("row", "col", "x_mm", "y_mm", "z_mm", "diameter_mm")
 
@@ -142,9 +144,21 @@ def _frames(fields: Fields, project: Project | None) -> tuple[Frame, ...]:
         pattern = pattern_from_dict(entry.nested("pattern").data, f"{entry.where} ({name})")
         camera, projector = (_device_of(entry, kind, known) for kind, known in devices)
         frames.append(Frame(name, pattern, camera, projector, entry.real("exposure_ms", above=0.0, default=None)))
+    _check_twice(fields, frames, project)
     if len(_KNOWN_FRAMES) >= _MOST_KNOWN:
         _KNOWN_FRAMES.clear()
     return _KNOWN_FRAMES.setdefault(key, tuple(frames)) if key else tuple(frames)
+
+
+def _check_twice(fields: Fields, frames: Sequence[Frame], project: Project | None) -> None:
+    """Refuse a file under two patterns, unless these are alike on the whole projector."""
+    known: dict[str, Frame] = {}
+    for frame in frames:
+        other = known.setdefault(frame.place, frame)
+        spec = project.rig.projectors[frame.projector] if project else None
+        lines = (spec.width, spec.height) if spec else _MANY_LINES
+        if other is not frame and not alike(other.pattern, frame.pattern, lines):
+            raise InputError(fields.where, f"{frame.place} stands under two patterns", "name the frame of each pattern")
 
 
 def _device_of(entry: Fields, kind: str, known: Mapping[str, DeviceSpec]) -> str:

@@ -36,6 +36,8 @@ if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
     _PNG_OPTIONS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
 _AGAIN = "record or copy this frame again"
 
+_WIDTH, _HEIGHT, _BITS, _COMPRESSION = 256, 257, 258, 259  # tags of TIFF
+_UNREADABLE = {34925: "LZMA", 50000: "Zstandard", 50001: "WebP", 50002: "JPEG XL", 34712: "JPEG 2000"}
 _PIXELS_AT = 256  # in a plain TIFF
 _MOST_PIXELS = 1 << 28  # of a frame whose camera is not known
 _MOST_BESIDE = 16 << 20  # bytes that a file may have beside its pixels
@@ -87,11 +89,7 @@ def read_image(path: Path, shape: tuple[int, int] | None = None) -> Image:
         raise InputError(path, "the file is empty", _AGAIN)
     if data.startswith(_PNG):
         _check_png(path, data)
-    claimed = _claimed(data)
-    if claimed is not None and shape is not None and claimed != shape:
-        raise wrong_size(path, claimed, shape, "the camera in project.json has")
-    if claimed is not None and claimed[0] * claimed[1] > _MOST_PIXELS:
-        raise InputError(path, f"its header claims {claimed[1]}x{claimed[0]} px", _AGAIN)
+    said = _check_claimed(path, data, shape)
     if (plain := _plain_pixels(data)) is not None:
         return plain
     try:
@@ -99,6 +97,8 @@ def read_image(path: Path, shape: tuple[int, int] | None = None) -> Image:
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:  # a header that claims more pixels than OpenCV takes
         image = None
+    if image is None and (name := _UNREADABLE.get(said.get(_COMPRESSION, 1))):
+        raise InputError(path, f"is a TIFF with {name} compression", "store it uncompressed, or by LZW or deflate")
     if image is None:
         raise InputError(path, f"{len(data)} bytes that are not a whole PNG or TIFF image", _AGAIN)
     if image.dtype not in (np.uint8, np.uint16):
@@ -187,9 +187,7 @@ def check_frame(path: Path, shape: tuple[int, int] | None = None) -> None:
         return
     data = path.read_bytes()
     _check_png(path, data)
-    claimed = _claimed(data)
-    if claimed is not None and shape is not None and claimed != shape:
-        raise wrong_size(path, claimed, shape, "the camera in project.json has")
+    _check_claimed(path, data, shape)
 
 
 def wrong_size(path: Path, has: tuple[int, ...], expected: tuple[int, ...], of: str) -> InputError:
@@ -230,25 +228,38 @@ def _plain_pixels(data: bytearray) -> Image | None:
     return image.astype(image.dtype.newbyteorder("="), copy=False) if whole else None
 
 
-def _claimed(data: bytes | bytearray) -> tuple[int, int] | None:
-    """Read from the header of a PNG or TIFF file which shape (H, W) it claims; None where it does not say."""
+def _claimed(data: bytes | bytearray) -> dict[int, int]:
+    """Read what the header of a PNG or TIFF file claims, by TIFF's tags: width, height, bits, compression."""
     try:
         if data.startswith(_PNG):
-            width, height = struct.unpack_from(">II", data, 16)
-            return height, width
+            return dict(zip((_WIDTH, _HEIGHT, _BITS), struct.unpack_from(">IIB", data, 16), strict=True))
         order = {b"II*\0": "<", b"MM\0*": ">"}.get(bytes(data[:4]))
         if order is None:
-            return None
+            return {}
         (at,) = struct.unpack_from(f"{order}I", data, 4)
         (count,) = struct.unpack_from(f"{order}H", data, at)
-        sides: dict[int, int] = {}
+        said = {_BITS: 1}
         for i in range(count):
-            tag, kind = struct.unpack_from(f"{order}HH", data, at + 2 + 12 * i)
-            if tag in (256, 257):  # width and height, as 16 or 32 bit
-                (sides[tag],) = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", data, at + 10 + 12 * i)
-        return sides[257], sides[256]
-    except (struct.error, KeyError):
-        return None
+            tag, kind, values = struct.unpack_from(f"{order}HHI", data, at + 2 + 12 * i)
+            if tag in (_WIDTH, _HEIGHT, _BITS, _COMPRESSION):  # as 16 or 32 bit; the bits of colours are elsewhere
+                form = "H" if kind == 3 and values < 3 else "I"
+                (said[tag],) = struct.unpack_from(order + form, data, at + 10 + 12 * i)
+    except struct.error:
+        return {}
+    return said
+
+
+def _check_claimed(path: Path, data: bytes | bytearray, shape: tuple[int, int] | None) -> dict[int, int]:
+    """Give what a header claims; an `InputError` where that is not a frame of that shape (H, W), or of any."""
+    said = _claimed(data)
+    claimed = said.get(_HEIGHT, 0), said.get(_WIDTH, 0)
+    if all(claimed) and shape is not None and claimed != shape:
+        raise wrong_size(path, claimed, shape, "the camera in project.json has")
+    if claimed[0] * claimed[1] > _MOST_PIXELS:
+        raise InputError(path, f"its header claims {claimed[1]}x{claimed[0]} px", _AGAIN)
+    if said.get(_BITS, 8) < 8:
+        raise InputError(path, f"has {said[_BITS]} bit a pixel", "store frames with 8 or 16 bit")
+    return said
 
 
 def _check_png(path: Path, data: bytes | bytearray) -> None:

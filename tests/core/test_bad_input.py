@@ -55,6 +55,17 @@ def frames_of(capture: Path, kept: Callable[[dict[str, Any]], bool]) -> None:
     (capture / "capture.json").write_text(json.dumps({**data, "frames": left}))
 
 
+def one_file_twice(capture: Path) -> None:
+    data = json.loads((capture / "capture.json").read_text())
+    data["frames"][4]["file"] = data["frames"][3]["file"]
+    (capture / "capture.json").write_text(json.dumps(data))
+
+
+def one_bit(path: Path) -> None:
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    cv2.imwrite(str(own(path)), 255 * (image > 60).astype(np.uint8), [cv2.IMWRITE_PNG_BILEVEL, 1])
+
+
 def steps_up_to(count: int) -> Callable[[dict[str, Any]], bool]:
     return lambda pattern: pattern.get("axis") != "x" or pattern.get("step", 0) < count
 
@@ -66,6 +77,8 @@ def steps_up_to(count: int) -> Callable[[dict[str, Any]], bool]:
         (DECODE, f"{PLANE}/003.png", lambda path: own(path).write_bytes(BOMB), ["003.png: 1021 bytes"]),
         (DECODE, PLANE, lambda path: frames_of(path, lambda p: p.get("bit") != 0 or p["axis"] != "x"), ["plane+00"]),
         (DECODE, PLANE, lambda path: frames_of(path, steps_up_to(2)), ["plane+00"]),
+        (DECODE, PLANE, one_file_twice, ["capture.json", "003.png stands under two patterns"]),
+        (DECODE, f"{PLANE}/003.png", one_bit, ["003.png: has 1 bit a pixel", "8 or 16 bit"]),
         (
             CALIBRATE,
             "captures/testfield-02/005.png",
@@ -85,7 +98,7 @@ def steps_up_to(count: int) -> Callable[[dict[str, Any]], bool]:
             ["testfield.csv: line"],
         ),
     ],
-    ids=["missing", "claims", "bits", "steps", "sizes", "truncated", "duplicate"],
+    ids=["missing", "claims", "bits", "steps", "named twice", "one bit", "sizes", "truncated", "duplicate"],
 )
 def test_spoiled_files(
     quick: Path,
