@@ -64,8 +64,7 @@ def complete(folder: Path) -> None:
     inside = folder / "_internal"
     how = {"stripdir": inside, "invalidation_mode": PycInvalidationMode.UNCHECKED_HASH}  # nor where it was built
     compileall.compile_dir(inside / "core", quiet=1, **how)
-    compile_kernels = [sys.executable, str(PACKAGING / "kernels.py"), str(inside / "core/kernels")]
-    subprocess.run([*compile_kernels, str(folder / "stripe-core")], check=True)
+    subprocess.run([sys.executable, str(PACKAGING / "kernels.py"), str(inside / "core/kernels")], check=True)
     share = folder / "share"
     place(PACKAGING / f"desktop/{ID}.desktop", share / "applications")
     place(PACKAGING / f"desktop/{ID}.metainfo.xml", share / "metainfo")

@@ -1,8 +1,8 @@
-"""Compile the kernels ahead: `python packaging/kernels.py FOLDER [PROGRAM]`, for any x86-64 of level v3 (with AVX2).
+"""Compile the kernels ahead: `python packaging/kernels.py FOLDER`, for any x86-64 of level v3 (with AVX2).
 
 What lies in `core/kernels` of a bundle or of an installed wheel is loaded instead of being compiled at first use, where
-Python, numba and NumPy are of the versions it was compiled with. PROGRAM is stripe-core of a bundle, or an interpreter
-(by default the one that runs this); its commands are run on a small project, and every preset's frames are decoded.
+Python, numba and NumPy are of the versions it was compiled with. Commands are run on a small project, and every
+preset's frames are decoded, to learn what is compiled.
 """
 
 from __future__ import annotations
@@ -70,15 +70,14 @@ for kernel in sorted(Path(sys.argv[1]).iterdir()):
 
 def main() -> int:
     """Run all; copy what was compiled."""
-    out, program = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else sys.executable
+    out = Path(sys.argv[1])
     with tempfile.TemporaryDirectory(prefix="stripe-kernels-") as folder:
         work = Path(folder)
         own = {"NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": "", "PYTHONPATH": str(ROOT)}
-        own["PYTHONHASHSEED"] = "1"  # the same sources give the same bytes
+        own["PYTHONHASHSEED"] = "1"  # the same sources give the same bytes; a frozen program would not heed it
         for command in COMMANDS:
             words = [CODE.get(word, word) for word in command.split()]
-            start = [] if words[0] == "-c" or Path(program).name == "stripe-core" else ["-m", "core"]
-            whole = [program, *start, *words]
+            whole = [sys.executable, *([] if words[0] == "-c" else ["-m", "core"]), *words]
             own["XDG_CACHE_HOME"] = str(work / ("made" if "ANEW" in command else "met"))
             done = subprocess.run(whole, cwd=work, env={**os.environ, **own}, capture_output=True, text=True)
             if done.returncode:
