@@ -236,9 +236,8 @@ def _orient(
         rows = np.array(found, dtype=np.int64).reshape(-1, 2)
         known = np.isfinite(plane.targets.camera_uv[rows[:, 0]]).all(axis=-1)
         rows = rows[known]
-        seen.append(
-            TargetPlane(plane.z_mm, rows[:, 1], testfield.xyz_mm[rows[:, 1]], plane.targets.camera_uv[rows[:, 0]])
-        )
+        target, uv = rows[:, 1], plane.targets.camera_uv[rows[:, 0]]
+        seen.append(TargetPlane(plane.z_mm, target, testfield.xyz_mm[target], uv, plane.targets.capture))
     return orient_camera(camera, seen, interior=interior)
 
 

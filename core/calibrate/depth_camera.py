@@ -13,7 +13,7 @@ share a part (its place) beside their own (the image noise); both variances are 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import cv2
@@ -35,6 +35,8 @@ from core.model import Array, DeviceSpec, Interior, Ints
 from core.numerics import least_squares
 
 LEAST_TARGETS = 4
+MOST_MISSED = 0.02  # of the image's width, r.m.s., by which targets of one plate miss
+LEAST_AGREEING = 3  # positions against which one can be the odd one
 TARGETS_TO_START = 20
 TO_OPENCV = np.diag([1.0, -1.0, -1.0])  # X right, Y down, looking along +Z
 ASSUMED_DISTANCE = 50.0  # focal lengths, where nothing tells the distance: 0.6 m with a 12 mm lens
@@ -61,6 +63,7 @@ class TargetPlane:
     target: Ints
     xyz_mm: Array
     uv: Array
+    capture: str = ""
 
 
 @dataclass(frozen=True)
@@ -116,18 +119,39 @@ def orient_camera(
     if not usable:
         return _assumed(spec)
     known = _known(spec, interior)
-    thin = [_thinned(plane) for plane in usable]
-    tries = [_adjust(spec, thin, start, known, rounds=1) for start in _starts(spec, usable, known.interior)]
+    found = _fitted(spec, usable, known)
+    if (rms_px := _rms_px(found)) < (most_px := MOST_MISSED * spec.width):
+        return _result(spec, usable, found, known)
+    without = [[p for p in usable if p is not plane] for plane in usable] if len(usable) > LEAST_AGREEING else []
+    fits = [_rms_px(_fitted(spec, others, known)) < most_px for others in without]
+    if sum(fits) == 1:
+        raise AdjustmentError(
+            usable[fits.index(True)].capture,
+            f"its targets miss by {rms_px:.1f} px r.m.s.",
+            "without it all others fit: its picks, z_mm or frames are wrong or turned",
+        )
+    raise AdjustmentError(
+        "depth plate", f"its targets miss by {rms_px:.1f} px r.m.s.", "check the picks and z_mm of the depth captures"
+    )
+
+
+def _fitted(spec: DeviceSpec, planes: Sequence[TargetPlane], known: Known) -> _Solution:
+    thin = [_thinned(plane) for plane in planes]
+    tries = [_adjust(spec, thin, start, known, rounds=1) for start in _starts(spec, planes, known.interior)]
     if not tries:
         raise AdjustmentError("depth plate", "its targets fit no pose", "check the picks of the depth captures")
     best = min(tries, key=lambda result: result.cost)
-    return _result(spec, usable, _adjust(spec, usable, best.parameters, known), known)
+    return _adjust(spec, planes, best.parameters, known)
+
+
+def _rms_px(found: _Solution) -> float:
+    return float(np.sqrt(np.mean(found.residuals**2)))
 
 
 def _thinned(plane: TargetPlane) -> TargetPlane:
     """Enough targets to tell the starts apart."""
-    every = max(1, len(plane.uv) // TARGETS_TO_START)
-    return TargetPlane(plane.z_mm, plane.target[::every], plane.xyz_mm[::every], plane.uv[::every])
+    every = slice(None, None, max(1, len(plane.uv) // TARGETS_TO_START))
+    return replace(plane, target=plane.target[every], xyz_mm=plane.xyz_mm[every], uv=plane.uv[every])
 
 
 def _assumed(spec: DeviceSpec) -> PlateCamera:
@@ -274,13 +298,6 @@ def _sigmas(rest: Array, target: Ints) -> tuple[float, float]:
 
 
 def _result(spec: DeviceSpec, planes: Sequence[TargetPlane], best: _Solution, known: Known) -> PlateCamera:
-    rms_px = float(np.sqrt(np.mean(best.residuals**2)))
-    if not rms_px < 0.02 * spec.width:
-        raise AdjustmentError(
-            "depth plate",
-            f"its targets miss by {rms_px:.1f} px r.m.s.",
-            "check the picks and z_mm of the depth captures",
-        )
     interior, pose, axis = _unpack(spec, best.parameters)
     warnings = []
     if not known.measured:

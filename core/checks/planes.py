@@ -169,7 +169,11 @@ def _angles(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
     if len(odd) > 1:
         names = " or ".join(planes[i].capture for i in odd)
         text = f"{names}: all planes were turned about one axis, by other angles: "
-    text += "its sign is reversed" if sign else "correct angle_deg, or the plane-table was not turned as it says"
+    text += (
+        "the sign of angle_deg is reversed"
+        if sign
+        else "correct angle_deg, or the plane-table was not turned as it says"
+    )
     return [Concern("failed" if misfit.max() > MOST_ANGLE_DEG else "doubtful", text)]
 
 

@@ -46,6 +46,20 @@ SHARP = (
 )
 
 
+def notes_of(sets: Sequence[TargetSet]) -> dict[str, list[str]]:
+    """What captures say of themselves, by name, and why none of their targets was measured."""
+    notes: dict[str, list[str]] = {}
+    for t in sets:
+        own = notes.setdefault(t.capture, [])
+        own += [note for note in t.notes if note not in own]
+        if not len(t.row) and t.missing:
+            why = t.missing[0].reason
+            # dots of another size are cut in the middle, or reach into each other
+            why = f"{why}; look at diameter_mm in its testfield file, too" if "contour" in why else why
+            own.append(f"none of its targets was measured: {why}")
+    return notes
+
+
 def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:
     """What captures say of themselves, alike ones together, those that name a mistake first."""
     by_text: dict[str, list[tuple[str, str]]] = {}
@@ -54,7 +68,7 @@ def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:
             by_text.setdefault(FIGURE.sub("", text), []).append((name, text))
     concerns = []
     for entries in by_text.values():
-        names = [name for name, _ in entries]
+        names = list(dict.fromkeys(name for name, _ in entries))
         told = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
         concerns.append(Concern("doubtful", f"{told}: {entries[0][1]}"))
     return sorted(concerns, key=lambda concern: _blunt(concern.text))
@@ -138,14 +152,8 @@ class Evidence:
         """What the captures of a method say of themselves, and those of which nothing was measured."""
         from core.checks import size_concerns
 
-        empty = [
-            Concern("doubtful", f"{t.capture}: none of its targets was measured: {_why(t.missing[0].reason)}")
-            for t in self.targets(method)
-            if not len(t.row) and t.missing
-        ]
-        own = {c.name: self.kept[c.name].notes for c in self.used[method] if c.name in self.kept}
-        sizes = size_concerns(self.targets(method), {c.name: c.testfield for c in self.used[method]})
-        return [*noted(own), *empty, *sizes]
+        sets = self.targets(method)
+        return [*noted(notes_of(sets)), *size_concerns(sets, {c.name: c.testfield for c in self.used[method]})]
 
     def left_out(self, method: Method, rejected: Mapping[str, tuple[int, int]] | None = None) -> tuple[LeftOut, ...]:
         """List targets and captures without a part in a method's result; `rejected` is by station, of how many."""
@@ -169,11 +177,6 @@ def lengths_of(
     z_mm = {c.name: c.z_mm for c in boards if c.z_mm is not None}
     seen = pose_plates(spec, interior, [targets[name] for name in z_mm], z_mm, boards[0].testfield)
     return length_concerns(None, None, None, seen, False)
-
-
-def _why(reason: str) -> str:
-    """Why no target was measured; dots of another size are cut in the middle, or reach into each other."""
-    return f"{reason}; look at diameter_mm in its testfield file, too" if "contour" in reason else reason
 
 
 def _plates(

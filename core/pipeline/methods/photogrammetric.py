@@ -21,7 +21,7 @@ from core.model import (
     TargetSet,
     Testfield,
 )
-from core.pipeline.evidence import Evidence, because_of
+from core.pipeline.evidence import Evidence, because_of, notes_of
 from core.pipeline.measure import common_testfield, measured_targets
 from core.pipeline.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
@@ -37,7 +37,7 @@ def _calibrate(project: Project, captures: list[Capture], options: CalibrateOpti
 
     testfield = common_testfield(captures)
     targets = measured_targets(project, captures, progress.part(0.0, 0.9))
-    with because_of({"project.json": bar_notes(project.scale, testfield), **{t.capture: t.notes for t in targets}}):
+    with because_of({"project.json": bar_notes(project.scale, testfield), **notes_of(targets)}):
         calibration, adjustment = calibrate_photogrammetric(
             project.rig,
             testfield,

@@ -231,8 +231,8 @@ def test_targets_at_one_position_suffice_for_a_pose() -> None:
 def test_targets_of_another_board_are_refused() -> None:
     planes = _planes()
     rng = np.random.default_rng(0)
-    mixed = replace(planes[5].targets, camera_uv=rng.permutation(planes[5].targets.camera_uv))
-    with pytest.raises(AdjustmentError, match="miss by"):
+    mixed = replace(planes[5].targets, capture="depth-06", camera_uv=rng.permutation(planes[5].targets.camera_uv))
+    with pytest.raises(AdjustmentError, match=r"depth-06: .* miss by .* without it all others fit"):
         calibrate_depth(SPEC, _field(), [*planes[:5], replace(planes[5], targets=mixed), *planes[6:]])
 
 

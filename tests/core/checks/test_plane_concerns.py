@@ -92,9 +92,9 @@ def test_planes_may_be_tilted_about_any_axes(tilts: list[tuple[float, float, flo
     [
         ([(0, 0, 0), (15, 40, 21)], "p0 and p1", "correct angle_deg"),
         ([(0, 0, 0), (30, 0, 30), (-30, 90, -30), (20, 45, 8)], "p3", "correct angle_deg"),
-        ([(0, 20, 0), (-15, 20, 15), (10, 20, 10), (20, 20, 20)], "p1", "its sign is reversed"),
+        ([(0, 20, 0), (-15, 20, 15), (10, 20, 10), (20, 20, 20)], "p1", "sign of angle_deg is reversed"),
         ([(0, 0, 0), (15, 0, 15), (10, 90, 7)], "p0 and p2", "correct angle_deg"),
-        ([(0, 20, 0), (-15, 20, -15), (20, 20, -20)], "p1 or p2", "its sign is reversed"),
+        ([(0, 20, 0), (-15, 20, -15), (20, 20, -20)], "p1 or p2", "sign of angle_deg is reversed"),
         ([(-15, 20, -15), (10, 20, 16), (20, 20, 20), (-25, 20, -25)], "p1", "correct angle_deg"),
     ],
 )

@@ -10,8 +10,10 @@ import pytest
 
 from core.checks.captures import size_concerns
 from core.checks.plates import intersect_targets
+from core.errors import AdjustmentError
 from core.geometry import Pose, calibration_of_pair, matrix_from_axis_angle, pair_of, project
-from core.model import AdjustedDevice, DeviceSpec, Interior, TargetSet, Testfield
+from core.model import AdjustedDevice, DeviceSpec, Interior, MissingTarget, TargetSet, Testfield
+from core.pipeline.evidence import because_of, notes_of
 
 
 def test_targets_far_away_in_focal_lengths_are_found_on_the_board_that_they_were_projected_from() -> None:
@@ -50,3 +52,12 @@ def test_diameters_that_the_dots_do_not_have_are_told(given: float, told: str | 
     assert len(concerns) == (told is not None)
     if told is not None:
         assert re.match(f"testfield-01 and 1 more: .*{told}", concerns[0].text)
+
+
+def test_work_that_fails_names_the_captures_of_which_nothing_was_measured_and_why() -> None:
+    none = np.zeros(0, np.int64), np.zeros(0, np.int64), *(np.zeros((0, 2)) for _ in range(6))
+    why = [f"pick {k} at ({k}.5, 8.0) px has no dot" for k in (1, 2)]
+    sets = [TargetSet(f"board-{k}", *none, missing=(MissingTarget(0, 0, text),)) for k, text in enumerate(why)]
+    told = r"singular.*First see to this: board-0, board-1: none of its targets was measured: pick 1 at"
+    with pytest.raises(AdjustmentError, match=told), because_of(notes_of(sets)):
+        raise AdjustmentError("the network", "singular", "add poses")
