@@ -151,12 +151,8 @@ def calibrate_points(
 
     as_device("camera", camera)
     as_device("projector", projector)
-    board = np.atleast_2d(as_numbers("board_mm", board_mm))
+    board = _board(board_mm)
     n = len(board)
-    if board.ndim != 2 or board.shape[1] not in (2, 3):
-        raise InputError("board_mm", f"has shape {board.shape}", "give (n, 3) or (n, 2)")
-    if board.shape[1] == 2:
-        board = np.column_stack([board, np.zeros(n)])
     if length is not None and (len(length) != 4 or length[0] == length[1] or not {*length[:2]} <= {*range(n)}):
         told = f"is {tuple(length)!r}, the board has {n} points"
         raise InputError("length", told, "give indices of two of them from 0, millimetres and their sigma")
@@ -164,19 +160,10 @@ def calibrate_points(
     lit = _positions("projector_uv", projector_uv, n, projector)
     if len(seen) != len(lit):
         raise InputError("projector_uv", f"has {len(lit)} positions, camera_uv {len(seen)}", "give as many")
-    if not np.isfinite(board).all():
-        raise InputError("board_mm", "has undefined values", "give approximate coordinates of every point")
     sigma = as_sigmas("camera_sigma_px", camera_sigma_px, seen, exact=False)
     sigma_lit = as_sigmas("projector_sigma_lines", projector_sigma_lines, lit, exact=False)
-    row, col = np.zeros(n, np.int64), np.arange(n)
-    field = Testfield(row, col, board, np.full(n, np.nan))
-    targets = []
-    for k in range(len(seen)):
-        use = np.isfinite(seen[k]).all(axis=1)
-        covariance = sigma[k, use, :, None] ** 2 * np.eye(2)
-        nothing = np.zeros((np.count_nonzero(use), 2))
-        where = (lit[k, use], sigma_lit[k, use], nothing, nothing[:, 0])
-        targets.append(TargetSet(f"position {k + 1}", row[use], col[use], seen[k, use], covariance, *where))
+    field = Testfield(np.zeros(n, np.int64), np.arange(n), board, np.full(n, np.nan))
+    targets = [_targets(f"position {k + 1}", field, seen[k], sigma[k], lit[k], sigma_lit[k]) for k in range(len(seen))]
     bar = ScaleBar((0, length[0]), (0, length[1]), length[2], length[3]) if length else None
     rig = Rig({"camera": camera}, {"projector": projector})
     found, adjustment = calibrate_photogrammetric(rig, field, targets, scale=bar, rigid=rigid, progress=progress)
@@ -189,6 +176,25 @@ def calibrate_points(
     ]
     verdict = verdict_of(concerns, sound_words(adjustment))
     return replace(found, verdict=verdict, left_out=left_out_of(targets, rejected))
+
+
+def _board(board_mm: ArrayLike) -> Array:
+    """Points of a board, shape (n, 3), z being 0 where it is not given."""
+    board = np.atleast_2d(as_numbers("board_mm", board_mm))
+    if board.ndim != 2 or board.shape[1] not in (2, 3):
+        raise InputError("board_mm", f"has shape {board.shape}", "give (n, 3) or (n, 2)")
+    if not np.isfinite(board).all():
+        raise InputError("board_mm", "has undefined values", "give approximate coordinates of every point")
+    return board if board.shape[1] == 3 else np.column_stack([board, np.zeros(len(board))])
+
+
+def _targets(name: str, field: Testfield, seen: Array, sigma: Array, lit: Array, sigma_lit: Array) -> TargetSet:
+    """The points that the camera sees at one position of the board."""
+    use = np.isfinite(seen).all(axis=1)
+    covariance = sigma[use, :, None] ** 2 * np.eye(2)
+    nothing = np.zeros((np.count_nonzero(use), 2))
+    where = lit[use], sigma_lit[use], nothing, nothing[:, 0]
+    return TargetSet(name, field.row[use], field.col[use], seen[use], covariance, *where)
 
 
 def _from_behind(adjustment: Adjustment) -> list[Concern]:
