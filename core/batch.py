@@ -23,6 +23,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
 
 from core.errors import InputError, StripeError
+from core.fields import kept_object
 from core.figures import evaluation_figures, phase_figures
 from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
 from core.parallel import THREADS, limit_threads
@@ -218,6 +219,8 @@ def _prepare(
         outcomes[name] = Outcome(name, "left", figures=ready) if left else Outcome(name)
         if not left:
             jobs.append(job)
+    for job in jobs:
+        _check_own(job)
     contents.keep()
     return outcomes, jobs
 
@@ -232,6 +235,16 @@ def _inputs(
         "reconstruct": hash_value(reconstructed_from(project, capture, calibrations, contents)),
         "evaluate": hash_value(evaluated_from(project, [capture], calibrations, contents=contents)),
     }
+
+
+def _check_own(job: Job) -> None:
+    """Refuse a folder that holds a file of a result's name, and is no batch's."""
+    if "inputs" in kept_object(job.out / "figures.json"):
+        return
+    for path in (job.out / name for name in ("figures.json", *FILES.values())):
+        if path.exists():
+            seen = "is there already, and not as this program wrote it"
+            raise InputError(path, seen, "give another --out, or move that file away")
 
 
 def _ready(job: Job) -> Figures:
@@ -258,6 +271,8 @@ def process(job: Job) -> tuple[Figures, float]:
     for part in job.out.glob(".*.part"):  # of a worker that was killed while it wrote
         part.unlink(missing_ok=True)
     figures = _ready(job)
+    if not (job.out / "figures.json").exists():  # so that what a killed worker leaves is known for a batch's
+        write_json(job.out / "figures.json", {"capture": job.capture.name, "inputs": {}})
     if "decode" in figures:
         phase = read_phase(job.out / FILES["decode"])
     else:

@@ -60,8 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options = parser().parse_args(arguments)
         if options.json not in (None, "-"):
-            _check_json(options.json)
-        with _guarded(getattr(options, "out", None)), _told(options.json):
+            _check_json(Path(options.json), getattr(options, "out", None))
+        with _guarded(options), _told(options.json):
             figures, failure = _worked(options, Progress(console.report))
             sys.stdout.flush()
         console.clear()
@@ -103,13 +103,14 @@ def parser() -> Parser:
     return whole
 
 
-def _guarded(out: Path | None) -> AbstractContextManager[None]:
+def _guarded(options: Options) -> AbstractContextManager[None]:
     """Replace in the place that ``--out`` names only what this program wrote there and nobody changed."""
+    out = getattr(options, "out", None)
     if out is None:
         return nullcontext()
     from core.project.made import guarding
 
-    return guarding(out)
+    return guarding(out, beside=getattr(options, "beside", False))
 
 
 def _worked(options: Options, progress: Progress) -> tuple[dict[str, Any] | None, UnfinishedError | None]:
@@ -127,13 +128,17 @@ def _told(figures: str | None) -> AbstractContextManager[object]:
     return redirect_stdout(sys.stderr if figures == "-" else Unread(sys.stdout))
 
 
-def _check_json(target: str) -> None:
+def _check_json(path: Path, out: Path | None) -> None:
     """Refuse a file for the figures that cannot be written before anything else is."""
     from core.atomic import check_place
+    from core.project.made import claim, project_around
 
-    path = Path(target)
     check_place(path)
-    if path.is_file() and path.stat().st_size:
+    if out is not None and os.path.realpath(out) == os.path.realpath(path):
+        raise InputError("--json", f"is {path}, as --out is", "give two names")
+    if project_around(path) is not None:
+        claim(path)
+    elif path.is_file() and path.stat().st_size:
         with path.open("rb") as file:
             start = file.read(200).lstrip()
         if not start.startswith(b"{") or b'"stripe-' in start.replace(b'"stripe-batch"', b""):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -136,8 +137,10 @@ def write_figures(target: str, figures: dict[str, Any]) -> None:
     import json
 
     from core.atomic import write_json
+    from core.project.made import guarding, project_around
 
     if target == "-":
         print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
-    else:
+        return
+    with guarding(Path(target)) if project_around(Path(target)) else nullcontext():
         write_json(Path(target), figures)

@@ -26,10 +26,14 @@ _MOST_NAMED = 3
 
 
 def read_made(folder: Path) -> dict[str, Any]:
-    """Read what is listed of a folder; an empty list where nothing is that can be read."""
+    """Read what is listed of a folder, and which of it users `named`; nothing where no list can be read."""
     stored = kept_object(Path(folder) / FILE)
-    files = stored.get("files")
-    return {**stored, "files": {k: str(v) for k, v in files.items()}} if isinstance(files, dict) else {"files": {}}
+    files, named = stored.get("files"), stored.get("named")
+    if not isinstance(files, dict):
+        return {"files": {}, "named": []}
+    if not isinstance(named, list):
+        named = [] if "scenario" in stored else [*files]  # as earlier versions listed them
+    return {**stored, "files": {k: str(v) for k, v in files.items()}, "named": [*map(str, named)]}
 
 
 def note_made(folder: Path, facts: Mapping[str, Any]) -> None:
@@ -79,32 +83,41 @@ def remove_made(folder: Path, own: Collection[str] = ()) -> None:
 
 
 def claim(path: Path) -> None:
-    """See that a file may be written: that nothing is there, or what this program wrote and nobody changed."""
+    """See that a file may be written where a user said: nothing is there, or what was written so and nobody changed.
+
+    What this program keeps in a project is not replaced, but for the report.
+    """
     try:
         if not os.path.isfile(path) or not os.path.getsize(path):
             return
     except OSError:
         return
-    if any(p.name == "results" and (p.parent / "project.json").exists() for p in Path(path).absolute().parents):
-        return  # a project's results are the program's own
-    if not _is_own(read_made(Path(path).parent), Path(path).name, path):
+    path = Path(os.path.realpath(path))
+    made, project = read_made(path.parent), project_around(path)
+    if project is not None and path.relative_to(project).parts[:2] == ("results", "report"):
+        return
+    if path.name not in made["named"] or not _is_own(made, path.name, path):
         seen = "is there already, and not as this program wrote it"
         raise InputError(path, seen, "give another name, or move that file away")
 
 
+def project_around(path: Path) -> Path | None:
+    """Give the folder of the project that a place lies in, if it does."""
+    return next((p for p in Path(os.path.realpath(path)).parents if (p / "project.json").is_file()), None)
+
+
 @contextmanager
-def guarding(out: Path) -> Iterator[None]:
+def guarding(out: Path, *, beside: bool = False) -> Iterator[None]:
     """Write into a place that a user named: replace there only what this program wrote and nobody changed.
 
-    What is about to take its place is listed before it does, beside what it replaces, so that a kill at any moment
-    leaves a file that is listed.
+    With `beside` that holds for what is written beside a file, too. What is about to take its place is listed before it
+    does, beside what it replaces, so that a kill at any moment leaves a file that is listed.
     """
-    out = Path(out).absolute()
+    out = Path(os.path.realpath(out))
     written: dict[Path, set[str]] = {}
 
     def concerns(path: Path) -> bool:
-        path = path.absolute()
-        return path.name != FILE and (path == out or out in path.parents)
+        return path.name != FILE and (path == out or out in path.parents or (beside and path.parent == out.parent))
 
     def before(path: Path) -> None:
         if concerns(path) and path.name not in written.get(path.parent, ()):
@@ -139,7 +152,8 @@ def _add(folder: Path, names: set[str], part: Path | None = None) -> None:
                 replaced[name], files[name] = files.get(name, ""), hash_file(part)
             elif (folder / name).is_file():
                 files[name] = hash_file(folder / name)
-        facts = {"format": "stripe-made", "version": 1, **made, "files": files, "replaced": replaced}
+        named = sorted({*made["named"], *names} & files.keys())
+        facts = {"format": "stripe-made", "version": 1, **made, "files": files, "named": named, "replaced": replaced}
         write_json(folder / FILE, facts)
 
 

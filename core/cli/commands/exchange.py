@@ -15,7 +15,8 @@ def add(commands: Commands) -> None:
     known = "opencv, ros, kalibr, colmap, matlab, mrcal or agisoft"
     sub = commands.add_on_project("export", _export, "write the calibration for another program")
     sub.add_argument("--to", required=True, metavar="FORMAT", help=known)
-    sub.add_argument("file", type=Path, metavar="FILE")
+    sub.add_argument("out", type=Path, metavar="FILE")
+    sub.set_defaults(beside=True)  # some formats take several files
     add_devices(sub)
 
     sub = commands.add("import", _import, "take another program's calibration of the project's devices")
@@ -28,7 +29,7 @@ def _export(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline.exchange import export_calibration
 
     project, names = options.project, (options.camera, options.projector)
-    files, residuals = export_calibration(project, options.to, options.file, *names)
+    files, residuals = export_calibration(project, options.to, options.out, *names)
     for file in files:
         print(file)
     for name, rms in residuals.items():

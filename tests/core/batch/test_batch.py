@@ -93,6 +93,12 @@ def test_a_second_run_does_only_what_changed(scheduler: str, quick: Path, tmp_pa
     rows = summary(out)
     assert set(rows) == set(names)
     assert rows[names[0]]["decode"]["u"]["valid_pixels"] > 0  # figures of captures that were left are told too
+    foreign = out / project.captures[3].name / "points.npz"
+    foreign.parent.mkdir()
+    foreign.write_text("mine")
+    with pytest.raises(InputError, match=r"points\.npz: is there already"):
+        run_batch(project, out, steps=["decode"], scheduler=scheduler)
+    assert foreign.read_text() == "mine"
 
 
 def test_a_damaged_capture_stops_no_other_and_is_told(

@@ -346,6 +346,33 @@ def test_a_file_that_somebody_else_put_there_is_not_replaced(small: Path, tmp_pa
     assert main(command) == 2
 
 
+def test_a_place_told_in_a_roundabout_way_is_the_same_place(small: Path, tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    for _ in range(2):
+        assert main(["status", str(small), "--json", "../elsewhere/figures.json"]) == 0
+        assert main(["patterns", str(small), "--out", "../elsewhere/../images"]) == 0
+    board = ["testfield", str(small), "--out", "same.pdf", "--json", "../elsewhere/same.pdf"]
+    assert main(board) == 2
+
+
+def test_what_a_project_keeps_is_no_place_for_results(calibrated: Path, tmp_path: Path, capsys) -> None:
+    project = calibrated
+    (tmp_path / "images.txt").write_text("mine")
+    kept = [project / name for name in ("project.json", "testfield.csv", "captures/plane+00/000.png")]
+    kept += [project / "results" / name for name in ("current.json", "targets.json", "targets.npz")]
+    before = {path: path.read_bytes() for path in (*kept, tmp_path / "images.txt")}
+    for path in kept:
+        assert main(["export", str(project), "--to", "opencv", str(path)]) == 2
+        assert f"{path.name}: is there already" in capsys.readouterr().err
+        assert main(["status", str(project), "--json", str(path)]) == 2
+    assert main(["export", str(project), "--to", "colmap", str(tmp_path / "cameras.txt")]) == 2
+    assert {path: path.read_bytes() for path in before} == before
+    for command in (["export", str(project), "--to", "opencv"], ["status", str(project), "--json"]):
+        for _ in range(2):
+            assert main([*command, str(project / f"{command[0]}.json")]) == 0
+
+
 def test_figures_replace_figures_and_nothing_else(small: Path, tmp_path: Path, capsys) -> None:
     command = ["status", str(small), "--json"]
     for target, text in ((tmp_path / "notes.txt", "mine"), (small / "project.json", None)):
@@ -353,7 +380,7 @@ def test_figures_replace_figures_and_nothing_else(small: Path, tmp_path: Path, c
             target.write_text(text)
         before = target.read_bytes()
         assert main([*command, str(target)]) == 2
-        assert "holds no figures" in capsys.readouterr().err
+        assert "is there already" in capsys.readouterr().err
         assert target.read_bytes() == before
     figures = tmp_path / "figures.json"
     for text in ('{"of": "another program"}', '{"format": "stripe-batch", "version": 1}'):
