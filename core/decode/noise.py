@@ -3,7 +3,8 @@
 Some combinations of frames carry no signal whatever the scene is: the alternating sum of four phase steps, the
 difference between the means of two axes' steps, of a bit plus its inverse and the next. What they show is noise. Its
 variance is taken as ``var(g) = max(dark + shot g, floor)``: read and quantisation noise, shot noise. `dark` is negative
-where the camera adds an offset to its grey values, for the offset is without shot noise.
+where the camera adds an offset to its grey values, for the offset is without shot noise; `shot` is where a camera's own
+gamma makes the dark noisiest.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 
 BINS = 12  # of grey values, with the same number of residuals each
 LEAST = 50  # residuals that tell a variance
-SHOWN = 2.0  # standard deviations that a slope must have
+SHOWN, FALLING = 2.0, 5.0  # standard deviations that a slope must have, and a falling one
 LOWEST = 0.5  # the noise is never taken below this part of the least seen
 TINY = 1e-12
 MEDIAN_OF_SQUARE = 0.45494  # of a normal deviate
@@ -164,7 +165,7 @@ def _robust_variances(residual: Array, floor: float) -> Array:
 
 
 def _fit(variance: Array, level: Array, floor: float, number: int) -> Noise:
-    """Weighted straight line through variances of so many residuals each, not falling; level where no slope is shown.
+    """Weighted straight line through variances of so many residuals each; level where no slope is shown.
 
     The weights follow from the line itself: those from the variances found would favour what is small by chance.
     """
@@ -176,7 +177,8 @@ def _fit(variance: Array, level: Array, floor: float, number: int) -> Noise:
         away = weight * (level - mean_level)
         lever = max(float(away @ (level - mean_level)), TINY * total)
         slope = float(away @ (variance - mean_variance)) / lever
-        slope = slope if slope > SHOWN * np.sqrt(2 / number * mean_variance**2 * total / lever / len(level)) else 0.0
+        sigma = np.sqrt(2 / number * mean_variance**2 * total / lever / len(level))
+        slope = slope if not -FALLING * sigma <= slope <= SHOWN * sigma else 0.0
         noise = Noise(mean_variance - slope * mean_level, slope, least)
         weight = 1 / np.square(noise.variance(level))
     return noise

@@ -24,6 +24,7 @@ class Sight:
     curve: Curve
     camera_gamma: float = 1.0
     blur_lines: float = 0.7
+    noise_of_light: float = 0.0  # before the camera's gamma
 
     @property
     def u(self) -> np.ndarray:
@@ -42,7 +43,10 @@ class Sight:
             lines = np.repeat(self.curve(brightness(pattern, np.arange(LINES))), FINE)
             even = pattern.kind in ("white", "black")
             light = lines[0] if even else np.interp(self.u, places, gaussian_filter1d(lines, self.blur_lines * FINE))
-            grey = 255 * (albedo * (12 + 150 * light) / 255) ** self.camera_gamma
+            seen = albedo * (12 + 150 * light)
+            if self.noise_of_light:
+                seen = np.maximum(seen + rng.normal(0, self.noise_of_light, seen.shape), 0)
+            grey = 255 * (seen / 255) ** self.camera_gamma
             grey = grey + rng.normal(size=grey.shape) * np.sqrt(2 + 0.01 * grey)
             images.append(np.clip(np.rint(grey), 0, 255).astype(np.uint8))
         return images
@@ -88,6 +92,13 @@ SEQUENCES = {
     "hierarchy of 3 steps": ((640.0, 80.0, 16.0), 3, False, False),
     "three periods of 3 steps": ((16.0, 17.0, 18.0), 3, False, False),
 }
+
+
+@pytest.mark.parametrize(("steps", "exponent", "least"), [(3, 1.0, 0.8), (4, 2.2, 0.9)])
+def test_a_camera_with_a_gamma_is_noisiest_in_the_dark(steps: int, exponent: float, least: float) -> None:
+    sight, patterns = Sight(power(exponent), 1 / 2.2, noise_of_light=1.5), sequence((16.0,), steps, True, True)
+    phase = decode(patterns, sight.take(patterns), lines=(LINES, 480))
+    assert least < np.sqrt(np.nanmean(((phase.u - sight.u) / phase.sigma_u) ** 2)) < 1.15
 
 
 def test_a_response_is_found_beside_much_blur() -> None:
