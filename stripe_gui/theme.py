@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from string import Template
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor, QGuiApplication, QPalette
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QWidget
 
 from core.resources import resource
 
@@ -135,3 +135,15 @@ def style_sheet(theme: Theme) -> str:
     }
     places = {key: str(file).replace("\\", "/") for key, file in files_of.items()}
     return Template(text).substitute(asdict(theme) | places)
+
+
+class Themed(QWidget):
+    """A widget that draws in the theme's colours, and anew when the theme changes."""
+
+    def colour(self) -> None:
+        """Put the colours of the current theme on what is drawn."""
+
+    def changeEvent(self, event: QEvent) -> None:  # noqa: N802
+        if event.type() == QEvent.Type.PaletteChange and self.layout() is not None:  # not while it is made
+            self.colour()
+        super().changeEvent(event)

@@ -9,7 +9,7 @@ import pyqtgraph as pg
 from numpy.typing import ArrayLike, NDArray
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QKeyEvent, QMouseEvent
-from PySide6.QtWidgets import QGraphicsRectItem, QSizePolicy, QWidget
+from PySide6.QtWidgets import QGraphicsRectItem, QSizePolicy
 
 from stripe_gui import theme
 from stripe_gui.widgets.colour_bar import ColourBar
@@ -80,7 +80,7 @@ class Canvas(pg.GraphicsView):
         self.moved.emit()
 
 
-class ImageView(QWidget):
+class ImageView(theme.Themed):
     """An image with its colour bar and a line that reads the value under the cursor.
 
     Positions are device pixels: (0, 0) is the centre of the top-left pixel, u right, v down. Overlays are pyqtgraph
@@ -115,7 +115,7 @@ class ImageView(QWidget):
         self.canvas.hovered.connect(self._hover)
         self.canvas.left.connect(lambda: self._say(None))
         self.canvas.clicked.connect(self.clicked)
-        self._colour()
+        self.colour()
         self._say(None)
 
     @property
@@ -223,11 +223,6 @@ class ImageView(QWidget):
         self.readout.setText(f"u {u:.1f}   v {v:.1f}   {number}   {more}".rstrip() if inside else " ")
         self.bar.mark(value)
 
-    def _colour(self) -> None:
+    def colour(self) -> None:
         self.canvas.setBackground(QColor(theme.current().canvas))
         self.outline.setPen(pg.mkPen(theme.current().faint, width=1))
-
-    def changeEvent(self, event: QEvent) -> None:  # noqa: N802
-        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "canvas"):
-            self._colour()
-        super().changeEvent(event)

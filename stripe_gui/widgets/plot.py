@@ -9,9 +9,9 @@ from html import escape
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import ArrayLike, NDArray
-from PySide6.QtCore import QEvent, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
+from PySide6.QtWidgets import QLabel, QSizePolicy
 
 from stripe_gui import theme
 from stripe_gui.widgets.layout import column, make
@@ -53,7 +53,7 @@ class Curve:
     marked: bool = False
 
 
-class Plot(QWidget):
+class Plot(theme.Themed):
     """Curves told apart by colour and by dashes.
 
     Put together from a view box and two axes: a pyqtgraph plot would make seven menus that nobody asked for.
@@ -84,7 +84,7 @@ class Plot(QWidget):
         self.canvas.setMinimumHeight(120)
         # its own wish of 500 px would crowd out what stands beside it
         self.canvas.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Ignored)
-        self._colour()
+        self.colour()
 
     def set_curves(
         self, curves: Sequence[Curve], x_range: tuple[float, float], y_range: tuple[float, float], said: str = ""
@@ -110,9 +110,9 @@ class Plot(QWidget):
             self._items.append((curve, item, band, points))
         self.box.setRange(xRange=x_range, yRange=y_range, padding=0)
         self.canvas.setAccessibleDescription(said)
-        self._colour()
+        self.colour()
 
-    def _colour(self) -> None:
+    def colour(self) -> None:
         colours = theme.current()
         self.canvas.setBackground(QColor(colours.surface))
         for axis in self.axes.values():
@@ -132,11 +132,6 @@ class Plot(QWidget):
                 colour.setAlpha(45)
                 band.setBrush(colour)
         self.legend.setText(" &nbsp;&nbsp; ".join(entries))
-
-    def changeEvent(self, event: QEvent) -> None:  # noqa: N802
-        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "legend"):
-            self._colour()
-        super().changeEvent(event)
 
 
 class CurveView(Plot):

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
-from PySide6.QtCore import QCoreApplication, QEvent, QRectF
+from PySide6.QtCore import QCoreApplication, QRectF
 from PySide6.QtGui import QColor, QResizeEvent
-from PySide6.QtWidgets import QWidget
 
 from core.report import Number, Table
 from core.report.adjusted import PointSigmas
@@ -26,13 +25,13 @@ REACH_PX = 14  # the point nearest to the cursor is told within this distance on
 translate = QCoreApplication.translate
 
 
-class PointMap(QWidget):
+class PointMap(theme.Themed):
     """Map and table of the points; the one pointed at in either is told and marked."""
 
     def __init__(self) -> None:
         super().__init__()
         axes = ((self.tr("X, Y and Z together"), "XYZ"), ("X", "X"), ("Y", "Y"), ("Z", "Z"))
-        self.axis = choice(self.tr("Direction of the sigma"), self._colour, *axes)
+        self.axis = choice(self.tr("Direction of the sigma"), self.colour, *axes)
         self.canvas = Canvas()
         self.canvas.box.invertY(False)
         self.canvas.setAccessibleName(self.tr("Sigmas of the object points over the testfield"))
@@ -77,9 +76,9 @@ class PointMap(QWidget):
         text = self.tr("R.m.s. {x:.1f}, {y:.1f}, {z:.1f} µm in X, Y, Z. Least certain: {worst}.")
         self.summary.setText(text.format(x=rms[0], y=rms[1], z=rms[2], worst=_described(shown, worst)))
         self.canvas.setAccessibleDescription(self.summary.text())
-        self._colour()
+        self.colour()
 
-    def _colour(self) -> None:
+    def colour(self) -> None:
         colours = theme.current()
         self.canvas.setBackground(QColor(colours.surface))
         self.chosen.setPen(pg.mkPen(colours.mark_other, width=2))
@@ -114,11 +113,6 @@ class PointMap(QWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802
         super().resizeEvent(event)
         self.table.setVisible(self.width() >= ROOM_FOR_TABLE)
-
-    def changeEvent(self, event: QEvent) -> None:  # noqa: N802
-        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "summary"):
-            self._colour()
-        super().changeEvent(event)
 
 
 def _described(shown: PointSigmas, index: int) -> str:

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import ArrayLike, NDArray
-from PySide6.QtCore import QEvent, QRectF, Signal
+from PySide6.QtCore import QRectF, Signal
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
@@ -22,7 +22,7 @@ from stripe_gui.workbench import Workbench
 REACH_PX = 10  # a click takes the nearest point within this distance on the screen
 
 
-class ResidualPlot(QWidget):
+class ResidualPlot(theme.Themed):
     """Vectors from image points, drawn `factor` times too long; click one to learn which it is."""
 
     picked = Signal(int)  # index into the points
@@ -44,7 +44,7 @@ class ResidualPlot(QWidget):
         self._uv: NDArray = np.zeros((0, 2))
         self.factor = 1.0
         self.setLayout(column((self.canvas, 1), self.legend, spacing=4))
-        self._colour()
+        self.colour()
 
     def set_residuals(
         self, uv: ArrayLike, residuals: ArrayLike, size: tuple[int, int], um: tuple[float, float]
@@ -96,7 +96,7 @@ class ResidualPlot(QWidget):
             self.choose(nearest)
             self.picked.emit(nearest)
 
-    def _colour(self) -> None:
+    def colour(self) -> None:
         colours = theme.current()
         self.canvas.setBackground(QColor(colours.surface))
         self.frame.setPen(pg.mkPen(colours.faint, width=1))
@@ -105,11 +105,6 @@ class ResidualPlot(QWidget):
         self.points.setBrush(pg.mkBrush(colours.mark))
         self.chosen.setPen(pg.mkPen(colours.mark_other, width=2))
         self.chosen.setBrush(None)
-
-    def changeEvent(self, event: QEvent) -> None:  # noqa: N802
-        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "legend"):
-            self._colour()
-        super().changeEvent(event)
 
 
 class ResidualView(QWidget):
