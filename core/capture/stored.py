@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import permutations
+from itertools import permutations, product
 
 import cv2
 import numpy as np
@@ -45,6 +45,7 @@ BESIDE = 4  # grey values to either side that tell how often one is expected
 FILLED = 40  # times
 LEAST_VALUES = 16
 BLOCK, BLOCKS = 8, 20  # px of a JPEG's blocks along a side; fewer of them tell nothing
+UNEVEN = 1.2  # of four neighbours, each with its own all over: taps of one sensor differ by a few hundredths
 AT_EDGES = 0.35  # of them differ most at an edge, by chance an eighth; of 20 along both sides once in 70,000 captures
 
 
@@ -82,7 +83,13 @@ def check_stored(
             ]
     else:
         plan, sampled = _looked_at(capture, images, range(len(images)))
-        found = [*_light(sampled, capture.role in ("testfield", "depth")), *_plain(plan, sampled)]
+        named = _plain(plan, sampled)
+        if any("claims black" in f.text for f in named) and all(
+            i.min() == 0 and i.max() >= sampled.full for i in images
+        ):
+            hint = f", or, as all frames reach from 0 to {sampled.full:g}, each stretched to its full range"
+            named = [replace(f, text=f.text + hint) for f in named]
+        found = [*_light(sampled, capture.role in ("testfield", "depth")), *named]
         if not any(f.check in ("light", "saturation") for f in found):
             found += _contradictions(plan, sampled, lines)
         found += _halves(plan, images)
@@ -93,7 +100,7 @@ def check_stored(
             found = [f for f in found if f.check != "lines"]  # exchanged bits name lines that are not there
         if jumping or not bad:
             found += [*_hand(phase), *(jumping or (_plane(phase) if capture.role != "object" else []))]
-    return [*found, *_compressed(capture, images)]
+    return [*found, *_compressed(capture, images), *_mosaic(capture, images)]
 
 
 def _mislabelled(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
@@ -165,6 +172,29 @@ def _compressed(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
         return []
     text = f"frames were compressed with losses, in blocks of {BLOCK} px as JPEG makes them: record without compression"
     return [Finding("compression", "warning", text, {"at_edges": share})]
+
+
+def _mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
+    """Four neighbours differ alike wherever there is light; best seen where that is even."""
+    even = [i for f, i in zip(capture.frames, images, strict=True) if level_of(f.pattern)] or images
+    stride = 2 * max(1, round((even[0].size / GRID) ** 0.5))
+    high, wide = (n // stride for n in even[0].shape)
+    four = [
+        sum(i[y::stride, x::stride][:high, :wide].astype(float) for i in even) for y, x in product((0, 1), repeat=2)
+    ]
+    seen = np.array(four, np.float64).reshape(4, -1)
+    seen = seen[:, seen.max(axis=0) > 0.5 * float(np.quantile(seen.max(axis=0), 0.97))]
+    if seen.shape[1] < LEAST_LIT:
+        return []
+    share = np.median(seen / seen.mean(axis=0), axis=1)
+    ratio = float(share.max() / max(float(share.min()), 0.01))
+    if ratio < UNEVEN:
+        return []
+    text = (
+        f"neighbouring pixels differ by {ratio - 1:.0%} in squares of 2 px, as in raw frames of a colour camera: have "
+        "its colours interpolated, or record grey values"
+    )
+    return [Finding("mosaic", "bad", text, {"ratio": ratio})]
 
 
 def _light(sampled: Sampled, board: bool) -> list[Finding]:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
 # notes that name the mistake, those that name a frame or a value, and those that name what must be looked at
 SHARP = (
-    re.compile("they fit|were exchanged|earlier|later|mirrored"),
+    re.compile("they fit|were exchanged|earlier|later|mirrored|neighbouring"),
     re.compile("claims|scale bar"),
     re.compile("projector's lines"),
 )

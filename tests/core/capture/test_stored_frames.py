@@ -255,6 +255,20 @@ def test_frames_that_were_compressed_in_blocks_are_named(
     assert ("compressed with losses" in told(patterns, images)) == (quality is not None)
 
 
+def test_raw_frames_of_a_colour_camera_and_frames_stretched_one_by_one_are_named(
+    taken: tuple[list[Pattern], Frames],
+) -> None:
+    patterns, images = taken
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]] % 2
+    for red, blue, words in ((0.75, 0.85, "neighbouring pixels differ by 33%"), (0.9, 0.95, "")):
+        gain = np.where((y == 0) & (x == 0), red, np.where((y == 1) & (x == 1), blue, 1.0))
+        assert words in (found := told(patterns, [np.round(i * gain).astype(np.uint8) for i in images]))
+        assert ("neighbouring" in found) == bool(words)
+    stretched = [np.round((i - float(i.min())) * 255 / np.ptp(i)).astype(np.uint8) for i in images]
+    assert "claims black and is bright: exchanged or inverted, or, as all frames" in told(patterns, stretched)
+    assert "neighbouring" not in told(patterns, stretched)
+
+
 @pytest.mark.parametrize("name", list(SEQUENCES))
 def test_noise_of_faint_light_is_no_contradiction_at_import(name: str) -> None:
     """Noise of 6 % of the light: held against one grey value, a fifth of the pixels would contradict."""
