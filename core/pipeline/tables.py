@@ -58,7 +58,12 @@ def export_report(project: Project, out: Path, progress: Progress = SILENT) -> l
 
 
 def read_profiles(
-    project: Project, evaluations: Sequence[PlaneEvaluation], capture: str, line: Line | None = None
+    project: Project,
+    evaluations: Sequence[PlaneEvaluation],
+    capture: str,
+    line: Line | None = None,
+    camera: str = "",
+    projector: str = "",
 ) -> dict[str, Profile]:
     """Read the deviations of a plane along a line, by every method that knows the camera it was made with.
 
@@ -68,37 +73,50 @@ def read_profiles(
         The plane.
     line : pair of (u, v), optional
         Ends in the camera's image, px; by default across the middle of what has deviations.
+    camera, projector : str
+        That saw it; the first if none is named.
     """
     from core.evaluate import line_across, read_profile
 
-    own = [e for e in evaluations if e.capture == capture]
+    own = [
+        e
+        for e in evaluations
+        if e.capture == capture and all(a in ("", b) for a, b in zip((camera, projector), e.devices, strict=True))
+    ]
+    own = [e for e in own if e.devices == own[0].devices]
     if not own:
         known = ", ".join(dict.fromkeys(e.capture for e in evaluations)) or "none"
         raise InputError(project.path, f"no evaluation of {capture!r}", f"evaluate it first; evaluated: {known}")
     ends = line or line_across([e.deviation_mm for e in own])
-    return {e.method: read_profile(e, project.camera, *ends) for e in own if e.camera is not None}
+    spec = project.rig.cameras[own[0].devices[0]]
+    return {e.method: read_profile(e, spec, *ends) for e in own if e.camera is not None}
 
 
 def export_profiles(
     project: Project, evaluations: Sequence[PlaneEvaluation], out: Path, line: Line | None = None
 ) -> list[Path]:
-    """Write ``profile-CAPTURE.csv`` of every plane along one line; give the files."""
+    """Write ``profile-CAPTURE.csv`` of every plane along one line, named by the devices as well; give the files."""
     files = []
-    for capture in planes_of(evaluations):
-        files.append(out / f"profile-{capture}.csv")
-        write_profile_csv(files[-1], read_profiles(project, evaluations, capture, line))
+    for capture, devices in dict.fromkeys((e.capture, e.devices) for e in evaluations):
+        files.append(out / f"profile-{capture}{_named(project, devices)}.csv")
+        write_profile_csv(files[-1], read_profiles(project, evaluations, capture, line, *devices))
     return files
+
+
+def _named(project: Project, devices: tuple[str, str]) -> str:
+    return "" if project.rig.is_pair else "-" + "-".join(devices).replace(" ", "-")
 
 
 def export_deviations(
     project: Project, evaluations: Sequence[PlaneEvaluation], out: Path, progress: Progress = SILENT
 ) -> list[Path]:
-    """Write ``deviations-CAPTURE-METHOD.csv``, every pixel of every plane; give the files."""
+    """Write ``deviations-CAPTURE-METHOD.csv``, every pixel of every plane, named as profiles are; give the files."""
     files = []
     for i, evaluation in enumerate(evaluations):
-        files.append(out / f"deviations-{evaluation.capture}-{evaluation.method}.csv")
+        of = f"{evaluation.capture}-{evaluation.method}{_named(project, evaluation.devices)}"
+        files.append(out / f"deviations-{of}.csv")
         part = progress.part(i / len(evaluations), (i + 1) / len(evaluations))
-        write_deviations_csv(files[-1], evaluation, project.camera, part)
+        write_deviations_csv(files[-1], evaluation, project.rig.cameras[evaluation.devices[0]], part)
     return files
 
 

@@ -18,7 +18,14 @@ from core.errors import InputError
 from core.geometry import pair_of
 from core.geometry import project as project_points
 from core.model import PhotogrammetricCalibration, Project
-from core.pipeline import calibrate_project, load_calibrations, reconstruct_capture, seen_by_several, simulate_project
+from core.pipeline import (
+    calibrate_project,
+    kept_evaluation,
+    load_calibrations,
+    reconstruct_capture,
+    seen_by_several,
+    simulate_project,
+)
 from core.pipeline.decode import decode_capture, phase_maps
 from core.pipeline.exchange import export_calibration
 from core.pipeline.measure import kept_targets
@@ -102,6 +109,18 @@ def test_planes_are_judged_by_each_camera(project: Project) -> None:
     for (capture, camera, projector), rms in by.items():
         if projector == "all devices":
             assert rms < 0.75 * by[capture, camera, "projector"]
+
+
+def test_profiles_are_those_of_each_camera(project: Project, tmp_path: Path) -> None:
+    assert main(["tables", str(project.path), "--out", str(tmp_path)]) == 0
+    evaluations = [e for e in kept_evaluation(project) if e.capture == "plane+15"]
+    assert {e.devices[0] for e in evaluations} == {"left", "right"}
+    for e in evaluations:
+        name = f"profile-plane+15-{'-'.join(e.devices).replace(' ', '-')}.csv"
+        u, v, _, deviation_um, _ = np.genfromtxt(tmp_path / name, delimiter=",", skip_header=1).T
+        there = e.deviation_mm[v.astype(int), u.astype(int)] * 1e3  # the line leads through the pixels' centres
+        assert np.isfinite(there).sum() > 100
+        np.testing.assert_allclose(deviation_um, there, atol=0.006)
 
 
 def test_points_of_both_cameras_lie_on_one_plane(project: Project) -> None:

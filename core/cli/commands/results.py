@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core import pipeline
-from core.cli.arguments import Commands, Options, check_out
+from core.cli.arguments import Commands, Options, add_devices, check_out
 from core.errors import InputError, StripeError
 from core.progress import Progress
 
@@ -41,6 +41,7 @@ def add(commands: Commands) -> None:
     sub = commands.add_on_project("profile", _profile, "deviations of a plane along a line, by every calibration")
     sub.add_argument("capture", metavar="CAPTURE")
     _add_line(sub)
+    add_devices(sub)
     sub.add_argument("--out", type=Path, metavar="F.csv", help="the whole profile, about a value a pixel")
 
     sub = commands.add_on_project("tables", _tables, "the tables of all results as CSV, with targets and profiles")
@@ -241,7 +242,8 @@ def _profile(options: Options, progress: Progress) -> dict[str, Any]:
     if options.out is not None:
         check_out(options.out, ".csv")
     project = options.project
-    found = pipeline.read_profiles(project, pipeline.kept_evaluation(project), options.capture, _line(options))
+    named = options.camera, options.projector
+    found = pipeline.read_profiles(project, pipeline.kept_evaluation(project), options.capture, _line(options), *named)
     figures: dict[str, Any] = {}
     for method, line in found.items():
         known = line.deviation_mm[np.isfinite(line.deviation_mm)]

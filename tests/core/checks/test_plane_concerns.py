@@ -54,6 +54,15 @@ def test_form_is_excused_by_the_calibrations_sigma_alone(noise: np.ndarray) -> N
     assert "the calibration does not hold" in concerns(bent)[0].text
 
 
+@pytest.mark.parametrize(("height", "doubtful"), [(0.4, False), (1.2, True)])
+def test_form_below_the_noise_is_told_where_it_is_sure(noise, height: float, doubtful: bool) -> None:
+    """A bend of half the noise makes the whole r.m.s. a tenth larger only."""
+    v, u = np.mgrid[0:300, 0:400]
+    bent = noise + height * SIGMA * np.sin(u / 60) * np.cos(v / 50)
+    assert [c.state for c in concerns(bent)] == ["doubtful"] * doubtful
+    assert concerns(bent, SIGMA / 2) == []
+
+
 def test_form_that_rises_towards_the_rim_is_no_scatter(noise: np.ndarray) -> None:
     """As where a lens is known poorly in the corners: a window's mean lags behind there."""
     v, u = np.mgrid[-1:1:300j, -1:1:400j]
