@@ -31,6 +31,9 @@ def run() -> None:
 
     Who ends the program by a signal has it end as by Ctrl-C: in one line, with nothing half written, no lock held.
     """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # it was closed
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  to the end
     ending = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     heard = [number for number in ending if signal.getsignal(number) is signal.SIG_DFL]  # nohup's is left alone
     for number in heard:

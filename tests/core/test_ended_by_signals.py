@@ -29,3 +29,11 @@ def test_a_command_ends_in_one_line_and_leaves_nothing(number: int, tmp_path: Pa
     assert program.returncode == 128 + number
     assert told == "stripe-core: the command: cancelled; start it again when you want the result\n"
     assert not [path for path in tmp_path.rglob("*") if path.name.endswith((".part", ".lock"))]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no such shell")
+@pytest.mark.parametrize("closed", [">&-", ">&- 2>&-"])
+def test_who_closes_the_output_before_gets_the_work_done(closed: str, quick: Path) -> None:
+    command = f"{sys.executable} -m core status {quick} {closed}"
+    done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")

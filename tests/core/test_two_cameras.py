@@ -241,6 +241,8 @@ def test_every_pair_is_watched(project: Project, tmp_path: Path) -> None:
     assert figures["moved"] is any(pair["moved"] for pair in figures["pairs"].values()) is False
     words = ["reconstruct", str(project.path), "plane+15", "--orient", "--camera", "right"]
     assert main([*words, "--out", str(tmp_path / "right.npz")]) == 0
+    assert main([*words[:-2], "--out", str(tmp_path / "left.npz")]) == 0  # of the first, where none is named
+    assert np.load(tmp_path / "left.npz")["xyz"].shape[:2] == (project.camera.height, project.camera.width)
     # the corrected projector is that of this camera: the plane stays flat
     assert flatness(tmp_path / "right.npz")[1] == pytest.approx(1.0, abs=0.15)
 

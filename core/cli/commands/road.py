@@ -160,6 +160,9 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
         named = {"camera": options.camera, "rays": rays, "fill": bool(options.fill)}
         image, cloud = pipeline.reconstruct_views(project, options.capture, **named, progress=progress)
     else:
+        if options.orient and not (options.camera or options.projector or project.rig.is_pair):
+            options.camera, options.projector = pipeline.find_capture(project, options.capture).pairs[0]
+            print(f"of {options.camera} with {options.projector}; --camera and --projector choose others")
         phase, cloud = pipeline.reconstruct_capture(
             project,
             options.capture,
