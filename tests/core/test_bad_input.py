@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import resource
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -343,3 +345,16 @@ def test_a_full_disk_leaves_nothing_half_written(calibrated: Path, capsys: pytes
         assert "make room" in told
         assert files_of(calibrated) == before
         assert not (calibrated / "new").exists()
+
+
+def test_a_plate_saved_twice_is_named_where_depth_cannot_be_calibrated(
+    quick: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = sorted((quick / "captures").glob("depth-*"))
+    for earlier, later in reversed([*pairwise(folders[1:])]):
+        for path in later.iterdir():
+            if path.name != "capture.json":
+                path.unlink()  # what is copied shares its files with the original
+                shutil.copy(earlier / path.name, path)
+    assert main(["calibrate", str(quick), "--method", "polynomial"]) == 1
+    assert "First see to this: depth-03 has the same targets as depth-02" in capsys.readouterr().err

@@ -278,6 +278,7 @@ NO_ERROR = (
     "bench: plates counted from the other end",  # the targets tell which way they went: not one point moves
     "unlike: plates counted from the other end",
     "bench: projector's response with its columns exchanged",  # square waves show none, and nothing uses it
+    "unlike: projector's response with its columns exchanged",  # its light is straight, as where levels were chosen by it
     "bench: square said to be sine, or the reverse",  # four steps a period of four lines: the same light but for its height
     "bench: angle's sign reversed",  # of two planes one stands at 0: which way the other was turned is a convention
     "bench: angles of two planes exchanged",

@@ -81,8 +81,11 @@ def _calibrate(
             progress=progress.part(0.7, 1.0),
         )
     except AdjustmentError as error:
+        from core.checks import repeated_targets
+
         known = interior[0] if interior else nominal(project.camera)
-        doubts = lengths_of(project.camera, known, boards, {t.capture: t for t in told.values() if len(t.row)})
+        sets = [t for t in told.values() if len(t.row)]
+        doubts = repeated_targets(sets) or lengths_of(project.camera, known, boards, {t.capture: t for t in sets})
         if not doubts:
             with because_of({c.name: phase.notes for c, phase in zip(captures, phases, strict=True)}):
                 raise
