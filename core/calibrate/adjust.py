@@ -145,12 +145,12 @@ def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tup
         warnings += more
         if options.reject_beyond is None:
             break
-        size = sizes(normalised_residuals(solved.problem, solved.equations, solved.redundancy_numbers))
-        if group := wrong_group(solved.network, solved.problem, solved.state, size, solved.factors):
+        normalised = normalised_residuals(solved.problem, solved.equations, solved.redundancy_numbers)
+        if group := wrong_group(solved.network, solved.problem, solved.state, sizes(normalised), solved.factors):
             bad = group.rows
             warnings.append(str(group))
         else:
-            bad = gross_errors(solved.problem, size, options.reject_beyond)
+            bad = gross_errors(solved.problem, sizes(within_images(solved.problem, normalised)), options.reject_beyond)
         if not len(bad):
             break
         rejected += len(bad)

@@ -30,6 +30,7 @@ WHERE = "depth captures"
 MOST_DEGREE = 7
 OUTLIER_FACTOR = 6.0  # a pixel whose residuals exceed so many times what its noise explains has a gross error
 CELL_PX = 8  # the noise of the curves is kept in cells of this side
+CLEARLY = 0.95  # times the residuals of targets by nominal coordinates
 TOO_MANY_LOST = 0.02  # share of pixels without a usable curve that is worth a warning
 
 
@@ -81,6 +82,7 @@ def calibrate_depth(
     *,
     options: DepthOptions = DepthOptions(),
     interior: tuple[Interior, Array] | None = None,
+    adjusted: Testfield | None = None,
     recentred: Callable[[TargetSet, Testfield, DeviceSpec, Interior, Pose], TargetSet] | None = None,
     progress: Progress = SILENT,
 ) -> DepthCalibration:
@@ -94,6 +96,9 @@ def calibrate_depth(
         In any order.
     interior : (Interior, array), optional
         The camera's from a photogrammetric calibration, with its covariance (k, k); without it the plate's own.
+    adjusted : Testfield, optional
+        `testfield` with adjusted coordinates. They are taken where the plate's targets fit them clearly better than the
+        nominal ones: where the plate is the board that was adjusted, and no other made to the same drawing.
     recentred : callable, optional
         ``(targets, testfield, spec, interior, camera_from_plate) -> targets``: what a target's shape adds to its centre
         from the oriented camera instead of the nominal one. The plate's distance follows from how its image grows along
@@ -123,6 +128,10 @@ def calibrate_depth(
     depths = np.array([plane.z_mm for plane in planes])
     progress(0.0, "orienting the camera by the plate")
     oriented = _orient(camera, testfield, planes, options, interior)
+    if adjusted is not None:
+        by_adjusted = _orient(camera, adjusted, planes, options, interior)
+        if by_adjusted.rms_px < CLEARLY * oriented.rms_px:
+            testfield, oriented = adjusted, by_adjusted
     if recentred is not None and testfield is not None:
         again = [_recentred(plane, recentred, testfield, camera, oriented) for plane in planes]
         oriented = _orient(camera, testfield, again, options, interior)

@@ -80,6 +80,7 @@ class PlateCamera:
     axis_direction: Array
     warnings: tuple[str, ...]
     covariance: Array | None = None
+    rms_px: float = np.inf  # of the targets' residuals
 
 
 @dataclass(frozen=True)
@@ -309,4 +310,4 @@ def _result(spec: DeviceSpec, planes: Sequence[TargetPlane], best: _Solution, kn
         warnings.append(f"the depth plate's targets hardly determine {names}: kept near the nominal camera")
     if len(planes) == 1:
         warnings.append("targets at one plate position only: the axis is taken as perpendicular to the plate")
-    return PlateCamera(interior, pose, axis, tuple(warnings), best.covariance)
+    return PlateCamera(interior, pose, axis, tuple(warnings), best.covariance, _rms_px(best))

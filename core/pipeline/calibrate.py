@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +81,8 @@ def _calibrate(
             continue
         part = progress.part(i / len(captures), (i + 1) / len(captures))
         reads = METHODS[name].reads
-        earlier = {m: known for m in reads if (known := done.get(m) or _in_use(project, m)) is not None}
+        there = {**done, **archives, **{k: v for own in held.values() for k, v in own.items()}}
+        earlier = {k: known for m in reads for k, known in _earlier(project, m, there).items()}
         try:
             found = METHODS[name].calibrate(project, used, options, part, *([earlier] if reads else []))
         except AdjustmentError as error:
@@ -157,11 +158,20 @@ def _record(project: Project, method: Method) -> Record | None:
     return None if run is None else run.made_from.get(method)
 
 
-def _in_use(project: Project, method: Method) -> Any:
-    """Give the calibration in use, None where there is none that can be read."""
-    path = calibration_file(project, f"{method}.npz")
+def _earlier(project: Project, method: Method, there: Mapping[str, Any]) -> dict[str, Any]:
+    """Give a method's calibration, and by file what lies beside it: of this run, else in use."""
+    kinds = {method: METHODS[method].result, **METHODS[method].beside}
+    if method in there:
+        return {name: there[name] for name in kinds if name in there}
+    found = {name: _in_use(project, method, name, kind) for name, kind in kinds.items()}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _in_use(project: Project, method: Method, name: str, kind: type) -> Any:
+    """Give the calibration in use, or what lies beside it, None where there is none that can be read."""
+    path = calibration_file(project, f"{method}.npz" if name == method else name)
     try:
-        return None if path is None or not _record(project, method) else load_archive(path, METHODS[method].result)
+        return None if path is None or not _record(project, method) else load_archive(path, kind)
     except InputError as error:
         logging.getLogger(__name__).warning("%s: %s; not taken into account", error.where, error.seen)
         return None

@@ -36,7 +36,7 @@ class CalibrateOptions:
     low_pass_px: float = 2.0
     without: tuple[str, ...] = ()
     hold: tuple[str, ...] = ()
-    reject_beyond: float | None = 6.0
+    reject_beyond: float | None = 5.0
 
 
 def check_options(project: Project, options: CalibrateOptions) -> None:

@@ -34,7 +34,7 @@ def add(commands: Commands) -> None:
     sub.add_argument("--without", action="append", default=[], metavar="NAME", help="leave this capture out")
     sub.add_argument("--hold", action="append", default=[], metavar="P", help="do not estimate, such as projector.A3")
     sub.add_argument(
-        "--reject", type=float, default=6.0, metavar="SIGMAS", help="gross errors (default 6; 0: keep all)"
+        "--reject", type=float, default=5.0, metavar="SIGMAS", help="gross errors (default 5; 0: keep all)"
     )
 
     sub = commands.add("adjust", _adjust, "the bundle adjustment of a network alone")

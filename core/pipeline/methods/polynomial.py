@@ -12,6 +12,7 @@ from core.errors import AdjustmentError
 from core.figures import depth_figures
 from core.geometry import lens_of, nominal
 from core.model import (
+    Adjustment,
     Array,
     Capture,
     Concern,
@@ -20,6 +21,7 @@ from core.model import (
     PhaseMap,
     PhotogrammetricCalibration,
     Project,
+    Testfield,
 )
 from core.pipeline.decode import from_phase_maps
 from core.pipeline.evidence import Evidence, because_of, lengths_of
@@ -28,6 +30,7 @@ from core.pipeline.method import Calibrated, CalibrationMethod, Judgement, inter
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
 
+ADJUSTMENT = "adjustment.npz"  # beside the photogrammetric calibration
 RESIDUAL_RATIO = 2.5  # of the residuals over those that the noise leaves
 
 
@@ -77,6 +80,7 @@ def _calibrate(
             planes,
             options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
             interior=interior,
+            adjusted=None if field is None else _adjusted(field, earlier.get(ADJUSTMENT)),
             recentred=kind_of(field).recentred if field is not None else None,
             progress=progress.part(0.7, 1.0),
         )
@@ -101,6 +105,19 @@ def _interior(project: Project, known: PhotogrammetricCalibration | None) -> tup
         return None
     at = [known.parameter_names.index(f"{name}.{p}") for p in lens_of(device.interior).names]
     return device.interior, known.covariance[np.ix_(at, at)]
+
+
+def _adjusted(field: Testfield, adjustment: Adjustment | None) -> Testfield | None:
+    """Give a board with the coordinates of an adjustment of the same board, nominal ones where that has none."""
+    if adjustment is None:
+        return None
+    index, xyz = field.index(), field.xyz_mm.copy()
+    found = [(k, index[t.row, t.col]) for k, t in enumerate(adjustment.network.point_ids) if (t.row, t.col) in index]
+    points, own = np.array(found, np.int64).reshape(-1, 2).T
+    if 2 * len(own) < len(xyz) or not np.allclose(adjustment.network.point_xyz_mm[points], xyz[own]):
+        return None
+    xyz[own] = adjustment.points_mm[points]
+    return replace(field, xyz_mm=xyz)
 
 
 def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]:

@@ -286,3 +286,21 @@ def test_the_plate_stands_where_it_is(calibrated_original: Path, quick_truth: di
     nearest = min(captures, key=lambda c: abs(c["z_mm"]))["camera_from_board"]["translation_mm"]
     # five seeds: 0.09 mm r.m.s., 0.07 mm is stated; this one 0.04
     assert found.translation_mm[2] == pytest.approx(nearest[2], abs=0.13)
+
+
+def test_adjusted_targets_orient_the_plate_where_it_is_their_board() -> None:
+    rng = np.random.default_rng(8)
+    made, other = (replace(_field(), xyz_mm=_field().xyz_mm + rng.normal(0, 0.2, (117, 3))) for _ in range(2))
+    known = CAMERA, np.diag([1e-8] * 3 + [1e-16] * 6)
+
+    def pose(drawn: Testfield, adjusted: Testfield | None) -> Pose:
+        calibration = calibrate_depth(SPEC, drawn, _planes(noise=True), interior=known, adjusted=adjusted)
+        return calibration.camera_from_plate
+
+    def tilt_rad(found: Pose) -> float:
+        return float(np.linalg.norm(found.rotation[:, 2] - POSE.rotation[:, 2]))
+
+    by_drawing, by_adjusted = pose(made, None), pose(made, _field())
+    assert tilt_rad(by_drawing) > 3e-4
+    assert tilt_rad(by_adjusted) < 3e-5
+    np.testing.assert_array_equal(pose(made, other).rotation, by_drawing.rotation)  # one made to the same drawing
