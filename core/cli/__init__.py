@@ -134,12 +134,12 @@ def _told(figures: str | None) -> AbstractContextManager[object]:
 def _check_json(path: Path, out: Path | None) -> None:
     """Refuse a file for the figures that cannot be written before anything else is."""
     from core.atomic import check_place
-    from core.project.made import claim, project_around
+    from core.project.made import among_results, claim
 
     check_place(path)
     if out is not None and os.path.realpath(out) == os.path.realpath(path):
         raise InputError("--json", f"is {path}, as --out is", "give two names")
-    if project_around(path) is not None:
+    if among_results(path):
         claim(path)
     elif path.is_file() and path.stat().st_size:
         with path.open("rb") as file:

@@ -137,10 +137,10 @@ def write_figures(target: str, figures: dict[str, Any]) -> None:
     import json
 
     from core.atomic import write_json
-    from core.project.made import guarding, project_around
+    from core.project.made import among_results, guarding
 
     if target == "-":
         print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
         return
-    with guarding(Path(target)) if project_around(Path(target)) else nullcontext():
+    with guarding(Path(target)) if among_results(Path(target)) else nullcontext():
         write_json(Path(target), figures)

@@ -93,17 +93,19 @@ def claim(path: Path) -> None:
     except OSError:
         return
     path = Path(os.path.realpath(path))
-    made, project = read_made(path.parent), project_around(path)
-    if project is not None and path.relative_to(project).parts[:2] == ("results", "report"):
+    made = read_made(path.parent)
+    if among_results(path, "report"):
         return
     if path.name not in made["named"] or not _is_own(made, path.name, path):
         seen = "is there already, and not as this program wrote it"
         raise InputError(path, seen, "give another name, or move that file away")
 
 
-def project_around(path: Path) -> Path | None:
-    """Give the folder of the project that a place lies in, if it does."""
-    return next((p for p in Path(os.path.realpath(path)).parents if (p / "project.json").is_file()), None)
+def among_results(path: Path, *within: str) -> bool:
+    """Whether a place lies among the results of a project, in a folder of them if that is named."""
+    path = Path(os.path.realpath(path))
+    project = next((p for p in path.parents if (p / "project.json").is_file()), None)
+    return project is not None and path.is_relative_to(project.joinpath("results", *within))
 
 
 @contextmanager

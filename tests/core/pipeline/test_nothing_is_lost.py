@@ -380,7 +380,7 @@ def test_figures_replace_figures_and_nothing_else(small: Path, tmp_path: Path, c
             target.write_text(text)
         before = target.read_bytes()
         assert main([*command, str(target)]) == 2
-        assert "is there already" in capsys.readouterr().err
+        assert "holds no figures" in capsys.readouterr().err
         assert target.read_bytes() == before
     figures = tmp_path / "figures.json"
     for text in ('{"of": "another program"}', '{"format": "stripe-batch", "version": 1}'):
