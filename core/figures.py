@@ -36,6 +36,7 @@ def device_figures(device: AdjustedDevice) -> Figures:
 
 def adjustment_figures(adjustment: Adjustment) -> Figures:
     """The bundle adjustment of a network."""
+    bases = adjustment.network.bases
     return {
         **picked(adjustment, "sigma0 redundancy iterations"),
         "devices": {name: device_figures(device) for name, device in adjustment.devices.items()},
@@ -44,7 +45,9 @@ def adjustment_figures(adjustment: Adjustment) -> Figures:
         "image_points": len(adjustment.residuals),
         "object_points": len(adjustment.points_mm),
         "variance_factors": dict(adjustment.variance_factors),
-        "orientations": {name: pose_figures(pose) for name, pose in adjustment.relative.items()},
+        "orientations": {
+            name: {"from": bases[name], **pose_figures(pose)} for name, pose in adjustment.relative.items()
+        },
         "points": {
             name: {"xyz_mm": [float(x) for x in xyz], "sigma_um": [plain(1e3 * math.sqrt(v)) for v in np.diag(cov)]}
             for name, xyz, cov in zip(

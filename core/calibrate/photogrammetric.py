@@ -10,7 +10,7 @@ import numpy as np
 from core.calibrate.adjust import Solved, result_of, solve_network
 from core.calibrate.network import network_from_targets
 from core.calibrate.options import AdjustOptions
-from core.calibrate.problem import base_devices, estimated
+from core.calibrate.problem import estimated
 from core.calibrate.rigid import mean_relative_poses, rigidity_of
 from core.calibrate.shared import with_shared_errors
 from core.errors import AdjustmentError, InputError
@@ -88,7 +88,7 @@ def calibrate_photogrammetric(
         progress = progress.part(0.5, 1.0)
     solved, warnings, groups = solved_by(targets, progress.part(0.0, 0.8))
     kept = [groups[name] for name in solved.network.station_names]
-    bases = base_devices(replace(solved.network, station_pose=tuple(kept)))
+    bases = replace(solved.network, station_pose=tuple(kept)).bases
     _check_tied(bases)
     if len(kept) - len(set(kept)) > 1:
         progress(0.8, "was the rig rigid?")

@@ -195,20 +195,6 @@ def never_observed(network: Network) -> dict[str, str]:
     return result
 
 
-def base_devices(network: Network) -> dict[str, str]:
-    """Give for each device the device it is held rigidly to: the first of those it shares poses with, or itself."""
-    base = {name: name for name in network.devices}
-    rank = {name: k for k, name in enumerate(network.devices)}
-    together: dict[int, set[str]] = {}
-    for device, pose in zip(network.station_device, network.station_pose, strict=True):
-        together.setdefault(pose, set()).add(device)
-    for group in together.values():
-        merged = {base[name] for name in group}
-        chief = min(merged, key=rank.__getitem__)
-        base = {name: chief if b in merged else b for name, b in base.items()}
-    return base
-
-
 def problem_of(network: Network, *, by_points: bool | None = None) -> Problem:
     """Number a network's unknowns and sort its observations by what is to be eliminated.
 
@@ -226,7 +212,7 @@ def problem_of(network: Network, *, by_points: bool | None = None) -> Problem:
     number = {name: k for k, name in enumerate(names)}
     station_device = np.array([number[d] for d in network.station_device], dtype=np.int64)
     _, station_pose = np.unique(np.array(network.station_pose), return_inverse=True)
-    base = np.array([number[b] for b in base_devices(network).values()], dtype=np.int64)
+    base = np.array([number[b] for b in network.bases.values()], dtype=np.int64)
     columns = _columns(network, base, set(station_device.tolist()))
     pose = station_pose[network.observation_station].astype(np.int64)
     groups, others = len(set(network.station_pose)), 3 * len(network.point_names)

@@ -55,3 +55,17 @@ class Network:
     station_ids: tuple[StationId, ...] = ()  # of every station, where they are captures of a project
     point_ids: tuple[TargetId, ...] = ()  # of every point, where they are targets of a testfield
     point_sigma_mm: Array | None = None  # (n, 3) of points known before: 0 held, infinite not known; None for no point
+
+    @property
+    def bases(self) -> dict[str, str]:
+        """For each device the one it is held rigidly to: the first of those it shares poses with, or itself."""
+        base = {name: name for name in self.devices}
+        rank = {name: k for k, name in enumerate(self.devices)}
+        together: dict[int, set[str]] = {}
+        for device, pose in zip(self.station_device, self.station_pose, strict=True):
+            together.setdefault(pose, set()).add(device)
+        for group in together.values():
+            merged = {base[name] for name in group}
+            chief = min(merged, key=rank.__getitem__)
+            base = {name: chief if b in merged else b for name, b in base.items()}
+        return base

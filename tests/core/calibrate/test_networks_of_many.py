@@ -16,6 +16,7 @@ from core.calibrate.initial import initial_state
 from core.calibrate.problem import problem_of
 from core.calibrate.state import Step, moved
 from core.errors import AdjustmentError, InputError
+from core.figures import adjustment_figures
 from core.geometry import (
     Pose,
     fitted,
@@ -335,6 +336,8 @@ def test_stations_of_rigid_devices_belong_together_in_their_order(tmp_path: Path
         del station["pose"]
     path.write_text(json.dumps(data))
     assert read_network(tmp_path).station_pose == network.station_pose
+    found = adjustment_figures(adjust(read_network(tmp_path)))["orientations"]
+    assert {name: pose["from"] for name, pose in found.items()} == {"projector": "camera"}
     data["stations"]["3/camera"]["device"] = "projector"
     path.write_text(json.dumps(data))
     with pytest.raises(InputError, match="11 stations of projector, 9 of camera"):
