@@ -101,13 +101,18 @@ def chosen_subject(options: Options, camera: str = "", projector: str = "") -> S
     return Subject(options.role, options.name, *where, camera, projector)
 
 
-def method_name(name: str) -> str:
+def method_name(name: str, *others: str) -> str:
     """Refuse the name of a method that is not known."""
     from core.pipeline import METHODS
 
-    if name != "all" and name not in METHODS:
-        raise argparse.ArgumentTypeError(f"{name!r} is unknown: choose among {', '.join(METHODS)}")
+    if name not in (known := [*METHODS, *others]):
+        raise argparse.ArgumentTypeError(f"{name!r} is unknown: choose among {', '.join(known)}")
     return name
+
+
+def method_or_all(name: str) -> str:
+    """Refuse it, but for "all"."""
+    return method_name(name, "all")
 
 
 def sequence_argument(parser: Parser) -> None:

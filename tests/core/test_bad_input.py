@@ -198,6 +198,7 @@ def test_no_captures_to_calibrate_from(quick: Path, refused: Callable[..., str],
 def test_no_calibration_yet(quick: Path, refused: Callable[..., str]) -> None:
     assert "calibrate" in refused("evaluate", quick)
     assert "calibrate" in refused("reconstruct", quick, "plane+00", "--out", quick / "f.ply")
+    assert "'all' is unknown" in refused("reconstruct", quick, "plane+00", "--method", "all", "--out", quick / "f.ply")
 
 
 def test_an_unknown_capture_scenario_or_ending(calibrated: Path, refused: Callable[..., str]) -> None:

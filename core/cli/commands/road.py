@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from core import pipeline
-from core.cli.arguments import Commands, Options, add_devices, check_out, method_name
+from core.cli.arguments import Commands, Options, add_devices, check_out, method_name, method_or_all
 from core.cli.console import print_left_out, print_verdict
 from core.errors import InputError
 from core.progress import Progress
@@ -26,7 +26,7 @@ def add(commands: Commands) -> None:
 
     sub = commands.add_on_project("calibrate", _calibrate, "calibrate camera and projector; the project keeps it")
     words = "photogrammetric, polynomial, or all that there are captures for (default)"
-    sub.add_argument("--method", type=method_name, default="all", metavar="METHOD", help=words)
+    sub.add_argument("--method", type=method_or_all, default="all", metavar="METHOD", help=words)
     sub.add_argument("--free-stations", action="store_true", help="no rigid rig: orient every station on its own")
     sub.add_argument("--degree", type=int, default=3, help="degree of the depth polynomial (default 3)")
     sub.add_argument("--table", action="store_true", help="piecewise-linear depth table instead of the polynomial")
