@@ -23,7 +23,7 @@ from core.capture.quality import BRIGHT, Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
 from core.model.finding import Finding
 from core.numerics import quantiles
-from core.patterns import Axis, axis_of, level_of
+from core.patterns import Axis, Code, axis_of, level_of
 
 Array = NDArray[np.float32]
 
@@ -34,8 +34,11 @@ LEAST_LIT = 150  # sampled pixels without which nothing is told
 DARK = 0.01  # of the image that must be lit
 SATURATED = 0.05  # of the lit pixels
 SATURATED_DOTS = 0.25  # of the bright pixels, on a board
-OFF_PLANE = 0.35  # share of a plane's pixels that no projective map holds
+OFF_PLANE = 0.35  # share of the pixels that no projective map holds
 PLANE_LINES = 3.0
+SURFACES = 3  # planes that may be lit: a board, and walls behind it
+LEAST_OF_PLANE = 0.3  # share of the pixels by which a plane is found
+DRAWS = 300  # of five pixels: all five on such a plane half the time, on one of 0.4 nearly always
 WRONG_HAND = 0.5
 MOVED_PX = 0.5
 MOVED_RESPONSE = 0.45  # of the correlation's peak: bare boards show 0.35 by chance, what moved 0.55 and more
@@ -99,7 +102,7 @@ def check_stored(
         if jumping := exchanged_frames(patterns, [("x", phase.u, "columns"), ("y", phase.v, "rows")]):
             found = [f for f in found if f.check != "lines"]  # exchanged bits name lines that are not there
         if jumping or not bad:
-            found += [*_hand(phase), *(jumping or (_plane(phase) if capture.role != "object" else []))]
+            found += [*_hand(phase), *(jumping or (_planes(capture, phase) if capture.role != "object" else []))]
     return [*found, *_compressed(capture, images), *_mosaic(capture, images)]
 
 
@@ -290,39 +293,47 @@ def _hand(phase: PhaseMap) -> list[Finding]:
     return [Finding("axes", "bad", text, {"mirrored": share})]
 
 
-def _plane(phase: PhaseMap) -> list[Finding]:
-    """On a plane each projector coordinate is a projective function of the camera's."""
+def _planes(capture: Capture, phase: PhaseMap) -> list[Finding]:
+    """On a plane each projector coordinate is a projective function of the camera's; few planes may be lit.
+
+    Pieces of a mistaken binary code may look like planes, those of a Gray code are told by their jumps.
+    """
+    binary = {f.pattern.axis for f in capture.frames if isinstance(f.pattern, Code) and f.pattern.kind == "binary"}
     found = []
-    for values, along, key in ((phase.u, "columns", "u"), (phase.v, "rows", "v")):
+    for axis, values, along in (("x", phase.u, "columns"), ("y", phase.v, "rows")):
         valid = np.flatnonzero(np.isfinite(values))
         if len(valid) < 2000:
             continue
         chosen = valid[np.random.default_rng(0).integers(0, len(valid), 600)]
         y, x = np.divmod(chosen, values.shape[1])
-        off = _off_projective(x / values.shape[1], y / values.shape[1], values.ravel()[chosen].astype(np.float64))
-        span = float(np.ptp(np.quantile(values.ravel()[chosen], [0.05, 0.95])))
-        share = float(np.mean(off > max(PLANE_LINES, 0.02 * span)))
+        lines = values.ravel()[chosen].astype(np.float64)
+        limit = max(PLANE_LINES, 0.02 * float(np.ptp(np.quantile(lines, [0.05, 0.95]))))
+        off = np.ones(len(lines), bool)
+        for _ in range(1 if axis in binary else SURFACES):
+            if off.mean() > OFF_PLANE:
+                off[off] = _off_projective(x[off] / values.shape[1], y[off] / values.shape[1], lines[off]) > limit
+        share = float(off.mean())
         if share > OFF_PLANE:
             text = (
                 f"{along} do not rise steadily over the plane ({share:.0%} of the pixels are off): code frames were "
                 "exchanged, or cell, bits or period of the patterns are wrong"
             )
-            found.append(Finding("order", "bad", text, {f"off_{key}": share}))
+            found.append(Finding("order", "bad", text, {f"off_{axis}": share}))
     return found
 
 
 def _off_projective(x: NDArray, y: NDArray, u: NDArray) -> NDArray:
-    """Distances in lines from the projective function that most pixels agree on."""
+    """Distances in lines from the projective function that the most pixels agree on."""
     one = np.ones_like(x)
     A = np.stack([one, x, y, -u * x, -u * y], axis=1)
-    draws = np.random.default_rng(0).integers(0, len(u), (60, 5))
+    draws = np.random.default_rng(0).integers(0, len(u), (DRAWS, 5))
     p = (np.linalg.pinv(A[draws]) @ u[draws][..., None])[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         off = np.abs(p[:, :3] @ A[:, :3].T / (1 + p[:, 3:] @ A[:, 1:3].T) - u)
     off = np.nan_to_num(off, nan=np.inf)
-    best = off[np.argmin(np.median(off, axis=1))]
+    best = off[np.argmin(np.quantile(off, LEAST_OF_PLANE, axis=1))]
     for _ in range(3):  # least squares over those that agree, for distortion bends the map a little
-        near = best <= max(2.5 * float(np.median(best)), 0.5)
+        near = best <= max(4.0 * float(np.quantile(best, LEAST_OF_PLANE)), 0.5)
         A = np.stack([one, x, y, -u * x, -u * y, x * x, x * y, y * y], axis=1)
         p, *_ = np.linalg.lstsq(A[near], u[near], rcond=None)
         curved = p[0] + p[1] * x + p[2] * y + p[5] * x * x + p[6] * x * y + p[7] * y * y

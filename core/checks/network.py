@@ -131,8 +131,8 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
         if np.isfinite(adjustment.devices[name].spec.interior_sigma).any():
             text += "its interior known in project.json may be of another lens or focus; "
         text += (
-            "look for wrong identities or a turned board, a moved device, wrong patterns, frames that were compressed "
-            "or denoised, or sigmas set too small"
+            "look for wrong identities or a turned board, a moved device, a board that bends, wrong patterns, frames "
+            "that were compressed or denoised, or sigmas set too small"
         )
         concerns.append(Concern("failed" if ratio > FAILED_RATIO else "doubtful", text))
     return concerns
@@ -178,8 +178,8 @@ def _systematic(adjustment: Adjustment) -> list[Concern]:
             rms = float(np.sqrt(agreement * np.nanmean(adjustment.residuals[device == name] ** 2)))
             text = (
                 f"{name}: residuals are systematic, {agreement:.0%} of their variance is common to neighbouring points "
-                f"(about {rms:.2g} px or lines): a wrong lens model, a moved device or wrong projector coordinates; "
-                "look at the residual vectors"
+                f"(about {rms:.2g} px or lines): a wrong lens model, a moved device, a board that bends or wrong "
+                "projector coordinates; look at the residual vectors"
             )
             ratio = np.sqrt(agreement * float(np.nanmean(square)))
             concerns.append(Concern("failed" if ratio > FAILED_RATIO else "doubtful", text))

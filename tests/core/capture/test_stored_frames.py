@@ -45,7 +45,15 @@ def light(pattern: Pattern, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return ((k >> (pattern.bits - 1 - pattern.bit) & 1) ^ pattern.inverse).astype(float)
 
 
-def render(patterns: list[Pattern], seed: int, *, gamma: float = 1.0, roll: float = 0.0, dots: bool = True) -> Frames:
+def render(
+    patterns: list[Pattern],
+    seed: int,
+    *,
+    gamma: float = 1.0,
+    roll: float = 0.0,
+    dots: bool = True,
+    walls: int = 0,
+) -> Frames:
     rng = np.random.default_rng(seed)
     fine = 3
     y, x = np.mgrid[: SHAPE[0] * fine, : SHAPE[1] * fine] / fine
@@ -54,6 +62,10 @@ def render(patterns: list[Pattern], seed: int, *, gamma: float = 1.0, roll: floa
     scale = rng.uniform(0.42, 0.55)
     bend = 1 + 4e-4 * dx * rng.uniform(0.5, 1)
     u, v = 80 + scale * (c * dx - s * dy) * bend, 80 + scale * (s * dx + c * dy)
+    for k in range(walls):  # lit beside the board, each at a depth and a tilt of its own
+        beside = (1 - 2 * k) * (dx + 0.3 * dy) > (20, 30)[k]
+        u[beside] += (12 + 0.1 * dx - 0.05 * dy)[beside] * (1 - 2 * k)
+        v[beside] += (2 + 0.06 * dy)[beside]
     lit = (u > 0) & (u < LINES[0] - 1) & (v > 0) & (v < LINES[1] - 1)
     albedo = np.full(x.shape, 0.9)
     if dots:
@@ -180,6 +192,12 @@ def test_exchanged_axes_are_named(taken: tuple[list[Pattern], Frames]) -> None:
 def test_sound_captures_raise_nothing(name: str, gamma: float, roll: float, dots: bool) -> None:
     patterns = list(SEQUENCES[name])
     assert told(patterns, render(patterns, 11, gamma=gamma, roll=roll, dots=dots)) == ""
+
+
+@pytest.mark.parametrize("walls", [1, 2])
+def test_a_board_before_lit_walls_raises_nothing(walls: int) -> None:
+    patterns = [p for axis in "xy" for p in gray_and_phase(axis, 160, cell=1, periods=(), inverse=True)]  # type: ignore[arg-type]
+    assert told(patterns, render(patterns, 11, walls=walls)) == ""
 
 
 @pytest.mark.parametrize(("shift", "words"), [(0, ""), (3, r"^the scene moved by [23]\.\d px")])
