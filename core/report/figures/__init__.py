@@ -9,6 +9,25 @@ network.py    the network from above and from the side, convergence, correlation
 Matplotlib is used through its objects, on its Agg and SVG renderers: no pyplot, no window, no current figure.
 """
 
-from core.report.figures.canvas import Drawing, set_on_page, svg_text
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from matplotlib.artist import ArtistInspector
+
+
+@contextmanager
+def _undocumented() -> Iterator[None]:
+    """Let matplotlib import its artists without listing their properties in docstrings: a third of the time."""
+    inspector: Any = ArtistInspector
+    listed, inspector.get_setters = inspector.get_setters, lambda _: []
+    try:
+        yield
+    finally:
+        inspector.get_setters = listed
+
+
+with _undocumented():
+    from core.report.figures.canvas import Drawing, set_on_page, svg_text
 
 __all__ = ["Drawing", "set_on_page", "svg_text"]
