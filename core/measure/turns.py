@@ -8,8 +8,10 @@ Notes
 -----
 The deviations e of an image's dots from a homography and a polynomial over the board are noise plus the board's own δ.
 Images join one after the other, the clearest first. For each possible labelling the log-likelihood of its deviations is
-taken, given δ as those before show it, or given only how large δ usually is, where they show none. The labelling that
-is best by `SURE` is the image's; if none is, the turn cannot be told, and it is not guessed.
+taken, given δ as those before show it, and noise as the image itself shows it: beyond their sigmas centroids have
+errors of their own, of pixels and of uneven light, which would pass for a shape where the board is as regular as its
+drawing. The labelling that is best by `SURE` is the image's; if none is, the turn cannot be told, and it is not
+guessed.
 """
 
 from __future__ import annotations
@@ -225,20 +227,28 @@ def _shape_of(images: Sequence[_Deviations | None], count: int, size: float) -> 
 
 def _best(of: Sequence[_Deviations | None], shape: tuple[Array, Array], size: float) -> tuple[int, float]:
     """Which labelling fits a board's shape best, and by how much in log-likelihood."""
-    shown, spread = shape
+    squares = [None if d is None else _misfits(d, shape, size) for d in of]
+    unit = min(float(np.median(square)) for square in squares if square is not None) / 1.386 + 1e-30
     likelihood = []
-    for d in of:
-        if d is None:
+    for square in squares:
+        if square is None:
             likelihood.append(-np.inf)
             continue
-        # centroids repeat less well than their noise where light and tilt differ: a tenth of the board's irregularity
-        variance = spread[d.target] + d.variance + 0.1 * size
-        square = np.sum((d.offset - shown[d.target]) ** 2, axis=1) / variance
-        heavy = np.minimum(square, 9 + np.log1p(np.maximum(square - 9, 0)))  # a wrong dot is no reason to turn a board
-        likelihood.append(float(-np.sum(heavy) / 2 - np.sum(np.log(variance))))
+        # a wrong dot is no reason to turn a board
+        heavy = np.minimum(square / unit, 9 + np.log1p(np.maximum(square / unit - 9, 0)))
+        likelihood.append(-len(square) * float(np.log(np.sum(heavy))))
     order = np.argsort(likelihood)[::-1]
     margin = likelihood[order[0]] - likelihood[order[1]] if len(order) > 1 else np.inf
     return int(order[0]), float(margin)
+
+
+def _misfits(d: _Deviations, shape: tuple[Array, Array], size: float) -> Array:
+    """Weighted squares (n,) that the board's shape, by as much of it as the image shows, leaves of its deviations."""
+    there, spread = shape[0][d.target], shape[1][d.target]
+    weight = 1 / (spread + d.variance + 0.1 * size)
+    near = weight / np.maximum(np.sum(d.offset**2, axis=1) / (9 * _size(d) + 1e-30), 1.0)
+    gain = (near @ np.sum(d.offset * there, axis=1)) / (near @ np.sum(there**2, axis=1) + 1e-30)
+    return weight * np.sum((d.offset - np.clip(gain, 0, 1) * there) ** 2, axis=1)
 
 
 def _labelling(turn: NDArray[np.int64], shift: NDArray[np.int64]) -> Labelling:
