@@ -589,10 +589,6 @@
         <translation>{n} Marken</translation>
     </message>
     <message>
-        <source>no picks yet</source>
-        <translation>noch keine Marken angewählt</translation>
-    </message>
-    <message>
         <source>camera, {w} × {h} px, {c:g} mm</source>
         <translation>Kamera, {w} × {h} px, {c:g} mm</translation>
     </message>
@@ -1837,8 +1833,8 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Messen</translation>
     </message>
     <message>
-        <source>Four dots in each image say where all others are.</source>
-        <translation>Vier Punkte in jedem Bild sagen, wo alle anderen sind.</translation>
+        <source>Targets that cannot be recognised follow from four picks in the image.</source>
+        <translation>Zielmarken, die nicht erkannt werden, folgen aus vier angewählten im Bild.</translation>
     </message>
     <message>
         <source>Undo</source>

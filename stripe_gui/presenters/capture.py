@@ -65,9 +65,8 @@ def _row(entry: CaptureEntry) -> CaptureRow:
         parts.append(signed(capture.z_mm, " mm"))
     if capture.angle_deg is not None:
         parts.append(signed(capture.angle_deg, "°"))
-    if capture.testfield is not None and capture.role == "testfield":
-        picks = translate("Capture", "{n} picks") if capture.seeds else translate("Capture", "no picks yet")
-        parts.append(picks.format(n=len(capture.seeds)))
+    if capture.seeds:
+        parts.append(translate("Capture", "{n} picks").format(n=len(capture.seeds)))
     return CaptureRow(entry.name, capture.role, ", ".join(parts))
 
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from core.errors import InputError
-from core.model import Capture, DeviceSpec, Seed
+from core.model import Capture, DeviceSpec, Seed, TargetSet
 from core.project import kept_picks, read_capture, read_project
 from stripe_gui.pages.measure.model import Measurement, Picking, corner_targets
 from stripe_gui.pages.measure.view import NextStep, next_step, picking_view, state_text
+from tests.gui.hands import true_targets
 
 CORNERS = ((0, 0), (0, 8), (6, 8), (6, 0))
 
@@ -173,6 +174,24 @@ def test_a_measurement_counts_only_for_the_picks_it_was_made_from(model: Picking
     model.pick(1, 1)
     assert model.measured(0) is None
     assert not model.due(0)  # a moved pick asks to be accepted anew
+
+
+def test_a_board_recognised_without_picks_is_shown_as_it_was_recognised(model: Picking, camera: DeviceSpec) -> None:
+    true = true_targets(model.capture.path.parents[1], model.capture.name, "testfield.csv")
+    row, col = np.array(list(true)).T
+    uv, nothing = np.array(list(true.values())), np.zeros((len(true), 2))
+    found = TargetSet(model.capture.name, row, col, uv, np.zeros((len(true), 2, 2)), *[nothing] * 3, nothing[:, 0])
+    half_turned = [Seed(6 - r, 8 - c, *true[r, c]) for r, c in CORNERS]
+    model.suggest(0, [tuple(half_turned)])
+    assert next_step(model, picking_view(model, camera), ()) is NextStep.GUESS
+    model.keep_measurement(0, Measurement(model.picks, found))
+    view = picking_view(model, camera)
+    assert next_step(model, view, ()) is NextStep.NEXT
+    assert not len(view.marks.picks)
+    assert np.abs(view.marks.residual).max() < 2.0  # px; a pose and one radial parameter for the bench's whole lens
+    assert model.next_due() == 1
+    pick_corners(model)  # what an operator says comes first
+    assert model.recognised(0) is None
 
 
 def test_picks_changed_elsewhere_are_taken_over(model: Picking, captures: list[Capture]) -> None:

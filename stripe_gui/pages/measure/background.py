@@ -108,7 +108,8 @@ class Background(QObject):
             capture = model.captures[image]
             # the guess for the next image waits for this one's picks, which it may be near to
             settled = image == model.image or model.complete
-            guess = settled and not model.has_guesses(image) and not model.picks_of(image).seeds
+            told = model.has_guesses(image) or model.picks_of(image).seeds or model.settled(image)
+            guess = settled and not told
             if guess or self._kept.frames.get(capture) is None:
                 camera = self._project.rig.cameras[capture.camera]
                 board = (camera, model.neighbour(image), model.side(), guess)

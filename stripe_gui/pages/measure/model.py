@@ -59,6 +59,15 @@ def corner_targets(field: Testfield) -> tuple[Target, ...]:
     return tuple(dict.fromkeys((int(r), int(c)) for r, c in nearest))
 
 
+def _outermost(targets: TargetSet) -> tuple[Seed, ...] | None:
+    """Give up to four measured targets nearest to the corners of their field as picks; None of fewer than four."""
+    row, col = targets.row, targets.col
+    chosen = dict.fromkeys(int(np.argmin(order)) for order in (row + col, row - col, -row - col, col - row))
+    at = targets.camera_uv.tolist()
+    seeds = tuple(Seed(int(row[k]), int(col[k]), at[k][0], at[k][1]) for k in chosen)
+    return seeds if len(seeds) >= ENOUGH else None
+
+
 class Picking:
     """The picks of several captures of boards.
 
@@ -113,7 +122,17 @@ class Picking:
 
     @property
     def complete(self) -> bool:
-        return len(self.picks.seeds) >= ENOUGH
+        """Whether the image at work needs no further pick."""
+        return self.settled(self.image)
+
+    def settled(self, image: int) -> bool:
+        """Whether an image has its picks, or its targets were recognised without."""
+        return len(self._picks[image].seeds) >= ENOUGH or self.recognised(image) is not None
+
+    def recognised(self, image: int) -> TargetSet | None:
+        """Give the targets of an image that nobody picked; None where there are picks, or no targets."""
+        found = self.measured(image)
+        return found.targets if found is not None and not self._picks[image].seeds else None
 
     def picks_of(self, image: int) -> Picks:
         return self._picks[image]
@@ -143,9 +162,9 @@ class Picking:
         return min(max(self.image + step, 0), len(self.captures) - 1)
 
     def next_due(self) -> int | None:
-        """Give the next image, round the end, that is not picked yet."""
+        """Give the next image, round the end, whose targets nobody and nothing has told yet."""
         ahead = [(self.image + i) % len(self.captures) for i in range(1, len(self.captures))]
-        return next((i for i in ahead if len(self._picks[i].seeds) < ENOUGH), None)
+        return next((i for i in ahead if not self.settled(i)), None)
 
     # ------------------------------------------------------------------------------------ the target to be picked
 
@@ -172,7 +191,9 @@ class Picking:
 
     @property
     def guess(self) -> tuple[Seed, ...] | None:
-        """The guess in front: picks that the order of the dots suggests; None where there is none."""
+        """The guess in front: targets that were recognised, or what the order of the dots suggests."""
+        if (found := self.recognised(self.image)) is not None:
+            return _outermost(found)
         guesses = self._guesses.get(self.image, ())
         return guesses[0] if guesses else None
 

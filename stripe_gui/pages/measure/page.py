@@ -35,7 +35,7 @@ class MeasurePage(Page):
         super().__init__(
             bench,
             self.tr("Measure"),
-            self.tr("Four dots in each image say where all others are."),
+            self.tr("Targets that cannot be recognised follow from four picks in the image."),
         )
         self.model: Picking | None = None
         self.background: Background | None = None
@@ -349,7 +349,7 @@ class MeasurePage(Page):
 
     def can_run(self) -> bool:
         folder = self.session.folder
-        return folder is not None and any(e.capture.seeds for e in folder.of_role("testfield", "depth") if e.capture)
+        return folder is not None and bool(boards(folder.captures()))
 
     def _told(self, targets: tuple[TargetSet, ...]) -> None:
         count = sum(len(t.row) for t in targets)

@@ -13,6 +13,7 @@ from core.errors import InputError
 from core.measure import measured_view, predicted_view
 from core.measure.view import View
 from core.model import Array, DeviceSpec, TargetSet
+from core.project import ENOUGH
 from core.report import Number, Table
 from core.report.table import Cell
 from stripe_gui.pages.measure.model import Measurement, Picking, Target
@@ -70,12 +71,13 @@ class PickingView:
 def picking_view(model: Picking, camera: DeviceSpec) -> PickingView:
     """Put together what is known of the image at work."""
     measurement = model.measured(model.image)
-    guessed = not model.picks.seeds and model.guess is not None
-    seeds = model.guess if guessed and model.guess else model.picks.seeds
+    guess = () if model.picks.seeds else model.guess or ()
+    seeds = model.picks.seeds or guess
+    guessed = bool(guess) and model.recognised(model.image) is None
     places: dict[Target, tuple[float, float]] = {}
     grid, sizes, problem, view = NOTHING, NOTHING[:, 0], measurement.refusal if measurement else "", None
     targets = measurement.targets if measurement else None
-    if model.complete or guessed:
+    if len(seeds) >= ENOUGH:
         try:
             where = model.capture.name
             view = predicted_view(model.field, camera, seeds, where)
@@ -87,6 +89,8 @@ def picking_view(model: Picking, camera: DeviceSpec) -> PickingView:
         except InputError as error:
             problem = f"{error.seen}; {error.remedy}"
     places |= {(s.row, s.col): (s.u, s.v) for s in seeds}
+    if guess and not guessed:
+        seeds = ()  # recognised without picks: there are none to show
     labels = tuple(_label(model, (s.row, s.col)) for s in seeds)
     excluded = np.array([places[t] for t in model.picks.excluded if t in places]).reshape(-1, 2)
     picks = np.array([[s.u, s.v] for s in seeds]).reshape(-1, 2)
@@ -191,7 +195,7 @@ def _legend(model: Picking, marks: Marks, measurement: Measurement | None) -> st
     if measurement is not None and measurement.targets is not None:
         targets = measurement.targets
         count, lost = len(targets.row), len(targets.missing)
-        if not len(marks.residual):  # recognised without picks: no view of the board to compare with
+        if not len(marks.residual):  # too few to tell how the board is seen
             return translate("Picking", "{n} measured, {m} missing").format(n=count, m=lost)
         rms = float(np.sqrt(np.mean(np.sum(marks.residual**2, axis=1))))
         text = translate(
