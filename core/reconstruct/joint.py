@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from core.errors import InputError
 from core.geometry import project, ray_directions
 from core.model import Array, Floats, PhaseMap, PhotogrammetricCalibration, PointCloud
-from core.numerics import chi_square_limit
+from core.numerics import chi_square_limit, nearest
 from core.parallel import run_in_bands
 from core.progress import SILENT, Progress
 from core.reconstruct.intersect import LEAST_VARIANCE, intersect
@@ -40,7 +40,8 @@ STEPS = 2  # from one camera's own solution
 SLIGHT = 1e-6  # relative change of q for a derivative
 REACH_PX = 4.0  # another camera that sees other coordinates farther off than this looks at something else
 BEYOND = 1e-6  # share of sound points whose rays may be called disagreeing
-SAMPLES = 600  # points at which the calibration's covariance is carried through
+SAMPLES = 2000  # points at which the calibration's covariance is carried through
+NEAR = 3  # of them tell that of any other point: one may lie at a rim
 
 
 class Sight(IntEnum):
@@ -296,7 +297,7 @@ def _tell_disagreeing(sight: NDArray, rss: Array, count: NDArray) -> None:
 def by_calibration(scene: Scene, calibration: PhotogrammetricCalibration, which: NDArray, q: Array) -> Array:
     """Variances (n, 3), mm², of some points by the calibration's covariance.
 
-    They are worked out for points spread over the image, and fitted as smooth functions of pixel and inverse depth.
+    They are worked out for points spread over the image; every point has the median of the nearest of these.
     """
     rows, columns = np.nonzero(which)
     C = calibration.covariance
@@ -321,12 +322,10 @@ def by_calibration(scene: Scene, calibration: PhotogrammetricCalibration, which:
             ends.append(points if scene.along == "camera" else device.from_base.inverse().apply(points))
         G[:, :, k] = (ends[0] - ends[1]) / (2 * step[parameter])
     variance = np.einsum("nik,kl,nil->ni", G, C[np.ix_(uncertain, uncertain)], G)
-    scale = np.array([which.shape[1], which.shape[0], np.median(depths)])
-
-    def powers(columns: NDArray, rows: NDArray, depths: Array) -> Array:
-        x, y, z = (np.stack([columns, rows, depths], axis=1) / scale - [0.5, 0.5, 1.0]).T
-        return np.stack([np.ones_like(x), x, y, z, x * x, y * y, z * z, x * y, x * z, y * z], axis=1)
-
     sound = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)
-    logs = np.linalg.lstsq(powers(at[sound, 0], at[sound, 1], depths[sound]), np.log(variance[sound]), rcond=None)[0]
-    return np.exp(powers(columns, rows, q[which]) @ logs)
+    if not sound.any():
+        return np.full((len(rows), 3), np.nan)
+    places = np.stack([columns, rows, q[which]], axis=1) / [*which.shape[::-1], np.median(depths)]
+    few = 1 if len(some) == len(rows) else NEAR
+    near = nearest(places[some[sound]], min(few, int(sound.sum())), of=places)
+    return np.asarray(np.median(variance[sound][near], axis=1))
