@@ -61,6 +61,10 @@ class NotRecognisedError(InputError):
     """A board that an image does not show well enough; other images may."""
 
 
+class TooLittleSeenError(InputError):
+    """A capture that shows one camera and projector too little to tell of a movement; others may see more."""
+
+
 class AdjustmentError(StripeError):
     """A network that cannot be solved, or an adjustment that does not converge."""
 

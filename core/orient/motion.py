@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import InputError
+from core.errors import InputError, TooLittleSeenError
 from core.geometry import cross_matrix, pair_for, perturbed
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
 from core.numerics import fisher_above, sigma_by_median
@@ -184,8 +184,10 @@ def find_motion(
 
     Raises
     ------
+    TooLittleSeenError
+        If too few pixels have both coordinates.
     InputError
-        If too few pixels have both coordinates, or too few of them lie on something known.
+        If what is known of the scene contradicts the calibration, or too few pixels lie on it.
 
     Notes
     -----
@@ -279,7 +281,7 @@ def _checked(
     side, tile = sides
     if len(sight.at) * side**2 < FEWEST_PIXELS or len(np.unique(sight.at // tile, axis=0)) < FEWEST_TILES:
         both = int(np.count_nonzero(np.isfinite(phase.u) & np.isfinite(phase.v)))
-        raise InputError(
+        raise TooLittleSeenError(
             capture,
             f"{both or 'no'} pixels have both projector coordinates",
             "capture columns and rows of an object that fills more of the field: else nothing tells of a movement",

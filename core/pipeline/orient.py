@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from core.errors import InputError
+from core.errors import InputError, TooLittleSeenError
 from core.fields import read_table
 from core.geometry import pair_for
 from core.model import (
@@ -114,20 +114,33 @@ def orient_pairs(
     significance: float = 1e-3,
     progress: Progress = SILENT,
     **known: Any,
-) -> list[RigMotion]:
-    """Say it of every camera and projector of a capture, or of those named; for the rest see `orient_capture`."""
+) -> tuple[list[RigMotion], dict[tuple[str, str], str]]:
+    """Say it of every camera and projector of a capture, or of those named; for the rest see `orient_capture`.
+
+    Returns
+    -------
+    found : list of RigMotion
+    untold : dict
+        By (camera, projector) why nothing can be told of others; where nothing can be told of any, that is raised.
+    """
     capture = find_capture(project, name)
     pairs = [pair for pair in capture.pairs if camera in ("", pair[0]) and projector in ("", pair[1])]
     if not pairs or (known.get("lengths") and len({pair[0] for pair in pairs}) > 1):
         one_series(capture, camera, projector)  # places are in one camera's image
-    found = []
+    found: list[RigMotion] = []
+    untold: dict[tuple[str, str], str] = {}
     for i, (one, other) in enumerate(pairs):
         part = progress.part(i / len(pairs), (i + 1) / len(pairs))
         share = significance / len(pairs)
-        found.append(
-            orient_capture(project, name, camera=one, projector=other, significance=share, progress=part, **known)
-        )
-    return found
+        try:
+            found.append(
+                orient_capture(project, name, camera=one, projector=other, significance=share, progress=part, **known)
+            )
+        except TooLittleSeenError as error:
+            untold[one, other] = error.seen
+            if len(untold) == len(pairs):
+                raise
+    return found, untold
 
 
 def drift_of(

@@ -12,18 +12,19 @@ from core.model import Array, DriftPoint, Figures, RigMotion
 WARNING, ACTION = 1.96, 3.29  # sigmas: limits of the chart of one element, passed by one in 20 and in 1000 at rest
 
 
-def motions_figures(motions: list[RigMotion]) -> Figures:
+def motions_figures(motions: list[RigMotion], untold: Mapping[tuple[str, str], str]) -> Figures:
     """What `orient --json` writes: of one pair its figures, of several those of each under "pairs".
 
     The p of all together is the least of them times their number (Bonferroni).
     """
-    if len(motions) == 1:
+    if len(motions) == 1 and not untold:
         return motion_figures(motions[0])
     return {
         "capture": motions[0].capture,
         "moved": any(motion.moved for motion in motions),
         "p": min(1.0, len(motions) * min(motion.p for motion in motions)),
         "pairs": {f"{motion.camera}-{motion.projector}": motion_figures(motion) for motion in motions},
+        "untold": {f"{camera}-{projector}": because for (camera, projector), because in untold.items()},
     }
 
 

@@ -240,6 +240,7 @@ def test_every_pair_is_watched(project: Project, tmp_path: Path) -> None:
     figures = json.loads(out.read_text())
     assert set(figures["pairs"]) == {"left-projector", "right-projector"}
     assert figures["moved"] is any(pair["moved"] for pair in figures["pairs"].values()) is False
+    assert figures["untold"] == {}
     words = ["reconstruct", str(project.path), "plane+15", "--orient", "--camera", "right"]
     assert main([*words, "--out", str(tmp_path / "right.npz")]) == 0
     assert main([*words[:-2], "--out", str(tmp_path / "left.npz")]) == 0  # of the first, where none is named
@@ -253,3 +254,20 @@ def test_rays_of_all_are_the_default_of_what_knows_all_devices(project: Project,
     assert seen_by_several(project, "plane+15")
     monkeypatch.setattr("core.pipeline.views.current_runs", lambda _: {"polynomial": 1})
     assert not seen_by_several(project, "plane+15")
+
+
+def test_a_camera_of_one_axis_keeps_no_other_pair_from_being_watched(
+    project: Project, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out = tmp_path / "one-axis", tmp_path / "orient.json"
+    shutil.copytree(project.path / "captures" / "plane+15", folder)
+    data = json.loads((folder / "capture.json").read_text())
+    data["frames"] = [f for f in data["frames"] if (f["camera"], f["pattern"].get("axis")) != ("right", "y")]
+    (folder / "capture.json").write_text(json.dumps(data))
+    words = ["orient", str(project.path), str(folder)]
+    assert main([*words, "--json", str(out)]) == 0
+    figures = json.loads(out.read_text())
+    assert set(figures["pairs"]) == {"left-projector"}
+    assert figures["untold"] == {"right-projector": "no pixels have both projector coordinates"}
+    assert "projector against right cannot be judged" in capsys.readouterr().out
+    assert main([*words, "--camera", "right"]) == 2

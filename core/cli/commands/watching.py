@@ -60,7 +60,7 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
         for line in pipeline.drift_words(charts):
             print(line)
         return pipeline.drift_figures(charts)
-    motions = pipeline.orient_pairs(
+    motions, untold = pipeline.orient_pairs(
         project,
         options.capture,
         camera=options.camera,
@@ -74,11 +74,13 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
     for motion in motions:
         for line in pipeline.motion_words(motion):
             print(line)
+    for (camera, projector), because in untold.items():
+        print(f"{motions[0].capture}: {projector} against {camera} cannot be judged: {because}")
     if options.correct:
         for m in motions:
             of = "" if project.rig.is_pair else f" --camera {m.camera} --projector {m.projector}"
             print(f"kept: `stripe-core reconstruct {project.path} {m.capture} --orient{of}` uses it")
-    return pipeline.motions_figures(motions)
+    return pipeline.motions_figures(motions, untold)
 
 
 def _features(options: Options, progress: Progress) -> dict[str, Any]:
