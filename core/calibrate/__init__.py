@@ -12,7 +12,6 @@ Photogrammetric, by bundle adjustment:
 * `covariance` and `snooping` judge it, `weakness` says in words what the network does not determine, `rigid` whether
   the rig was rigid; `adjust` and `photogrammetric` put it all together;
 * `left_out` says what the other captures foresee of one, `next_pose` what one more would bring;
-* `board_view` tells roll and tilt of a board from its picks alone.
 
 Depth, per pixel: the files that begin with `depth`.
 """

@@ -97,11 +97,14 @@ def predicted_view(testfield: Testfield, camera: DeviceSpec, seeds: Sequence[See
     return view
 
 
-def measured_view(testfield: Testfield, camera: DeviceSpec, seeds: Sequence[Seed], targets: TargetSet) -> View:
-    """Find the view of the board that fits the measured targets best: pose and one radial parameter."""
-    start = predicted_view(testfield, camera, seeds)
-    if len(targets.row) < 6:
-        return start
+def measured_view(testfield: Testfield, camera: DeviceSpec, targets: TargetSet) -> View | None:
+    """Find the view of the board that fits the measured targets best: pose and one radial parameter.
+
+    None for fewer than four targets, and where they lie on one line.
+    """
     index = testfield.index()
     at = [index[key] for key in zip(targets.row.tolist(), targets.col.tolist(), strict=True)]
+    start = first_view(camera, testfield.xyz_mm[at], targets.camera_uv) if len(at) >= 4 else None
+    if start is None or len(at) < 6:
+        return start
     return fit_both_tilts(start, testfield.xyz_mm[at], targets.camera_uv, radial=len(at) >= 12)

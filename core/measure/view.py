@@ -31,6 +31,15 @@ class View:
         """The approximate interior orientation."""
         return Interior(self.spec.nominal_c_mm, a=(self.a1, 0.0, 0.0, 0.0, 0.0, 0.0))
 
+    @property
+    def angles_deg(self) -> tuple[float, float]:
+        """Roll of the board, 0 where its rows run to the right, growing anticlockwise; and tilt, from either side."""
+        R = self.camera_from_board.rotation
+        if R[2, 2] < 0:  # seen from its back
+            R = R @ np.diag([1.0, -1.0, -1.0])
+        roll = float(np.degrees(np.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1])))
+        return roll, float(np.degrees(np.arccos(np.clip(R[2, 2], -1.0, 1.0))))
+
     def project(self, xyz_mm: Array) -> Array:
         """Pixels (n, 2) of board points (n, 3); NaN behind the camera or where the radial term has turned round."""
         p = self.camera_from_board.apply(xyz_mm)

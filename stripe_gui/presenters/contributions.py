@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QCoreApplication
 
-from core.model import DeviceSpec, TargetSet
+from core.errors import InputError
+from core.measure import measured_view, predicted_view
+from core.model import Capture, DeviceSpec, TargetSet
 from core.pipeline import METHODS
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
@@ -25,8 +27,8 @@ class Contribution:
     usable : bool
         Whether it can take part.
     roll_deg, tilt_deg : float or None
-        Turn of the board about the viewing axis, and its inclination to the image plane; from the picks and the nominal
-        camera.
+        Turn of the board about the viewing axis, and its inclination to the image plane; from the targets measured,
+        else from the picks, and the nominal camera.
     targets : int or None
         How many were measured last, None before measuring.
     excluded : int
@@ -59,21 +61,31 @@ def contributions(folder: ProjectFolder, progress: Progress = SILENT) -> tuple[C
 def _contribution(entry: CaptureEntry, cameras: Mapping[str, DeviceSpec], measured: TargetSet | None) -> Contribution:
     assert entry.capture is not None
     capture = entry.capture.series[0]
-    from core.calibrate.board_view import board_view  # only now: its room loads the adjustment's kernels
-
-    view = board_view(capture, cameras[capture.camera])
-    roll, tilt = view or (None, None)
+    roll, tilt = _angles(capture, cameras[capture.camera], measured) or (None, None)
     if capture.role == "depth":
         remark = translate("Calibrate", "plate at {z:g} mm").format(z=capture.z_mm)
     elif capture.role != "testfield":
         remark = ""
-    elif not capture.seeds:
+    elif roll is None and not capture.seeds:
         remark = translate("Calibrate", "nothing picked: its targets are told by themselves, if the board allows")
     else:
         remark = _adds(roll, tilt)
     usable = any(method.uses(capture) for method in METHODS.values())
     count = len(measured.row) if measured is not None else None
     return Contribution(entry.name, capture.role, usable, roll, tilt, count, len(capture.excluded), remark)
+
+
+def _angles(capture: Capture, camera: DeviceSpec, measured: TargetSet | None) -> tuple[float, float] | None:
+    """Roll and tilt of the board, None where nothing tells."""
+    if (field := capture.testfield) is None:
+        return None
+    try:
+        view = measured_view(field, camera, measured) if measured is not None else None
+        if view is None and capture.seeds:
+            view = predicted_view(field, camera, capture.seeds)
+    except (InputError, KeyError):  # picks that cannot be right, targets of a board that was replaced
+        return None
+    return view.angles_deg if view is not None else None
 
 
 def _adds(roll: float | None, tilt: float | None) -> str:

@@ -59,15 +59,6 @@ def corner_targets(field: Testfield) -> tuple[Target, ...]:
     return tuple(dict.fromkeys((int(r), int(c)) for r, c in nearest))
 
 
-def _outermost(targets: TargetSet) -> tuple[Seed, ...] | None:
-    """Give up to four measured targets nearest to the corners of their field as picks; None of fewer than four."""
-    row, col = targets.row, targets.col
-    chosen = dict.fromkeys(int(np.argmin(order)) for order in (row + col, row - col, -row - col, col - row))
-    at = targets.camera_uv.tolist()
-    seeds = tuple(Seed(int(row[k]), int(col[k]), at[k][0], at[k][1]) for k in chosen)
-    return seeds if len(seeds) >= ENOUGH else None
-
-
 class Picking:
     """The picks of several captures of boards.
 
@@ -191,11 +182,9 @@ class Picking:
 
     @property
     def guess(self) -> tuple[Seed, ...] | None:
-        """The guess in front: targets that were recognised, or what the order of the dots suggests."""
-        if (found := self.recognised(self.image)) is not None:
-            return _outermost(found)
+        """The guess in front: picks that the order of the dots suggests; None where there is none."""
         guesses = self._guesses.get(self.image, ())
-        return guesses[0] if guesses else None
+        return guesses[0] if guesses and not self.settled(self.image) else None
 
     @property
     def dots(self) -> Array:

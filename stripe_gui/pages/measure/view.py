@@ -13,7 +13,6 @@ from core.errors import InputError
 from core.measure import measured_view, predicted_view
 from core.measure.view import View
 from core.model import Array, DeviceSpec, TargetSet
-from core.project import ENOUGH
 from core.report import Number, Table
 from core.report.table import Cell
 from stripe_gui.pages.measure.model import Measurement, Picking, Target
@@ -71,26 +70,21 @@ class PickingView:
 def picking_view(model: Picking, camera: DeviceSpec) -> PickingView:
     """Put together what is known of the image at work."""
     measurement = model.measured(model.image)
-    guess = () if model.picks.seeds else model.guess or ()
-    seeds = model.picks.seeds or guess
-    guessed = bool(guess) and model.recognised(model.image) is None
+    guessed = not model.picks.seeds and model.guess is not None
+    seeds = model.guess if guessed and model.guess else model.picks.seeds
     places: dict[Target, tuple[float, float]] = {}
     grid, sizes, problem, view = NOTHING, NOTHING[:, 0], measurement.refusal if measurement else "", None
     targets = measurement.targets if measurement else None
-    if len(seeds) >= ENOUGH:
+    if model.complete or guessed:
         try:
-            where = model.capture.name
-            view = predicted_view(model.field, camera, seeds, where)
-            if targets is not None:
-                view = measured_view(model.field, camera, seeds, targets)
+            view = measured_view(model.field, camera, targets) if targets is not None else None
+            view = view or predicted_view(model.field, camera, seeds, model.capture.name)
             grid = view.project(model.field.xyz_mm)
             sizes = _diameters(view, model.field.xyz_mm, model.field.diameter_mm)
             places = {t: (float(u), float(v)) for t, (u, v) in zip(model.field.index(), grid, strict=True) if u == u}
         except InputError as error:
             problem = f"{error.seen}; {error.remedy}"
     places |= {(s.row, s.col): (s.u, s.v) for s in seeds}
-    if guess and not guessed:
-        seeds = ()  # recognised without picks: there are none to show
     labels = tuple(_label(model, (s.row, s.col)) for s in seeds)
     excluded = np.array([places[t] for t in model.picks.excluded if t in places]).reshape(-1, 2)
     picks = np.array([[s.u, s.v] for s in seeds]).reshape(-1, 2)
