@@ -1,9 +1,11 @@
 """Blur that changes across a dot: where a tilted board leaves the depth of field, one edge is softer than the other.
 
-Every point of the board is spread evenly about its own image, so that the mean of all its light stays. Its parts do
-not: at a pixel more light arrives from the softer side, and an edge is seen shifted to the sharper one by the change of
-the blur's variance per px. Of a plane out of focus that variance is a quadratic function of the image's coordinates:
-circles of confusion go with the reciprocal of depth, which is linear over the image of a plane.
+A pixel sees, through every part of the aperture, another point of the board. On the softer side these lie further
+apart, so that what it sees is centred on a point softer than its own by half the change of the blur's variance per px;
+an evenly bright board stays evenly bright. (A board that sent as much light to every part of the aperture would have to
+be brighter where it faces away.) All the light of a dot is drawn to the softer side by as much, an edge to the sharper.
+Of a plane out of focus that variance is a quadratic function of the image's coordinates: circles of confusion go with
+the reciprocal of depth, which is linear over the image of a plane.
 """
 
 from __future__ import annotations
@@ -16,9 +18,15 @@ from core.numerics import MEDIAN_OF_NORMAL
 Array = NDArray[np.float64]
 
 LEAST = 12  # dots that tell a quadratic function
-# px that a centre is drawn to the sharper side per px of `widening`, and how far that depends on how light is spread:
-# by a Gaussian or evenly over a disc, whose width is told by its edge
-CENTROID, EDGES, DOUBT = 0.37, 0.9, 0.2
+# how much wider than a Gaussian's of its variance an edge is, squared: 1.4 for a disc, half-way to a Gaussian
+WIDE = 1.2
+# px that light, and the fit to a dot's edges, are drawn to the softer side per px of `widening`; and what is not known
+LIGHT, EDGES, DOUBT = 0.5 / WIDE, -0.4, 0.2
+# a pupil halfway from a Gaussian to a disc of its variance: offsets (32, 2), of a variance of 1 along either axis
+SHARE = (np.arange(4) + 0.5) / 4
+AWAY, AROUND = np.sqrt(2 * SHARE - np.log(1 - SHARE)), (np.arange(8) + 0.5) * np.pi / 4
+PUPIL = np.stack([np.outer(AWAY, np.cos(AROUND)).ravel(), np.outer(AWAY, np.sin(AROUND)).ravel()], axis=1)
+PUPIL /= PUPIL.std(axis=0)
 
 
 def widening(uv: Array, spread: Array) -> Array:
@@ -49,7 +57,27 @@ def widening(uv: Array, spread: Array) -> Array:
     return np.stack([np.stack(terms, axis=1) @ fit for terms in (by_x, by_y)], axis=1) / size
 
 
-def undrawn(centre: Array, cov: Array, spread: Array, share: float) -> tuple[Array, Array]:
-    """Centres (m, 2) and covariances (m, 2, 2) of what was drawn to the sharper side by a `share` of the widening."""
+def undrawn(centre: Array, cov: Array, spread: Array, share: Array | float) -> tuple[Array, Array]:
+    """Centres (m, 2) and covariances (m, 2, 2) of what was drawn to the softer side by a `share` of the widening."""
     widens = widening(centre, spread)
-    return centre + share * widens, cov + DOUBT**2 * widens[:, :, None] * widens[:, None, :]
+    return centre - np.reshape(share, (-1, 1)) * widens, cov + DOUBT**2 * widens[:, :, None] * widens[:, None, :]
+
+
+def drawn_centroids(radius: Array, spread: Array, taper: Array) -> Array:
+    """Share of the widening (m,) that draws centroids whose weights fall from 1 to 0 between two radii (m, 2), px.
+
+    Through the point a of the pupil, the rim of a disc of radius r is seen moved by ``-(q r)(a n)`` along its normal n,
+    where the blur's width changes by q. Without a taper the disc's centroid goes by ``q E[a a]``, which is LIGHT of the
+    widening. Weights that end in the blur take from the softer side what lies outside.
+
+    Examples
+    --------
+    >>> share = drawn_centroids(np.array([10.0]), np.array([2.0]), np.array([[90.0, 99.0]]))  # nothing cut off
+    >>> print(np.allclose(share, LIGHT))
+    True
+    """
+    sigma = np.sqrt(spread / WIDE)[:, None]
+    out, beside = radius[:, None] + sigma * PUPIL[:, 0], sigma * PUPIL[:, 1]
+    t = np.clip((np.hypot(out, beside) - taper[:, :1]) / (taper[:, 1:] - taper[:, :1]), 0, 1)
+    weighted = (1 - t * t * (3 - 2 * t)) * out
+    return LIGHT * radius * (weighted * PUPIL[:, 0]).mean(axis=1) / (sigma[:, 0] * weighted.mean(axis=1))

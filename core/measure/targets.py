@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.measure.board import board_from_testfield
-from core.measure.defocus import widening
+from core.measure.defocus import LIGHT, widening
 from core.measure.kinds import Marks, Sight, kind_of
 from core.measure.light import CUT, cut_by_edge, line_gradients
 from core.measure.missing import EXCLUDED
@@ -159,7 +159,7 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
     dark, the board round it.
     """
     phase, (ellipse, window) = sight.phase, (marks.ellipse, marks.window)
-    centre = marks.uv - widening(marks.uv, marks.blur**2)  # the light there comes from round the target's centre
+    centre = marks.uv - LIGHT * widening(marks.uv, marks.blur**2)  # what is seen there is round the target's centre
     ground, dark = np.minimum(window, marks.code - BESIDE_CODE), sight.testfield.polarity == "black-on-white"
     coordinate, sigma = np.full((len(centre), 2), np.nan), np.full((len(centre), 2), np.nan)
     for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
