@@ -25,14 +25,17 @@ from numpy.typing import NDArray
 
 from core.measure.board import board_from_testfield
 from core.model import TargetSet, Testfield
+from core.numerics import nearest
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SURE = 12.0  # log-likelihood by which a labelling must be better than the next: one error in 160,000
+OVERRULED = 36.0  # the same against an operator's pick, which lens and light repeated from image to image must not do
 REGULAR = 0.1  # share of the spacing by which a board that is turned may lie off its own places
 DEGREES = ((150, 6), (90, 5), (50, 4), (30, 3), (0, 2))  # targets from which a polynomial stands for lens and bend
 FEWEST = 12  # targets of an image that tell anything
+NEIGHBOURS = 5  # a dot and those next to it
 TURNS = [np.array(t) for t in ([[1, 0], [0, 1]], [[0, -1], [1, 0]], [[-1, 0], [0, -1]], [[0, 1], [-1, 0]])]
 
 Labelling = tuple[tuple[tuple[int, int], tuple[int, int]], tuple[int, int]]  # (row, col) -> T (row, col) + shift
@@ -129,22 +132,22 @@ def solve_turns(
     # the first only gives the names; of several labellings it takes the one with which the board is least irregular
     first = max(usable, key=lambda k: (len(tried[k]) == 1, len(images[k].row)))
     best = min(range(len(tried[first])), key=lambda j: _size(seen[first][j]))
-    choice = {first: best}
-    size = _common_size(seen)
+    choice, sure = {first: best}, {first: np.inf}
+    size, xy_mm = _common_size(seen), board_from_testfield(field).xyz_mm[:, :2]
     waiting = [k for k in usable if k != first]
     while waiting:
         shape = _shape_of([seen[k][j] for k, j in choice.items()], len(field.row), size)
-        margins = {k: _best(seen[k], shape, size) for k in waiting}
+        margins = {k: _best(seen[k], shape, size, xy_mm) for k in waiting}
         k = max(waiting, key=lambda i: margins[i][1])
         if margins[k][1] < SURE:
             break
-        choice[k] = margins[k][0]
+        choice[k], sure[k] = margins[k]
         waiting.remove(k)
     for k in list(choice):  # each again, against all the others
         others = [seen[i][j] for i, j in choice.items() if i != k]
         if k == first or len(choice) < 3:
             continue
-        choice[k] = _best(seen[k], _shape_of(others, len(field.row), size), size)[0]
+        choice[k] = _best(seen[k], _shape_of(others, len(field.row), size), size, xy_mm)[0]
     back = _most_picked([offered[k][tried[k][j][0]] for k, j in choice.items() if picked and picked[k]])
     for k, j in choice.items():
         if len(choice) > 1 or len(tried[k]) == 1:
@@ -154,6 +157,8 @@ def solve_turns(
             if whole is not None and back != SAME:  # the choice is told against the labels that the image came with
                 same = (whole.row[0], whole.col[0]) == (images[k].row[0], images[k].col[0])
                 result[k] = replace(result[k], choice=0 if same else max(number, 1))
+            if picked and picked[k] and result[k].choice and sure[k] < OVERRULED:
+                result[k] = Turned(images[k], 0, False)
     return result
 
 
@@ -225,9 +230,10 @@ def _shape_of(images: Sequence[_Deviations | None], count: int, size: float) -> 
     return total / weight[:, None], 1 / weight
 
 
-def _best(of: Sequence[_Deviations | None], shape: tuple[Array, Array], size: float) -> tuple[int, float]:
+def _best(of: Sequence[_Deviations | None], shape: tuple[Array, Array], size: float, xy_mm: Array) -> tuple[int, float]:
     """Which labelling fits a board's shape best, and by how much in log-likelihood."""
     squares = [None if d is None else _misfits(d, shape, size) for d in of]
+    independent = [_independent(d, xy_mm) for d in of if d is not None]
     unit = min(float(np.median(square)) for square in squares if square is not None) / 1.386 + 1e-30
     likelihood = []
     for square in squares:
@@ -236,10 +242,18 @@ def _best(of: Sequence[_Deviations | None], shape: tuple[Array, Array], size: fl
             continue
         # a wrong dot is no reason to turn a board
         heavy = np.minimum(square / unit, 9 + np.log1p(np.maximum(square / unit - 9, 0)))
-        likelihood.append(-len(square) * float(np.log(np.sum(heavy))))
+        likelihood.append(-sum(independent) / len(independent) * float(np.log(np.mean(heavy))))
     order = np.argsort(likelihood)[::-1]
     margin = likelihood[order[0]] - likelihood[order[1]] if len(order) > 1 else np.inf
     return int(order[0]), float(margin)
+
+
+def _independent(d: _Deviations, xy_mm: Array) -> float:
+    """How many independent dots the deviations are worth: those of a lens go on from dot to dot, a board's do not."""
+    near = nearest(xy_mm[d.target], NEIGHBOURS)[:, 1:]
+    o = d.offset / np.maximum(np.hypot(*d.offset.T) / (3 * np.sqrt(_size(d)) + 1e-30), 1.0)[:, None]
+    alike = float(np.sum(o[:, None] * o[near]) / (near.shape[1] * np.sum(o**2) + 1e-30))
+    return len(o) * ((1 - max(alike, 0.0)) / (1 + max(alike, 0.0))) ** 2
 
 
 def _misfits(d: _Deviations, shape: tuple[Array, Array], size: float) -> Array:

@@ -80,6 +80,30 @@ def test_a_board_as_regular_as_its_drawing_is_not_guessed(board, stated, seed):
     assert not any(s.told for s in solved)
 
 
+def test_what_a_wide_lens_leaves_does_not_overrule_picks():
+    """Plates one before the other: beyond a polynomial the lens leaves nearly the same in all images."""
+    row, col = (x.ravel() for x in np.mgrid[0:7, 0:9])
+    xyz = np.stack([62.0 * (col - 4), 62.0 * (3 - row), 0.0 * row], axis=1)
+    field = Testfield(row, col, xyz, np.full(row.size, 26.0))
+    overruled = 0
+    for seed in range(20):
+        rng, images = np.random.default_rng(seed), []
+        for z in (-330, -300, -270, -240):
+            x, y = (xyz[:, :2] / -z).T
+            r2 = x**2 + y**2
+            d = 1 - 0.18 * r2 + 0.028 * r2**2
+            u = x * d + 0.001 * x * y + 0.0003 * (r2 + 2 * x**2)
+            v = y * d + 0.0006 * x * y + 0.0005 * (r2 + 2 * y**2)
+            uv = 304 * np.stack([u, -v], axis=1) + [320, 240] + rng.normal(0, 0.006, (63, 2))
+            keep = np.flatnonzero((np.abs(uv - [320, 240]) < [315, 235]).all(axis=1) & (rng.random(63) > 0.1))
+            none, n = np.full((len(keep), 2), np.nan), len(keep)
+            cov = np.tile(np.eye(2) * 0.004**2, (n, 1, 1))
+            images.append(TargetSet("", row[keep], col[keep], uv[keep], cov, none, none, none, np.full(n, 12.0)))
+        solved = solve_turns(images, [(SAME, *symmetries(field))] * 4, field, [True] * 4)
+        overruled += sum(s.choice != 0 for s in solved)
+    assert overruled == 0
+
+
 def test_picks_half_turned_against_the_others_are_found(board):
     rng = np.random.default_rng(4)
     made = as_made(board, rng, 0.05)
