@@ -12,7 +12,7 @@ from core.errors import InputError
 from core.measure.blobs import Blobs
 from core.measure.board import Board
 from core.measure.grow import Lattice, grow, predict, prune
-from core.measure.picks import Picks
+from core.measure.picks import FEWEST, Picks
 from core.measure.view import View, first_view
 from core.model import DeviceSpec
 from core.numerics import inverse_2x2, nearest
@@ -21,10 +21,17 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 LEFT_OVER = 0.15  # share of dots among the identified ones that may belong to no target (reflections, other boards)
 REACHED = 0.3  # spacings within which a lattice must foretell a pick that it could not grow to
+DIM = 0.35  # contrast of a dot over that of others from which it lies in the same light; growing stops there, too
+BETWEEN = -1  # of the lattices tried: grown from no pick
+ANOTHER = 0.7  # beyond which such a pick is another target: what foretells it may err far from the dots it grew to
 
 
-def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots: Ints, coded: bool = False) -> Lattice:
+def identify(
+    board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots: Ints, coded: bool = False
+) -> tuple[Lattice, tuple[str, ...]]:
     """Grow the lattice from one pick and demand that it meets all others with the identities they were given.
+
+    Picks that dots do not lead to, on a part without light, need not be met; what was not used is told beside it.
 
     Parameters
     ----------
@@ -47,6 +54,7 @@ def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots
     middle = np.array([camera.width - 1, camera.height - 1]) / 2
     starts = np.argsort(np.hypot(*(blobs.uv[spots] - middle).T))
     tried: dict[int, Lattice] = {}
+    notes: tuple[str, ...] = ()
     for start in starts.tolist():
         lattice = _grown_from(board, blobs, view, picks, spots, [start])
         tried[start] = lattice
@@ -56,7 +64,10 @@ def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots
                 _refuse_contradiction(tried, picks, spots)
             break
     else:
-        lattice = _bridged(tried, picks, spots)
+        beside = _grown_between(board, blobs, view, picks, spots)
+        if beside is not None and beside.known.sum() > 2 * max(int(other.known.sum()) for other in tried.values()):
+            tried[BETWEEN] = beside
+        lattice, notes = _bridged(tried, picks, spots)
     left, absent, among = 0 if coded else _left_over(lattice), _absent(lattice), int(lattice.known.sum())
     pruned = prune(lattice)
     # dots that are no targets are no fault, nor are targets without a dot; both together are a lattice that skips rows
@@ -75,21 +86,45 @@ def identify(board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots
         raise InputError(picks.where, seen, "correct the rows and columns of the picks, or pick other targets")
     if not coded:
         _refuse_if_shifted(lattice, picks)
-    return lattice
+    return lattice, notes
 
 
 def _grown_from(board: Board, blobs: Blobs, view: View, picks: Picks, spots: Ints, starts: list[int]) -> Lattice:
     """Grow from some of the picks; the spots of the others stay reserved for them."""
+    return _grown(board, blobs, view, picks, spots, picks.target[starts], spots[starts])
+
+
+def _grown(board: Board, blobs: Blobs, view: View, picks: Picks, spots: Ints, target: Ints, spot: Ints) -> Lattice:
     blob = np.full(len(board.row), -1)
-    blob[picks.target[starts]] = spots[starts]
+    blob[target] = spot
     reserved = dict(zip(spots.tolist(), picks.target.tolist(), strict=True))
     lattice = Lattice(board, blobs, view, blob, reserved)
     grow(lattice)
     return lattice
 
 
-def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> Lattice:
-    """Join what grew apart, where the larger part foretells the other picks; else say which pick contradicts."""
+def _grown_between(board: Board, blobs: Blobs, view: View, picks: Picks, spots: Ints) -> Lattice | None:
+    """Grow from a bright dot amid others, where all picks are on dots that the projector's light does not reach."""
+    uv, jacobian = view.project(board.xyz_mm), view.jacobian(board.xyz_mm)
+    sane = np.flatnonzero(np.isfinite(uv).all(axis=1) & np.isfinite(jacobian).all(axis=(1, 2)))
+    if not len(sane):
+        return None
+    spot = nearest(blobs.uv, of=uv[sane])[:, 0]
+    away = inverse_2x2(jacobian[sane] * board.spacing_mm[sane, None, None]) @ (blobs.uv[spot] - uv[sane])[..., None]
+    bright = blobs.contrast[spot] > 0.5 * np.quantile(blobs.contrast[spot], 0.9)
+    fit = np.flatnonzero(bright & (np.hypot(away[:, 0, 0], away[:, 1, 0]) < REACHED) & ~blobs.on_border[spot])
+    if not len(fit):
+        return None
+    middle = blobs.uv[spot[fit]].mean(axis=0)
+    first = fit[[np.argmin(np.hypot(*(blobs.uv[spot[fit]] - middle).T))]]
+    return _grown(board, blobs, view, picks, spots, sane[first], spot[first])
+
+
+def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> tuple[Lattice, tuple[str, ...]]:
+    """Join what grew apart, where the larger part foretells the other picks; else say which pick contradicts.
+
+    A pick without light that is foretold badly, but as no other target, is not used.
+    """
     board = next(iter(tried.values())).board
     start = max(tried, key=lambda k: int(tried[k].known.sum()))
     lattice = tried[start]
@@ -98,17 +133,33 @@ def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> Lattice:
     if lattice.known.sum() < 6 + np.count_nonzero(met):
         seen = f"no lattice of dots continues {picks.name(board, start)} as the rows and columns of the picks say"
         raise InputError(picks.where, seen, "correct the rows and columns of the picks")
-    joined = _grown_from(board, lattice.blobs, lattice.view, picks, spots, np.flatnonzero(met).tolist())
+    joined = lattice
+    if start != BETWEEN:
+        joined = _grown_from(board, lattice.blobs, lattice.view, picks, spots, np.flatnonzero(met).tolist())
+    notes: list[str] = []
+    agreeing = np.count_nonzero(met)
     for k in np.flatnonzero(~met).tolist():
         uv, jacobian, _ = predict(lattice, picks.target[k : k + 1])
-        offset = np.linalg.solve(jacobian[0], lattice.blobs.uv[spots[k]] - uv[0])
+        there = np.isfinite(uv).all() and np.isfinite(jacobian).all()  # a lens that turns round tells nothing
+        offset = np.linalg.solve(jacobian[0], lattice.blobs.uv[spots[k]] - uv[0]) if there else np.full(2, np.nan)
         off = float(np.hypot(*offset)) / float(board.spacing_mm[picks.target[k]])
-        if not off < REACHED:
-            seen = f"{picks.name(board, k)} lies {off:.1f} target spacings from where the other picks expect it"
+        contrast = lattice.blobs.contrast
+        dim = contrast[spots[k]] < DIM * np.median(contrast[lattice.blob[lattice.known]])
+        if off >= ANOTHER or not (off < REACHED or dim):
+            name = picks.name(board, k)
+            seen = f"{name} lies {off:.1f} target spacings from where the other picks expect it"
+            seen = seen if there else f"{name} lies far from where the other picks expect it"
             raise InputError(picks.where, seen, "correct its row and column, or pick targets with dots between them")
-        joined.blob[picks.target[k]] = spots[k]
+        agreeing += there
+        if off < REACHED:
+            joined.blob[picks.target[k]] = spots[k]
+        else:
+            notes.append(f"{picks.name(board, k)} is on a dot that no lit dots lead to: not used, the other picks tell")
+    if agreeing < FEWEST:
+        seen = f"only {agreeing} picks are on dots that lead to each other"
+        raise InputError(picks.where, seen, "pick targets with dots between them")
     grow(joined)
-    return joined
+    return joined, tuple(notes)
 
 
 def _refuse_contradiction(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> None:

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from core.checks import Plates
 
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
+NEEDLESS = re.compile("the other picks tell$")  # picks are approximate, and more than are needed: nothing in doubt
 # notes that name the mistake, those that name a frame or a value, and those that name what must be looked at
 SHARP = (
     re.compile("they fit|were exchanged|earlier|later|mirrored|neighbouring"),
@@ -153,7 +154,8 @@ class Evidence:
         from core.checks import size_concerns
 
         sets = self.targets(method)
-        return [*noted(notes_of(sets)), *size_concerns(sets, {c.name: c.testfield for c in self.used[method]})]
+        told = [c for c in noted(notes_of(sets)) if not NEEDLESS.search(c.text)]
+        return [*told, *size_concerns(sets, {c.name: c.testfield for c in self.used[method]})]
 
     def left_out(self, method: Method, rejected: Mapping[str, tuple[int, int]] | None = None) -> tuple[LeftOut, ...]:
         """List targets and captures without a part in a method's result; `rejected` is by station, of how many."""

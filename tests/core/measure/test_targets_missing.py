@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.errors import InputError
 from core.measure import measure_targets
 
 CELLS = [(1, 2), (1, 6), (5, 6), (5, 2)]
@@ -99,3 +100,27 @@ def test_pixels_without_a_value_cost_the_dots_they_lie_in_and_no_others(bench):
     found, why = measured(truth, phase=replace(phase, image=image))
     assert set(why) == {(3, 4)}
     assert len(found.row) == 62
+
+
+def _lit_between(truth, phase, half):
+    """The same image, its light a rhombus that ends before the corners of the board."""
+    v, u = np.mgrid[0:576, 0:748]
+    middle = truth.true_uv.mean(axis=0)
+    dark = np.abs(u - middle[0]) / half[0] + np.abs(v - middle[1]) / half[1] > 1
+    dim = truth.black + 0.06 * (phase.image - truth.black)
+    return replace(phase, image=np.where(dark, dim, phase.image).astype(np.float32))
+
+
+def test_picks_on_dots_without_light_lead_to_those_in_the_light(bench):
+    truth = bench.scene(bench.look(20, 30, 10, 1000), interior=bench.interior(20.0), noise=0.5, samples=2)
+    phase = _lit_between(truth, truth.phase(), (380, 280))
+    rows, cols = truth.field.row.max(), truth.field.col.max()
+    corners = [(0, 0), (0, cols), (rows, cols), (rows, 0)]
+    found, _ = measured(truth, corners, phase)
+    at = [truth.field.index()[key] for key in zip(found.row.tolist(), found.col.tolist(), strict=True)]
+    assert len(at) > 100
+    assert np.hypot(*(found.camera_uv - truth.true_uv[at]).T).max() < 0.2  # a tenth of a spacing is 2 px
+    seeds = truth.seeds(corners)
+    seeds[1] = replace(seeds[1], col=int(cols) - 1)
+    with pytest.raises(InputError, match=r"spacings from where|contradicts"):
+        measure_targets(phase, truth.field, seeds, truth.spec)
