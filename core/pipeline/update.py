@@ -57,7 +57,8 @@ def update_project(project: Project, progress: Progress = SILENT, listen: Listen
     BusyError
         If another program writes into the project.
     StripeError
-        What the first stage failed with that could not be done; stages that do not need it are done all the same.
+        What the first stage failed with that could not be done; stages that do not need it are done all the same,
+        and nothing by a calibration that is outdated.
     """
     done: list[str] = []
     problems: list[StripeError] = []
@@ -154,20 +155,25 @@ def chosen_options(project: Project) -> CalibrateOptions:
 
 def _reconstruct(project: Project, states: ProjectStates, progress: Progress) -> str:
     """Reconstruct objects by the calibration that comes first, and anew what was reconstructed before."""
-    graph, done = Graph(project), 0
+    graph, done = Graph(project), list[str]()
     if not calibration_hashes(project):
         return ""
     first = methods_in_use(project)[0]
     names = [name for name in _due(states, "reconstruct") if name in graph.captures]
+    left: dict[str, list[str]] = {}
     for name in progress.over(names, "reconstructing {0}"):
         capture = graph.captures[name].name
         methods = [method for cloud, method in graph.clouds if cloud == capture] or [first]
         several = graph.captures[name].pairs if len(graph.captures[name].pairs) > 1 else (("", ""),)
         for method in methods:
+            if stale := graph.of_calibrations([method]):
+                left.setdefault(stale[0], []).append(name)
+                continue
             for camera, projector in several[:1] if METHODS[method].one_pair else several:
                 keep_points(project, capture, method, camera=camera, projector=projector)
-                done += 1
-    return f"points of {len(names)} captures" if done else ""
+            done.append(name)
+    told = [f"points of {len(set(done))} captures"] if done else []
+    return "; ".join([*told, *(f"no new points of {', '.join(dict.fromkeys(n))}: {why}" for why, n in left.items())])
 
 
 def keep_points(
@@ -211,6 +217,8 @@ def _evaluate(project: Project, states: ProjectStates, progress: Progress) -> st
     chosen = (graph.evaluation[0] or {}).get("options") or {}
     planes = [name for name in chosen.get("captures") or () if name in graph.captures] or None
     methods = [m for m in chosen.get("methods") or () if f"{m} calibration" in calibration_hashes(project)] or None
+    if stale := graph.of_calibrations(methods or METHODS):
+        return f"not done: {stale[0]}"
     found = evaluate_project(project, progress, captures=planes, methods=methods)
     return f"{len({e.capture for e in found})} planes"
 

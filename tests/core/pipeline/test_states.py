@@ -302,6 +302,21 @@ def test_results_of_something_else_are_told_and_stand_in_the_report(whole: Path,
     assert "scale.length_mm was" in (whole / "results/report/report.html").read_text()
 
 
+def test_an_update_reconstructs_nothing_by_a_calibration_that_it_cannot_renew(
+    whole: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (whole / "captures/testfield-03/003.png").unlink()
+    points = {p: p.stat().st_mtime_ns for p in (whole / "results/points").rglob("*") if p.is_file()}
+    assert main(["update", str(whole)]) == 2
+    told = capsys.readouterr()
+    assert "003.png: the frame is not there" in told.err
+    for stage in ("reconstruct: no new points of object-", "evaluate: not done: "):
+        (line,) = [text for text in told.out.splitlines() if text.startswith(stage)]
+        assert "calibrate is outdated: testfield-03 has no part any more" in line
+    assert {p: p.stat().st_mtime_ns for p in points} == points
+    assert states(whole)["reconstruct"] == states(whole)["evaluate"] == "outdated"
+
+
 def test_status_tells_every_cause_once(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scale_changed(whole)
     assert main(["status", str(whole)]) == 0
