@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import InputError, TooLittleSeenError
+from core.errors import AdjustmentError, InputError, TooLittleSeenError
 from core.geometry import cross_matrix, pair_for, perturbed
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
 from core.numerics import fisher_above, sigma_by_median
@@ -188,6 +188,8 @@ def find_motion(
         If too few pixels have both coordinates.
     InputError
         If what is known of the scene contradicts the calibration, or too few pixels lie on it.
+    AdjustmentError
+        If the rig is another one altogether.
 
     Notes
     -----
@@ -222,6 +224,14 @@ def find_motion(
         change = free.directions @ estimate.x
         expected = equations.e - equations.A @ change
         now = epipolar_residuals(sight, perturbed(pair, change))
+        if not np.isfinite(now.e).all():
+            lines = float(np.median(np.abs(start.e) * np.linalg.norm(sight.sigma, axis=1) / np.sqrt(2)))
+            raise AdjustmentError(
+                capture,
+                f"camera and projector see it {lines:.2g} lines off each other's rays, and no movement explains it",
+                "one of them was turned round, exchanged or mirrored, or the frames are of another rig: see to that, "
+                "or calibrate again",
+            )
         if not equations.known and np.abs(now.e - expected).max() < LINEAR:
             break
     C = pair.covariance

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from core.errors import InputError
+from core.errors import AdjustmentError, InputError
 from core.figures import evaluation_figures
 from core.model import (
     Calibration,
@@ -187,6 +187,8 @@ def _moved(phase: PhaseMap, calibration: Calibration, capture: str) -> tuple[str
         motion = find_motion(phase, calibration, capture=capture)
     except InputError:  # one axis, or too few pixels
         return ()
+    except AdjustmentError as error:
+        return (f"{error.seen}: {error.remedy}",)
     if not motion.moved or motion.residual_rms < OFF_EPIPOLAR * motion.corrected_rms:
         return ()
     return (

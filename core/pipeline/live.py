@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from core.errors import InputError
+from core.errors import AdjustmentError, InputError
 from core.geometry import pair_of
 from core.model import DriftPoint, Method, PhaseMap, PhotogrammetricCalibration, Project
 from core.pipeline.calibrate import chosen_calibration
@@ -200,7 +200,10 @@ class _Watch:
             return None
         try:
             motion = find_motion(phase, self._pair, capture=f"cycle {number}")
-        except InputError:  # too few pixels, or one axis alone: the points are there all the same
+        except (
+            InputError,
+            AdjustmentError,
+        ):  # one axis, too few pixels, another rig: the points are there all the same
             return None
         point, self._expected = judged(motion, self._expected)
         return point

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from core.errors import InputError
+from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, perturbed, project, ray_directions
 from core.model import AdjustedDevice, DeviceSpec, Interior, KnownLength, KnownPoints, Pair, PhaseMap
 from core.orient import OrientOptions, drift_chart, expectation_of, find_motion, judged
@@ -209,6 +209,19 @@ def test_one_axis_tells_nothing() -> None:
     phase = captured(TRUE, np.random.default_rng(6))
     with pytest.raises(InputError, match="both projector coordinates"):
         find_motion(replace(phase, v=np.full_like(phase.v, np.nan)), TRUE)
+
+
+@pytest.mark.parametrize("mistake", ["u reversed", "projector turned round", "u and v exchanged"])
+def test_a_rig_that_is_another_one_is_no_small_movement(mistake: str) -> None:
+    about = matrix_from_rotation_vector([0.0, 0.0, np.pi * (mistake == "projector turned round")])
+    pose = Pose(about @ POSE.rotation, about @ POSE.translation_mm)
+    phase = captured(replace(TRUE, projector_from_camera=pose), np.random.default_rng(6))
+    if mistake == "u and v exchanged":
+        phase = replace(phase, u=phase.v, v=phase.u)
+    elif mistake == "u reversed":
+        phase = replace(phase, u=639 - phase.u)
+    with pytest.raises(AdjustmentError, match=r"lines off each other's rays.* turned round, exchanged or mirrored"):
+        find_motion(phase, TRUE)
 
 
 def drifted(rng: np.random.Generator) -> Pair:
