@@ -96,7 +96,8 @@ def _intersected(problem: Problem, state: State, known: NDArray[np.bool_]) -> St
     N, b = np.zeros((len(known), 3, 3)), np.zeros((len(known), 3))
     np.add.at(N, problem.point, np.einsum("mk,mki,mkj->mij", seen, rows, rows))
     np.add.at(b, problem.point, np.einsum("mk,mki,mk->mi", seen, rows, right))
-    sure = ~known & (np.linalg.cond(N) < MOST_CONDITION)
+    sure = ~known & np.isfinite(N).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
+    sure[sure] = np.linalg.cond(N[sure]) < MOST_CONDITION
     xyz = state.xyz.copy()
     xyz[sure] = np.linalg.solve(N[sure], b[sure][..., None])[..., 0]
     return replace(state, xyz=xyz)

@@ -106,8 +106,8 @@ def network_from_targets(
         observation_point=point.astype(np.int64),
         observation_uv=np.asarray(uv, dtype=np.float64),
         observation_sigma=np.asarray(sigma, dtype=np.float64),
-        scale=None if scale is None else _distance(scale, index, places),
-        lengths=tuple(_distance(bar, index, places) for bar in lengths),
+        scale=None if scale is None else _distance("scale", scale, index, places),
+        lengths=tuple(_distance(f"lengths, entry {i}", bar, index, places) for i, bar in enumerate(lengths)),
     )
 
 
@@ -123,12 +123,12 @@ def _points_of(targets: TargetSet, index: Mapping[tuple[int, int], int]) -> np.n
     return np.array([index[key] for key in keys], dtype=np.int64)
 
 
-def _distance(scale: ScaleBar, index: Mapping[tuple[int, int], int], used: dict[int, int]) -> NetworkScale:
+def _distance(where: str, bar: ScaleBar, index: Mapping[tuple[int, int], int], used: dict[int, int]) -> NetworkScale:
     ends = []
-    for end in (scale.start, scale.stop):
+    for end in (bar.start, bar.stop):
         if end not in index:
-            raise InputError("scale", f"names target {end}", "name two targets of the testfield")
+            raise InputError(where, f"names target {end}", "name two targets of the testfield")
         if index[end] not in used:
-            raise InputError("scale", f"target {end} was measured in no capture", "choose an end that is seen")
+            raise InputError(where, f"target {end} was measured in no capture", "choose an end that is seen")
         ends.append(used[index[end]])
-    return NetworkScale(ends[0], ends[1], scale.length_mm, scale.sigma_mm)
+    return NetworkScale(ends[0], ends[1], bar.length_mm, bar.sigma_mm)

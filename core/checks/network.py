@@ -40,7 +40,8 @@ def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int
         By station, how many of how many observations were left out as gross errors.
     """
     own = [Concern("doubtful", text) for text in adjustment.warnings if any(doubt in text for doubt in DOUBTS)]
-    return [*_chi_square(adjustment), *_systematic(adjustment), *_rejected(rejected or {}), *own]
+    known = [concern for name, device in adjustment.devices.items() for concern in _known_before(name, device)]
+    return [*known, *_chi_square(adjustment), *_systematic(adjustment), *_rejected(rejected or {}), *own]
 
 
 def sound_words(adjustment: Adjustment) -> tuple[str, ...]:
@@ -136,6 +137,24 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
         )
         concerns.append(Concern("failed" if ratio > FAILED_RATIO else "doubtful", text))
     return concerns
+
+
+def _known_before(name: str, device: AdjustedDevice) -> list[Concern]:
+    """Hold an adjusted interior orientation against the one known before, an observation with sigmas, too."""
+    known, sigma = device.spec.interior, np.array(device.spec.interior_sigma)
+    if known is None or not len(sigma):
+        return []
+    off = device.interior.vector - known.vector
+    ratio = np.where((sigma > 0) & (device.sigma[: len(sigma)] > 0), np.abs(off) / np.where(sigma > 0, sigma, 1), 0)
+    worst, limit = int(np.argmax(ratio)), normal_limit(LEVEL / 2)
+    if ratio[worst] <= DOUBTFUL_RATIO * limit:
+        return []
+    text = (
+        f"{name}: {lens_of(known).keys[worst]} is {device.interior.vector[worst]:.6g}, known before as "
+        f"{known.vector[worst]:.6g} ± {sigma[worst]:.2g}: that is of another lens or focus, or this "
+        "sigma is too small"
+    )
+    return [Concern("failed" if ratio[worst] > FAILED_RATIO * limit else "doubtful", text)]
 
 
 def _worst_station(adjustment: Adjustment, device: str) -> str:

@@ -14,6 +14,7 @@ from core.model import DeviceSpec, Interior, Rig, ScaleBar
 
 MOST_PIXELS = 1_000_000  # along one side of a device
 MOST_FIELD_DEG = 170.0  # along a side: no lens that maps planes sees more
+OTHER_C, MOST_OFF = 20.0, 5.0  # times the nominal c, sides of the image off its middle: such values are no mm
 KINDS = ("camera", "projector")
 
 
@@ -64,6 +65,14 @@ def _interior(fields: Fields, spec: DeviceSpec) -> tuple[Interior, tuple[float, 
         raise given.refuse(
             unknown[0], given.data[unknown[0]], f"name parameters of {lens.name}: {', '.join(lens.keys)}"
         )
+    if not 1 / OTHER_C < values[0] / spec.nominal_c_mm < OTHER_C:
+        remedy = f"nominal_c_mm is {spec.nominal_c_mm:g}: give both in mm, not px or m"
+        raise InputError(fields.where, f"c_mm is {values[0]:g}", remedy)
+    sides = spec.width * spec.pitch_mm[0], spec.height * spec.pitch_mm[1]
+    for key, off, side in zip(("x0_mm", "y0_mm"), values[1:3], sides, strict=True):
+        if abs(off) > MOST_OFF * side:
+            remedy = f"the image measures {side:.3g} mm: give the principal point in mm from its middle, not in px"
+            raise InputError(fields.where, f"{key} is {off:g}", remedy)
     r0 = fields.real("r0_mm", least=0.0, default=spec.zero_radius_mm)
     return Interior(values[0], values[1], values[2], tuple(values[3:]), r0, lens.name), tuple(sigmas)
 

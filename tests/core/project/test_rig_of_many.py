@@ -70,6 +70,8 @@ def test_short_and_long_form_together(tmp_path: Path) -> None:
         ({"cameras": {"a": {"width": 0}}, "projector": entry()}, "cameras: a"),
         ({"camera": entry(interior={"model": "fish"}), "projector": entry()}, "model is 'fish'"),
         ({"camera": entry(interior={"sigma": {"k1": 1}}), "projector": entry()}, "name parameters of A1..A6"),
+        ({"camera": entry(interior={"c_mm": 1200.0}), "projector": entry()}, "c_mm is 1200; nominal_c_mm is 12"),
+        ({"camera": entry(interior={"x0_mm": 4.0}), "projector": entry()}, "the principal point in mm"),
         ({"camera": entry(interior={"A1": "x"}), "projector": entry()}, "A1 is 'x'"),
         ({"camera": entry(), "projector": entry(response=[[1, 0], [0, 1]])}, "rising levels"),
         ({"camera": entry(), "cameras": {"camera": entry()}, "projector": entry()}, "given twice"),
