@@ -47,7 +47,7 @@ def length_concerns(
     Parameters
     ----------
     board : Testfield or None
-        The nominal testfield of the adjustment.
+        The nominal testfield of the adjustment; without one, what plates and scale bar have in common.
     plates : Plates or None
         Seen by the calibration of this adjustment.
     same : bool
@@ -62,6 +62,13 @@ def length_concerns(
             lengths.append(Length("the scale bar", 'project.json, "scale"', 1.0))
         if np.isfinite(ratio):
             lengths.append(Length("the testfield", "testfield.csv", 1.0 / ratio))
+    elif board is not None and scale is not None and (own := _nominal_length(scale, board)):
+        lengths.append(Length("the scale bar", 'project.json, "scale"', scale.length_mm / own))
+    crossing = _epipolar(plates) if plates is not None else {}
+    if plates is not None:  # rays that pass each other tell no lengths
+        plates = plates.only(
+            [name for name in plates.names if name not in crossing or crossing[name].state != "failed"]
+        )
     if plates is not None and len(plates.names):
         ratio, more = _plate_board(plates)
         concerns += more if not same else []
@@ -75,7 +82,7 @@ def length_concerns(
                 sigma = float(np.hypot(_by_calibration(plates, lambda p: _positions(p)[0]), noise))
                 lengths.append(Length("the plate positions", "capture.json, z_mm", 1.0 / slope, sigma))
     apart = _distances(adjustment, board) if adjustment is not None else []
-    return [*apart, *_odd_one(lengths, scale, board), *concerns, *(_epipolar(plates) if plates is not None else ())]
+    return [*apart, *_odd_one(lengths, scale, board), *concerns, *crossing.values()]
 
 
 def _distances(adjustment: Adjustment, board: Testfield | None) -> list[Concern]:
@@ -109,9 +116,9 @@ def _distances(adjustment: Adjustment, board: Testfield | None) -> list[Concern]
     return concerns
 
 
-def _epipolar(plates: Plates) -> list[Concern]:
-    """H0: what the fourth observation leaves is at most `OFF_LINES` times what sigmas and calibration allow."""
-    concerns = []
+def _epipolar(plates: Plates) -> dict[str, Concern]:
+    """By plate. H0: the fourth observation leaves at most `OFF_LINES` times what sigmas and calibration allow."""
+    concerns = {}
     for name, (rms, factor, n) in plates.epipolar.items():
         if factor > OFF_LINES**2 * chi_square_limit(n, LEVEL) / n:
             text = (
@@ -119,7 +126,7 @@ def _epipolar(plates: Plates) -> list[Concern]:
                 f"{factor**0.5:.2g} times what the sigmas allow (chi-square test of the epipolar residuals): camera or "
                 "projector moved since the testfield was captured, or the frames are of another capture"
             )
-            concerns.append(Concern("failed" if factor > MOST_OFF_LINES**2 else "doubtful", text))
+            concerns[name] = Concern("failed" if factor > MOST_OFF_LINES**2 else "doubtful", text)
     return concerns
 
 

@@ -102,7 +102,10 @@ def plane_concerns(e: PlaneEvaluation, form: Form, calibration_rms_mm: float = 0
     scatter = form.rest_mm / e.predicted_rms_mm
     excess = e.rms_mm / float(np.hypot(DOUBTFUL_RATIO * e.predicted_rms_mm, 3 * calibration_rms_mm))
     if max(excess, scatter / DOUBTFUL_RATIO) > 1:
-        cause = "the calibration does not hold for this capture (rig moved, patterns or rig described wrongly)"
+        cause = (
+            "the calibration does not hold for this capture (rig moved, patterns or rig described wrongly), or it "
+            "shows no plane"
+        )
         if form.rms_mm < 0.5 * e.rms_mm:
             cause = _scattered(e)
         failed = max(excess, scatter / DOUBTFUL_RATIO) > FAILED_RATIO / DOUBTFUL_RATIO

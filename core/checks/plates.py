@@ -35,6 +35,13 @@ class Plates:
     uncertain_mm: Array
     epipolar: Mapping[str, tuple[float, float, int]]
 
+    def only(self, names: Sequence[str]) -> Plates:
+        """Give some of the plates."""
+        kept = np.isin(self.names, names)
+        chosen = {name: self.epipolar[name] for name in names if name in self.epipolar}
+        xyz, uncertain = self.xyz_mm[kept], self.uncertain_mm[:, kept]
+        return Plates(tuple(names), self.z_mm[kept], self.nominal_mm, xyz, uncertain, chosen)
+
 
 def see_plates(
     calibration: PhotogrammetricCalibration,
@@ -108,7 +115,7 @@ def pose_plates(
             z.append(z_mm[t.capture])
             xyz.append((board.xyz_mm @ cv2.Rodrigues(rotation)[0].T + shift.ravel()) * (1.0, -1.0, -1.0))
     stacked = np.reshape(np.array(xyz), (len(names), len(board.row), 3))
-    return Plates(tuple(names), np.array(z), board.xyz_mm, stacked, stacked[None, :0].repeat(0, axis=0), {})
+    return Plates(tuple(names), np.array(z), board.xyz_mm, stacked, stacked[None][:0], {})
 
 
 def intersect_targets(calibration: Pair, uv: Array, lines: Array, sigma: Array) -> tuple[Array, Array, Array]:

@@ -42,11 +42,8 @@ def recognise(
     """
     kind = kind_of(testfield, capture or "testfield.csv")
     seen_uv, guesses = kind.guess(phase.image, testfield, camera, (), "back" if side == "back" else "front")
-    if not guesses:
-        seen = f"{len(seen_uv)} {kind.plural} in order, which do not fit the board"
-        seen = seen if len(seen_uv) else f"no {kind.plural} in order"
-        raise NotRecognisedError(capture or "image", f"the board is not recognised: {seen}", "pick 4 targets")
-    failure: InputError | None = None
+    seen = f"{len(seen_uv)} {kind.plural} in order, which do not fit the board"
+    seen = seen if len(seen_uv) else f"no {kind.plural} in order"
     for guess in guesses[:MOST_TRIES]:
         try:
             found = measure_targets(
@@ -59,14 +56,16 @@ def recognise(
                 excluded=excluded,
                 side=side,
             )
-        except InputError as error:
-            failure = failure or error
+        except InputError:
             continue
         cells = [[(seed.row, seed.col) for seed in other] for other in (guess, *guesses)]
         ways = [w for other in cells[1:] if (w := labelling_between(cells[0], other)) is not None and w != SAME]
         return found, (SAME, *dict.fromkeys(ways))
-    assert failure is not None
-    raise NotRecognisedError(capture or "image", f"the board is not recognised: {failure.seen}", "pick 4 targets")
+    raise NotRecognisedError(
+        capture or "image",
+        f"the board is not recognised: {seen}",
+        "see whether its testfield file is of this board, in mm, or pick 4 targets",
+    )
 
 
 def labellings(testfield: Testfield, where: str = "testfield.csv") -> tuple[Labelling, ...]:

@@ -28,6 +28,7 @@ from core.model import (
     PhotogrammetricCalibration,
     Project,
     Role,
+    ScaleBar,
     TargetSet,
     Testfield,
 )
@@ -168,9 +169,16 @@ class Evidence:
 
 
 def lengths_of(
-    spec: DeviceSpec, interior: Interior, plates: Sequence[Capture], targets: Mapping[str, TargetSet]
+    spec: DeviceSpec,
+    interior: Interior,
+    plates: Sequence[Capture],
+    targets: Mapping[str, TargetSet],
+    scale: ScaleBar | None = None,
 ) -> list[Concern]:
-    """What the targets of plates, by capture, say of their positions and their board, seen by the camera alone."""
+    """What the targets of plates, by capture, say of their positions and their board, seen by the camera alone.
+
+    `scale` is a bar on that very board.
+    """
     from core.checks import length_concerns, pose_plates
 
     boards = [c for c in plates if c.testfield is not None and c.name in targets]
@@ -178,7 +186,7 @@ def lengths_of(
         return []
     z_mm = {c.name: c.z_mm for c in boards if c.z_mm is not None}
     seen = pose_plates(spec, interior, [targets[name] for name in z_mm], z_mm, boards[0].testfield)
-    return length_concerns(None, None, None, seen, False)
+    return length_concerns(None, boards[0].testfield, scale, seen, False)
 
 
 def _plates(

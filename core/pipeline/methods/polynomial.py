@@ -73,6 +73,7 @@ def _calibrate(
         planes.append(DepthPlane(capture.z_mm, phase, own if own is not None and len(own.row) else None))
     degree, warnings = _degree_for(len(planes), options.degree)
     interior = _interior(project, earlier.get("photogrammetric"))
+    adjusted = None if field is None else _adjusted(field, earlier.get(ADJUSTMENT))
     try:
         calibration = calibrate_depth(
             project.camera,
@@ -80,7 +81,7 @@ def _calibrate(
             planes,
             options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
             interior=interior,
-            adjusted=None if field is None else _adjusted(field, earlier.get(ADJUSTMENT)),
+            adjusted=adjusted,
             recentred=kind_of(field).recentred if field is not None else None,
             progress=progress.part(0.7, 1.0),
         )
@@ -89,7 +90,9 @@ def _calibrate(
 
         known = interior[0] if interior else nominal(project.camera)
         sets = [t for t in told.values() if len(t.row)]
-        doubts = repeated_targets(sets) or lengths_of(project.camera, known, boards, {t.capture: t for t in sets})
+        scale = None if adjusted is None else project.scale
+        told_of = lengths_of(project.camera, known, boards, {t.capture: t for t in sets}, scale)
+        doubts = repeated_targets(sets) or [concern for concern in told_of if concern.state == "failed"]
         if not doubts:
             with because_of({c.name: phase.notes for c, phase in zip(captures, phases, strict=True)}):
                 raise

@@ -6,6 +6,7 @@ must name is given as a pattern. `STRIPE_MANY=200 pytest …` counts false alarm
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Callable
@@ -24,9 +25,10 @@ from core.checks import (
     see_plates,
     verdict_of,
 )
+from core.checks.plates import Plates
 from core.errors import StripeError
 from core.geometry import Pose, calibration_of_pair, pair_of
-from core.model import TargetSet, Testfield, Verdict
+from core.model import Interior, ScaleBar, TargetSet, Testfield, Verdict
 from tests.core.checks.rigs import RIGS, Project, simulate, turn
 
 _DONE: list[tuple] = []  # the last sound calibration, which wrong plates do not touch
@@ -100,6 +102,22 @@ def half_turned(t: TargetSet, rows: int, cols: int) -> TargetSet:
     return replace(t, row=rows - 1 - t.row, col=cols - 1 - t.col)
 
 
+def known_before(p: Project, c: float, sigma: float) -> Project:
+    """The camera's c as some other calibration had it."""
+    spec = p.rig.cameras["camera"]
+    interior = Interior(c * spec.nominal_c_mm, r0_mm=spec.zero_radius_mm)
+    sigmas = (sigma, *[math.inf] * 8)
+    camera = replace(spec, interior=interior, interior_sigma=sigmas)
+    return replace(p, rig=replace(p.rig, cameras={"camera": camera}))
+
+
+def turned_plates(p: Project) -> Project:
+    """The projector stood upside down while the plates were captured."""
+    spec = p.rig.projectors["projector"]
+    last = np.array([spec.width - 1, spec.height - 1])
+    return replace(p, plates=tuple(replace(t, projector_uv=last - t.projector_uv) for t in p.plates))
+
+
 def bar(p: Project, factor: float) -> Project:
     return replace(p, scale=replace(p.scale, length_mm=p.scale.length_mm * factor))
 
@@ -129,6 +147,8 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
     "board's z in um": (lambda p: replace(p, board=uneven(p.board)), r"testfield\.csv: .* flatter: is z_mm in µm"),
     "bar on other targets": (lambda p: replace(p, scale=replace(p.scale, stop=(6, 6))), f"{BAR}.*other targets"),
     "bar on a short pair": (lambda p: replace(p, scale=replace(p.scale, stop=(3, 8))), BAR),
+    "c known before 5 % off": (lambda p: known_before(p, 1.05, 0.02), "camera: c_mm is .*known before as"),
+    "projector turned round for the plates": (turned_plates, "^depth-.*off each other's rays"),
     "board x1.05": (lambda p: replace(p, board=scaled(p.board, 1.05)), f"{BOARD}.*1.05|{BOARD}.*1.04"),
     "board x0.98": (lambda p: replace(p, board=scaled(p.board, 0.98)), f"{BOARD}.*0.9"),
     "board in cm": (lambda p: replace(p, board=scaled(p.board, 0.1)), f"{BOARD}.*cm"),
@@ -265,6 +285,25 @@ def test_an_imported_calibration_of_another_rig_is_named(name: str, projects: di
     assert "the board measures 1.100 times" in told(Pose(R, 1.1 * t))
     assert "is it of another rig" in told(Pose(turn("x", 2) @ R, t))
     assert "is it of another rig" in told(Pose(turn("y", 3) @ R, t))
+
+
+@pytest.mark.parametrize(
+    ("bar", "size", "steps", "named"),
+    [(1e3, 1, 1, "scale bar.*m instead"), (1, 10, 1, "plate's board.*cm"), (1, 1, 1e3, "plate positions.*m instead")],
+)
+def test_the_wrong_one_of_bar_board_and_positions_is_named_without_a_calibration(
+    bar: float, size: float, steps: float, named: str, projects: dict[str, Project]
+) -> None:
+    """The camera alone sees the plates as large as their file says."""
+    field, z = projects["paper"].plate, np.array([*projects["paper"].z_mm.values()])
+    board = scaled(field, size)
+    xyz = board.xyz_mm + size * (np.array([0, 0, -600]) + z[:, None, None] * [0, 0, 1])
+    seen = Plates(tuple(projects["paper"].z_mm), z * steps, board.xyz_mm, xyz, xyz[None][:0], {})
+    ends = [(int(field.row[k]), int(field.col[k])) for k in (0, -1)]
+    scale = ScaleBar(*ends, bar * float(np.linalg.norm(field.xyz_mm[-1] - field.xyz_mm[0])), 0.01)
+    (concern,) = length_concerns(None, board, scale, seen, False)
+    assert concern.state == "failed"
+    assert re.search(named, concern.text), concern.text
 
 
 def test_the_simulator_turns_as_it_says() -> None:
