@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from core.errors import AdjustmentError as AdjustmentError
     from core.errors import InputError as InputError
     from core.errors import StripeError as StripeError
+    from core.model import DeviceSpec as DeviceSpec
+    from core.model import Interior as Interior
     from core.pipeline import CalibrateOptions as CalibrateOptions
     from core.pipeline import adjust_network as adjust_network
     from core.pipeline import calibrate_project as calibrate_project
@@ -74,6 +76,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "core.api": "Points calibrate_points decode_frames merge_phases project_points reconstruct_phase triangulate"
     " undistort_image",
+    "core.model": "DeviceSpec Interior",
     "core.pipeline": "CalibrateOptions adjust_network calibrate_project capture_into decode_capture evaluate_project"
     " measure_project orient_capture print_testfield reconstruct_capture report_project simulate_project",
     "core.project": "read_capture read_network read_project",
