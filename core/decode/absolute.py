@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from core.decode.agreement import contradiction, refuse_open_orders, widen
 from core.decode.curves import LEVELS
+from core.decode.detours import bent_by, second_light
 from core.decode.edges import sigma_of_edges
 from core.decode.estimate import Planes, estimable, refine
 from core.decode.exposures import DEEPEST, fuse_exposures
@@ -23,7 +24,7 @@ from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.late import late_frames
 from core.decode.likelihood import decode_words, has_words
 from core.decode.noise import contrasts
-from core.decode.notes import notes_on
+from core.decode.notes import note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
 from core.decode.response import Response, Wave, shade, sine_waves, straighten
@@ -49,6 +50,7 @@ from core.progress import SILENT, Progress
 DEFAULT = DecodeOptions()
 CURVE = 4  # of the levels at which a response is tabulated, so manieth is told
 AXES: tuple[Axis, Axis] = ("x", "y")
+TWICE = 1.4  # times the sigma by noise: as much comes from something else
 BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
 
 
@@ -134,6 +136,8 @@ def decode(
     plain = np.array([n for n in range(len(arrays)) if n not in swept], np.int32)
     addresses = np.array([array.ctypes.data for array in arrays], np.uint64)
 
+    taken = spread(arrays[0].shape)
+    second: tuple[str, ...] = ()
     at_rim: list[int] = []
     refused: list[float] = []
     block = max(16, BLOCK // (width * len(arrays)))
@@ -161,6 +165,12 @@ def decode(
         if tables[axis].start == CODE and tables[axis].gray and not len(tables[axis].period):
             contrast, even = modulation.reshape(shape), image.reshape(shape)
             sigma_of_edges(coordinate, s, float(tables[axis].cell), contrast, even, limits)
+        part = second_light(arrays, tables[axis], limits, coordinate)
+        if part is not None:
+            alone = s[taken].copy()
+            widen(s, bent_by(part, float(tables[axis].period[0])))
+            known = np.isfinite(alone)
+            second = second or note_on_second_light(part, s[taken][known] > TWICE * alone[known])
         apart = contradiction(arrays, tables[axis], limits, sequence.image_rows)
         if apart is not None:
             widen(s, apart.lines)
@@ -175,12 +185,11 @@ def decode(
     cofactor = max((float(t.covariance[0, 0]) for t in tables if len(t.covariance)), default=1.0)
     x_even, y_even = (t.start == SWEEP or len(t.period) > 0 for t in tables)
     draw_back((place, sigma), (image, modulation), flags, sequence.image_rows, limits, cofactor, (x_even, y_even))
-    taken = spread(shape)
     late = late_frames(patterns, sample, range(*taken[0].indices(height)), (u[taken].ravel(), v[taken].ravel()), limits)
     notes, dim = notes_on(arrays, sample, flags[taken].ravel(), limits, tables, max(refused, default=0.0))
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]
     planes_seen = (u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape))
-    return PhaseMap(*planes_seen, flags, curve, misfit, (*late, *notes), dim_notes=notes if dim else ())
+    return PhaseMap(*planes_seen, flags, curve, misfit, (*late, *notes, *second), dim_notes=notes if dim else ())
 
 
 def _measure(

@@ -35,6 +35,7 @@ COMPARE = (
 ORDER = int(Flag.DISAGREEMENT | Flag.UNSURE)
 HALF = 0.5
 BLOCK = 5  # pixels of the sample, a side, whose mean shows light below the noise of one
+TELLING = 0.05  # of the straight light, by a second way: that all around, of scattering rooms, shows up to 0.045
 MANY = 0.1  # part of the lit pixels that a cause must have to be told
 
 
@@ -170,3 +171,23 @@ def _causes(
     ordered = sorted(parts.items(), key=lambda part: -part[1])
     dim = {weak: grainy, contrary: bool(open_order)}
     return [(f"in {part:.0%} of them {text}", dim.get(text, False)) for text, part in ordered if part > MANY]
+
+
+def note_on_second_light(part: Singles, bent: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Say that light comes by a second way, where it bends the coordinates of many pixels beyond their noise.
+
+    Parameters
+    ----------
+    part : float32 (tiles, tiles)
+        Of the light that comes straight.
+    bent : bool (n,)
+        Where it counts for more than noise, of valid pixels.
+    """
+    if bent.size == 0 or bent.mean() < MANY or not np.any(part > TELLING):
+        return ()
+    usual = float(np.median(part[part > TELLING]))
+    return (
+        f"In {bent.mean():.0%} of the pixels about {usual:.0%} of the light comes by a second way, by gloss or from a "
+        "facing wall, or a lamp flickers from row to row: sigma holds that. Dull the surface, show shorter periods, or "
+        "expose for whole cycles of the lamp.",
+    )

@@ -1,0 +1,191 @@
+"""Light that reaches a surface by a second way, told by a code: from a facing wall, or a mirror image of the stripes.
+
+It bends phases, and one period alone does not show that. The code's frames do: they have more than two levels, as the
+places that send light along are lit or not. Bits somewhat wider than the fringes count. In light from all around they
+are nearly alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core.decode.agreement import TILES
+from core.decode.frames import Image
+from core.decode.tables import CODE, Array, AxisTable, Limits, Singles, modulation_of, sums_of
+from core.numerics import row_median
+
+PIXELS = 144  # of a tile that are looked at
+FEWEST = 24  # that tell it
+NEAREST, FARTHEST = 2, 5  # tiles to either side that tell it for one
+BITS = 3  # that tell it
+ALONG = 0.3  # of the change of lines from tile to tile one way, by which they count as changing the other way
+WIDE, AWAY = 1.9, 0.5  # periods: runs of the bits that tell it; and how far, with `ASIDE`, their edges must be
+ASIDE = 0.5  # line
+NO_LEVEL = 1.0  # of half the contrast: such a difference is none of levels
+BESIDE, STEP = 2, 12.0  # px to either side; times the usual bend of coordinates that makes a step
+LEAST, LEAST_DIRECT = 1e-3, 0.5  # grey values, of half the contrast; part of the light that comes straight
+ROUNDS = 6
+SHOWN, SLIGHT = 3.5, 0.003  # standard deviations, and part of the light, from which there is anything to tell
+TINY = 1e-30
+
+
+def second_light(
+    images: Sequence[Image], table: AxisTable, limits: Limits, place: Singles
+) -> NDArray[np.float32] | None:
+    """Find how much light of tiles of the image comes by a second way, as a part of what comes straight.
+
+    Parameters
+    ----------
+    images : sequence of arrays (H, W)
+        All frames.
+    place : float32 (H, W)
+        Decoded coordinates in lines.
+
+    Returns
+    -------
+    part : float32 (TILES, TILES), optional
+        None where the code does not tell, or shows nothing.
+    """
+    chosen = _bits(table) if table.start == CODE and len(table.period) == 1 else []
+    if len(chosen) < 2:
+        return None
+    rows, columns = (_places(n) for n in place.shape)
+    at = np.ix_(rows, columns)
+    smooth = _smooth(place, rows, columns)
+    if not smooth.any():
+        return None
+    shown = np.stack([image[at].ravel() for image in images]).astype(np.float32)
+    levels, groups, noise = _levels(table, limits, shown, place[at].ravel(), smooth.ravel(), chosen)
+    tile = len(rows) // TILES, len(columns) // TILES
+    window = _window(place[at], tile, chosen[0][1])
+
+    def sums(values: NDArray[Any]) -> Array:
+        tiles = values.reshape(TILES, tile[0], TILES, tile[1]).sum(axis=(1, 3), dtype=float)
+        return np.asarray(cv2.boxFilter(tiles, -1, window[::-1], normalize=False, borderType=cv2.BORDER_CONSTANT))
+
+    grid = len(rows), len(columns)
+    beside = _beside(place[at])
+    groups = np.where(groups == beside(groups, grid), groups, -1)
+    weight, beyond = 1 / np.square(noise), np.zeros((TILES, TILES))
+    total = np.maximum(sums(_within(levels, levels, groups)[1] * weight), TINY)
+    enough = sums(np.any(groups >= 0, axis=0)) >= FEWEST
+    for _ in range(ROUNDS):  # what is usual is so where light comes straight
+        own = _apart(levels, groups, 1 / np.square(noise + np.kron(beyond, np.ones(tile)).ravel()))
+        product = _within(own, beside(own, grid), groups)[0] * weight
+        chance = np.sqrt(np.maximum(sums(np.square(product)), 0))
+        found = np.maximum(sums(product), 0)
+        beyond = found / total
+        half = np.sqrt(np.where((found > SHOWN * chance) & enough, beyond, 0))
+        if not (half > SLIGHT).any():
+            return None
+    part = np.where(half > SLIGHT, half / np.maximum(1 - half, LEAST_DIRECT), 0).astype(np.float32)
+    return part
+
+
+def bent_by(part: Singles, period: float) -> Singles:
+    """Variance (lines²) of coordinates by phases of a period, of light that comes by a second way from anywhere."""
+    return np.asarray(np.square(part * (1 + part * part / 8) * period / (2 * np.pi)) / 2, np.float32)
+
+
+def _places(size: int) -> NDArray[np.intp]:
+    """Rows or columns that are looked at: as many in every tile."""
+    each = max(1, min(round(PIXELS**0.5), size // TILES))
+    return np.asarray((np.arange(TILES * each) + 0.5) * size / (TILES * each), np.intp)
+
+
+def _window(place: Singles, each: tuple[int, int], run: float) -> tuple[int, int]:
+    """How many tiles down and across tell what one has: to either side a run of the coarsest bit."""
+    down, across = (float(row_median(np.abs(np.diff(place, axis=k)).reshape(1, -1))[0]) * each[k] for k in (0, 1))
+    most = max(down, across)
+    reach = (min(max(int(np.ceil(run / x)), NEAREST), FARTHEST) if x > ALONG * most else 1 for x in (down, across))
+    return 2 * next(reach) + 1, 2 * next(reach) + 1
+
+
+def _beside(place: Singles) -> Callable[[NDArray[Any], tuple[int, int]], NDArray[Any]]:
+    """Give what takes values (k, n) to those of a neighbour, the way that lines change less: light by a second way is
+    alike there, and noise is not."""
+    down, across = (float(row_median(np.abs(np.diff(place, axis=k)).reshape(1, -1))[0]) for k in (0, 1))
+    axis = 1 if down < across else 2
+
+    def of(values: NDArray[Any], grid: tuple[int, int]) -> NDArray[Any]:
+        return np.roll(values.reshape(len(values), *grid), 1, axis).reshape(len(values), -1)
+
+    return of
+
+
+def _smooth(place: Singles, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Where no step is near: a pixel that sees two surfaces has levels between."""
+    bends = []
+    for axis, own in enumerate((rows, columns)):
+        before, after = (np.clip(own + side * BESIDE, 0, place.shape[axis] - 1) for side in (-1, 1))
+        one, two = (np.ix_(i, columns) if axis == 0 else np.ix_(rows, i) for i in (before, after))
+        bends.append(np.abs(place[one] + place[two] - 2 * place[np.ix_(rows, columns)]))
+    bend = np.max(bends, axis=0)
+    return np.asarray(bend <= STEP * row_median(bend.reshape(1, -1)), bool)
+
+
+def _bits(table: AxisTable) -> list[tuple[int, float]]:
+    """The finest bits that stay the same for long enough: numbers, and runs in lines."""
+    number = len(table.sign)
+    runs = [float(table.cell) * 2.0 ** (number - b - (0 if table.gray else 1)) for b in range(number)]
+    return [(b, run) for b, run in enumerate(runs) if run >= WIDE * table.period[0]][-BITS:]
+
+
+def _levels(
+    table: AxisTable,
+    limits: Limits,
+    shown: Singles,
+    place: Singles,
+    smooth: NDArray[np.bool_],
+    chosen: Sequence[tuple[int, float]],
+) -> tuple[Array, NDArray[np.intp], Array]:
+    """Bits as parts of half the contrast (k, n), if each is off (0) or on (1), and -1 where edges are near; and the
+    variance of one by noise (n,)."""
+    threshold, contrast, *bits = sums_of(table.rows, shown)
+    if table.lift != 0:
+        modulation = modulation_of(table, shown)
+        threshold, contrast = threshold + table.lift * modulation, contrast + table.contrast_lift * modulation
+    if not table.has_contrast:
+        contrast = np.max([np.abs(x + s * threshold) for x, s in zip(bits, table.sign, strict=True)], axis=0)
+    contrast = np.maximum(contrast, LEAST)
+    spread = np.add.reduceat(np.square(table.rows.value), table.rows.first[:-1])
+    fit = smooth & (shown.max(axis=0) < limits.saturation)
+    size = (len(chosen), len(place))
+    levels, groups, noise = np.empty(size), np.full(size, -1), np.zeros(len(place))
+    for n, (b, run) in enumerate(chosen):
+        soft = bits[b] + table.sign[b] * threshold
+        levels[n] = soft / contrast
+        edge = (place + 0.5) / run - (0.5 if table.gray else 0.0)
+        clear = np.abs(edge - np.rint(edge)) * run > AWAY * table.period[0] + ASIDE
+        groups[n] = np.where(fit & clear & (np.abs(1 - np.abs(levels[n])) < NO_LEVEL), soft > 0, -1)
+        noise += spread[2 + b] * _variance(limits, threshold + soft) / len(chosen)
+    return levels, groups, noise / np.square(contrast)
+
+
+def _apart(levels: Array, groups: NDArray[np.intp], weight: Array) -> Array:
+    """Levels in comparison with what is usual where a bit is as bright: the light may change from frame to frame."""
+    own = levels.copy()
+    for level, group in zip(own, groups, strict=True):
+        for each in (group == 0, group == 1):
+            level[each] -= (weight[each] @ level[each]) / max(float(weight[each].sum()), TINY)
+    return own
+
+
+def _within(own: Array, other: Array, groups: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+    """Sums of products (n,) of two pixels' bits about the mean of those as bright, and their degrees of freedom."""
+    product, freedom = np.zeros(own.shape[1]), np.zeros(own.shape[1], np.intp)
+    for mine in (groups == 0, groups == 1):
+        count = mine.sum(axis=0)
+        mean = np.where(mine, own, 0).sum(axis=0) / np.maximum(count, 1)
+        product += ((own - mean) * other * mine).sum(axis=0)
+        freedom += np.maximum(count - 1, 0)
+    return product, freedom
+
+
+def _variance(limits: Limits, level: Singles) -> Array:
+    return np.asarray(np.maximum(limits.dark + limits.shot * level, limits.floor), float)

@@ -1,0 +1,66 @@
+"""Light over a second surface bends the phases of one period: the code's frames show it, and sigma holds it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.decode import decode
+from core.patterns import Black, White, gray_and_phase
+from tests.core.decode.conftest import Bench, field
+
+HEIGHT, WIDTH = 240, 1000
+FOLDED = np.arange(HEIGHT) >= HEIGHT // 2
+NEAR = np.abs(np.arange(HEIGHT) - HEIGHT // 2) < 3 * HEIGHT // 16  # tiles that see both
+SEQUENCES = {
+    "sine": [*gray_and_phase("x", 640, cell=8, periods=[16.0]), White(), Black()],
+    "sine alone": gray_and_phase("x", 640, cell=8, periods=[16.0]),
+    "square": [*gray_and_phase("x", 640, cell=2, periods=[4], profile="square", first_shift_rad=np.pi / 2)],
+}
+
+
+def decoded(name: str, part: float, bench: Callable[..., Bench], gain: np.ndarray | float = 120.0):
+    """Phase map where in the lower half `part` of the light comes from another line, and the truth."""
+    patterns = SEQUENCES[name]
+    direct = bench(height=HEIGHT, blur=0.6, gain=gain, dark=0.5)
+    mirrored = replace(direct, u=field(HEIGHT, WIDTH, 640)[:, ::-1] * 0.83 + 31.0)
+    images = []
+    for pattern, image in zip(patterns, direct.take(patterns), strict=True):
+        second = part * mirrored.gain * mirrored.light(pattern)
+        images.append(np.clip(np.round(image + np.where(FOLDED[:, None], second, 0)), 0, 255).astype(np.uint8))
+    return decode(patterns, images, lines=(640, 480)), direct.u
+
+
+@pytest.mark.parametrize("name", SEQUENCES)
+@pytest.mark.parametrize("part", [0.08, 0.3])
+def test_sigma_holds_light_by_a_second_way(name: str, part: float, bench: Callable[..., Bench]) -> None:
+    """A quarter, told by few bits, and as if it came from anywhere; square waves of four lines are told by fewer."""
+    phase, truth = decoded(name, part, bench)
+    score = (phase.u - truth) / phase.sigma_u
+    assert np.isfinite(phase.u).mean() > 0.98
+    plain, bent = (float(np.sqrt(np.nanmean(np.square(score[rows & ~NEAR])))) for rows in (~FOLDED, FOLDED))
+    assert 0.85 < plain < 1.15
+    assert 0.75 < bent < (1.6 if name == "square" else 1.25)  # 3 to 20 without
+    assert any("second way" in note for note in phase.notes)
+
+
+def test_noise_of_a_camera_with_a_gamma_is_no_second_light(bench: Callable[..., Bench]) -> None:
+    """Darkness is then by far noisier than any straight line over the grey values says."""
+    patterns, rng = SEQUENCES["sine"], np.random.default_rng(3)
+    direct = bench(height=HEIGHT, blur=0.4, gain=150.0, ambient=0.0, dark=0.0)
+    light = [direct.gain * direct.light(p) + rng.normal(size=(HEIGHT, WIDTH)) for p in patterns]
+    images = [np.uint8(np.round(255 * (np.clip(grey, 0, 255) / 255) ** (1 / 2.2))) for grey in light]
+    assert not decode(patterns, images, lines=(640, 480)).notes
+
+
+@pytest.mark.parametrize("name", SEQUENCES)
+def test_nothing_is_added_to_straight_light(name: str, bench: Callable[..., Bench]) -> None:
+    """Nor on a surface of dark and bright patches."""
+    albedo = np.where((np.arange(HEIGHT)[:, None] // 23 + np.arange(WIDTH) // 31) % 2, 1.0, 0.2)
+    phase, truth = decoded(name, 0.0, bench, gain=120.0 * albedo)
+    score = (phase.u - truth) / phase.sigma_u
+    assert 0.93 < np.sqrt(np.nanmean(score**2)) < 1.07
+    assert not phase.notes
