@@ -35,6 +35,8 @@ MOST_VAGUE_PX = 0.3  # standard deviation of a shape that is one
 LEAST_RADIUS_PX, FLATTEST, UNEVEN = 2.5, 0.3, 0.1  # of what is found: radius, ratio of axes, area off an ellipse's
 SURROUNDINGS, LEAST_CONTRAST = 6, 0.15  # share of the width whose median is the ground; of its light
 CONTOUR = 360  # places of a contour that are carried to the surface
+UNLIKE, OTHER = 0.1, 0.2  # of the step at an edge: what is farther off counts less, and not: a lit wall behind a hole
+BESIDE_PX = 5  # side of the square around each of these that is left out
 CONTRAST = 10.0  # standard deviations of the grey values that an edge must step by
 
 
@@ -153,7 +155,8 @@ def _sigma_of_lengths(lengths: Array, covariance: Array) -> Array:
 def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, int]:
     """Fit a blurred step to the pixels along an edge: shape, its covariance, blur, number of pixels.
 
-    The light changes linearly along it. The covariance is the sandwich form of the pixels' own residuals.
+    The light changes linearly along it; pixels that fit neither side are left out, with those around them. The
+    covariance is the sandwich form of the pixels' own residuals.
     """
     from scipy.optimize import least_squares
     from scipy.special import erf
@@ -176,7 +179,16 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
             return np.asarray((p[k] + off @ p[k + 1 : k + 3]) * (1 + p[-2] * step) - grey)
 
         start = np.array([*shape, outer, 0.0, 0.0, inner / max(outer, 1e-6) - 1, blur])
-        fit = least_squares(rest, start, x_scale="jac", max_nfev=50)
+        most = max(UNLIKE * abs(outer - inner), 1e-3)
+        fit = least_squares(rest, start, x_scale="jac", max_nfev=50, loss="cauchy", f_scale=most)
+        limit = max(GROSS * sigma_by_median(fit.fun), OTHER * abs(fit.x[-2] * fit.x[k]))
+        unlike = np.zeros(image.shape, np.uint8)
+        unlike[tuple(at[np.abs(fit.fun) > limit].astype(int).T[::-1])] = 1
+        alike = cv2.dilate(unlike, np.ones((BESIDE_PX, BESIDE_PX)))[tuple(at.astype(int).T[::-1])] == 0
+        if np.count_nonzero(alike) < FEWEST_PIXELS:
+            raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
+        at, chosen = at[alike], (at[alike], grey[alike], off[alike])
+        fit = least_squares(rest, fit.x, x_scale="jac", max_nfev=50, args=chosen)
         shape, blur = fit.x[:k], float(abs(fit.x[-1]))
     begun = edge.contour(edge.start, 0.0)
     moved = float(np.abs(edge.distance(shape, begun)).max())
