@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -103,11 +104,19 @@ def _judge(
         usual = (phase.camera, phase.projector) == (project.rig.camera_name, project.rig.projector_name)
         end = (light_end(phase.u), light_end(phase.v)) if usual else None
         own = phase.camera == project.rig.camera_name
-        rows = [
-            _by_itself(capture, phase, name, calibration, progress)
-            for name, calibration in calibrations.items()
-            if own or not METHODS[name].one_pair
-        ]
+        rows, lacking = [], []
+        for name, calibration in calibrations.items():
+            if own or not METHODS[name].one_pair:
+                try:
+                    rows.append(_by_itself(capture, phase, name, calibration, progress))
+                except InputError as error:  # the depth method uses one coordinate, which a capture may lack
+                    if error.where != str(capture.path):
+                        raise
+                    lacking.append(error)
+        if lacking and not rows:
+            raise lacking[0]
+        for one in lacking:
+            logging.getLogger(__name__).warning("%s: %s; not judged by it", one.where, one.seen)
         return phase if len(of_whole[capture.name].pairs) > 1 else None, end, rows
 
     found: list[Row] = []

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from core.errors import StripeError
+from core.errors import InputError, StripeError
 from core.evaluate import evaluate_plane
 from core.model import PhaseMap, PointCloud
+from core.pipeline import METHODS, evaluate_project
+from core.project import read_project
 
 H, W = 60, 80
 
@@ -79,3 +84,16 @@ def test_a_capture_without_points_is_refused_by_name() -> None:
     cloud = PointCloud(np.full((H, W, 3), np.nan, np.float32))
     with pytest.raises(StripeError, match=r"plane\+10: 0 valid points"):
         evaluate_plane(_phase(), cloud, capture="plane+10", angle_deg=10, method="photogrammetric")
+
+
+def test_a_plane_without_the_depth_methods_coordinate_is_judged_by_the_other(
+    calibrated: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lacking(*_: object) -> PointCloud:
+        raise InputError("phase map", "no pixel has the coordinate u", "capture with patterns along x")
+
+    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], reconstruct=lacking))
+    rows = evaluate_project(read_project(calibrated))
+    assert {row.method for row in rows} == {"photogrammetric"}
+    with pytest.raises(InputError, match="no pixel has the coordinate u"):
+        evaluate_project(read_project(calibrated), methods=["polynomial"])
