@@ -231,7 +231,7 @@ def _plain(plan: Plan, sampled: Sampled) -> list[Finding]:
         level = level_of(pattern)
         if level in (0.0, 1.0):
             value = float(np.median(((sampled.grey[i] - dark) / np.maximum(contrast, 1e-9))[chosen]))
-            if abs(value - level) > 0.6:
+            if (level - value if level else value) > 0.6:  # beside blurred stripes white is brighter, and black darker
                 wrong.append((i, f"claims {'white' if level else 'black'} and is {'dark' if level else 'bright'}"))
     return [Finding("identity", "bad", f"frame {i} {text}: exchanged or inverted", shots=(i,)) for i, text in wrong]
 

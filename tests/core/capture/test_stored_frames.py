@@ -23,7 +23,7 @@ from core.capture.plan import Plan
 from core.capture.stored import check_stored
 from core.decode import decode
 from core.model import Capture, Frame, Subject
-from core.patterns import Black, Code, Pattern, Phase, White, gray_and_phase, reference_sequence
+from core.patterns import PRESETS, Black, Code, Pattern, Phase, White, brightness, gray_and_phase, reference_sequence
 
 LINES = (160, 160)
 SHAPE = (180, 240)
@@ -323,3 +323,17 @@ def test_shadow_and_scattered_light_are_no_contradiction_at_import() -> None:
     assert told_at_import(patterns, images) == ""
     for pair in ((2, 4), (0, 1)):
         assert "exchanged" in told_at_import(patterns, swapped(images, *pair))
+
+
+def test_white_beside_words_of_blurred_lines_is_not_dark() -> None:
+    """Words of single lines, blurred by 2, leave little contrast beside white and black."""
+    patterns = [*PRESETS["dense"].make(LINES, {"axes": ("x",), "frames": 20, "plain": True, "blur": 0.55, "seed": 0})]
+    rng, u = np.random.default_rng(4), np.linspace(5, 150, SHAPE[1])
+    fine = np.arange(-20, 180, 0.1)
+    near = np.exp(-0.5 * ((u[:, None] - fine) / 2.0) ** 2)
+    near /= near.sum(axis=1, keepdims=True)
+    light = [near @ np.where((fine > -0.5) & (fine < 159.5), brightness(p, np.rint(fine)), 0) for p in patterns]
+    noise = rng.normal(size=(len(patterns), *SHAPE))
+    images = [np.uint8(np.round(15 + 150 * row + own)) for row, own in zip(light, noise, strict=True)]
+    assert "claims" not in told(patterns, images)
+    assert "claims white and is dark" in told(patterns, swapped(images, len(images) - 2, len(images) - 1))
