@@ -72,15 +72,15 @@ def second_light(
     beside = _beside(place[at])
     groups = np.where(groups == beside(groups, grid), groups, -1)
     weight, beyond = 1 / np.square(noise), np.zeros((TILES, TILES))
-    total = np.maximum(sums(_within(levels, levels, groups)[1] * weight), TINY)
-    enough = sums(np.any(groups >= 0, axis=0)) >= FEWEST
+    freedom = _within(levels, levels, groups)[1]
+    total, enough = np.maximum(sums(freedom * weight), TINY), sums(freedom) >= FEWEST
     for _ in range(ROUNDS):  # what is usual is so where light comes straight
         own = _apart(levels, groups, 1 / np.square(noise + np.kron(beyond, np.ones(tile)).ravel()))
         product = _within(own, beside(own, grid), groups)[0] * weight
         chance = np.sqrt(np.maximum(sums(np.square(product)), 0))
-        found = np.maximum(sums(product), 0)
+        found = np.where(enough, np.maximum(sums(product), 0), 0)
         beyond = found / total
-        half = np.sqrt(np.where((found > SHOWN * chance) & enough, beyond, 0))
+        half = np.sqrt(np.where(found > SHOWN * chance, beyond, 0))
         if not (half > SLIGHT).any():
             return None
     part = np.where(half > SLIGHT, half / np.maximum(1 - half, LEAST_DIRECT), 0).astype(np.float32)
