@@ -321,8 +321,8 @@ def by_calibration(scene: Scene, calibration: PhotogrammetricCalibration, which:
             points, device = turned / depth[:, None], there.devices[there.camera]
             ends.append(points if scene.along == "camera" else device.from_base.inverse().apply(points))
         G[:, :, k] = (ends[0] - ends[1]) / (2 * step[parameter])
-    variance = np.einsum("nik,kl,nil->ni", G, C[np.ix_(uncertain, uncertain)], G)
-    sound = np.isfinite(variance).all(axis=1) & (variance > 0).all(axis=1)
+    variance = np.maximum(np.einsum("nik,kl,nil->ni", G, C[np.ix_(uncertain, uncertain)], G), 0.0)
+    sound = np.isfinite(variance).all(axis=1)
     if not sound.any():
         return np.full((len(rows), 3), np.nan)
     places = np.stack([columns, rows, q[which]], axis=1) / [*which.shape[::-1], np.median(depths)]

@@ -134,7 +134,7 @@ def _fitted(x: Array, variance: Array) -> Array:
     known = np.isfinite(variance).all(axis=(-1, -2))
     coefficients = np.full((*known.shape, 3, DEGREE + 1), np.nan)
     powers = x[known][..., None] ** np.arange(DEGREE, -1, -1)
-    sigma = np.sqrt(np.swapaxes(variance[known], -1, -2))[..., None]
+    sigma = np.sqrt(np.maximum(np.swapaxes(variance[known], -1, -2), 0.0))[..., None]  # rounding leaves less than 0
     relative = powers[:, None] / np.maximum(sigma, 1e-6 * sigma.max(axis=-2, keepdims=True) + 1e-30)
     coefficients[known] = np.linalg.pinv(relative).sum(axis=-1)
     return coefficients

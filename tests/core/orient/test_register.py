@@ -71,6 +71,16 @@ def test_poses_and_joined_points_are_as_good_as_they_say() -> None:
     assert np.sqrt(np.mean(points)) == pytest.approx(1.0, abs=0.54)
 
 
+def test_views_are_joined_by_a_calibration_without_sigmas() -> None:
+    """As imports of other programs are: the poses alone are uncertain then."""
+    rng, known = np.random.default_rng(2), replace(FOUND, covariance=np.zeros_like(FOUND.covariance))
+    views = views_of([observe(FOUND, pose, rng) for pose in STATIONS[:2]])
+    found = register(views, known, [Pose(), STATIONS[1] @ STATIONS[0].inverse()])
+    cloud, *_ = joined([[view.phase] for view in views], found.captures, at_stations(known, found, "camera"))
+    ratio = np.linalg.norm(cloud.sigma_mm, axis=-1) / cloud.sigma_depth_mm  # along the ray, and the second pose's
+    assert 0.99 < ratio.min() <= ratio.max() < 3
+
+
 def test_three_views_hold_one_another() -> None:
     """Noise alone, of the surface alone: 24 sums of six squares, at one in a thousand. Means have less of it."""
     rng, squares = np.random.default_rng(3), []
