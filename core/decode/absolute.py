@@ -28,7 +28,7 @@ from core.decode.notes import note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
 from core.decode.response import Response, Wave, shade, sine_waves, straighten
-from core.decode.rim import drop_rim
+from core.decode.rim import drop_alone, drop_rim
 from core.decode.ripple import take_ripple_out
 from core.decode.sample import (
     check_duplicates,
@@ -160,6 +160,7 @@ def decode(
     for axis, coordinate, s, missing in ((0, u, sigma_u, Flag.NO_U), (1, v, sigma_v, Flag.NO_V)):
         if any(met >> axis & 1 for met in at_rim):
             drop_rim(coordinate, s, flags, float(tables[axis].lines), float(tables[axis].rim), missing)
+        drop_alone(coordinate, s, flags, missing)
         if axis in sines:
             take_ripple_out(coordinate, s)
         if tables[axis].start == CODE and tables[axis].gray and not len(tables[axis].period):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.decode import decode
+from core.decode import Flag, decode
+from core.decode.rim import drop_alone
 from core.patterns import SequenceSpec, brightness
 
 LINES, SHAPE = (256, 192), (240, 320)
@@ -31,3 +32,20 @@ def test_a_camera_that_is_noisiest_in_the_dark_sees_nothing_there(preset: str, p
     assert np.isfinite(found.u[lit]).mean() > 0.99
     assert np.count_nonzero(beside) == 0
     assert np.count_nonzero(np.isfinite(found.u[~lit])) <= 2  # of 38,000; 5 sigma of the noise there
+
+
+def test_a_pixel_without_a_decoded_neighbour_is_dropped_and_others_stay() -> None:
+    u = np.full((9, 12), np.nan, np.float32)
+    u[2:4, 2:5] = 100.0
+    u[6, 7] = u[7, 8] = 101.0  # side by side across a corner
+    u[0, 11] = 37.0  # where the light ends, 64 lines off
+    sigma, flags = u / 1000, np.where(np.isnan(u), np.uint8(Flag.LOW_MODULATION | Flag.NO_U), np.uint8(0))
+    kept = np.isfinite(u)
+    kept[0, 11] = False
+    drop_alone(u, sigma, flags, Flag.NO_U)
+    assert np.array_equal(np.isfinite(u), kept)
+    assert np.array_equal(np.isfinite(sigma), kept)
+    assert flags[0, 11] == Flag.UNSURE | Flag.NO_U
+    single, all_there = np.ones((1, 1), np.float32), np.zeros((1, 1), np.uint8)
+    drop_alone(single, single, all_there, Flag.NO_U)
+    assert single[0, 0] == 1.0  # an image of one pixel has no neighbours to ask
