@@ -17,13 +17,12 @@ from core.checks.captures import grey_concerns, repeated_frames, repeated_target
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
 from core.checks.network import adjustment_concerns, given_concerns, nominal_concerns, sound_words
-from core.checks.planes import DOUBTFUL_RATIO, form_of, pair_concerns, plane_concerns
+from core.checks.planes import form_of, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
 from core.model import Concern, verdict_of
 
 __all__ = [
-    "DOUBTFUL_RATIO",
     "Concern",
     "Plates",
     "adjustment_concerns",
@@ -40,6 +39,7 @@ __all__ = [
     "nominal_concerns",
     "pair_concerns",
     "plane_concerns",
+    "plane_words",
     "pose_plates",
     "rejected_of",
     "repeated_frames",

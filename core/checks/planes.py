@@ -120,6 +120,15 @@ def plane_concerns(e: PlaneEvaluation, form: Form, calibration_rms_mm: float = 0
     return []
 
 
+def plane_words(e: PlaneEvaluation, form: Form) -> tuple[str, ...]:
+    """What to say of a plane that nothing speaks against: whether its noise or its calibration explains it."""
+    if not e.predicted_rms_mm:
+        return ()
+    noisy = e.rms_mm < DOUBTFUL_RATIO * e.predicted_rms_mm and form.rms_mm <= SHAPED * e.predicted_rms_mm
+    source = "noise dominates" if noisy else "within three sigmas of the calibration"
+    return (f"{source}: {e.rms_mm / e.predicted_rms_mm:.2f} times what the noise predicts",)
+
+
 def _scattered(e: PlaneEvaluation) -> str:
     """Why deviations scatter more than their noise: a few gross errors, or noise that is told too small."""
     mapped = e.sigma_mm.shape == e.deviation_mm.shape

@@ -66,7 +66,7 @@ def judge_planes(
     deviations; `notes` is by capture what it says of itself; `verdicts` are those of the calibrations, which no plane's
     is better than.
     """
-    from core.checks import DOUBTFUL_RATIO, form_of, pair_concerns, plane_concerns
+    from core.checks import form_of, pair_concerns, plane_concerns, plane_words
 
     common: list[Concern] = []
     for devices in dict.fromkeys(e.devices for e in evaluations):
@@ -83,18 +83,13 @@ def judge_planes(
         form = forms[k]
         e = replace(e, form_pv_um=form.pv_um)
         concerns = plane_concerns(e, form, calibration_rms_mm.get((e.capture, e.method, *e.devices), 0.0))
-        sound: list[str] = []
-        if e.predicted_rms_mm:
-            ratio = e.rms_mm / e.predicted_rms_mm
-            source = "noise dominates" if ratio < DOUBTFUL_RATIO else "within three sigmas of the calibration"
-            sound.append(f"{source}: {ratio:.2f} times what the noise predicts")
         of_capture = noted({e.capture: (notes or {}).get(e.capture, ())})
         named = [c for c in common if c.text.startswith(f"{e.capture}:") or not c.text.startswith(starts)]
         basis = (verdicts or {}).get(e.method)
         if basis is not None and basis.state != "passed" and basis.because:
             state: Literal["failed", "doubtful"] = "failed" if basis.state == "failed" else "doubtful"
             named.append(Concern(state, f"its {e.method} calibration is {basis.state}: {basis.because[0]}"))
-        judged.append(replace(e, verdict=_verdict(of_capture, [*concerns, *named], sound)))
+        judged.append(replace(e, verdict=_verdict(of_capture, [*concerns, *named], plane_words(e, form))))
     return tuple(judged)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.checks.planes import form_of, pair_concerns, plane_concerns
+from core.checks.planes import form_of, pair_concerns, plane_concerns, plane_words
 from core.model import PlaneEvaluation
 
 SIGMA = 0.05
@@ -52,6 +52,14 @@ def test_form_is_excused_by_the_calibrations_sigma_alone(noise: np.ndarray) -> N
     bent = noise + 0.2 * np.sin(u / 60) * np.cos(v / 50)
     assert concerns(bent, 0.5) == []
     assert "the calibration does not hold" in concerns(bent)[0].text
+
+
+def test_noise_dominates_only_where_form_does_not(noise: np.ndarray) -> None:
+    v, u = np.mgrid[0:300, 0:400]
+    for height, source in ((0.0, "noise dominates"), (1.2 * SIGMA, "within three sigmas of the calibration")):
+        e = evaluation(noise + height * np.sin(u / 60) * np.cos(v / 50))
+        assert concerns(e.deviation_mm, 0.5) == []
+        assert plane_words(e, form_of(e.deviation_mm))[0].startswith(source)
 
 
 @pytest.mark.parametrize(("height", "doubtful"), [(0.4, False), (1.2, True)])
