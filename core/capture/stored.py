@@ -36,9 +36,8 @@ SATURATED = 0.05  # of the lit pixels
 SATURATED_DOTS = 0.25  # of the bright pixels, on a board
 OFF_PLANE = 0.35  # share of the pixels that no projective map holds
 PLANE_LINES = 3.0
-SURFACES = 3  # planes that may be lit: a board, and walls behind it
 LEAST_OF_PLANE = 0.3  # share of the pixels by which a plane is found
-DRAWS = 300  # of five pixels: all five on such a plane half the time, on one of 0.4 nearly always
+DRAWS = (60, 300, 300, 300)  # of five pixels: for the only plane, and for those that may be lit behind a board
 WRONG_HAND = 0.5
 MOVED_PX = 0.5
 MOVED_RESPONSE = 0.45  # of the correlation's peak: bare boards show 0.35 by chance, what moved 0.55 and more
@@ -309,9 +308,10 @@ def _planes(capture: Capture, phase: PhaseMap) -> list[Finding]:
         lines = values.ravel()[chosen].astype(np.float64)
         limit = max(PLANE_LINES, 0.02 * float(np.ptp(np.quantile(lines, [0.05, 0.95]))))
         off = np.ones(len(lines), bool)
-        for _ in range(1 if axis in binary else SURFACES):
+        for draws in DRAWS[:1] if axis in binary else DRAWS:
             if off.mean() > OFF_PLANE:
-                off[off] = _off_projective(x[off] / values.shape[1], y[off] / values.shape[1], lines[off]) > limit
+                at = x[off] / values.shape[1], y[off] / values.shape[1]
+                off[off] = _off_projective(*at, lines[off], draws) > limit
         share = float(off.mean())
         if share > OFF_PLANE:
             text = (
@@ -322,11 +322,11 @@ def _planes(capture: Capture, phase: PhaseMap) -> list[Finding]:
     return found
 
 
-def _off_projective(x: NDArray, y: NDArray, u: NDArray) -> NDArray:
+def _off_projective(x: NDArray, y: NDArray, u: NDArray, count: int) -> NDArray:
     """Distances in lines from the projective function that the most pixels agree on."""
     one = np.ones_like(x)
     A = np.stack([one, x, y, -u * x, -u * y], axis=1)
-    draws = np.random.default_rng(0).integers(0, len(u), (DRAWS, 5))
+    draws = np.random.default_rng(0).integers(0, len(u), (count, 5))
     p = (np.linalg.pinv(A[draws]) @ u[draws][..., None])[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         off = np.abs(p[:, :3] @ A[:, :3].T / (1 + p[:, 3:] @ A[:, 1:3].T) - u)
