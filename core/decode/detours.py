@@ -33,6 +33,8 @@ ROUNDS = 6
 SHOWN, SLIGHT = 3.5, 0.003  # standard deviations, and part of the light, from which there is anything to tell
 TINY = 1e-30
 
+Groups = NDArray[np.int8]
+
 
 def second_light(
     images: Sequence[Image], table: AxisTable, limits: Limits, place: Singles
@@ -59,7 +61,9 @@ def second_light(
     smooth = _smooth(place, rows, columns)
     if not smooth.any():
         return None
-    shown = np.stack([image[at].ravel() for image in images]).astype(np.float32)
+    shown = np.zeros((len(images), smooth.size), np.float32)
+    for frame in np.union1d(table.rows.column, table.fits.frame).tolist():
+        shown[frame] = images[frame][rows][:, columns].ravel()
     levels, groups, noise = _levels(table, limits, shown, place[at].ravel(), smooth.ravel(), chosen)
     tile = len(rows) // TILES, len(columns) // TILES
     window = _window(place[at], tile, chosen[0][1])
@@ -71,15 +75,15 @@ def second_light(
     grid = len(rows), len(columns)
     beside = _beside(place[at])
     groups = np.where(groups == beside(groups, grid), groups, -1)
-    weight, beyond = 1 / np.square(noise), np.zeros((TILES, TILES))
+    weight, beyond = 1 / np.square(noise), np.zeros((TILES, TILES), np.float32)
     freedom = _within(levels, levels, groups)[1]
     total, enough = np.maximum(sums(freedom * weight), TINY), sums(freedom) >= FEWEST
     for _ in range(ROUNDS):  # what is usual is so where light comes straight
-        own = _apart(levels, groups, 1 / np.square(noise + np.kron(beyond, np.ones(tile)).ravel()))
+        own = _apart(levels, groups, 1 / np.square(noise + np.kron(beyond, np.ones(tile, np.float32)).ravel()))
         product = _within(own, beside(own, grid), groups)[0] * weight
         chance = np.sqrt(np.maximum(sums(np.square(product)), 0))
         found = np.where(enough, np.maximum(sums(product), 0), 0)
-        beyond = found / total
+        beyond = (found / total).astype(np.float32)
         half = np.sqrt(np.where(found > SHOWN * chance, beyond, 0))
         if not (half > SLIGHT).any():
             return None
@@ -143,7 +147,7 @@ def _levels(
     place: Singles,
     smooth: NDArray[np.bool_],
     chosen: Sequence[tuple[int, float]],
-) -> tuple[Array, NDArray[np.intp], Array]:
+) -> tuple[Singles, Groups, Singles]:
     """Bits as parts of half the contrast (k, n), if each is off (0) or on (1), and -1 where edges are near; and the
     variance of one by noise (n,)."""
     threshold, contrast, *bits = sums_of(table.rows, shown)
@@ -156,7 +160,8 @@ def _levels(
     spread = np.add.reduceat(np.square(table.rows.value), table.rows.first[:-1])
     fit = smooth & (shown.max(axis=0) < limits.saturation)
     size = (len(chosen), len(place))
-    levels, groups, noise = np.empty(size), np.full(size, -1), np.zeros(len(place))
+    levels, groups = np.empty(size, np.float32), np.full(size, -1, np.int8)
+    noise = np.zeros(len(place), np.float32)
     for n, (b, run) in enumerate(chosen):
         soft = bits[b] + table.sign[b] * threshold
         levels[n] = soft / contrast
@@ -164,10 +169,10 @@ def _levels(
         clear = np.abs(edge - np.rint(edge)) * run > AWAY * table.period[0] + ASIDE
         groups[n] = np.where(fit & clear & (np.abs(1 - np.abs(levels[n])) < NO_LEVEL), soft > 0, -1)
         noise += spread[2 + b] * _variance(limits, threshold + soft) / len(chosen)
-    return levels, groups, noise / np.square(contrast)
+    return levels, groups, np.asarray(noise / np.square(contrast), np.float32)
 
 
-def _apart(levels: Array, groups: NDArray[np.intp], weight: Array) -> Array:
+def _apart(levels: Singles, groups: Groups, weight: NDArray[np.floating]) -> Singles:
     """Levels in comparison with what is usual where a bit is as bright: the light may change from frame to frame."""
     own = levels.copy()
     for level, group in zip(own, groups, strict=True):
@@ -176,16 +181,16 @@ def _apart(levels: Array, groups: NDArray[np.intp], weight: Array) -> Array:
     return own
 
 
-def _within(own: Array, other: Array, groups: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+def _within(own: Singles, other: Singles, groups: Groups) -> tuple[Singles, Groups]:
     """Sums of products (n,) of two pixels' bits about the mean of those as bright, and their degrees of freedom."""
-    product, freedom = np.zeros(own.shape[1]), np.zeros(own.shape[1], np.intp)
+    product, freedom = np.zeros(own.shape[1], np.float32), np.zeros(own.shape[1], np.int8)
     for mine in (groups == 0, groups == 1):
-        count = mine.sum(axis=0)
-        mean = np.where(mine, own, 0).sum(axis=0) / np.maximum(count, 1)
+        count = mine.sum(axis=0, dtype=np.int8)
+        mean = (own * mine).sum(axis=0) / np.maximum(count, 1)
         product += ((own - mean) * other * mine).sum(axis=0)
         freedom += np.maximum(count - 1, 0)
     return product, freedom
 
 
-def _variance(limits: Limits, level: Singles) -> Array:
-    return np.asarray(np.maximum(limits.dark + limits.shot * level, limits.floor), float)
+def _variance(limits: Limits, level: Singles) -> Singles:
+    return np.asarray(np.maximum(limits.dark + limits.shot * level, limits.floor))
