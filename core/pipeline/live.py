@@ -200,10 +200,7 @@ class _Watch:
             return None
         try:
             motion = find_motion(phase, self._pair, capture=f"cycle {number}")
-        except (
-            InputError,
-            AdjustmentError,
-        ):  # one axis, too few pixels, another rig: the points are there all the same
+        except (InputError, AdjustmentError):  # one axis, few pixels, another rig: the points are there all the same
             return None
         point, self._expected = judged(motion, self._expected)
         return point
