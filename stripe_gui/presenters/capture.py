@@ -65,7 +65,7 @@ def _row(entry: CaptureEntry) -> CaptureRow:
         parts.append(signed(capture.z_mm, " mm"))
     if capture.angle_deg is not None:
         parts.append(signed(capture.angle_deg, "°"))
-    if capture.seeds:
+    if capture.seeds and capture.role == "testfield":
         parts.append(translate("Capture", "{n} picks").format(n=len(capture.seeds)))
     return CaptureRow(entry.name, capture.role, ", ".join(parts))
 
