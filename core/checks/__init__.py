@@ -20,10 +20,8 @@ from core.checks.network import adjustment_concerns, given_concerns, nominal_con
 from core.checks.planes import form_of, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
-from core.model import Concern, verdict_of
 
 __all__ = [
-    "Concern",
     "Plates",
     "adjustment_concerns",
     "bar_notes",
@@ -48,5 +46,4 @@ __all__ = [
     "see_plates",
     "size_concerns",
     "sound_words",
-    "verdict_of",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from core.atomic import check_place
 from core.errors import InputError
-from core.model import Adjustment, Network, NetworkDevice, PhotogrammetricCalibration, Project
+from core.model import Adjustment, Concern, Network, NetworkDevice, PhotogrammetricCalibration, Project, verdict_of
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.folders import captures_of
 from core.pipeline.methods import calibration_figures
@@ -19,7 +19,6 @@ from core.pipeline.picking import current_target_sets
 from core.pipeline.runs import Run, keep_run, now
 
 if TYPE_CHECKING:
-    from core.checks import Concern
     from core.exchange import Format
 
 
@@ -55,7 +54,6 @@ def import_calibration(project: Project, name: str, path: Path) -> Photogrammetr
     InputError
         For an unknown format, or a file that does not hold a camera and a projector of these sizes.
     """
-    from core.checks import Concern, verdict_of
     from core.exchange import pair_to_calibration
 
     pair = _format(name).read(path)

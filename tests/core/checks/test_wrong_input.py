@@ -23,12 +23,11 @@ from core.checks import (
     nominal_concerns,
     repeated_targets,
     see_plates,
-    verdict_of,
 )
 from core.checks.plates import Plates
 from core.errors import StripeError
 from core.geometry import Pose, calibration_of_pair, pair_of
-from core.model import Interior, ScaleBar, TargetSet, Testfield, Verdict
+from core.model import Interior, ScaleBar, TargetSet, Testfield, Verdict, verdict_of
 from tests.core.checks.rigs import RIGS, Project, simulate, turn
 
 _DONE: list[tuple] = []  # the last sound calibration, which wrong plates do not touch
