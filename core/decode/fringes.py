@@ -81,8 +81,8 @@ def fit_phases(  # type: ignore[no-untyped-def]
         mended[i] = NONE
         if flags[i] & SATURATED != NONE:
             flags[i] = _leave_out(table, source, limits, i, scratch, turns, variance, means, amplitudes)
-            modulation[i] = amplitudes[0, i]
-            mended[i] = INT(1) if flags[i] & SATURATED == NONE else NONE
+            if flags[i] & SATURATED == NONE:  # else too few steps are left to tell it
+                mended[i], modulation[i] = INT(1), amplitudes[0, i]
             any_mended |= mended[i]
     for j in range(len(table.bend)):
         _straighten(table.bend, j, count, turns[j], variance[j])

@@ -49,3 +49,19 @@ def test_a_pixel_without_a_decoded_neighbour_is_dropped_and_others_stay() -> Non
     single, all_there = np.ones((1, 1), np.float32), np.zeros((1, 1), np.uint8)
     drop_alone(single, single, all_there, Flag.NO_U)
     assert single[0, 0] == 1.0  # an image of one pixel has no neighbours to ask
+
+
+def test_pixels_without_an_unsaturated_step_have_no_modulation() -> None:
+    rows, columns = np.mgrid[:60, :80]
+    place = {"x": 10 + 0.7 * columns, "y": 8 + 0.7 * rows}
+    patterns = SequenceSpec("paper", {}).patterns(LINES)
+    frames = []
+    for n, pattern in enumerate(patterns):
+        light = 20 + 150 * brightness(pattern, place[getattr(pattern, "axis", None) or "x"]) + (rows + columns + n) % 3
+        light[:, 40:] *= np.where(columns[:, 40:] % 2, 1.9, 30)  # a step or none of four below full scale
+        frames.append(np.clip(light, 0, 255).astype(np.uint8))
+    found = decode(patterns, frames, lines=LINES)
+    assert np.isfinite(found.u[:, :38]).mean() > 0.9
+    assert np.isfinite(found.modulation).all()
+    assert found.modulation.max() < 255
+    assert found.modulation[:, 40::2].max() < 1.0  # all at full scale
