@@ -50,7 +50,7 @@ from core.progress import SILENT, Progress
 DEFAULT = DecodeOptions()
 CURVE = 4  # of the levels at which a response is tabulated, so manieth is told
 AXES: tuple[Axis, Axis] = ("x", "y")
-TWICE = 1.4  # times the sigma by noise: as much comes from something else
+MUCH = 1.4  # times the sigma by noise: as much variance comes from something else
 BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
 
 
@@ -171,7 +171,7 @@ def decode(
             alone = s[taken].copy()
             widen(s, bent_by(part, float(tables[axis].period[0])))
             known = np.isfinite(alone)
-            second = second or note_on_second_light(part, s[taken][known] > TWICE * alone[known])
+            second = second or note_on_second_light(part, s[taken][known] > MUCH * alone[known])
         apart = contradiction(arrays, tables[axis], limits, sequence.image_rows)
         if apart is not None:
             widen(s, apart.lines)
