@@ -14,7 +14,7 @@ from core.calibrate.covariance import global_cofactors, point_cofactors, redunda
 from core.calibrate.elimination import invert
 from core.calibrate.equations import Equations, linearise, misclosures
 from core.calibrate.groups import without, wrong_group
-from core.calibrate.initial import initial_state, misplaced
+from core.calibrate.initial import initial_state, misplaced, oriented_anew
 from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
@@ -39,6 +39,7 @@ from core.calibrate.weakness import (
     mirrored_error,
     singular_error,
     unsolved_error,
+    usual_variance,
 )
 from core.errors import AdjustmentError
 from core.geometry import LENSES, Pose
@@ -49,7 +50,10 @@ Array = NDArray[np.float64]
 
 FACTOR_TOLERANCE = 1e-4  # relative change at which variance components have settled
 FACTOR_ROUNDS = 20
-MIRRORED = 10.0  # σ0 at most, if it is the mirrored images that fit
+FITTING = 10.0  # σ0 at most of a network that explains its images
+DOUBTED = 3.0  # σ0 of a solution beyond which another one is looked for
+UNEVEN = 2.0  # its square over that of the bulk of the observations, likewise
+ORIENTED = 3  # times
 LEAST_FACTOR = 1e-8  # of a variance: simulated observations without noise count as ten thousand times better, no more
 
 
@@ -110,7 +114,7 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
 
 def _fits(network: Network, options: AdjustOptions) -> bool:
     with suppress(AdjustmentError):
-        return _solved(network, options, SILENT)[0].variance < MIRRORED**2
+        return _solved(network, options, SILENT)[0].variance < FITTING**2
     return False
 
 
@@ -139,8 +143,8 @@ def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tup
     network, problem, state, more = misplaced(network, problem, state)
     warnings += more
     rejected = 0
+    solved, lost, more = _solve_somehow(network, problem, state, options, progress.part(0.1, 0.9))
     while True:
-        solved, lost, more = _solve_despite(network, problem, state, options, progress.part(0.1, 0.9))
         rejected += lost
         warnings += more
         if options.reject_beyond is None:
@@ -156,6 +160,7 @@ def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tup
         rejected += len(bad)
         network, problem, state, more = without(solved.network, solved.problem, solved.state, bad)
         warnings += more
+        solved, lost, more = _solve_despite(network, problem, state, options, progress.part(0.1, 0.9))
     if rejected:
         warnings.append(
             f"{rejected} of {rejected + len(solved.problem.point)} observations rejected as gross errors "
@@ -166,6 +171,38 @@ def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tup
     warnings += outlier_warning(solved.network, solved.problem, _sizes_of_errors(solved))
     progress(1.0, "adjusted")
     return solved, warnings
+
+
+def _solve_somehow(
+    network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress
+) -> tuple[Solved, int, list[str]]:
+    """As `_solve_despite`; where that does not fit, from stations oriented anew on what the bulk of them agrees on.
+
+    Of a flat field seen with little perspective, rough approximate points choose the second solution of some stations.
+    """
+    best: tuple[Solved, int, list[str]] | None = None
+    failure: AdjustmentError | None = None
+    try:
+        best = _solve_despite(network, problem, state, options, progress)
+    except AdjustmentError as error:
+        failure = error
+    for _ in range(ORIENTED):
+        if best is not None and not _doubted(best[0]):
+            break
+        with suppress(AdjustmentError, SingularNormalsError):
+            state = oriented_anew(network, problem, robust_state(problem, state))
+            found = _solve_despite(network, problem, state, options, progress)
+            if found[0].variance < (FITTING**2 if best is None else best[0].variance / UNEVEN):
+                best = found
+    if best is None:
+        assert failure is not None
+        raise failure
+    return best
+
+
+def _doubted(solved: Solved) -> bool:
+    """Whether a solution leaves so much, in all or in some observations, that it may be a false minimum."""
+    return solved.variance > min(DOUBTED**2, UNEVEN * usual_variance(solved.problem, solved.equations))
 
 
 def _solve_despite(

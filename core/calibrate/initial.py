@@ -132,6 +132,21 @@ def misplaced(network: Network, problem: Problem, state: State) -> tuple[Network
     return network, problem, state, [f"{told}; they were intersected instead"]
 
 
+def oriented_anew(network: Network, problem: Problem, state: State) -> State:
+    """Orient all stations again, on the points of a solution in place of the approximate ones.
+
+    Raises
+    ------
+    AdjustmentError
+        If a station cannot be oriented on them.
+    """
+    there = replace(network, point_xyz_mm=state.xyz + problem.origin_mm)
+    other = problem_of(there)
+    shift = problem.origin_mm - other.origin_mm
+    found = initial_state(there, other)
+    return replace(found, pose_shift=found.pose_shift + found.pose_rotation @ shift, xyz=found.xyz - shift)
+
+
 def _misfits(problem: Problem, state: State) -> Array:
     """Larger misclosure of every observation, shape (m,)."""
     return np.asarray(np.max(np.abs(misclosures(problem, state)), axis=1))

@@ -76,13 +76,13 @@ def check_estimable(
     AdjustmentError
         Naming the parameters or points, what their sigmas would be, and the remedy.
     """
-    variance = _usual_variance(problem, equations)
+    variance = usual_variance(problem, equations)
     return _poor_parameters(problem, equations, inverse, variance) + _poor_points(
         network, problem, state, inverse, variance
     )
 
 
-def _usual_variance(problem: Problem, equations: Equations) -> float:
+def usual_variance(problem: Problem, equations: Equations) -> float:
     """Variance factor of the bulk of the observations: a gross error is no fault of the geometry."""
     seen = problem.root_weight > 0
     middle = sigma_by_median(equations.w[seen])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core.calibrate import adjust
+from core.model import DeviceSpec, Interior
 
 SHARE = 8  # one point in so many is misplaced
 
@@ -43,3 +44,14 @@ def test_a_board_that_is_roughly_known_is_taken_as_told(simulate):
     assert not any("contradict" in w for w in result.warnings)
     moved = result.points_mm - rough  # the datum: all approximate coordinates
     assert np.allclose(moved.mean(axis=0), 0, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rough_points_of_a_flat_field_far_away_do_not_turn_stations_over(simulate, seed):
+    """Seen within 4° each pose has a twin, inclined to the other side, that fits rough points as well."""
+    camera = DeviceSpec(2448, 2048, (0.00345, 0.00345), 100.0)
+    truth = Interior(101.0, 0.0, 0.0, (0.0,) * 6, camera.zero_radius_mm)
+    far = {"distance_mm": 4500.0, "extent_mm": 300.0, "depth_mm": 0.0, "tilt_deg": 35.0, "poses": 20, "scale": False}
+    lens = {"use": ("camera",), "camera": camera, "camera_truth": truth, "estimate": ("c", "A1")}
+    result = adjust(simulate(seed=seed, approximation_mm=6.0, **far, **lens).network)
+    assert result.sigma0 == pytest.approx(1.0, abs=0.1)  # redundancy of 1600: sigma 0.02
