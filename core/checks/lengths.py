@@ -6,7 +6,6 @@ not like the others is named.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -16,7 +15,7 @@ from core.checks.network import LEVEL, unit_hint
 from core.checks.plates import Plates
 from core.geometry import similarity
 from core.model import Adjustment, Array, Concern, ScaleBar, Testfield
-from core.numerics import chi_square_limit, sigma_by_median
+from core.numerics import chi_square_limit
 
 TOLERANCE = 0.002  # boards are made to about 0.1 %
 SIGNIFICANT = 3.3  # sigmas of what the calibration leaves uncertain, at the level of the other tests
@@ -25,8 +24,7 @@ OUT_OF_SHAPE = 0.01  # r.m.s. deviation from the nominal board, as a share of it
 OFF_LINES, MOST_OFF_LINES = 2.0, 6.0  # epipolar residuals over their sigmas, which are known to about a half
 POOR, TOO_WELL = 0.003, 0.1  # a sigma over its length; sigmas off the board that a bar so poor is in 8 % of the cases
 FOREIGN_LINES = 1.0  # epipolar residuals that no calibration of the rig itself leaves
-SCATTER = 6.0  # times what the other plates scatter by
-LEAST_OFF = 3e-4  # of the distance: what positions are known to at best
+LEAST_OFF = 3e-4  # of the distance: what positions are known to
 
 
 @dataclass(frozen=True)
@@ -73,13 +71,12 @@ def length_concerns(
         ratio, more = _plate_board(plates)
         concerns += more if not same else []
         if np.isfinite(ratio) and not same:
-            sigma = _by_calibration(plates, lambda p: _plate_board(p)[0])
+            sigma = _by_calibration(plates)
             lengths.append(Length("the plate's board", "its testfield file", 1.0 / ratio, sigma))
         if len(plates.names) >= 2:
-            slope, noise, more = _positions(plates)
+            slope, sigma, more = _positions(plates)
             concerns += more
             if np.isfinite(slope):
-                sigma = float(np.hypot(_by_calibration(plates, lambda p: _positions(p)[0]), noise))
                 lengths.append(Length("the plate positions", "capture.json, z_mm", 1.0 / slope, sigma))
     apart = _distances(adjustment, board) if adjustment is not None else []
     return [*apart, *_odd_one(lengths, scale, board), *concerns, *crossing.values()]
@@ -111,7 +108,7 @@ def _distances(adjustment: Adjustment, board: Testfield | None) -> list[Concern]
                 f"project.json, {key}: is {bar.length_mm:.4g} mm, {found:.4g} mm by all measured distances together "
                 f"({abs(off) / bar.sigma_mm:.3g} times sigma_mm): two known lengths disagree; measure them again"
             )
-            text += unit_hint(max(found / bar.length_mm, bar.length_mm / found))
+            text += unit_hint(bar.length_mm / found)
             concerns.append(Concern("failed" if abs(off) > FAILED * found else "doubtful", text))
     return concerns
 
@@ -197,10 +194,10 @@ def _stretch(nominal: Array, found: Array) -> tuple[float, float]:
     return float(lengths[0] / lengths[1]), left
 
 
-def _by_calibration(plates: Plates, scale: Callable[[Plates], float]) -> float:
-    """Relative sigma of a scale that plates show, from the calibration's uncertainty."""
-    own = scale(plates)
-    other = np.array([scale(replace(plates, xyz_mm=xyz)) for xyz in plates.uncertain_mm])
+def _by_calibration(plates: Plates) -> float:
+    """Relative sigma of the plate's size, from the calibration's uncertainty."""
+    own = _plate_board(plates)[0]
+    other = np.array([_plate_board(replace(plates, xyz_mm=xyz))[0] for xyz in plates.uncertain_mm])
     return float(np.sqrt(np.nansum((other / own - 1) ** 2)))
 
 
@@ -213,42 +210,49 @@ def _plate_board(plates: Plates) -> tuple[float, list[Concern]]:
 
 
 def _positions(plates: Plates) -> tuple[float, float, list[Concern]]:
-    """Movement of the plate per mm of z_mm with its relative sigma by scatter, and plates not where z_mm says."""
-    along, across, distance = _movement(plates)
+    """Movement of the plate per mm of z_mm with its relative sigma, and plates that are not where z_mm says."""
     z = plates.z_mm
-    pairs = list(combinations(range(len(z)), 2))
-    slopes = [(along[k] - along[i]) / (z[k] - z[i]) for i, k in pairs if z[k] != z[i]]
-    if not slopes:
+    if not np.ptp(z):
         return float("nan"), 0.0, []
-    slope = float(np.median(slopes))
-    rest = along - slope * z
-    rest -= np.median(rest)
-    noise = sigma_by_median(rest) / (abs(slope) * float(np.std(z)) * len(z) ** 0.5)
+    along, across, distance = _movement(plates)
+    changes = np.array([_movement(replace(plates, xyz_mm=xyz))[0] - along for xyz in plates.uncertain_mm])
+    line = np.polyfit(z, changes.reshape(-1, len(z)).T, 1)
+    bent = np.linalg.norm(changes.reshape(-1, len(z)).T - np.outer(z, line[0]) - line[1], axis=1)
+    limit = np.hypot(LEAST_OFF * distance, SIGNIFICANT * bent)
+    slope, rest = _line(z, along, limit)
+    noise = np.linalg.norm(rest) / (len(z) * np.std(z))
+    sigma = float(np.hypot(np.linalg.norm(line[0]), noise)) / slope
+    off = np.flatnonzero(np.abs(rest) > limit * max(slope, 1))
     concerns = []
-    if len(z) >= 4:
-        for k in np.argsort(-np.abs(rest))[: max(1, len(z) // 4)]:
-            others = np.delete(rest, k)
-            limit = max(SCATTER * sigma_by_median(others), LEAST_OFF * distance * max(abs(slope), 1))
-            if abs(rest[k]) > limit:
-                is_at = z[k] + rest[k] / slope
-                text = (
-                    f"{plates.names[k]}: the plate stood at {is_at:.2f} mm, by its targets, z_mm says {z[k]:g} mm "
-                    f"({rest[k] / slope:+.2f} mm): correct z_mm or capture it again"
-                )
-                concerns.append(Concern("failed" if abs(rest[k]) > 3 * limit else "doubtful", text))
+    if len(z) - len(off) > max(2, len(z) // 2):
+        for k in off:
+            text = (
+                f"{plates.names[k]}: the plate stood at {z[k] + rest[k] / slope:.2f} mm, by its targets, z_mm says "
+                f"{z[k]:g} mm ({rest[k] / slope:+.2f} mm): correct z_mm or capture it again"
+            )
+            concerns.append(Concern("failed" if abs(rest[k]) > 3 * limit[k] else "doubtful", text))
+    elif len(off):
+        places = ", ".join(f"{name} {at:.2f}" for name, at in zip(plates.names, z + rest / slope, strict=True))
+        text = (
+            f"the plates do not stand where z_mm says but, by their targets, at about {places} mm: correct z_mm, see "
+            "that no frames were exchanged, and move the plate without play"
+        )
+        concerns.append(Concern("failed" if (np.abs(rest) > 3 * limit).any() else "doubtful", text))
     for k in np.flatnonzero(across > max(0.01 * distance, 6 * float(np.median(across)))):
         text = f"{plates.names[k]}: the plate stood {across[k]:.1f} mm beside its axis: did it move sideways?"
         concerns.append(Concern("doubtful", text))
-    if len(z) >= 3 and not concerns:
-        order = np.argsort(z)
-        steps = np.diff(along[order]) * np.sign(slope)
-        if (steps < 0).any():
-            concerns.append(
-                Concern(
-                    "failed", "the plates do not stand in the order of their z_mm: z_mm or the frames were exchanged"
-                )
-            )
-    return abs(slope), noise, concerns
+    return slope, sigma, concerns
+
+
+def _line(z: Array, along: Array, tolerance: Array) -> tuple[float, Array]:
+    """Fit a line that rises to the plates that agree with two of them, as many as do; give its slope, and all rests."""
+    ordered = [(i, k) for i, k in combinations(np.argsort(z), 2) if z[i] < z[k]]
+    pairs = np.array([(i, k) for i, k in ordered if along[i] < along[k]] or ordered)
+    slope, start = np.diff(along[pairs]) / np.diff(z[pairs]), pairs[:, :1]
+    off = np.abs(along - along[start] - slope * (z - z[start])) / tolerance / np.maximum(slope, 1)
+    agreeing = off[np.argmin(np.minimum(off, 1).sum(axis=1))] <= 1
+    line = np.polyfit(z[agreeing], along[agreeing], 1)
+    return float(line[0]), along - np.polyval(line, z)
 
 
 def _movement(plates: Plates) -> tuple[Array, Array, float]:
@@ -302,7 +306,7 @@ def _odd_one(lengths: list[Length], scale: ScaleBar | None, board: Testfield | N
         return [_told(lengths[k], factors[k] / true, others, scale, board) for k in odd]
     worst = float(factors.max() / factors.min())
     told = "; ".join(f"{entry.name} ({entry.key}) says {entry.factor / factors[0]:.4f}" for entry in lengths)
-    hint = unit_hint(worst)
+    hint = unit_hint(worst, 1 / worst)
     if len(lengths) == 2 and lengths[1].key == "testfield.csv" and worst <= 1 + FAILED:  # as printers stretch a board
         hint = f", or, if the bar is right, multiply the coordinates in testfield.csv by {1 / lengths[1].factor:.4f}"
     text = f"known lengths disagree, relative to {lengths[0].name}: {told}; measure them again{hint}"
@@ -312,7 +316,7 @@ def _odd_one(lengths: list[Length], scale: ScaleBar | None, board: Testfield | N
 
 def _told(entry: Length, factor: float, others: str, scale: ScaleBar | None, board: Testfield | None) -> Concern:
     text = f"{entry.name} ({entry.key}): its lengths are {factor:.4f} times what {others} give"
-    text += unit_hint(max(factor, 1 / factor)) or "; correct it, or measure it again"
+    text += unit_hint(factor) or "; correct it, or measure it again"
     if entry.name == "the scale bar":
         text += _bar_hint(scale, board, factor)
     off = max(factor, 1 / factor) - 1
@@ -324,7 +328,7 @@ def bar_notes(scale: ScaleBar | None, board: Testfield) -> tuple[str, ...]:
     own = _nominal_length(scale, board)
     if scale is None or own is None or abs(scale.length_mm / own - 1) <= FAILED:
         return ()
-    hint = unit_hint(max(scale.length_mm / own, own / scale.length_mm))
+    hint = unit_hint(scale.length_mm / own)
     return (f"the scale bar has length_mm {scale.length_mm:g}, the nominal testfield {own:g} mm there{hint}",)
 
 

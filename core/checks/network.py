@@ -18,7 +18,7 @@ DOUBTS = ("not rigid", "look like gross errors", "left out, fewer than")  # of t
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
-KNOWN_FACTORS = {10.0: "cm instead of mm", 25.4: "inches instead of mm", 1000.0: "m instead of mm"}
+UNITS = {0.1: "cm", 1 / 25.4: "inches", 0.001: "m", 1000.0: "µm"}  # numbers in a unit over those in mm
 OTHER_SCALE = 2.0  # nobody's approximate coordinates are so wrong
 ANOTHER_UNIT = 0.01  # residuals over sigmas that no carefulness explains
 AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is common to them
@@ -50,12 +50,10 @@ def sound_words(adjustment: Adjustment) -> tuple[str, ...]:
     return (f"residuals over the sigmas given: {told}; nothing systematic",) if told else ()
 
 
-def unit_hint(ratio: float) -> str:
-    """Ask for the unit where a ratio of lengths is that of two of them."""
-    for factor, words in KNOWN_FACTORS.items():
-        if abs(ratio / factor - 1) < 0.02:
-            return f"; is it in {words}?"
-    return ""
+def unit_hint(*ratios: float) -> str:
+    """Ask for the unit where a length that is given, over the true one, is that of another unit over mm."""
+    units = [unit for factor, unit in UNITS.items() if any(abs(ratio / factor - 1) < 0.02 for ratio in ratios)]
+    return f"; is it in {' or '.join(units)} instead of mm?" if units else ""
 
 
 def given_concerns(adjustment: Adjustment) -> list[Concern]:
@@ -88,11 +86,11 @@ def _length(adjustment: Adjustment, bar: NetworkScale) -> list[Concern]:
             f"{found:.6g} mm: measure it again"
         )
         return [Concern("doubtful", text)]
-    ratio = max(roughly / size, size / max(roughly, 1e-9))
-    if ratio > OTHER_SCALE:
+    ratio = size / max(roughly, 1e-9)
+    if max(ratio, 1 / ratio) > OTHER_SCALE:
         text = (
             f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm, at the scale of points.csv "
-            f"{found * roughly / size:.4g} mm{unit_hint(ratio)}: correct the one, or the coordinates"
+            f"{found * roughly / size:.4g} mm{unit_hint(ratio, 1 / ratio)}: correct the one, or the coordinates"
         )
         return [Concern("doubtful", text)]
     return []

@@ -67,12 +67,14 @@ BAR, BOARD, PLATE, Z = "scale bar", r"testfield\b.*testfield\.csv", "plate's boa
 KINDS: dict[str, tuple[Change, str]] = {
     # known lengths
     "plate depths in cm": (z(lambda k, v: v / 10), f"{Z}.*cm"),
+    "plate depths in um": (z(lambda k, v: v * 1000), f"{Z}.*µm"),
     "plate depths in inches": (z(lambda k, v: v / 25.4), f"{Z}.*inches"),
     "plate depths in m": (z(lambda k, v: v / 1000), f"{Z}.* m instead"),
     "plate depths x1.03": (z(lambda k, v: v * 1.03), Z),
     "one plate 1 mm off": (z(lambda k, v: v + (k == 3)), "depth-03: .*z_mm"),
     "one plate 5 mm off": (z(lambda k, v: v - 5 * (k == 2)), "depth-02: .*z_mm"),
-    "two plates exchanged": (z(lambda k, v: -v if k in (2, 4) else v), "depth-0[24]: .*z_mm|order of their z_mm"),
+    "plates with 0.5 mm play": (z(lambda k, v: v + 0.5 * float(np.sin(7 * k))), "depth-.*z_mm says"),
+    "two plates exchanged": (z(lambda k, v: -v if k in (2, 4) else v), "depth-0[24]: .*z_mm"),
     "one plate's sign reversed": (z(lambda k, v: -v if k == 1 else v), "depth-01: .*z_mm|two captures at z"),
     "two plates at one position": (z(lambda k, v: 0.0 if k == 2 else v), r"two captures at z = 0|depth-02: .*z_mm"),
     "scale bar +0.5 %": (on("scale", "length_mm", to=lambda v: v * 1.005), f"{BAR}.*1.00"),

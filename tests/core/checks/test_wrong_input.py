@@ -168,6 +168,8 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
     "one plate 0.5 mm off": (lambda p: z(p, lambda n, v: v - 0.5 * (n == "depth-05")), "depth-05: .*z_mm"),
     "one plate 5 mm off": (lambda p: z(p, lambda n, v: v + 5 * (n == "depth-01")), "depth-01: .*z_mm"),
     "last plate 2 mm off": (lambda p: z(p, lambda n, v: v - 2 * (n == "depth-07")), "depth-07: .*z_mm"),
+    "plates with play": (lambda p: z(p, lambda n, v: v + 0.5 * np.sin(7 * int(n[-2:]))), "depth-.*z_mm says"),
+    "plates on a bent rail": (lambda p: z(p, lambda n, v: v + 4e-4 * v * v), "z_mm says"),
     "two plates exchanged": (lambda p: exchanged(p, "depth-02", "depth-03"), r"depth-0[23]: .*z_mm"),
     "one plate's sign reversed": (lambda p: z(p, lambda n, v: -v if n == "depth-06" else v), "depth-06: .*z_mm"),
     "camera's c x2": (lambda p: device(p, True, nominal_c_mm=lambda c: 2 * c), "camera: c is"),
@@ -288,7 +290,12 @@ def test_an_imported_calibration_of_another_rig_is_named(name: str, projects: di
 
 @pytest.mark.parametrize(
     ("bar", "size", "steps", "named"),
-    [(1e3, 1, 1, "scale bar.*m instead"), (1, 10, 1, "plate's board.*cm"), (1, 1, 1e3, "plate positions.*m instead")],
+    [
+        (1e-3, 1, 1, "scale bar.* m instead"),
+        (1e3, 1, 1, "scale bar.*µm instead"),
+        (1, 0.1, 1, "plate's board.*cm"),
+        (1, 1, 1e3, "plate positions.*µm instead"),
+    ],
 )
 def test_the_wrong_one_of_bar_board_and_positions_is_named_without_a_calibration(
     bar: float, size: float, steps: float, named: str, projects: dict[str, Project]
