@@ -31,6 +31,7 @@ from core.measure.eccentricity import eccentricity, recentred
 from core.measure.estimators import ESTIMATORS
 from core.measure.features import find_circles, measure_feature
 from core.measure.kinds import TARGET_KINDS, Marks, Sight, TargetKind, kind_of
+from core.measure.missing import OUTSIDE
 from core.measure.propose import find_dots, propose_picks
 from core.measure.recognise import labellings, recognise, unmeasured
 from core.measure.single import dot_at, measured_view, predicted_view
@@ -40,6 +41,7 @@ from core.measure.view import View
 
 __all__ = [
     "ESTIMATORS",
+    "OUTSIDE",
     "SAME",
     "TARGET_KINDS",
     "Labelling",

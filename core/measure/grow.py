@@ -219,7 +219,7 @@ def _alike(lattice: Lattice, frontier: Ints, spot: Ints, jacobian: Array) -> tup
     typical = row_median(contrast)  # the frontier has identified neighbours by definition
     bright = blobs.contrast[spot] / typical[:, None]
     why = np.full(spot.shape, "", dtype=object)
-    why[~((bright > 0.35) & (bright < 3.0))] = "its contrast is unlike its neighbours'"
+    why[~(bright > 0.35)] = "its contrast is unlike its neighbours'"
     why[~(shape < 1.8)] = "its shape is not the expected ellipse: covered or lit in part"
     why[~((size > 0.6) & (size < 1.6))] = "its size is not the expected one: covered, lit in part or not a target"
     why[blobs.on_border[spot]] = "cut by the image border"

@@ -22,7 +22,6 @@ Ints = NDArray[np.int64]
 LEFT_OVER = 0.15  # share of dots among the identified ones that may belong to no target (reflections, other boards)
 REACHED = 0.3  # spacings within which a lattice must foretell a pick that it could not grow to
 DIM = 0.35  # contrast of a dot over that of others from which it lies in the same light; growing stops there, too
-BETWEEN = -1  # of the lattices tried: grown from no pick
 ANOTHER = 0.7  # beyond which such a pick is another target: what foretells it may err far from the dots it grew to
 
 
@@ -64,9 +63,6 @@ def identify(
                 _refuse_contradiction(tried, picks, spots)
             break
     else:
-        beside = _grown_between(board, blobs, view, picks, spots)
-        if beside is not None and beside.known.sum() > 2 * max(int(other.known.sum()) for other in tried.values()):
-            tried[BETWEEN] = beside
         lattice, notes = _bridged(tried, picks, spots)
     left, absent, among = 0 if coded else _left_over(lattice), _absent(lattice), int(lattice.known.sum())
     pruned = prune(lattice)
@@ -91,33 +87,12 @@ def identify(
 
 def _grown_from(board: Board, blobs: Blobs, view: View, picks: Picks, spots: Ints, starts: list[int]) -> Lattice:
     """Grow from some of the picks; the spots of the others stay reserved for them."""
-    return _grown(board, blobs, view, picks, spots, picks.target[starts], spots[starts])
-
-
-def _grown(board: Board, blobs: Blobs, view: View, picks: Picks, spots: Ints, target: Ints, spot: Ints) -> Lattice:
     blob = np.full(len(board.row), -1)
-    blob[target] = spot
+    blob[picks.target[starts]] = spots[starts]
     reserved = dict(zip(spots.tolist(), picks.target.tolist(), strict=True))
     lattice = Lattice(board, blobs, view, blob, reserved)
     grow(lattice)
     return lattice
-
-
-def _grown_between(board: Board, blobs: Blobs, view: View, picks: Picks, spots: Ints) -> Lattice | None:
-    """Grow from a bright dot amid others, where all picks are on dots that the projector's light does not reach."""
-    uv, jacobian = view.project(board.xyz_mm), view.jacobian(board.xyz_mm)
-    sane = np.flatnonzero(np.isfinite(uv).all(axis=1) & np.isfinite(jacobian).all(axis=(1, 2)))
-    if not len(sane):
-        return None
-    spot = nearest(blobs.uv, of=uv[sane])[:, 0]
-    away = inverse_2x2(jacobian[sane] * board.spacing_mm[sane, None, None]) @ (blobs.uv[spot] - uv[sane])[..., None]
-    bright = blobs.contrast[spot] > 0.5 * np.quantile(blobs.contrast[spot], 0.9)
-    fit = np.flatnonzero(bright & (np.hypot(away[:, 0, 0], away[:, 1, 0]) < REACHED) & ~blobs.on_border[spot])
-    if not len(fit):
-        return None
-    middle = blobs.uv[spot[fit]].mean(axis=0)
-    first = fit[[np.argmin(np.hypot(*(blobs.uv[spot[fit]] - middle).T))]]
-    return _grown(board, blobs, view, picks, spots, sane[first], spot[first])
 
 
 def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> tuple[Lattice, tuple[str, ...]]:
@@ -133,9 +108,7 @@ def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> tuple[Latt
     if lattice.known.sum() < 6 + np.count_nonzero(met):
         seen = f"no lattice of dots continues {picks.name(board, start)} as the rows and columns of the picks say"
         raise InputError(picks.where, seen, "correct the rows and columns of the picks")
-    joined = lattice
-    if start != BETWEEN:
-        joined = _grown_from(board, lattice.blobs, lattice.view, picks, spots, np.flatnonzero(met).tolist())
+    joined = _grown_from(board, lattice.blobs, lattice.view, picks, spots, np.flatnonzero(met).tolist())
     notes: list[str] = []
     agreeing = np.count_nonzero(met)
     for k in np.flatnonzero(~met).tolist():
@@ -180,13 +153,27 @@ def _refuse_contradiction(tried: dict[int, Lattice], picks: Picks, spots: Ints) 
 
 
 def _left_over(lattice: Lattice) -> int:
-    """How many dots like targets lie among the identified ones without being one."""
+    """How many dots like targets lie among the identified ones, and where no target is foretold."""
     known = lattice.uv()[lattice.known].astype(np.float32)
     if len(known) < 4:
         return 0
     hull = cv2.convexHull(known)
     free = lattice.blobs.uv[_free(lattice, alike=True)]
-    return sum(cv2.pointPolygonTest(hull, (float(u), float(v)), False) > 0 for u, v in free)
+    among = [cv2.pointPolygonTest(hull, (float(u), float(v)), False) > 0 for u, v in free]
+    return int(np.count_nonzero(~_foretold(lattice, free[among])))
+
+
+def _foretold(lattice: Lattice, places: Array) -> NDArray[np.bool_]:
+    """Which places lie where a target without a dot is expected: its dot may be dim or cut."""
+    targets = np.flatnonzero(~lattice.known)
+    uv, jacobian, _ = predict(lattice, targets)
+    sane = np.isfinite(uv).all(axis=1) & np.isfinite(jacobian).all(axis=(1, 2))
+    if not (len(places) and np.any(sane)):
+        return np.zeros(len(places), bool)
+    target = np.flatnonzero(sane)[nearest(uv[sane], of=places)[:, 0]]
+    unit = jacobian[target] * lattice.board.spacing_mm[targets[target], None, None]
+    away = inverse_2x2(unit) @ (places - uv[target])[..., None]
+    return np.asarray(np.hypot(away[:, 0, 0], away[:, 1, 0]) < REACHED)
 
 
 def _absent(lattice: Lattice) -> int:

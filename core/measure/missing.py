@@ -11,6 +11,7 @@ from core.model import PhaseMap
 
 Array = NDArray[np.float64]
 EXCLUDED = "excluded by the operator"
+OUTSIDE = "outside the image"
 
 
 def reasons(phase: PhaseMap, lattice: Lattice, faults: dict[int, str]) -> dict[int, str]:
@@ -35,7 +36,7 @@ def reasons(phase: PhaseMap, lattice: Lattice, faults: dict[int, str]) -> dict[i
         half = np.linalg.norm(ellipse[k], axis=1)
         beyond = np.array([-0.5, -0.5]) - uv[k], uv[k] - np.array([width - 0.5, height - 0.5])
         if not np.all(np.isfinite(uv[k])) or max(np.max(b - half) for b in beyond) > 0:
-            result[target] = "outside the image"
+            result[target] = OUTSIDE
         elif max(np.max(b + half) for b in beyond) > 0:
             result[target] = "cut by the image border"
         elif lattice.notes.get(target):

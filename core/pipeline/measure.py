@@ -133,7 +133,7 @@ def measured_capture(
     capture: Capture, phase: PhaseMap, project: Project, side: Side
 ) -> tuple[TargetSet, Sequence[Labelling]]:
     """Measure one decoded capture, from its picks or without; give the labellings that the targets allow, too."""
-    from core.measure import labellings, measure_targets, recognise
+    from core.measure import OUTSIDE, labellings, measure_targets, recognise
 
     field, camera = capture.testfield, project.rig.cameras[capture.camera]
     if field is None:
@@ -149,7 +149,8 @@ def measured_capture(
     else:
         targets, ways = recognise(phase, field, camera, **how)
         targets = replace(targets, told=len(ways) == 1)
-    dim = phase.dim_notes if len(targets.row) > len(targets.missing) else ()
+    lacking = sum(target.reason != OUTSIDE for target in targets.missing)
+    dim = phase.dim_notes if len(targets.row) > lacking else ()  # a black board between dots that decode
     said = (note for note in phase.notes if note not in dim)
     told = replace(targets, notes=(*said, *targets.notes), response=phase.response, gaps=phase.gaps)
     return _named(told, capture), ways

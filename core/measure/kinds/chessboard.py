@@ -21,7 +21,7 @@ from core.measure.board import Board, board_from_testfield
 from core.measure.corners import fit_corners
 from core.measure.crossings import blocks_of_crossings
 from core.measure.kinds.kind import Guesses, Marks, Patch, Sight, TargetKind
-from core.measure.missing import EXCLUDED
+from core.measure.missing import EXCLUDED, OUTSIDE
 from core.measure.picks import check_picks
 from core.measure.view import View, first_view, fit_both_tilts
 from core.model import DeviceSpec, Seed, Testfield
@@ -289,7 +289,7 @@ def _missing(sight: Sight, view: View, rest: NDArray[np.int64]) -> dict[int, str
     expected = view.project(sight.board.xyz_mm[rest])
     with np.errstate(invalid="ignore"):
         inside = np.all((expected > 3) & (expected < [sight.camera.width - 4, sight.camera.height - 4]), axis=1)
-    words = ("outside the image", "no corner where its neighbours predict it: covered, or without contrast")
+    words = (OUTSIDE, "no corner where its neighbours predict it: covered, or without contrast")
     return {int(t): words[int(there)] for t, there in zip(rest, inside, strict=True)}
 
 

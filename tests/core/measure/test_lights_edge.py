@@ -100,3 +100,18 @@ def test_the_four_coordinates_covary_as_repeated_images_do(bench):
     # 63 targets x 29 degrees of freedom: entries known to 2 %; the centroids' floor adds some per cent
     assert np.abs((scatter - predicted) / np.outer(norm, norm)).max() < 0.1
     assert (scatter / np.outer(norm, norm))[0, 2] > 0.4  # the shared part is not small here
+
+
+@pytest.mark.parametrize("cells", [((1, 0), (1, 17), (11, 18), (12, 1)), ((2, 0), (2, 3), (9, 3), (10, 0))])
+def test_picks_beside_the_light_lead_into_it(bench, cells):
+    truth = bench.scene(bench.look(12, 40, 4, 560), noise=0.5)
+    lit = np.zeros((truth.spec.height, truth.spec.width), bool)
+    lit[60:500, 190:600] = True  # none of the picks; dim dots all round, as in a room that is not quite dark
+    phase = truth.phase(quick=True)
+    u, v = (np.where(lit, x, np.nan).astype(np.float32) for x in (phase.u, phase.v))
+    phase = replace(phase, image=np.rint(phase.image * np.where(lit, 1, 0.08)).astype(np.float32), u=u, v=v)
+    targets = measure_targets(phase, truth.field, truth.seeds(cells), truth.spec)
+    which, error = bench.compare(targets, truth)
+    assert np.abs(error).max() < 0.5
+    whole = np.all((truth.true_uv > (200, 70)) & (truth.true_uv < (590, 490)), axis=1)
+    assert set(which) >= set(np.flatnonzero(whole))
