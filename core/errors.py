@@ -65,6 +65,10 @@ class TooLittleSeenError(InputError):
     """A capture that shows one camera and projector too little to tell of a movement; others may see more."""
 
 
+class NoCoordinateError(InputError):
+    """Decoded frames without a projector coordinate that points follow from; another method may do without it."""
+
+
 class AdjustmentError(StripeError):
     """A network that cannot be solved, or an adjustment that does not converge."""
 

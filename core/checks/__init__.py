@@ -17,7 +17,7 @@ from core.checks.captures import grey_concerns, repeated_frames, repeated_target
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
 from core.checks.network import adjustment_concerns, given_concerns, nominal_concerns, sound_words
-from core.checks.planes import form_of, pair_concerns, plane_concerns, plane_words
+from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
 
@@ -31,6 +31,7 @@ __all__ = [
     "form_of",
     "given_concerns",
     "grey_concerns",
+    "is_noise",
     "left_out_of",
     "length_concerns",
     "light_end",

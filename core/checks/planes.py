@@ -120,12 +120,17 @@ def plane_concerns(e: PlaneEvaluation, form: Form, calibration_rms_mm: float = 0
     return []
 
 
-def plane_words(e: PlaneEvaluation, form: Form) -> tuple[str, ...]:
+def is_noise(e: PlaneEvaluation, form: Form) -> bool:
+    """Whether deviations and form are no more than the predicted noise leaves."""
+    predicted = e.predicted_rms_mm or np.inf
+    return e.rms_mm < DOUBTFUL_RATIO * predicted and form.rms_mm <= SHAPED * predicted
+
+
+def plane_words(e: PlaneEvaluation) -> tuple[str, ...]:
     """What to say of a plane that nothing speaks against: whether its noise or its calibration explains it."""
     if not e.predicted_rms_mm:
         return ()
-    noisy = e.rms_mm < DOUBTFUL_RATIO * e.predicted_rms_mm and form.rms_mm <= SHAPED * e.predicted_rms_mm
-    source = "noise dominates" if noisy else "within three sigmas of the calibration"
+    source = "noise dominates" if e.noisy else "within three sigmas of the calibration"
     return (f"{source}: {e.rms_mm / e.predicted_rms_mm:.2f} times what the noise predicts",)
 
 

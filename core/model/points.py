@@ -46,4 +46,5 @@ class PlaneEvaluation:
     camera: Interior | None = None  # by which the points were reconstructed
     devices: tuple[str, str] = ("camera", "projector")  # whose points
     form_pv_um: float | None = None  # peak to valley of the low-passed deviations
+    noisy: bool = True  # deviations and form are no more than noise leaves; else the calibration's sigma explains them
     verdict: Verdict | None = None

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from core.errors import AdjustmentError, InputError
+from core.errors import AdjustmentError, InputError, NoCoordinateError
 from core.figures import evaluation_figures
 from core.model import (
     Calibration,
@@ -109,10 +109,8 @@ def _judge(
             if own or not METHODS[name].one_pair:
                 try:
                     rows.append(_by_itself(capture, phase, name, calibration, progress))
-                except InputError as error:  # the depth method uses one coordinate, which a capture may lack
-                    if error.where != str(capture.path):
-                        raise
-                    lacking.append(error)
+                except NoCoordinateError as error:  # the depth method uses one, which a capture may lack
+                    lacking += [InputError(capture.path, error.seen, f"{error.remedy}, or take it out of project.json")]
         if lacking and not rows:
             raise lacking[0]
         for one in lacking:
@@ -151,12 +149,7 @@ def _judge(
 def _by_itself(capture: Capture, phase: PhaseMap, name: Method, calibration: Calibration, progress: Progress) -> Row:
     """Judge a plane by one pair of devices."""
     progress.check()
-    try:
-        cloud = METHODS[name].reconstruct(phase, calibration, False, progress.quiet())
-    except InputError as error:
-        if error.where != "phase map":
-            raise
-        raise InputError(capture.path, error.seen, f"{error.remedy}, or take it out of project.json") from error
+    cloud = METHODS[name].reconstruct(phase, calibration, False, progress.quiet())
     said = (*phase.notes, *_moved(phase, calibration, capture.name))
     return _judged(capture, phase, name, calibration, cloud, said, phase.projector)
 

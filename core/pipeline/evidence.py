@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from core.checks import Plates
 
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
-NEEDLESS = re.compile("the other picks tell$")  # picks are approximate, and more than are needed: nothing in doubt
 # notes that name the mistake, those that name a frame or a value, and those that name what must be looked at
 SHARP = (
     re.compile("they fit|were exchanged|earlier|later|mirrored|neighbouring"),
@@ -48,12 +47,12 @@ SHARP = (
 )
 
 
-def notes_of(sets: Sequence[TargetSet]) -> dict[str, list[str]]:
-    """What captures say of themselves, by name, and why none of their targets was measured."""
+def notes_of(sets: Sequence[TargetSet], unused: bool = True) -> dict[str, list[str]]:
+    """What captures say of themselves, by name, of unused picks too, and why none of their targets was measured."""
     notes: dict[str, list[str]] = {}
     for t in sets:
         own = notes.setdefault(t.capture, [])
-        own += [note for note in t.notes if note not in own]
+        own += [note for note in t.notes if note not in own and (unused or note not in t.unused)]
         if not len(t.row) and t.missing:
             why = t.missing[0].reason
             # dots of another size are cut in the middle, or reach into each other
@@ -155,7 +154,7 @@ class Evidence:
         from core.checks import size_concerns
 
         sets = self.targets(method)
-        told = [c for c in noted(notes_of(sets)) if not NEEDLESS.search(c.text)]
+        told = noted(notes_of(sets, unused=False))  # picks are approximate, and more than are needed: nothing in doubt
         return [*told, *size_concerns(sets, {c.name: c.testfield for c in self.used[method]})]
 
     def left_out(self, method: Method, rejected: Mapping[str, tuple[int, int]] | None = None) -> tuple[LeftOut, ...]:

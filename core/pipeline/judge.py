@@ -66,7 +66,7 @@ def judge_planes(
     deviations; `notes` is by capture what it says of itself; `verdicts` are those of the calibrations, which no plane's
     is better than.
     """
-    from core.checks import form_of, pair_concerns, plane_concerns, plane_words
+    from core.checks import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 
     common: list[Concern] = []
     for devices in dict.fromkeys(e.devices for e in evaluations):
@@ -81,7 +81,7 @@ def judge_planes(
     run_in_bands(find_forms, len(evaluations), least=1)
     for k, e in enumerate(evaluations):
         form = forms[k]
-        e = replace(e, form_pv_um=form.pv_um)
+        e = replace(e, form_pv_um=form.pv_um, noisy=is_noise(e, form))
         concerns = plane_concerns(e, form, calibration_rms_mm.get((e.capture, e.method, *e.devices), 0.0))
         of_capture = noted({e.capture: (notes or {}).get(e.capture, ())})
         named = [c for c in common if c.text.startswith(f"{e.capture}:") or not c.text.startswith(starts)]
@@ -89,7 +89,7 @@ def judge_planes(
         if basis is not None and basis.state != "passed" and basis.because:
             state: Literal["failed", "doubtful"] = "failed" if basis.state == "failed" else "doubtful"
             named.append(Concern(state, f"its {e.method} calibration is {basis.state}: {basis.because[0]}"))
-        judged.append(replace(e, verdict=_verdict(of_capture, [*concerns, *named], plane_words(e, form))))
+        judged.append(replace(e, verdict=_verdict(of_capture, [*concerns, *named], plane_words(e))))
     return tuple(judged)
 
 

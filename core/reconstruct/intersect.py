@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.compiling import inner, njit
-from core.errors import InputError
+from core.errors import NoCoordinateError
 from core.geometry import pair_for
 from core.model import Pair, PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
@@ -43,7 +43,7 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -
 
     Raises
     ------
-    InputError
+    NoCoordinateError
         If no axis was decoded, or only one along which depth changes nothing.
 
     Notes
@@ -90,12 +90,14 @@ def _axes(phase: PhaseMap, system: System) -> tuple[str, str | None]:
     slopes = dict(zip("uv", system.slopes, strict=True))
     decoded = [name for name, values in (("u", phase.u), ("v", phase.v)) if _any_finite(values)]
     if not decoded:
-        raise InputError("phase map", "no pixel has a projector coordinate", "check the capture's frames and exposure")
+        raise NoCoordinateError(
+            "phase map", "no pixel has a projector coordinate", "check the capture's frames and exposure"
+        )
     decoded.sort(key=lambda name: -slopes[name])
     lead = decoded[0]
     if slopes[lead] < WEAK_AXIS * max(slopes.values()):
         seen = f"only {lead} was decoded, which hardly changes with depth on this rig"
-        raise InputError("phase map", seen, f"capture with patterns along {'x' if lead == 'v' else 'y'}")
+        raise NoCoordinateError("phase map", seen, f"capture with patterns along {'x' if lead == 'v' else 'y'}")
     return lead, decoded[1] if len(decoded) == 2 else None
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.compiling import njit
-from core.errors import InputError
+from core.errors import NoCoordinateError
 from core.model import DepthCalibration, PhaseMap, PointCloud
 from core.parallel import run_in_bands
 from core.reconstruct.lookup_sigma import add_curves, whole_sigma
@@ -35,14 +35,14 @@ def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool
 
     Raises
     ------
-    InputError
+    NoCoordinateError
         If the calibrated axis was not decoded.
     """
     measured, sigma = (phase.u, phase.sigma_u) if calibration.axis == "u" else (phase.v, phase.sigma_v)
     if not np.isfinite(measured).any():
         axis = {"u": "x", "v": "y"}[calibration.axis]
         seen = f"no pixel has the coordinate {calibration.axis} that the depth calibration uses"
-        raise InputError("phase map", seen, f"capture with patterns along {axis}")
+        raise NoCoordinateError("phase map", seen, f"capture with patterns along {axis}")
     rays = flat(camera_rays(calibration.camera_spec, calibration.camera))
     pose = calibration.camera_from_plate
     normal = pose.rotation[:, 2]  # the plate is its own plane z = 0

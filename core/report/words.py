@@ -153,9 +153,9 @@ def _plane_finding(method: Method, evaluations: tuple[PlaneEvaluation, ...], pub
         told = all(e.verdict is not None for e in own)
         sound = told and all(e.verdict.state == "passed" for e in own if e.verdict is not None)
         # variances add, so at √2 times the prediction all other errors together equal the noise
-        bent = any(b.startswith("within") for e in own if e.verdict is not None for b in e.verdict.because)
         if sound and max(ratios) < np.sqrt(2):
-            text += "; the sigmas of the calibration explain the rest." if bent else ": noise dominates."
+            rest = "; the sigmas of the calibration explain the rest."
+            text += ": noise dominates." if all(e.noisy for e in own) else rest
         else:
             text += ": other errors exceed the noise, see the maps." if told or max(ratios) >= np.sqrt(2) else "."
     forms = [e.form_pv_um for e in own if e.form_pv_um is not None]

@@ -45,13 +45,13 @@ def measure_dots(sight: Sight, seeds: Sequence[Seed], coded: bool = False) -> Ma
     picks = check_picks(board, seeds, (camera.width, camera.height), sight.where, sight.side)
     progress(0.0, "looking for dots")
     blobs = find_blobs(image, _diameters(board, picks.affine), picks.uv)
-    spots, notes = snap(board, picks, blobs, (camera.width, camera.height))
+    spots, astray = snap(board, picks, blobs, (camera.width, camera.height))
     progress(0.3, "identifying targets")
-    lattice, unused = identify(board, camera, blobs, picks, spots, coded)
+    lattice, unlit = identify(board, camera, blobs, picks, spots, coded)
     progress(0.6, "measuring centroids")
     dots, fault = _measure_dots(sight, image, lattice)
     fault = [EXCLUDED if t in sight.unwanted else f for t, f in zip(dots.target.tolist(), fault, strict=True)]
-    return replace(_centred(sight, lattice, dots, fault), notes=(*notes, *unused))
+    return replace(_centred(sight, lattice, dots, fault), unused=(*astray, *unlit))
 
 
 def _diameters(board: Board, affine: Array) -> tuple[float, float]:

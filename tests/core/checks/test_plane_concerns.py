@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.checks.planes import form_of, pair_concerns, plane_concerns, plane_words
+from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.model import PlaneEvaluation
 
 SIGMA = 0.05
@@ -59,7 +59,8 @@ def test_noise_dominates_only_where_form_does_not(noise: np.ndarray) -> None:
     for height, source in ((0.0, "noise dominates"), (1.2 * SIGMA, "within three sigmas of the calibration")):
         e = evaluation(noise + height * np.sin(u / 60) * np.cos(v / 50))
         assert concerns(e.deviation_mm, 0.5) == []
-        assert plane_words(e, form_of(e.deviation_mm))[0].startswith(source)
+        e = replace(e, noisy=is_noise(e, form_of(e.deviation_mm)))
+        assert plane_words(e)[0].startswith(source)
 
 
 @pytest.mark.parametrize(("height", "doubtful"), [(0.4, False), (1.2, True)])

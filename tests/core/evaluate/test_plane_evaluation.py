@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.errors import InputError, StripeError
+from core.errors import InputError, NoCoordinateError, StripeError
 from core.evaluate import evaluate_plane
 from core.model import PhaseMap, PointCloud
 from core.pipeline import METHODS, evaluate_project
@@ -90,7 +90,7 @@ def test_a_plane_without_the_depth_methods_coordinate_is_judged_by_the_other(
     calibrated: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def lacking(*_: object) -> PointCloud:
-        raise InputError("phase map", "no pixel has the coordinate u", "capture with patterns along x")
+        raise NoCoordinateError("phase map", "no pixel has the coordinate u", "capture with patterns along x")
 
     monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], reconstruct=lacking))
     rows = evaluate_project(read_project(calibrated))
