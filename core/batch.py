@@ -58,29 +58,16 @@ _ANSWER_S = 10.0  # how long a scheduler may take to answer
 
 @dataclass(frozen=True)
 class Job:
-    """One capture to be worked on.
-
-    Attributes
-    ----------
-    out : Path
-        Where its results go.
-    steps : tuple of str
-        What to do, in the order of `STEPS`.
-    inputs : mapping
-        For every step, a sign of what it is made from as that was when the batch began.
-    calibrations : tuple
-        The calibrations and their hashes: a worker reads them again when they changed.
-    threads : int
-        How many threads a kernel may use.
-    """
+    """One capture to be worked on."""
 
     project: Project
     capture: Capture
-    out: Path
-    steps: tuple[Step, ...]
-    inputs: Mapping[Step, str]
+    out: Path  #: where its results go
+    steps: tuple[Step, ...]  #: what to do, in the order of `STEPS`
+    inputs: Mapping[Step, str]  #: for every step, a sign of what it is made from as that was when the batch began
+    #: the calibrations and their hashes: a worker reads them again when they changed
     calibrations: tuple[tuple[str, str | None], ...] = ()
-    threads: int = 1
+    threads: int = 1  #: how many threads a kernel may use
 
 
 @dataclass(frozen=True)

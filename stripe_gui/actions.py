@@ -33,37 +33,17 @@ def project_idle(bench: Workbench) -> bool:
 
 @dataclass(frozen=True)
 class Action:
-    """One thing the operator can do.
+    """One thing the operator can do."""
 
-    Attributes
-    ----------
-    id : str
-        "menu.name": the part before the dot names the menu it stands in.
-    text : str
-        As in the menu, in the operator's language; "..." at its end says that it asks something first.
-    slot : callable
-        Does it, given the workbench.
-    shortcut : str
-        Such as "Ctrl+O"; unique.
-    icon : str
-        A file of resources/icons without its ending.
-    tip : str
-        One sentence more, shown in the palette and the status line.
-    group : int
-        Groups of a menu are separated by a line.
-    checked_when : callable, optional
-        Makes it a switch that shows this state.
-    """
-
-    id: str
-    text: str
-    slot: Callable[[Workbench], object]
-    shortcut: str = ""
-    icon: str = ""
-    tip: str = ""
-    group: int = 0
+    id: str  #: "menu.name": the part before the dot names the menu it stands in
+    text: str  #: as in the menu, in the operator's language; "..." at its end says that it asks something first
+    slot: Callable[[Workbench], object]  #: does it, given the workbench
+    shortcut: str = ""  #: such as "Ctrl+O"; unique
+    icon: str = ""  #: a file of resources/icons without its ending
+    tip: str = ""  #: one sentence more, shown in the palette and the status line
+    group: int = 0  #: groups of a menu are separated by a line
     enabled_when: Callable[[Workbench], bool] = always
-    checked_when: Callable[[Workbench], bool] | None = None
+    checked_when: Callable[[Workbench], bool] | None = None  #: makes it a switch that shows this state
 
     @property
     def menu(self) -> str:

@@ -24,14 +24,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Notice:
-    """Something the operator should know: what happened, what to do, the details folded away.
+    """Something the operator should know: what happened, what to do, the details folded away."""
 
-    Attributes
-    ----------
-    kind : {"info", "success", "warning", "error"}
-    """
-
-    kind: str
+    kind: str  #: {"info", "success", "warning", "error"}
     happened: str
     remedy: str = ""
     details: str = ""

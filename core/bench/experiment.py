@@ -48,57 +48,40 @@ class Place:
 
 @dataclass(frozen=True)
 class Plan:
-    """What an experiment sets out to do.
-
-    Attributes
-    ----------
-    field, plate : tuple
-        Rows, columns, pitch in mm and diameter in mm of the testfield (white dots) and of the depth plate (black dots).
-    places : sequence of Place
-        One testfield capture each.
-    depths_mm, angles_deg : sequence of float
-        One capture of the depth plate or the plane-table each.
-    sequence : callable
-        The patterns shown for a role.
-    bend_mm, offset_sigma_mm : float
-        Of the testfield as made: bend from lowest to highest place; sigma of its targets' places in x, y, z.
-    plate_flat_mm, table_flat_mm : float
-        Form error from lowest to highest place.
-    objects, shadow : bool
-        Captures of a sphere and a step; of a painted, bent board in whose middle something shadows the projector.
-    camera_name : str
-        Of the rig's camera.
-    ending : str
-        Of the frames' names: PNG, or plain TIFF of twice the room and a tenth of the time.
-    others : mapping
-        Further cameras by name, each as a rig with the same projector.
-    depth_sigma_mm, axis_tilt_deg : float
-        Error of the depth plate's positions; angle between its movement and its normal.
-    """
+    """What an experiment sets out to do."""
 
     name: str
     title: str
     rig: Rig
+    #: field, plate: rows, columns, pitch in mm and diameter in mm of the testfield (white dots) and of the depth plate
+    #: (black dots)
     field: tuple[int, int, float, float]
     plate: tuple[int, int, float, float]
-    places: Sequence[Place]
+    places: Sequence[Place]  #: one testfield capture each
+    #: depths_mm, angles_deg: one capture of the depth plate or the plane-table each
     depths_mm: Sequence[float]
     angles_deg: Sequence[float]
-    sequence: Callable[[Role], list[Pattern]]
+    sequence: Callable[[Role], list[Pattern]]  #: the patterns shown for a role
+    #: objects, shadow: captures of a sphere and a step; of a painted, bent board in whose middle something shadows the
+    #: projector
     objects: bool = True
     shadow: bool = False
     reference: str | None = None
+    #: bend_mm, offset_sigma_mm: of the testfield as made: bend from lowest to highest place; sigma of its targets'
+    #: places in x, y, z
     bend_mm: float = 0.3
     offset_sigma_mm: tuple[float, float, float] = (0.1, 0.1, 0.05)
+    #: plate_flat_mm, table_flat_mm: form error from lowest to highest place
     plate_flat_mm: float = 0.004
     table_flat_mm: float = 0.007
+    #: depth_sigma_mm, axis_tilt_deg: error of the depth plate's positions; angle between its movement and its normal
     depth_sigma_mm: float = 0.003
     axis_tilt_deg: float = 0.2
     scale_sigma_mm: float = 0.005
     plate_half_mm: tuple[float, float] = (200.0, 200.0)
-    camera_name: str = "camera"
-    ending: str = ".png"
-    others: Mapping[str, Rig] | None = None
+    camera_name: str = "camera"  #: of the rig's camera
+    ending: str = ".png"  #: of the frames' names: PNG, or plain TIFF of twice the room and a tenth of the time
+    others: Mapping[str, Rig] | None = None  #: further cameras by name, each as a rig with the same projector
 
 
 @dataclass(frozen=True)

@@ -20,26 +20,18 @@ from core.geometry import Pose, matrix_from_rotation_vector
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault: `what` says it in words.
-
-    Attributes
-    ----------
-    scene, rig : callable
-        Change what stands there and what looks at it.
-    lamp, room : callable
-        Factor of the projector's and the room's light at a part (0 to 1) of the sequence.
-    moved_mm : tuple
-        How far the object is displaced, in the camera's frame, from the middle of the sequence on.
-    order : callable
-        For n frames, which exposure arrives as image 0, 1, ...
-    """
+    """One fault: `what` says it in words."""
 
     what: str
+    #: scene, rig: change what stands there and what looks at it
     scene: Callable[[Scene, np.random.Generator], Scene] = lambda scene, rng: scene
     rig: Callable[[Rig], Rig] = lambda rig: rig
+    #: lamp, room: factor of the projector's and the room's light at a part (0 to 1) of the sequence
     lamp: Callable[[float], float] = lambda part: 1.0
     room: Callable[[float], float] = lambda part: 1.0
+    #: how far the object is displaced, in the camera's frame, from the middle of the sequence on
     moved_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    #: for n frames, which exposure arrives as image 0, 1, ...
     order: Callable[[int], list[int]] = lambda frames: list(range(frames))
 
 

@@ -23,30 +23,15 @@ WIDTHS = 16
 
 @dataclass(frozen=True)
 class Lcd:
-    """The projector's plate and lens.
+    """The projector's plate and lens."""
 
-    Attributes
-    ----------
-    fill : float
-        Part of a line's pitch that switches; the gap between lines stays as if switched off.
-    contrast : float
-        Light of a bright line over that of a dark one.
-    blur_lines : float
-        Gaussian sigma of the image of a point at the focus distance, lines.
-    defocus_lines : float
-        Gaussian sigma added quadratically per unit of ``|Z_focus / Z - 1|``, lines (thin lens).
-    focus_mm : float
-        Distance of best focus from the projection centre, along the axis.
-    exponent : float
-        Light is the level it was told to this power.
-    """
-
-    fill: float = 0.92
-    contrast: float = 60.0
-    blur_lines: float = 0.6
+    fill: float = 0.92  #: part of a line's pitch that switches; the gap between lines stays as if switched off
+    contrast: float = 60.0  #: light of a bright line over that of a dark one
+    blur_lines: float = 0.6  #: Gaussian sigma of the image of a point at the focus distance, lines
+    #: Gaussian sigma added quadratically per unit of ``|Z_focus / Z - 1|``, lines (thin lens)
     defocus_lines: float = 1.5
-    focus_mm: float = 600.0
-    exponent: float = 1.0
+    focus_mm: float = 600.0  #: distance of best focus from the projection centre, along the axis
+    exponent: float = 1.0  #: light is the level it was told to this power
 
     def sigma_lines(self, depth_mm: ArrayLike) -> Array:
         """Width of the blur at depths (any shape) before the projector: ``sqrt(s0² + (k |Zf / Z - 1|)²)``."""

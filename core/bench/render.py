@@ -32,18 +32,12 @@ _AT_ONCE = 8  # patterns in one way through the rays: 160 MB at 5 Mpx
 
 @dataclass(frozen=True)
 class Prepared:
-    """A rig before a scene, ready to expose; the scene and the rig stand still.
-
-    Attributes
-    ----------
-    room : array, shape (H, W)
-        The image by the light of the room alone, white at the image's middle as 1.
-    """
+    """A rig before a scene, ready to expose; the scene and the rig stand still."""
 
     rig: Rig
     scene: Scene
     samples: Samples
-    room: Floats
+    room: Floats  #: (H, W): the image by the light of the room alone, white at the image's middle as 1
 
     def frame(self, pattern: Pattern, seed: int | Sequence[int] = 0, *, lamp: float = 1.0, room: float = 1.0) -> Image:
         """Take one image, shape (H, W), of a pattern; equal seeds give equal noise.

@@ -29,35 +29,22 @@ PROJECTOR_1999 = (
 
 @dataclass(frozen=True)
 class Rig:
-    """Camera, projector and their electronics.
+    """Camera, projector and their electronics."""
 
-    Attributes
-    ----------
-    camera, projector : DeviceSpec
-        What the maker's sheet says.
-    camera_interior, projector_interior : Interior
-        What is true.
-    camera_from_volume : Pose
-        The measuring volume's frame: origin at its middle, y up, z towards the rig.
-    lcd, lens, sensor
-        Optics and electronics.
-    reference_mm : float
-        Distance from the projector at which white gives `sensor.white_level`.
-    subsamples : int
-        Rays per pixel along one axis.
-    """
-
+    #: camera, projector: what the maker's sheet says
     camera: DeviceSpec
+    #: camera_interior, projector_interior: what is true
     camera_interior: Interior
     projector: DeviceSpec
     projector_interior: Interior
     projector_from_camera: Pose
-    camera_from_volume: Pose
+    camera_from_volume: Pose  #: the measuring volume's frame: origin at its middle, y up, z towards the rig
+    #: lcd, lens, sensor: optics and electronics
     lcd: Lcd
     lens: Lens
     sensor: Sensor
-    reference_mm: float = 600.0
-    subsamples: int = 3
+    reference_mm: float = 600.0  #: distance from the projector at which white gives `sensor.white_level`
+    subsamples: int = 3  #: rays per pixel along one axis
 
 
 def look_at(centre_mm: ArrayLike, target_mm: ArrayLike = (0.0, 0.0, 0.0)) -> Pose:

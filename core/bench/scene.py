@@ -44,25 +44,15 @@ class Form:
 
 @dataclass(frozen=True)
 class Board:
-    """A board, plate or plane-table: its form, its paint and the targets as they were really made.
+    """A board, plate or plane-table: its form, its paint and the targets as they were really made."""
 
-    Attributes
-    ----------
-    half_size_mm : (float, float)
-        It reaches from -half to +half in x and y; beyond it there is nothing.
-    albedo : float
-        Of the paint between the targets.
-    targets : Testfield or None
-        The targets at their true places, z included: a target lies `z - h(x, y)` above the form.
-    spots : array, shape (k, 5)
-        Unwanted circles painted over everything: x, y, height over the form, radius, albedo. An albedo far above 1 is
-        a glint.
-    """
-
-    half_size_mm: tuple[float, float]
+    half_size_mm: tuple[float, float]  #: it reaches from -half to +half in x and y; beyond it there is nothing
     form: Form = field(default_factory=Form)
-    albedo: float = WHITE
+    albedo: float = WHITE  #: of the paint between the targets
+    #: the targets at their true places, z included: a target lies `z - h(x, y)` above the form
     targets: Testfield | None = None
+    #: (k, 5): unwanted circles painted over everything: x, y, height over the form, radius, albedo. An albedo far above
+    #: 1 is a glint.
     spots: Array = field(default_factory=lambda: np.zeros((0, 5)))
 
     def circles(self) -> Array:

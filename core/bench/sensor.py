@@ -14,30 +14,15 @@ Image = NDArray[Any]
 
 @dataclass(frozen=True)
 class Sensor:
-    """How light becomes grey values.
+    """How light becomes grey values."""
 
-    Attributes
-    ----------
-    white_level : float
-        Grey value of a white surface square to the projector at the reference distance, before blur and offset.
-    offset : float
-        Black level, grey values.
-    read_noise : float
-        Standard deviation that does not depend on the light, grey values.
-    shot_gain : float
-        Variance per grey value of signal: ``variance = read_noise² + shot_gain · signal``.
-    jitter_px : float
-        Standard deviation of the horizontal displacement of every video line.
-    bits : int
-        8 gives uint8 images; more gives uint16 with values to ``2^bits - 1``.
-    """
-
+    #: grey value of a white surface square to the projector at the reference distance, before blur and offset
     white_level: float = 100.0
-    offset: float = 6.0
-    read_noise: float = 1.4
-    shot_gain: float = 0.02
-    jitter_px: float = 0.0
-    bits: int = 8
+    offset: float = 6.0  #: black level, grey values
+    read_noise: float = 1.4  #: standard deviation that does not depend on the light, grey values
+    shot_gain: float = 0.02  #: variance per grey value of signal: ``variance = read_noise² + shot_gain · signal``
+    jitter_px: float = 0.0  #: standard deviation of the horizontal displacement of every video line
+    bits: int = 8  #: 8 gives uint8 images; more gives uint16 with values to ``2^bits - 1``
 
     @property
     def ceiling(self) -> int:

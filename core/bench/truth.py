@@ -20,24 +20,15 @@ _RIM = 24  # points of a target's edge that are looked at
 
 @dataclass(frozen=True)
 class TruthMaps:
-    """What the single ray through every pixel's centre meets.
+    """What the single ray through every pixel's centre meets."""
 
-    Attributes
-    ----------
-    u, v : array, shape (H, W)
-        True projector coordinates in lines, NaN where the ray meets nothing that the projector's raster lights.
-    xyz_mm : array, shape (H, W, 3)
-        Where the ray ends, in the camera's frame, NaN where it meets nothing.
-    lit : array of bool, shape (H, W)
-        Met, within the projector's raster and not in shadow.
-    gain : array, shape (H, W)
-        Light received from a fully bright projector, white square to it at the reference distance as 1.
-    """
-
+    #: u, v: (H, W): true projector coordinates in lines, NaN where the ray meets nothing that the projector's raster
+    #: lights
     u: Array
     v: Array
-    xyz_mm: Array
-    lit: NDArray[np.bool_]
+    xyz_mm: Array  #: (H, W, 3): where the ray ends, in the camera's frame, NaN where it meets nothing
+    lit: NDArray[np.bool_]  #: (H, W): met, within the projector's raster and not in shadow
+    #: (H, W): light received from a fully bright projector, white square to it at the reference distance as 1
     gain: Array
 
 

@@ -36,42 +36,24 @@ TOO_MANY_LOST = 0.02  # share of pixels without a usable curve that is worth a w
 
 @dataclass(frozen=True)
 class DepthPlane:
-    """The plate at one position.
+    """The plate at one position."""
 
-    Attributes
-    ----------
-    z_mm : float
-        Position along the plate's axis.
-    phase : PhaseMap
-        The decoded capture, shape (H, W).
-    targets : TargetSet or None
-        The plate's targets in this capture, where they were measured.
-    """
-
-    z_mm: float
-    phase: PhaseMap
-    targets: TargetSet | None = None
+    z_mm: float  #: position along the plate's axis
+    phase: PhaseMap  #: the decoded capture, shape (H, W)
+    targets: TargetSet | None = None  #: the plate's targets in this capture, where they were measured
 
 
 @dataclass(frozen=True)
 class DepthOptions:
-    """How the depth is calibrated.
+    """How the depth is calibrated."""
 
-    Attributes
-    ----------
-    degree : int or None
-        Of every pixel's polynomial, 1 to 7; None for the table, interpolated linearly.
-    axis : {"auto", "u", "v"}
-        The projector coordinate that gives the depth; "auto" takes the one that changes more with it.
-    low_pass_px : float
-        Standard deviation (px) of the Gaussian by which the coordinate maps of the plate are smoothed before the
-        curves are fitted, rims of targets and of the lit field left out; 0 for the maps as they are. The plate is
-        smooth, so this takes the calibration's own noise away: simulated plane-tables deviate by 1.00 to 1.01 times
-        what the true calibration leaves, without it by 1.2 to 1.7 times.
-    """
-
-    degree: int | None = 3
+    degree: int | None = 3  #: of every pixel's polynomial, 1 to 7; None for the table, interpolated linearly
+    #: the projector coordinate that gives the depth; "auto" takes the one that changes more with it
     axis: Literal["auto", "u", "v"] = "auto"
+    #: standard deviation (px) of the Gaussian by which the coordinate maps of the plate are smoothed before the curves
+    #: are fitted, rims of targets and of the lit field left out; 0 for the maps as they are. The plate is smooth, so
+    #: this takes the calibration's own noise away: simulated plane-tables deviate by 1.00 to 1.01 times what the true
+    #: calibration leaves, without it by 1.2 to 1.7 times.
     low_pass_px: float = 2.0
 
 

@@ -17,25 +17,14 @@ LEAST_STEP_LINES = 0.05  # u must change by so much from one position to the nex
 
 @dataclass(frozen=True)
 class Curves:
-    """The curves of all pixels.
+    """The curves of all pixels."""
 
-    Attributes
-    ----------
-    coefficients : array, shape (degree + 1, H, W) mm or (planes, H, W) lines
-        As in `core.model.DepthCalibration`.
-    u_range : array, shape (2, H, W)
-        Least and greatest calibrated u, NaN where the pixel has no curve.
-    squares, count : arrays, shape (H, W)
-        Sum of the squared residuals in mm² and their number.
-    not_monotonic : int
-        Pixels left out because u does not rise or fall steadily with the position.
-    """
-
-    coefficients: Floats
-    u_range: Floats
+    coefficients: Floats  #: (degree + 1, H, W), lines: as in `core.model.DepthCalibration`
+    u_range: Floats  #: (2, H, W): least and greatest calibrated u, NaN where the pixel has no curve
+    #: squares, count: (H, W): sum of the squared residuals in mm² and their number
     squares: Floats
     count: NDArray[np.uint8]
-    not_monotonic: int
+    not_monotonic: int  #: pixels left out because u does not rise or fall steadily with the position
 
 
 def fit_polynomials(depths_mm: Array, used: Floats, measured: Floats, degree: int, least: int) -> Curves:

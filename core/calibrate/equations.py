@@ -26,20 +26,11 @@ POSE, POINT, GLOBALS, INTERIOR = 0, 6, 9, 15  # where the columns begin; GLOBALS
 
 @dataclass(frozen=True)
 class Equations:
-    """The linearised, whitened observation equations ``J dx = w``; not observed coordinates have zero rows.
+    """The linearised, whitened observation equations ``J dx = w``; not observed coordinates have zero rows."""
 
-    Attributes
-    ----------
-    w : array, shape (m, 2)
-        Observed minus computed, in units of the observation's sigma.
-    J : array, shape (m, 2, 15 + K)
-        Derivatives in the same unit.
-    cost : float
-        Weighted sum of squares vᵀPv, a measured distance included; infinite where a point lies behind its device.
-    """
-
-    w: Array
-    J: Array
+    w: Array  #: (m, 2): observed minus computed, in units of the observation's sigma
+    J: Array  #: (m, 2, 15 + K): derivatives in the same unit
+    #: weighted sum of squares vᵀPv, a measured distance included; infinite where a point lies behind its device
     cost: float
 
 

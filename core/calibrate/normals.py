@@ -77,31 +77,17 @@ def reduced_equations(problem: Problem, J: Array, C: Array, rows: Ints) -> Array
 class Normals:
     """Normal equations of the image observations, reduced to U kept unknowns, the globals first; E blocks eliminated.
 
-    With N the kept unknowns' normals, ``L Lᵀ`` those of the eliminated ones and B what both share:
-
-    Attributes
-    ----------
-    M : array, shape (U, U)
-        ``N - Bᵀ(L Lᵀ)⁻¹B``.
-    right : array, shape (U,)
-        The reduced right-hand side.
-    diagonal, b : arrays, shape (U,)
-        Of N, and the right-hand side, before the elimination.
-    lower : array, shape (E, w, w)
-        L, its diagonal blocks.
-    root : array, shape (E, w, U)
-        ``L⁻¹B``.
-    half : array, shape (E, w)
-        L⁻¹ times the eliminated unknowns' right-hand side.
+    With N the kept unknowns' normals, ``L Lᵀ`` those of the eliminated ones and B what both share.
     """
 
-    M: Array
-    right: Array
+    M: Array  #: ``N - Bᵀ(L Lᵀ)⁻¹B``
+    right: Array  #: the reduced right-hand side
+    #: diagonal, b: of N, and the right-hand side, before the elimination
     diagonal: Array
     b: Array
-    lower: Array
-    root: Array
-    half: Array
+    lower: Array  #: L, its diagonal blocks
+    root: Array  #: ``L⁻¹B``
+    half: Array  #: L⁻¹ times the eliminated unknowns' right-hand side
 
 
 @inner(error_model="numpy")
@@ -317,21 +303,10 @@ class Factor:
 
 @dataclass(frozen=True)
 class Inverse:
-    """Cofactors after the last step (unscaled: multiply by sigma0²).
+    """Cofactors after the last step (unscaled: multiply by sigma0²)."""
 
-    Attributes
-    ----------
-    Q : array, shape (U, U)
-        Of the kept unknowns, the globals first.
-    C : array, shape (E, w, U)
-        A change dz of the kept unknowns moves the eliminated ones by ``-C dz``.
-    Q_own : array, shape (E, w, w)
-        Cofactors of the eliminated blocks were the kept unknowns known.
-    strength : array, shape (globals,)
-        ``1 / (Q_ii N_ii)``: 1 where a parameter is independent of all others, near 0 where it cannot be told from them.
-    """
-
-    Q: Array
-    C: Array
-    Q_own: Array
+    Q: Array  #: of the kept unknowns, the globals first
+    C: Array  #: a change dz of the kept unknowns moves the eliminated ones by ``-C dz``
+    Q_own: Array  #: cofactors of the eliminated blocks were the kept unknowns known
+    #: ``1 / (Q_ii N_ii)``: 1 where a parameter is independent of all others, near 0 where it cannot be told from them
     strength: Array

@@ -7,25 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class AdjustOptions:
-    """Options of `core.calibrate.adjust`.
+    """Options of `core.calibrate.adjust`."""
 
-    Attributes
-    ----------
-    max_iterations : int
-        Iterations of one solution before it counts as not converging.
-    tolerance : float
-        What the last step leaves is shorter than this, all unknowns together, in units of their sigma, or lost in the
-        rounding of vᵀPv.
-    variance_components : bool
-        Estimate one variance factor per device. Off, sigma0 is that of the given weights.
-    reject_beyond : float or None
-        Leave out observations whose normalised residual exceeds this, and say how many; None keeps them all and only
-        reports the gross ones.
-    """
-
-    max_iterations: int = 60
+    max_iterations: int = 60  #: iterations of one solution before it counts as not converging
+    #: what the last step leaves is shorter than this, all unknowns together, in units of their sigma, or lost in the
+    #: rounding of vᵀPv
     tolerance: float = 1e-5
+    #: estimate one variance factor per device. Off, sigma0 is that of the given weights.
     variance_components: bool = False
+    #: leave out observations whose normalised residual exceeds this, and say how many; None keeps them all and only
+    #: reports the gross ones
     reject_beyond: float | None = None
 
 

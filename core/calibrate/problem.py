@@ -41,66 +41,40 @@ class Problem:
 
     Observations are sorted by what the normal equations eliminate, the poses, or the points where these are many, and
     within each by device.
-
-    Attributes
-    ----------
-    device, pose, point : arrays, shape (m,)
-        Whose observation, at which pose, of which point.
-    order : array, shape (m,)
-        Position of each observation in the network.
-    uv, root_weight : arrays, shape (m, 2)
-        Pixels, and 1 / sigma: 0 where not observed.
-    raster : array, shape (devices, 4)
-        Pitch x, y (mm) and the pixel coordinates u, v of the middle of the image.
-    r0 : array, shape (devices,)
-        Zero crossing of the radial parameters, mm.
-    models : tuple of str
-        Lens model of each device; K is the number of parameters of the largest.
-    columns : array, shape (devices, 6 + K)
-        Where each device's six relative and its interior parameters stand among the global unknowns; -1 if held.
-    base : array, shape (devices,)
-        The device whose frame each device's relative orientation refers to (itself where it has none).
-    by_points : bool
-        Whether the points are eliminated, not the poses.
-    first : array, shape (eliminated + 1,)
-        Where the observations of each pose (or point) begin.
-    station_pose : array, shape (stations,)
-    origin_mm : array, shape (3,)
-        Taken off all object coordinates while adjusting, so that large coordinates cost no digits.
-    approximate : array, shape (n, 3)
-        Approximate points less the origin: the datum.
-    point_weight : array, shape (n, 3)
-        1 / sigma² of coordinates known before, 0 where not.
-    interior_known, interior_weight : arrays, shape (devices, K)
-        Interior orientation known before and 1 / sigma² of it, 0 where not.
-    points_free : bool
-        False holds the points where they are.
     """
 
     device_names: tuple[str, ...]
+    #: device, pose, point: (m,): whose observation, at which pose, of which point
     device: Ints
     pose: Ints
     point: Ints
-    order: Ints
+    order: Ints  #: (m,): position of each observation in the network
+    #: uv, root_weight: (m, 2): pixels, and 1 / sigma: 0 where not observed
     uv: Array
     root_weight: Array
-    raster: Array
-    r0: Array
+    raster: Array  #: (devices, 4): pitch x, y (mm) and the pixel coordinates u, v of the middle of the image
+    r0: Array  #: (devices,): zero crossing of the radial parameters, mm
     specs: tuple[DeviceSpec, ...]
-    models: tuple[str, ...]
+    models: tuple[str, ...]  #: lens model of each device; K is the number of parameters of the largest
+    #: (devices, 6 + K): where each device's six relative and its interior parameters stand among the global unknowns;
+    #: -1 if held
     columns: Ints
+    #: (devices,): the device whose frame each device's relative orientation refers to (itself where it has none)
     base: Ints
-    by_points: bool
-    first: Ints
-    station_pose: Ints
+    by_points: bool  #: whether the points are eliminated, not the poses
+    first: Ints  #: (eliminated + 1,): where the observations of each pose (or point) begin
+    station_pose: Ints  #: (stations,)
     station_device: Ints
+    #: (3,): taken off all object coordinates while adjusting, so that large coordinates cost no digits
     origin_mm: Array
-    approximate: Array
+    approximate: Array  #: (n, 3): approximate points less the origin: the datum
     distances: tuple[NetworkScale, ...]
-    point_weight: Array
+    point_weight: Array  #: (n, 3): 1 / sigma² of coordinates known before, 0 where not
+    #: interior_known, interior_weight: (devices, K): interior orientation known before and 1 / sigma² of it, 0 where
+    #: not
     interior_known: Array
     interior_weight: Array
-    points_free: bool = True
+    points_free: bool = True  #: false holds the points where they are
 
     @property
     def observed(self) -> Observed:

@@ -31,29 +31,18 @@ NEGLIGIBLE = 0.3  # of sigma: uneven light moves all targets of an image alike b
 
 @dataclass(frozen=True)
 class RigidityTest:
-    """Comparison of one relative orientation for all poses with a free one for each.
+    """Comparison of one relative orientation for all poses with a free one for each."""
 
-    Attributes
-    ----------
-    statistic : float
-        Increase of vᵀPv by the constraint, per constraint, over the variance of unit weight without it; F distributed.
-    critical : float
-        What the statistic of a rigid rig exceeds once in a thousand experiments.
-    drift_sigmas : float
-        R.m.s. shift of the image points that the constraint brings about, noise taken off, in units of their sigma.
-        A significant one below 0.3 is put down to the targets' own systematic errors.
-    shift_rms_mm, turn_rms_mrad : float
-        Deviations of the poses' own relative orientations from their mean, noise included.
-    poses : int
-        Number of poses compared.
-    """
-
+    #: increase of vᵀPv by the constraint, per constraint, over the variance of unit weight without it; F distributed
     statistic: float
-    critical: float
+    critical: float  #: what the statistic of a rigid rig exceeds once in a thousand experiments
+    #: r.m.s. shift of the image points that the constraint brings about, noise taken off, in units of their sigma. A
+    #: significant one below 0.3 is put down to the targets' own systematic errors.
     drift_sigmas: float
+    #: shift_rms_mm, turn_rms_mrad: deviations of the poses' own relative orientations from their mean, noise included
     shift_rms_mm: float
     turn_rms_mrad: float
-    poses: int
+    poses: int  #: number of poses compared
 
     @property
     def rigid(self) -> bool:

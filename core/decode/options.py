@@ -29,25 +29,14 @@ class Flag(IntFlag):
 
 @dataclass(frozen=True)
 class DecodeOptions:
-    """Thresholds of the decoder.
+    """Thresholds of the decoder."""
 
-    Parameters
-    ----------
-    min_snr : float
-        Least modulation in units of its own standard deviation. At 5 one unlit pixel in 270,000 passes (exp(-12.5)).
-    min_modulation : float
-        Least modulation in grey values, besides `min_snr`.
-    bit_margin : float
-        A bit is unsure when it is nearer to its threshold than this part of half the contrast between on and off.
-    saturation : float, optional
-        Grey value from which a pixel counts as saturated; by default the container's largest value, or the largest
-        value seen in 16-bit files when that is the full scale of a sensor with fewer bits.
-    estimate : bool
-        Refine the coordinates by all frames (`core.decode.estimate`): less noise, more time.
-    """
-
+    #: least modulation in units of its own standard deviation. At 5 one unlit pixel in 270,000 passes (exp(-12.5)).
     min_snr: float = 5.0
-    min_modulation: float = 0.0
+    min_modulation: float = 0.0  #: least modulation in grey values, besides `min_snr`
+    #: a bit is unsure when it is nearer to its threshold than this part of half the contrast between on and off
     bit_margin: float = 0.35
+    #: grey value from which a pixel counts as saturated; by default the container's largest value, or the largest value
+    #: seen in 16-bit files when that is the full scale of a sensor with fewer bits
     saturation: float | None = None
-    estimate: bool = False
+    estimate: bool = False  #: refine the coordinates by all frames (`core.decode.estimate`): less noise, more time

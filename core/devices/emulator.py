@@ -29,13 +29,6 @@ class HangUp(Exception):  # noqa: N818  not an error: what the emulated cable do
 class Emulator:
     """The device's side of the line.
 
-    Parameters
-    ----------
-    stage : Stage
-        What its light falls on.
-    faults : Faults
-        One opportunity for every command that arrives.
-
     Examples
     --------
     >>> from core.devices.profiles import read_profile
@@ -46,8 +39,8 @@ class Emulator:
     """
 
     profile: Profile
-    stage: Stage
-    faults: Faults = field(default_factory=Faults)
+    stage: Stage  #: what its light falls on
+    faults: Faults = field(default_factory=Faults)  #: one opportunity for every command that arrives
     refusals: dict[str, int] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -41,13 +41,6 @@ TRIGGER_FAULTS = {  # whichever of projector and camera triggers the other
 class Faults:
     """Decides at every opportunity whether a fault happens, and which.
 
-    Parameters
-    ----------
-    rates : mapping
-        Probability of each fault by name.
-    at : mapping
-        Opportunity number (0, 1, ...) to the fault that happens there, for certain.
-
     Examples
     --------
     >>> faults = Faults(at={1: "reset"})
@@ -55,7 +48,8 @@ class Faults:
     [None, 'reset', None]
     """
 
-    rates: Mapping[str, float] = field(default_factory=dict)
+    rates: Mapping[str, float] = field(default_factory=dict)  #: probability of each fault by name
+    #: opportunity number (0, 1, ...) to the fault that happens there, for certain
     at: Mapping[int, str] = field(default_factory=dict)
     seed: int = 0
     count: int = 0

@@ -87,49 +87,31 @@ CHECKS = {
 
 @dataclass(frozen=True)
 class Framing:
-    """One direction of a line.
+    """One direction of a line."""
 
-    Attributes
-    ----------
-    kind : str
-        "text" or "frame": how templates are written.
-    parts : tuple of str
-        Which of `PARTS` a frame has, in their order.
-    length_over, check_over : tuple of str
-        The parts that the length counts, to which `length_add` is added, and that the check value covers.
-    mark : bytes
-        What stands before the check value of a line.
-    check_text : bool
-        The check value is written in hexadecimal digits.
-    pad : int
-        Frames are filled with zeros to a multiple of so many bytes.
-    escapes : dict of bytes to bytes
-        What is sent in place of bytes that would be taken for a start or an end; the check value is that of the bytes
-        meant.
-    forms : tuple of Template
-        What a body can look like, where neither a length nor an end tells how long it is.
-    prompt : bytes
-        What a device writes when it is ready for the next line.
-    """
-
-    kind: str
-    parts: tuple[str, ...]
+    kind: str  #: "text" or "frame": how templates are written
+    parts: tuple[str, ...]  #: which of `PARTS` a frame has, in their order
     start: bytes = b""
     end: bytes = b""
-    mark: bytes = b""
+    mark: bytes = b""  #: what stands before the check value of a line
     head: int = 0
     length: int = 0
     length_order: Order = "big"
+    #: length_over, check_over: the parts that the length counts, to which `length_add` is added, and that the check
+    #: value covers
     length_over: tuple[str, ...] = ("body",)
     length_add: int = 0
     check: CheckSum = CHECKS["none"]
     check_over: tuple[str, ...] = ("body",)
     check_order: Order = "big"
-    check_text: bool = False
-    pad: int = 0
+    check_text: bool = False  #: the check value is written in hexadecimal digits
+    pad: int = 0  #: frames are filled with zeros to a multiple of so many bytes
+    #: what is sent in place of bytes that would be taken for a start or an end; the check value is that of the bytes
+    #: meant
     escapes: Mapping[bytes, bytes] = field(default_factory=dict)
+    #: what a body can look like, where neither a length nor an end tells how long it is
     forms: tuple[Template, ...] = ()
-    prompt: bytes = b""
+    prompt: bytes = b""  #: what a device writes when it is ready for the next line
 
     @property
     def check_size(self) -> int:

@@ -296,17 +296,6 @@ def make_template(
 class LineBits:
     """How the light of lines is written: in bits, or a grey value in a byte each.
 
-    Attributes
-    ----------
-    first : str
-        Line 0 is the "high" or the "low" bit of its byte.
-    depth : int
-        1 or 8 bits.
-    lit : int
-        The bit of a line that is lit; 0: grey values are those of darkness.
-    backward : bool
-        The last line comes first.
-
     Examples
     --------
     >>> LineBits().pack(np.array([1, 1, 0, 0, 0, 0, 0, 0, 1], float)).hex()
@@ -315,10 +304,10 @@ class LineBits:
     '7e00'
     """
 
-    first: str = "high"
-    depth: int = 1
-    lit: int = 1
-    backward: bool = False
+    first: str = "high"  #: line 0 is the "high" or the "low" bit of its byte
+    depth: int = 1  #: 1 or 8 bits
+    lit: int = 1  #: the bit of a line that is lit; 0: grey values are those of darkness
+    backward: bool = False  #: the last line comes first
 
     def pack(self, light: NDArray[Any]) -> bytes:
         """Write the light of lines, from 0 to 1, shape (n,)."""

@@ -16,15 +16,9 @@ COLLINEAR = 1e-6  # ratio of the second to the first spread below which points l
 
 @dataclass(frozen=True)
 class Plane:
-    """The plane ``normal · X = offset_mm``.
+    """The plane ``normal · X = offset_mm``."""
 
-    Attributes
-    ----------
-    normal : array, shape (3,)
-        Unit normal, towards the origin (the camera) for a plane the camera sees.
-    """
-
-    normal: Array
+    normal: Array  #: (3,): unit normal, towards the origin (the camera) for a plane the camera sees
     offset_mm: float
 
     def deviations(self, points: ArrayLike) -> Array:

@@ -20,23 +20,14 @@ Line = tuple[Pair, Pair]  # two ends (u, v), px
 
 @dataclass(frozen=True)
 class Profile:
-    """Deviations at points of a line, one row of every array per point, about one a pixel.
+    """Deviations at points of a line, one row of every array per point, about one a pixel."""
 
-    Attributes
-    ----------
-    uv : array, shape (n, 2)
-        Where they lie in the camera's image, px.
-    length_mm : array, shape (n,)
-        Distance from the first point, measured along the fitted plane; NaN throughout where the camera is not known.
-    deviation_mm : array, shape (n,)
-        Interpolated between pixels; NaN beside a pixel without point.
-    sigma_mm : array, shape (n,)
-        Predicted from the phase noise of the pixels it was interpolated from, NaN where that is not known.
-    """
-
-    uv: Array
+    uv: Array  #: (n, 2): where they lie in the camera's image, px
+    #: (n,): distance from the first point, measured along the fitted plane; NaN throughout where the camera is not
+    #: known
     length_mm: Array
-    deviation_mm: Array
+    deviation_mm: Array  #: (n,): interpolated between pixels; NaN beside a pixel without point
+    #: (n,): predicted from the phase noise of the pixels it was interpolated from, NaN where that is not known
     sigma_mm: Array
 
 

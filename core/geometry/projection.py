@@ -17,24 +17,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Projection:
-    """Pixel coordinates of points and their derivatives; NaN for points behind the device.
+    """Pixel coordinates of points and their derivatives; NaN for points behind the device."""
 
-    Attributes
-    ----------
-    uv : array, shape (..., 2)
-        px of a camera, lines of a projector.
-    by_point : array, shape (..., 2, 3)
-        Per mm of the point, in the frame it was given in.
-    by_interior : array, shape (..., 2, k)
-        Per unit of c, x0, y0 and the additional parameters of the device's lens.
-    by_pose : array, shape (..., 2, 6)
-        Per rad of a rotation vector w, ``R <- exp(w) R``, and per mm of the translation.
-    """
-
-    uv: Array
-    by_point: Array
-    by_interior: Array
-    by_pose: Array
+    uv: Array  #: px of a camera, lines of a projector
+    by_point: Array  #: (..., 2, 3): per mm of the point, in the frame it was given in
+    by_interior: Array  #: (..., 2, k): per unit of c, x0, y0 and the additional parameters of the device's lens
+    by_pose: Array  #: (..., 2, 6): per rad of a rotation vector w, ``R <- exp(w) R``, and per mm of the translation
 
 
 def project_with_derivatives(

@@ -95,12 +95,6 @@ def rotation_vector_from_matrix(matrix: ArrayLike) -> Array:
 class Pose:
     """A rigid movement ``X_a = R X_b + t``; name the variable ``a_from_b``.
 
-    Attributes
-    ----------
-    rotation : array, shape (3, 3)
-        Proper rotation.
-    translation_mm : array, shape (3,)
-
     Examples
     --------
     >>> camera_from_board = Pose(np.eye(3), np.array([0.0, 0.0, -600.0]))
@@ -110,8 +104,8 @@ class Pose:
     True
     """
 
-    rotation: Array = field(default_factory=lambda: np.eye(3))
-    translation_mm: Array = field(default_factory=lambda: np.zeros(3))
+    rotation: Array = field(default_factory=lambda: np.eye(3))  #: (3, 3): proper rotation
+    translation_mm: Array = field(default_factory=lambda: np.zeros(3))  #: (3,)
 
     def apply(self, points: ArrayLike) -> Array:
         """Take points, shape (..., 3), from frame b to frame a."""

@@ -60,29 +60,14 @@ def find_circles(image: Floats) -> Array:
 
 @dataclass(frozen=True)
 class Edge:
-    """A kind of edge near where it is said to be, by some shape parameters in px.
+    """A kind of edge near where it is said to be, by some shape parameters in px."""
 
-    Attributes
-    ----------
-    start : array, shape (k,)
-    distance : callable
-        Of parameters and pixels (n, 2): px from the edge, negative inside.
-    contour : callable
-        Of parameters and blur: places (m, 2) of the edge.
-    near : callable
-        Of pixels (n, 2): whether they may belong to it.
-    figures : callable
-        Of points (m, 3) of the edge: centre (3,) and vectors (j, 3).
-    inside : bool
-        Whether there is surface on the inner side, too.
-    """
-
-    start: Array
-    distance: Callable[[Array, Array], Array]
-    contour: Callable[[Array, float], Array]
-    near: Callable[[Array], NDArray[np.bool_]]
-    figures: Callable[[Array], tuple[Array, Array]]
-    inside: bool
+    start: Array  #: (k,)
+    distance: Callable[[Array, Array], Array]  #: of parameters and pixels (n, 2): px from the edge, negative inside
+    contour: Callable[[Array, float], Array]  #: of parameters and blur: places (m, 2) of the edge
+    near: Callable[[Array], NDArray[np.bool_]]  #: of pixels (n, 2): whether they may belong to it
+    figures: Callable[[Array], tuple[Array, Array]]  #: of points (m, 3) of the edge: centre (3,) and vectors (j, 3)
+    inside: bool  #: whether there is surface on the inner side, too
 
 
 def measure_feature(

@@ -32,27 +32,14 @@ class Frame:
 
 @dataclass(frozen=True)
 class Subject:
-    """What a new capture is of, as its capture.json says it.
-
-    Attributes
-    ----------
-    name : str
-        The capture's folder.
-    z_mm : float, optional
-        The plate's position along its axis, role depth.
-    angle_deg : float, optional
-        The plane's angle, role plane.
-    testfield : str, optional
-        The board, a path from the project.
-    camera, projector : str
-        Names in the rig, where it has several; empty for those meant where none is named.
-    """
+    """What a new capture is of, as its capture.json says it."""
 
     role: Role = "testfield"
-    name: str = ""
-    z_mm: float | None = None
-    angle_deg: float | None = None
-    testfield: str | None = None
+    name: str = ""  #: the capture's folder
+    z_mm: float | None = None  #: the plate's position along its axis, role depth
+    angle_deg: float | None = None  #: the plane's angle, role plane
+    testfield: str | None = None  #: the board, a path from the project
+    #: camera, projector: names in the rig, where it has several; empty for those meant where none is named
     camera: str = ""
     projector: str = ""
 

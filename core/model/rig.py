@@ -47,27 +47,18 @@ class Interior:
 
 @dataclass(frozen=True)
 class DeviceSpec:
-    """A camera or projector before calibration: its pixel (or line) raster and the maker's focal length.
-
-    Attributes
-    ----------
-    r0_mm : float or None
-        Where the radial parameters shall be zero.
-    interior : Interior or None
-        Known before: its model is the one that is estimated, its values are where the estimation begins.
-    interior_sigma : tuple of float
-        How well each parameter of `interior` is known: 0 holds it, infinity leaves it free; empty for all free.
-    response : tuple of pairs
-        (level, light) of a projector, measured before; empty where not known.
-    """
+    """A camera or projector before calibration: its pixel (or line) raster and the maker's focal length."""
 
     width: int
     height: int
     pitch_mm: tuple[float, float]
     nominal_c_mm: float
-    r0_mm: float | None = None
+    r0_mm: float | None = None  #: where the radial parameters shall be zero
+    #: known before: its model is the one that is estimated, its values are where the estimation begins
     interior: Interior | None = None
+    #: how well each parameter of `interior` is known: 0 holds it, infinity leaves it free; empty for all free
     interior_sigma: tuple[float, ...] = ()
+    #: (level, light) of a projector, measured before; empty where not known
     response: tuple[tuple[float, float], ...] = ()
 
     @property

@@ -30,26 +30,16 @@ SHRUNK = 0.5  # of the drift that is allowed for: what stays above is not observ
 
 @dataclass(frozen=True)
 class OrientOptions:
-    """How the rig is watched.
+    """How the rig is watched."""
 
-    Attributes
-    ----------
-    significance : float
-        Share of captures of an unmoved rig that may be called moved.
-    rotation_prior_rad, shift_prior_mm, interior_prior : float
-        Standard deviation of what rigs drift by, as observations of zero; that of c, x0 and y0 as a share of c.
-    most_places : int
-        Pixels are averaged over blocks down to about so many.
-    rounds : int
-        Of the linearised estimate, at the most.
-    """
-
-    significance: float = 1e-3
+    significance: float = 1e-3  #: share of captures of an unmoved rig that may be called moved
+    #: rotation_prior_rad, shift_prior_mm, interior_prior: standard deviation of what rigs drift by, as observations of
+    #: zero; that of c, x0 and y0 as a share of c
     rotation_prior_rad: float = 2e-3
     shift_prior_mm: float = 0.5
     interior_prior: float = 5e-4
-    most_places: int = 4_000
-    rounds: int = 4
+    most_places: int = 4_000  #: pixels are averaged over blocks down to about so many
+    rounds: int = 4  #: of the linearised estimate, at the most
 
 
 DEFAULT = OrientOptions()

@@ -37,55 +37,30 @@ class _Columns:
 
 @dataclass(frozen=True)
 class Sight(_Columns):
-    """Places of an image that saw column and row: single pixels, or means over square blocks of them.
+    """Places of an image that saw column and row: single pixels, or means over square blocks of them."""
 
-    Attributes
-    ----------
-    at : array of int, shape (n, 2)
-        Row and column of a place in the grid of blocks.
-    pixels : array, shape (n, 2)
-        Where they are in the camera's image, px.
-    uv, sigma : array, shape (n, 2)
-        Projector coordinates in lines.
-    slopes : array, shape (n, 2, 2)
-        How u and v change along rows and columns of a block, lines/px.
-    pull : array, shape (n, 2)
-        Where reflectance changes within a pixel's footprint its coordinate is drawn to the brighter side: by this, in
-        lines, for a footprint of 1 px² (variance).
-    """
-
-    at: NDArray[np.int64]
-    pixels: Array
+    at: NDArray[np.int64]  #: (n, 2): row and column of a place in the grid of blocks
+    pixels: Array  #: (n, 2): where they are in the camera's image, px
+    #: uv, sigma: (n, 2): projector coordinates in lines
     uv: Array
     sigma: Array
-    slopes: Array
+    slopes: Array  #: (n, 2, 2): how u and v change along rows and columns of a block, lines/px
+    #: (n, 2): where reflectance changes within a pixel's footprint its coordinate is drawn to the brighter side: by
+    #: this, in lines, for a footprint of 1 px² (variance)
     pull: Array
 
 
 @dataclass(frozen=True)
 class Residuals(_Columns):
-    """Epipolar residuals and points of places, and what they depend on.
+    """Epipolar residuals and points of places, and what they depend on."""
 
-    Attributes
-    ----------
-    e : array, shape (n,)
-        Observed less computed, in standard deviations.
-    A : array, shape (n, k)
-        Change of the computed value with the parameters of the pair, in the order of its covariance.
-    pulled : array, shape (n,)
-        Change of the observed value with the footprint, by px².
-    xyz_mm, by_xyz : arrays, shape (n, 3) and (n, 3, k)
-        The points in the camera's frame, and how they change with the parameters.
-    sigma_log : array, shape (n,)
-        Relative standard deviation of their distances by noise.
-    """
-
-    e: Array
-    A: Array
-    pulled: Array
+    e: Array  #: (n,): observed less computed, in standard deviations
+    A: Array  #: (n, k): change of the computed value with the parameters of the pair, in the order of its covariance
+    pulled: Array  #: (n,): change of the observed value with the footprint, by px²
+    #: xyz_mm, by_xyz: (n, 3): the points in the camera's frame, and how they change with the parameters
     xyz_mm: Array
     by_xyz: Array
-    sigma_log: Array
+    sigma_log: Array  #: (n,): relative standard deviation of their distances by noise
 
 
 def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float]:

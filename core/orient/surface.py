@@ -21,19 +21,13 @@ def _terms(x: Array, y: Array) -> Array:
 
 @dataclass(frozen=True)
 class Patches:
-    """Parabolas of inverse depth fitted round places of the image; one entry a place.
+    """Parabolas of inverse depth fitted round places of the image; one entry a place."""
 
-    Attributes
-    ----------
-    q, variance : arrays, shape (n,)
-        Inverse depth (1/mm) and its variance by noise; NaN where the surface is not known, or not smooth.
-    slopes : array, shape (n, 2)
-        Its change along the image's u and v, by px.
-    """
-
+    #: q, variance: (n,): inverse depth (1/mm) and its variance by noise; NaN where the surface is not known, or not
+    #: smooth
     q: Array
     variance: Array
-    slopes: Array
+    slopes: Array  #: (n, 2): its change along the image's u and v, by px
 
 
 @dataclass(frozen=True)

@@ -22,26 +22,14 @@ from core.patterns.presets import PRESETS, Size
 
 @dataclass(frozen=True)
 class SequenceSpec:
-    """What a projector of any size is to show, one pattern after the other.
+    """What a projector of any size is to show, one pattern after the other."""
 
-    Attributes
-    ----------
-    preset : str or None
-        A name of `core.patterns.PRESETS`; None for a list.
-    options : mapping
-        Of the preset, as they were given; what is not given has the preset's default.
-    listed : tuple of Pattern
-        Of a list.
-    files : tuple of str
-        The frames' names where a capture.json was read that gives them.
-    devices : tuple of (str, str)
-        Whose these frames are, camera and projector; empty where it does not say.
-    """
-
-    preset: str | None = None
+    preset: str | None = None  #: a name of `core.patterns.PRESETS`; None for a list
+    #: of the preset, as they were given; what is not given has the preset's default
     options: Mapping[str, Any] = field(default_factory=dict)
-    listed: tuple[Pattern, ...] = ()
-    files: tuple[str, ...] = ()
+    listed: tuple[Pattern, ...] = ()  #: of a list
+    files: tuple[str, ...] = ()  #: the frames' names where a capture.json was read that gives them
+    #: whose these frames are, camera and projector; empty where it does not say
     devices: tuple[tuple[str, str], ...] = ()
 
     def patterns(self, lines: Size, where: str = "sequence") -> tuple[Pattern, ...]:

@@ -31,29 +31,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Cycle:
-    """One sequence, from the first pattern to its points.
-
-    Attributes
-    ----------
-    points, share : int, float
-        Points, and their share of the pixels.
-    sigma_depth_mm : float or None
-        Median standard deviation of the depths, from the phase's noise.
-    p : float or None
-        Of the test whether projector and camera still stand as in the cycles before, in the first as they were
-        calibrated; None where it cannot be told: without both axes, with a calibration by depths, or with too few
-        pixels.
-    capture_s, latency_s : float
-        From the first pattern to the last verified frame, and to the points. The next sequence is taken meanwhile.
-    """
+    """One sequence, from the first pattern to its points."""
 
     number: int
+    #: points, share: points, and their share of the pixels
     points: int
     share: float
-    sigma_depth_mm: float | None
+    sigma_depth_mm: float | None  #: median standard deviation of the depths, from the phase's noise
+    #: of the test whether projector and camera still stand as in the cycles before, in the first as they were
+    #: calibrated; None where it cannot be told: without both axes, with a calibration by depths, or with too few pixels
     p: float | None
     moved: bool
     retakes: int
+    #: capture_s, latency_s: from the first pattern to the last verified frame, and to the points. The next sequence is
+    #: taken meanwhile.
     capture_s: float
     latency_s: float
     file: str

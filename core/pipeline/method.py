@@ -50,76 +50,38 @@ def intersected(phase: PhaseMap, calibration: Any, extrapolate: bool, progress: 
 
 @dataclass(frozen=True)
 class CalibrationMethod:
-    """A method of calibration.
+    """A method of calibration."""
 
-    Attributes
-    ----------
-    title : str
-        What reports call its result, such as "depth calibration".
-    result : type
-        A frozen dataclass with at least the fields of `core.model.Calibration`.
-    roles : tuple of str
-        Of the captures that it reads.
-    none : tuple of str
-        What is missing where there are no such captures, and the remedy.
-    calibrate : callable
-        ``(project, captures, options, progress) -> Calibrated``; where it reads other methods' calibrations, those by
-        name come last.
-    reconstruct : callable
-        ``(phase, calibration, extrapolate, progress) -> cloud``, in the frame of the phase map's camera.
-    figures : callable
-        ``(calibration) -> dict``, for `calibrate --json`; verdict, left out and warnings are added to it.
-    devices : callable
-        ``(project, calibration) -> (name, in project.json, as calibrated)`` of all devices that it is of.
-    camera : callable
-        ``(phase, calibration) -> interior``: the camera that points are reconstructed with, None if there is no such.
-    judge : callable
-        ``(evidence, name, calibration) -> Judgement``; what is wrong with the captures themselves is added to it.
-    usable : callable
-        ``(capture) -> bool``: whether a capture of these roles can be used.
-    about : str
-        What it is made from and where it measures, for who has to choose.
-    options : tuple of str
-        Fields of `CalibrateOptions` that it reads.
-    beside : mapping
-        Further archives of a run, and what they hold.
-    least : int
-        Captures without which it waits, as long as another method has enough.
-    reads : tuple of str
-        Methods, earlier in `METHODS`, whose calibrations it takes into account where there are any.
-    scaled : bool
-        It reads the known lengths.
-    reused : bool
-        Its result is taken from an earlier run that was made from the same.
-    one_pair : bool
-        It is of one camera with one projector, those that the rig names first.
-    joint : bool
-        Points that several cameras saw may be intersected from the rays of all.
-    outside : str
-        Why a decoded pixel may have no point.
-    """
-
-    title: str
-    result: type
-    roles: tuple[Role, ...]
-    none: tuple[str, str]
+    title: str  #: what reports call its result, such as "depth calibration"
+    result: type  #: a frozen dataclass with at least the fields of `core.model.Calibration`
+    roles: tuple[Role, ...]  #: of the captures that it reads
+    none: tuple[str, str]  #: what is missing where there are no such captures, and the remedy
+    #: ``(project, captures, options, progress) -> Calibrated``; where it reads other methods' calibrations, those by
+    #: name come last
     calibrate: Callable[..., Calibrated]
+    #: ``(phase, calibration, extrapolate, progress) -> cloud``, in the frame of the phase map's camera
     reconstruct: Callable[[PhaseMap, Any, bool, Progress], PointCloud]
+    #: ``(calibration) -> dict``, for `calibrate --json`; verdict, left out and warnings are added to it
     figures: Callable[[Any], Figures]
+    #: ``(project, calibration) -> (name, in project.json, as calibrated)`` of all devices that it is of
     devices: Callable[[Project, Any], Sequence[tuple[str, DeviceSpec, DeviceSpec]]]
+    #: ``(phase, calibration) -> interior``: the camera that points are reconstructed with, None if there is no such
     camera: Callable[[PhaseMap, Any], Interior | None] = lambda _phase, _calibration: None
+    #: ``(evidence, name, calibration) -> Judgement``; what is wrong with the captures themselves is added to it
     judge: Callable[[Evidence, str, Any], Judgement] = lambda e, name, _: Judgement(left_out=e.left_out(name))
+    #: ``(capture) -> bool``: whether a capture of these roles can be used
     usable: Callable[[Capture], bool] = lambda _capture: True
-    about: str = ""
-    options: tuple[str, ...] = ()
-    beside: Mapping[str, type] = field(default_factory=dict)
-    least: int = 1
+    about: str = ""  #: what it is made from and where it measures, for who has to choose
+    options: tuple[str, ...] = ()  #: fields of `CalibrateOptions` that it reads
+    beside: Mapping[str, type] = field(default_factory=dict)  #: further archives of a run, and what they hold
+    least: int = 1  #: captures without which it waits, as long as another method has enough
+    #: methods, earlier in `METHODS`, whose calibrations it takes into account where there are any
     reads: tuple[str, ...] = ()
-    scaled: bool = False
-    reused: bool = False
-    one_pair: bool = False
-    joint: bool = False
-    outside: str = "no intersection in front of the rig"
+    scaled: bool = False  #: it reads the known lengths
+    reused: bool = False  #: its result is taken from an earlier run that was made from the same
+    one_pair: bool = False  #: it is of one camera with one projector, those that the rig names first
+    joint: bool = False  #: points that several cameras saw may be intersected from the rays of all
+    outside: str = "no intersection in front of the rig"  #: why a decoded pixel may have no point
 
     def uses(self, capture: Capture) -> bool:
         """Whether a capture is one of those that it reads."""

@@ -13,29 +13,16 @@ DEVICES = ("camera", "projector")
 
 @dataclass(frozen=True)
 class CalibrateOptions:
-    """What the operator may choose; each method reads its own part.
+    """What the operator may choose; each method reads its own part."""
 
-    Attributes
-    ----------
-    rigid : bool
-        One relative orientation of camera and projector for all poses; otherwise every station is free.
-    degree : int or None
-        Degree of the depth polynomial; None for the piecewise-linear table.
-    low_pass_px : float
-        Standard deviation of the Gaussian that smooths the depth calibration; 0 for none.
-    without : tuple of str
-        Names of captures that take no part.
-    hold : tuple of str
-        Parameters that are not estimated, such as "projector.A3": c stays at its nominal value, all others at zero.
-    reject_beyond : float or None
-        Observations with a normalised residual beyond this are left out as gross errors; None keeps them all.
-    """
-
+    #: one relative orientation of camera and projector for all poses; otherwise every station is free
     rigid: bool = True
-    degree: int | None = 3
-    low_pass_px: float = 2.0
-    without: tuple[str, ...] = ()
+    degree: int | None = 3  #: degree of the depth polynomial; None for the piecewise-linear table
+    low_pass_px: float = 2.0  #: standard deviation of the Gaussian that smooths the depth calibration; 0 for none
+    without: tuple[str, ...] = ()  #: names of captures that take no part
+    #: parameters that are not estimated, such as "projector.A3": c stays at its nominal value, all others at zero
     hold: tuple[str, ...] = ()
+    #: observations with a normalised residual beyond this are left out as gross errors; None keeps them all
     reject_beyond: float | None = 5.0
 
 

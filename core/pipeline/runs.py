@@ -44,38 +44,21 @@ _UNREADABLE = (OSError, ValueError, TypeError, KeyError, AttributeError, Overflo
 
 @dataclass(frozen=True)
 class Run:
-    """One calibration as it was made.
-
-    Attributes
-    ----------
-    made_at : str
-        When it ended, ISO 8601 with the offset of the zone.
-    captures : mapping
-        Names of the captures used by each method.
-    excluded : mapping
-        Targets that an operator had excluded, (row, col) each, by capture.
-    made_from : mapping
-        What each method's result follows from, see `core.pipeline.inputs`; runs of earlier versions do not know.
-    figures : dict
-        As `calibrate --json` writes them.
-    held_by : mapping
-        Number of the run that holds a method's archives, where that is another one.
-    archives : mapping
-        Hashes of its own archives, by file name.
-    name : str
-        What an operator called it.
-    """
+    """One calibration as it was made."""
 
     number: int
-    made_at: str
+    made_at: str  #: when it ended, ISO 8601 with the offset of the zone
     options: CalibrateOptions
-    captures: Mapping[Method, tuple[str, ...]]
+    captures: Mapping[Method, tuple[str, ...]]  #: names of the captures used by each method
+    #: targets that an operator had excluded, (row, col) each, by capture
     excluded: Mapping[str, tuple[tuple[int, int], ...]]
+    #: what each method's result follows from, see `core.pipeline.inputs`; runs of earlier versions do not know
     made_from: Mapping[Method, Record]
-    figures: Figures = field(repr=False)
+    figures: Figures = field(repr=False)  #: as `calibrate --json` writes them
+    #: number of the run that holds a method's archives, where that is another one
     held_by: Mapping[Method, int] = field(default_factory=dict)
-    archives: Mapping[str, str] = field(default_factory=dict)
-    name: str = ""
+    archives: Mapping[str, str] = field(default_factory=dict)  #: hashes of its own archives, by file name
+    name: str = ""  #: what an operator called it
 
     @property
     def methods(self) -> tuple[Method, ...]:

@@ -17,19 +17,13 @@ PLANE = np.array([[-1.0, 0.0, 1.0]] * 3) / 6  # slope of the plane through 3 by 
 
 @dataclass(frozen=True)
 class Labels:
-    """Coordinates of both axes with their variances and slopes.
+    """Coordinates of both axes with their variances and slopes."""
 
-    Attributes
-    ----------
-    values, variances : array, shape (H, W, 2)
-        Lines and lines².
-    slopes : array, shape (H, W, 2, 2)
-        Lines a pixel: ``slopes[..., i, j]`` of coordinate i along the image's axis j; NaN beside pixels without one,
-        and where the coordinates jump.
-    """
-
+    #: values, variances: (H, W, 2): lines and lines²
     values: Floats
     variances: Floats
+    #: (H, W, 2, 2): lines a pixel: ``slopes[..., i, j]`` of coordinate i along the image's axis j; NaN beside pixels
+    #: without one, and where the coordinates jump
     slopes: Floats
 
     def at_pixels(self, at: NDArray) -> tuple[Array, Array]:

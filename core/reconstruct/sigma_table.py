@@ -36,22 +36,13 @@ class Devices:
 
 @dataclass(frozen=True)
 class SigmaTable:
-    """What the calibration's covariance does to a point.
+    """What the calibration's covariance does to a point."""
 
-    Attributes
-    ----------
-    nodes : array, shape (rows, columns, 23)
-        Of the polynomials for the sigmas of X q², Y q² and Z q² seven coefficients each, highest power first, and
-        the least and the greatest x at which they hold. The variable is x = q `per_q` - 1.
-    step : int
-        Image columns from node to node, from column 0 on; the rows of nodes are spread evenly over the image.
-    per_q : float
-        In mm.
-    """
-
+    #: (rows, columns, 23): of the polynomials for the sigmas of X q², Y q² and Z q² seven coefficients each, highest
+    #: power first, and the least and the greatest x at which they hold. The variable is x = q `per_q` - 1.
     nodes: Array
-    step: int
-    per_q: float
+    step: int  #: image columns from node to node, from column 0 on; the rows of nodes are spread evenly over the image
+    per_q: float  #: in mm
 
 
 def depth_slopes(devices: Devices) -> tuple[float, float]:

@@ -22,30 +22,20 @@ COMPILED = "A1..A6"  # the lens model of the projector that the kernel knows
 
 @dataclass(frozen=True)
 class System:
-    """A calibration prepared for forward intersection.
+    """A calibration prepared for forward intersection."""
 
-    Attributes
-    ----------
-    rays : array, shape (H, W, 2)
-        Viewing directions of the camera's pixels, see `camera_rays`.
-    matrix, vector : arrays, shape (3, 3) and (3,)
-        M and m of the module's text.
-    radial : tuple or None
-        (A1, A2, A5, A6, -A1 r0² - A2 r0⁴) of the projector; None for another lens model than A1..A6.
-    line_u, line_v : tuples
-        (k0, kx, ky): the projector coordinate is k0 + kx x' + ky y', with (x', y') the image after radial and
-        decentring parameters, without principal point; affine parameters, principal point and pitch are in the three.
-    slopes : tuple of float
-        How much u and v change with depth, see `depth_slopes`.
-    """
-
-    rays: Floats
+    rays: Floats  #: (H, W, 2): viewing directions of the camera's pixels, see `camera_rays`
+    #: matrix, vector: (3, 3): m and m of the module's text
     matrix: Array
     vector: Array
+    #: (A1, A2, A5, A6, -A1 r0² - A2 r0⁴) of the projector; None for another lens model than A1..A6
     radial: tuple[float, float, float, float, float] | None
+    #: line_u, line_v: (k0, kx, ky): the projector coordinate is k0 + kx x' + ky y', with (x', y') the image after
+    #: radial and decentring parameters, without principal point; affine parameters, principal point and pitch are in
+    #: the three
     line_u: tuple[float, float, float]
     line_v: tuple[float, float, float]
-    slopes: tuple[float, float]
+    slopes: tuple[float, float]  #: how much u and v change with depth, see `depth_slopes`
     devices: Devices
 
 

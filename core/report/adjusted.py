@@ -16,27 +16,14 @@ STRONG = 0.9  # a correlation that ties two parameters together
 
 @dataclass(frozen=True)
 class Coverage:
-    """Where in a device's image there are points.
-
-    Attributes
-    ----------
-    size : (width, height), px
-    uv : array, shape (n, 2)
-        Image points of all stations, px.
-    counts : array, shape (rows, columns)
-        Points in each cell of the image.
-    hull : array, shape (k, 2)
-        Corners of the points' convex hull, px, closed.
-    hull_share : float
-        Area of the hull over that of the image.
-    """
+    """Where in a device's image there are points."""
 
     name: str
-    size: tuple[int, int]
-    uv: Array
-    counts: Ints
-    hull: Array
-    hull_share: float
+    size: tuple[int, int]  #: (width, height), px
+    uv: Array  #: (n, 2): image points of all stations, px
+    counts: Ints  #: (rows, columns): points in each cell of the image
+    hull: Array  #: (k, 2): corners of the points' convex hull, px, closed
+    hull_share: float  #: area of the hull over that of the image
 
     @property
     def filled(self) -> float:
@@ -107,21 +94,12 @@ def correlations(adjustment: Adjustment) -> Correlations:
 
 @dataclass(frozen=True)
 class PointSigmas:
-    """Sigmas of the object points.
-
-    Attributes
-    ----------
-    xyz_mm : array, shape (n, 3)
-    sigma_um : array, shape (n, 3)
-        Along X, Y and Z of the testfield.
-    images : array, shape (n,)
-        In how many images each was seen.
-    """
+    """Sigmas of the object points."""
 
     names: tuple[str, ...]
-    xyz_mm: Array
-    sigma_um: Array
-    images: Ints
+    xyz_mm: Array  #: (n, 3)
+    sigma_um: Array  #: (n, 3): along X, Y and Z of the testfield
+    images: Ints  #: (n,): in how many images each was seen
 
     def of(self, axis: str) -> Array:
         """Give the sigma along "X", "Y" or "Z", or for "XYZ" the root of the sum of their squares, µm, shape (n,)."""

@@ -67,34 +67,19 @@ class Line:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A printable testfield; places in mm from the top left corner of the sheet, x right, y down.
-
-    Attributes
-    ----------
-    width_mm, height_mm : float
-        Of the page.
-    ground_mm : tuple of float
-        Left, top, width and height of the area that belongs to the targets.
-    inverse : bool
-        White targets on a black ground.
-    targets_mm : (n, 3) array
-        Centre x, y and diameter of every target, in the testfield's order.
-    dots : bool
-        The targets are dots, and printed.
-    patches : tuple
-        Outlines (k, 2) of further areas, each over those before; whether they have the targets' tone, or the ground's.
-    bars_mm : tuple of float
-        Length of the bar across and of the one down: what a ruler must show between the end ticks.
-    """
+    """A printable testfield; places in mm from the top left corner of the sheet, x right, y down."""
 
     title: str
+    #: width_mm, height_mm: of the page
     width_mm: float
     height_mm: float
-    ground_mm: tuple[float, float, float, float]
-    inverse: bool
-    targets_mm: Array
-    dots: bool
+    ground_mm: tuple[float, float, float, float]  #: left, top, width and height of the area that belongs to the targets
+    inverse: bool  #: white targets on a black ground
+    targets_mm: Array  #: (n, 3): centre x, y and diameter of every target, in the testfield's order
+    dots: bool  #: the targets are dots, and printed
+    #: outlines (k, 2) of further areas, each over those before; whether they have the targets' tone, or the ground's
     patches: tuple[tuple[Array, bool], ...]
+    #: length of the bar across and of the one down: what a ruler must show between the end ticks
     bars_mm: tuple[float, float]
     lines: tuple[Line, ...]
     texts: tuple[Text, ...]

@@ -51,50 +51,33 @@ class SignOff:
 
 @dataclass(frozen=True)
 class ReportData:
-    """Everything the report tells of; a part that is None or empty is left out and the report says so.
+    """Everything the report tells of; a part that is None or empty is left out and the report says so."""
 
-    Attributes
-    ----------
-    project : Project
-        `project.reference` names the published results to print beside the own ones.
-    truth : mapping, optional
-        True interior orientations of a simulated rig by device, "camera" and "projector" (or the name of the
-        network's device): ``{"c_mm": …, "x0_mm": …, "y0_mm": …, "A1": … "A6": …, "r0_mm": …}``. Other keys are ignored.
-    made_on, made_by : str
-        Date and program for the title block. The report never reads the clock, so equal data give equal files.
-    colour_limit_mm : float, optional
-        End of the deviation maps' common colour scale; by default it follows from the deviations.
-    sign_off : SignOff, optional
-        Who signed for `evaluations`.
-    outdated : tuple of str
-        Which of these results do not follow from the project as it is, and because of what.
-    others : mapping
-        Calibrations by further methods, by their titles.
-    volume : tuple, optional
-        Figures and maps of the photogrammetric calibration's uncertainty over the working volume.
-    drift : tuple
-        The control charts of the pairs of devices whose captures `orient` has looked at.
-    responses : mapping
-        By projector and capture, the curves (k, 2) of level and light (0 to 1) that measuring has found.
-    merged : tuple, optional
-        Poses by which captures of one object were merged last, and their sigmas (n-1, 6) in rad and mm.
-    """
-
-    project: Project
+    project: Project  #: `project.reference` names the published results to print beside the own ones
     adjustment: Adjustment | None = None
     photogrammetric: PhotogrammetricCalibration | None = None
     depth: DepthCalibration | None = None
     evaluations: tuple[PlaneEvaluation, ...] = ()
+    #: true interior orientations of a simulated rig by device, "camera" and "projector" (or the name of the network's
+    #: device): ``{"c_mm": …, "x0_mm": …, "y0_mm": …, "A1": … "A6": …, "r0_mm": …}``. Other keys are ignored.
     truth: Mapping[str, Any] | None = None
+    #: made_on, made_by: date and program for the title block. The report never reads the clock, so equal data give
+    #: equal files.
     made_on: str = ""
     made_by: str = ""
+    #: end of the deviation maps' common colour scale; by default it follows from the deviations
     colour_limit_mm: float | None = None
-    sign_off: SignOff | None = None
+    sign_off: SignOff | None = None  #: who signed for `evaluations`
+    #: which of these results do not follow from the project as it is, and because of what
     outdated: tuple[str, ...] = ()
-    others: Mapping[str, Calibration] = field(default_factory=dict)
+    others: Mapping[str, Calibration] = field(default_factory=dict)  #: calibrations by further methods, by their titles
+    #: figures and maps of the photogrammetric calibration's uncertainty over the working volume
     volume: tuple[Mapping[str, Any], Mapping[str, Array]] | None = None
+    #: the control charts of the pairs of devices whose captures `orient` has looked at
     drift: tuple[tuple[DriftPoint, ...], ...] = ()
+    #: by projector and capture, the curves (k, 2) of level and light (0 to 1) that measuring has found
     responses: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    #: poses by which captures of one object were merged last, and their sigmas (n-1, 6) in rad and mm
     merged: tuple[Registration, Array] | None = None
 
     @property

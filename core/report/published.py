@@ -14,26 +14,18 @@ from core.resources import resource
 
 @dataclass(frozen=True)
 class Published:
-    """Published values; what the publication does not tell, or we do not know, is None or absent.
-
-    Attributes
-    ----------
-    devices : mapping
-        By "camera" and "projector": c_mm, x0_mm, y0_mm, A1 … A6, residual_rms_um (x, y).
-    rms_mm : mapping
-        By (method, angle in degrees): r.m.s. deviation of the plane-table.
-    max_mm : tuple
-        Least and greatest of the published maxima.
-    """
+    """Published values; what the publication does not tell, or we do not know, is None or absent."""
 
     name: str
     source: str
+    #: by "camera" and "projector": c_mm, x0_mm, y0_mm, A1 … A6, residual_rms_um (x, y)
     devices: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     stations: int | None = None
     image_points: int | None = None
     object_sigma_rms_um: tuple[float, ...] | None = None
+    #: by (method, angle in degrees): r.m.s. deviation of the plane-table
     rms_mm: Mapping[tuple[str, float], float] = field(default_factory=dict)
-    max_mm: tuple[float, float] | None = None
+    max_mm: tuple[float, float] | None = None  #: least and greatest of the published maxima
 
     def parameter(self, kind: str | None, key: str) -> float | None:
         """Give a device's published parameter (a key of `devices`)."""

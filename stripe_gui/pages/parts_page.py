@@ -23,24 +23,13 @@ def _nothing_missing() -> str:
 
 @dataclass(frozen=True)
 class Part:
-    """One part of a page, or step of a wizard.
+    """One part of a page, or step of a wizard."""
 
-    Attributes
-    ----------
-    name : str
-        A word for the program: tests and the names of pictures.
-    title : str
-        As the operator reads it.
-    enter : callable
-        Called whenever it comes to the front.
-    missing : callable
-        Gives what still has to be done before what follows, as a sentence; empty when nothing is.
-    """
-
-    name: str
-    title: str
+    name: str  #: a word for the program: tests and the names of pictures
+    title: str  #: as the operator reads it
     body: QWidget
-    enter: Callable[[], None] = _nothing
+    enter: Callable[[], None] = _nothing  #: called whenever it comes to the front
+    #: gives what still has to be done before what follows, as a sentence; empty when nothing is
     missing: Callable[[], str] = _nothing_missing
 
 

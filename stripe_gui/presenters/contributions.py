@@ -20,31 +20,18 @@ PERPENDICULAR_DEG = 10.0  # a board inclined by less counts as seen straight on
 
 @dataclass(frozen=True)
 class Contribution:
-    """One capture as a source for a calibration.
-
-    Attributes
-    ----------
-    usable : bool
-        Whether it can take part.
-    roll_deg, tilt_deg : float or None
-        Turn of the board about the viewing axis, and its inclination to the image plane; from the targets measured,
-        else from the picks, and the nominal camera.
-    targets : int or None
-        How many were measured last, None before measuring.
-    excluded : int
-        How many an operator excluded.
-    remark : str
-        What it adds, or why it cannot take part.
-    """
+    """One capture as a source for a calibration."""
 
     name: str
     role: str
-    usable: bool
+    usable: bool  #: whether it can take part
+    #: roll_deg, tilt_deg: turn of the board about the viewing axis, and its inclination to the image plane; from the
+    #: targets measured, else from the picks, and the nominal camera
     roll_deg: float | None
     tilt_deg: float | None
-    targets: int | None
-    excluded: int
-    remark: str
+    targets: int | None  #: how many were measured last, None before measuring
+    excluded: int  #: how many an operator excluded
+    remark: str  #: what it adds, or why it cannot take part
 
 
 def contributions(folder: ProjectFolder, progress: Progress = SILENT) -> tuple[Contribution, ...]:

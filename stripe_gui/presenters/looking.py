@@ -19,26 +19,13 @@ from core.progress import SILENT, Progress
 
 @dataclass(frozen=True)
 class Look:
-    """One live image.
+    """One live image."""
 
-    Attributes
-    ----------
-    image : array, shape (H, W)
-    full : float
-        The grey value of saturation.
-    clipped : array of bool, shape (H, W)
-        Pixels that have it.
-    brightest : float
-        The 99.5th percentile as a share of `full`.
-    seconds : float
-        From the call to the image.
-    """
-
-    image: NDArray[Any]
-    full: float
-    clipped: NDArray[np.bool_]
-    brightest: float
-    seconds: float
+    image: NDArray[Any]  #: (H, W)
+    full: float  #: the grey value of saturation
+    clipped: NDArray[np.bool_]  #: (H, W): pixels that have it
+    brightest: float  #: the 99.5th percentile as a share of `full`
+    seconds: float  #: from the call to the image
 
     @property
     def clipped_percent(self) -> float:

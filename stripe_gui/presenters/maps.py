@@ -13,22 +13,14 @@ UNLIT = 0.75  # brightness where the slope is not known
 
 @dataclass(frozen=True)
 class MapView:
-    """A map ready to be shown.
+    """A map ready to be shown."""
 
-    Attributes
-    ----------
-    image : array, shape (H, W)
-        The values that the cursor reads.
-    colours : array, shape (H, W, 4), uint8, optional
-        What is painted instead of the scale's colours.
-    """
-
-    image: NDArray
+    image: NDArray  #: (H, W): the values that the cursor reads
     levels: tuple[float, float]
     scale: str
     unit: str
     digits: int
-    colours: NDArray[np.uint8] | None = None
+    colours: NDArray[np.uint8] | None = None  #: (H, W, 4): what is painted instead of the scale's colours
 
 
 def percentile(image: NDArray, percent: float) -> float:

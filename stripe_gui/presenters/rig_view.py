@@ -19,63 +19,37 @@ LEAST_ANGLE_DEG, MOST_ANGLE_DEG = 10.0, 60.0  # between the axes: below, depth i
 
 @dataclass(frozen=True)
 class RigPlan:
-    """A rig as its sketch shows it.
-
-    Attributes
-    ----------
-    distance_mm : float
-        From either device to the middle of the object plane.
-    base_mm : float
-        From device to device.
-    """
+    """A rig as its sketch shows it."""
 
     camera: DeviceSpec
     projector: DeviceSpec
-    distance_mm: float = 600.0
-    base_mm: float = 250.0
+    distance_mm: float = 600.0  #: from either device to the middle of the object plane
+    base_mm: float = 250.0  #: from device to device
 
 
 @dataclass(frozen=True)
 class Cover:
-    """What one device covers.
+    """What one device covers."""
 
-    Attributes
-    ----------
-    at_mm : tuple of float
-        Its place in the plan: x along the base, y from the object plane (0) away; the object's middle is the origin.
-    field_mm, angle_deg : tuple of float
-        Width and height of its field square to its axis at the working distance, and the angles they span.
-    reach_mm : tuple of float
-        Where its outermost rays meet the object plane.
-    unit_mm : float
-        One pixel, or one line, at the working distance.
-    """
-
+    #: its place in the plan: x along the base, y from the object plane (0) away; the object's middle is the origin
     at_mm: tuple[float, float]
+    #: field_mm, angle_deg: width and height of its field square to its axis at the working distance, and the angles
+    #: they span
     field_mm: tuple[float, float]
     angle_deg: tuple[float, float]
-    reach_mm: tuple[float, float]
-    unit_mm: float
+    reach_mm: tuple[float, float]  #: where its outermost rays meet the object plane
+    unit_mm: float  #: one pixel, or one line, at the working distance
 
 
 @dataclass(frozen=True)
 class RigView:
-    """The sketch's numbers.
-
-    Attributes
-    ----------
-    convergence_deg : float
-        Angle between the axes.
-    common_mm : float
-        Width in the object plane that both cover.
-    depth_per_line_mm : float
-        How far a point moves along the camera's axis while the projector's coordinate changes by one line.
-    """
+    """The sketch's numbers."""
 
     camera: Cover
     projector: Cover
-    convergence_deg: float
-    common_mm: float
+    convergence_deg: float  #: angle between the axes
+    common_mm: float  #: width in the object plane that both cover
+    #: how far a point moves along the camera's axis while the projector's coordinate changes by one line
     depth_per_line_mm: float
 
 

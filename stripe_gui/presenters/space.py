@@ -37,21 +37,14 @@ class Name:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that a view shows.
+    """Everything that a view shows."""
 
-    Attributes
-    ----------
-    places_mm, colours : array, shape (n, 3)
-        Points; colours are uint8.
-    spacing_mm : float
-        Between neighbouring points.
-    """
-
+    #: places_mm, colours: (n, 3): points; colours are uint8
     places_mm: Array = field(default_factory=lambda: np.zeros((0, 3)))
     colours: NDArray[np.uint8] | None = None
     lines: tuple[Line, ...] = ()
     names: tuple[Name, ...] = ()
-    spacing_mm: float = 0.0
+    spacing_mm: float = 0.0  #: between neighbouring points
 
 
 def seen(xyz_mm: ArrayLike) -> Array:

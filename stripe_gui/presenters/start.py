@@ -15,18 +15,12 @@ translate = QCoreApplication.translate
 
 @dataclass(frozen=True)
 class RecentProject:
-    """A project opened before; `problem` says why it cannot be opened now, empty if it can.
-
-    Attributes
-    ----------
-    facts : str
-        How many captures it has and when something was last written.
-    """
+    """A project opened before; `problem` says why it cannot be opened now, empty if it can."""
 
     folder: Path
     name: str
     problem: str = ""
-    facts: str = ""
+    facts: str = ""  #: how many captures it has and when something was last written
 
 
 def recent_projects(folders: Iterable[Path]) -> list[RecentProject]:

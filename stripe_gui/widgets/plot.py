@@ -27,30 +27,16 @@ SAMPLES = {"line": "━━━", "dash": "╍╍╍", "dot": "┈┈┈", "dash-d
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a plot.
+    """One line of a plot."""
 
-    Attributes
-    ----------
-    name : str
-        For the legend; empty for none.
-    x, y : array
-        Of equal length, or one x more than y for steps. NaN leaves a gap.
-    tone : int
-        0 or 1: which of the theme's two colours for marks.
-    style : {"line", "dash", "dot", "dash-dot"}
-    band : array, optional
-        The area between ±band is tinted.
-    marked : bool
-        Whether its points are marked: few values, each measured.
-    """
-
-    name: str
+    name: str  #: for the legend; empty for none
+    #: x, y: of equal length, or one x more than y for steps. NaN leaves a gap.
     x: ArrayLike
     y: ArrayLike
-    tone: int = 0
-    style: str = "line"
-    band: ArrayLike | None = None
-    marked: bool = False
+    tone: int = 0  #: 0 or 1: which of the theme's two colours for marks
+    style: str = "line"  #: {"line", "dash", "dot", "dash-dot"}
+    band: ArrayLike | None = None  #: the area between ±band is tinted
+    marked: bool = False  #: whether its points are marked: few values, each measured
 
 
 class Plot(theme.Themed):

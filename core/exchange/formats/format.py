@@ -28,25 +28,13 @@ DEEPEST = 20  # lists within lists; libyaml takes quadratic time for thousands, 
 
 @dataclass(frozen=True)
 class Format:
-    """A format of calibrations.
-
-    Attributes
-    ----------
-    free : tuple of str
-        The distortion parameters it has.
-    write : callable
-        ``(pair, path) -> files``.
-    read : callable
-        ``(path) -> pair``; what is missing or no number is an `InputError`.
-    endings : tuple of str
-        Of file names, the usual one first; any other is taken as that.
-    """
+    """A format of calibrations."""
 
     name: str
-    free: tuple[str, ...]
-    write: Callable[[Pair, Path], list[Path]]
-    read: Callable[[Path], Pair]
-    endings: tuple[str, ...]
+    free: tuple[str, ...]  #: the distortion parameters it has
+    write: Callable[[Pair, Path], list[Path]]  #: ``(pair, path) -> files``
+    read: Callable[[Path], Pair]  #: ``(path) -> pair``; what is missing or no number is an `InputError`
+    endings: tuple[str, ...]  #: of file names, the usual one first; any other is taken as that
 
 
 def second_file(path: Path) -> Path:

@@ -32,33 +32,20 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Lens:
-    """A lens model.
+    """A lens model."""
 
-    Attributes
-    ----------
-    name : str
-        As files name it.
-    additional : tuple of Parameter
-        The parameters after c, x0 and y0, in the order of `Interior.a`.
-    distort : callable
-        ``(interior, xy) -> xy``: from the collinearity image, ``x = c X/-Z``, to the measured one, mm, (..., 2) both.
-    derivatives : callable
-        ``(interior, xy) -> by_xy, by_parameter``, shapes (..., 2, 2) and (..., 2, k): of what `distort` gives, by the
-        collinearity image, and by all parameters for a point that stands still (xy moves with c).
-    undistort : callable or None
-        ``(interior, measured, tolerance_mm) -> xy``, NaN where it cannot be inverted; None for Newton's method.
-    referred : callable or None
-        ``(interior, r0_mm) -> interior``: the same imaging with the radial terms' zero elsewhere; None without r0.
-    usual_sigma : callable
-        ``(spec) -> (k,)``: what one knows of any device's parameters, c included.
-    """
-
-    name: str
-    additional: tuple[Parameter, ...]
+    name: str  #: as files name it
+    additional: tuple[Parameter, ...]  #: the parameters after c, x0 and y0, in the order of `Interior.a`
+    #: ``(interior, xy) -> xy``: from the collinearity image, ``x = c X/-Z``, to the measured one, mm, (..., 2) both
     distort: Callable[[Interior, Array], Array]
+    #: ``(interior, xy) -> by_xy, by_parameter``, shapes (..., 2, 2) and (..., 2, k): of what `distort` gives, by the
+    #: collinearity image, and by all parameters for a point that stands still (xy moves with c)
     derivatives: Callable[[Interior, Array], tuple[Array, Array]]
+    #: ``(spec) -> (k,)``: what one knows of any device's parameters, c included
     usual_sigma: Callable[[DeviceSpec], Array]
+    #: ``(interior, measured, tolerance_mm) -> xy``, NaN where it cannot be inverted; None for Newton's method
     undistort: Callable[[Interior, Array, float], Array] | None = None
+    #: ``(interior, r0_mm) -> interior``: the same imaging with the radial terms' zero elsewhere; None without r0
     referred: Callable[[Interior, float], Interior] | None = None
 
     @property

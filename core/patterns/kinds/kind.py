@@ -41,34 +41,19 @@ def fields_of(pattern: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of pattern.
+    """A kind of pattern."""
 
-    Attributes
-    ----------
-    use : str
-        What a decoder can do with its frames: "level" lights the whole field evenly; "code" is a bit of a number,
-        "phase" a step of a wave, "section" a lit line, "word" any lines that only a look-up tells apart.
-    read : callable
-        From the fields of capture.json to the pattern; raises `InputError`.
-    light : callable
-        How bright (0 to 1) the pattern makes lines, given as whole numbers.
-    words : callable
-        The pattern in words; is given "columns" or "rows", which it runs across.
-    grey : callable
-        Why a projector of black and white cannot show a pattern, and what to use instead; None if it can.
-    cycle : callable
-        Lines in one cycle of its finest stripes; None where it has no regular ones.
-    write : callable
-        The fields as capture.json holds them, without the kind.
-    """
-
+    #: what a decoder can do with its frames: "level" lights the whole field evenly; "code" is a bit of a number,
+    #: "phase" a step of a wave, "section" a lit line, "word" any lines that only a look-up tells apart
     use: Use
-    read: Callable[[Fields], Any]
-    light: Callable[[Any, Numbers], Array]
-    words: Callable[[Any, str], str]
+    read: Callable[[Fields], Any]  #: from the fields of capture.json to the pattern; raises `InputError`
+    light: Callable[[Any, Numbers], Array]  #: how bright (0 to 1) the pattern makes lines, given as whole numbers
+    words: Callable[[Any, str], str]  #: the pattern in words; is given "columns" or "rows", which it runs across
+    #: why a projector of black and white cannot show a pattern, and what to use instead; None if it can
     grey: Callable[[Any], str | None] = never
+    #: lines in one cycle of its finest stripes; None where it has no regular ones
     cycle: Callable[[Any], float | None] = never
-    write: Callable[[Any], dict[str, Any]] = fields_of
+    write: Callable[[Any], dict[str, Any]] = fields_of  #: the fields as capture.json holds them, without the kind
 
 
 def read_axis(fields: Fields) -> Axis:

@@ -16,19 +16,11 @@ Image = NDArray[Any]  # (H, W) grey values
 
 @dataclass(frozen=True)
 class Exporter:
-    """A kind of file for points.
+    """A kind of file for points."""
 
-    Attributes
-    ----------
-    ending : str
-        Of file names, with its dot.
-    holds : {"arrays", "points", "mesh"}
-    write : callable
-        ``(file, cloud, image) -> int``: the number of points written.
-    """
-
-    ending: str
+    ending: str  #: of file names, with its dot
     holds: Literal["arrays", "points", "mesh"]
+    #: ``(file, cloud, image) -> int``: the number of points written
     write: Callable[[BinaryIO, PointCloud, Image | None], int]
 
 

@@ -87,25 +87,13 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure of the report.
+    """A figure of the report."""
 
-    Attributes
-    ----------
-    key : str
-        Its name in the files, unique in a report: lower-case letters, digits and hyphens.
-    caption : str
-        What to look at, in words.
-    alternative : str
-        What is seen, for whom it cannot be shown.
-    figure : Figure or Drawn
-        Drawn once for both files.
-    """
-
-    key: str
+    key: str  #: its name in the files, unique in a report: lower-case letters, digits and hyphens
     title: str
-    caption: str
-    alternative: str
-    figure: Figure | Drawn
+    caption: str  #: what to look at, in words
+    alternative: str  #: what is seen, for whom it cannot be shown
+    figure: Figure | Drawn  #: drawn once for both files
 
     @property
     def size_in(self) -> tuple[float, float]:
