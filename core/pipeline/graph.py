@@ -74,14 +74,18 @@ class Graph(Holdings):
         by_capture: dict[str, dict[str, State]] = {name: {} for name in self.read}
         single = {
             "decode": {name: self._decode(name) for name in self.read},
-            "measure": {name: self._measure(name) for name in self._measurable()},
+            "measure": {
+                n: self._measure(n) for n, c in self.captures.items() if c.role in BOARDS and (c.testfield or c.seeds)
+            },
         }
         stages = {
             "decode": together(single["decode"], "there are no captures"),
-            "measure": self._measure_all(single["measure"]),
+            "measure": together(single["measure"], "there are no captures of a testfield"),
         }
         single["calibrate"], stages["calibrate"] = self._calibrate()
-        single["reconstruct"] = {name: self._reconstruct(name) for name in self._reconstructible()}
+        kept = {name for name, _ in self.clouds}
+        objects = [n for n, c in self.captures.items() if c.role == "object" or c.name in kept]
+        single["reconstruct"] = {name: self._reconstruct(name) for name in objects}
         single["evaluate"], stages["evaluate"] = self._evaluate()
         stages["reconstruct"] = self._reconstruct_all(single["reconstruct"], stages["evaluate"])
         stages["report"] = self._report(stages)
@@ -120,10 +124,6 @@ class Graph(Holdings):
             if capture == name and cloud is not None:
                 yield cloud
 
-    def _measurable(self) -> list[str]:
-        """Captures that measuring is for: those of boards with targets."""
-        return [n for n, c in self.captures.items() if c.role in BOARDS and (c.testfield is not None or c.seeds)]
-
     def _measure(self, name: str) -> State:
         capture = self.captures[name]
         records, damage = self.targets
@@ -136,11 +136,6 @@ class Graph(Holdings):
             return State("outdated", (UNKNOWN,))
         changed = differences(then, measured_from(self.project, capture, self.sides[capture.role], self.contents))
         return State("outdated", changed) if changed else CURRENT
-
-    def _measure_all(self, each: Mapping[str, State]) -> State:
-        if not each:
-            return State("absent", ("there are no captures of a testfield",))
-        return together(each, "")
 
     @cached_property
     def calibrations(self) -> dict[Method, tuple[State, dict[str, State]]]:
@@ -205,11 +200,6 @@ class Graph(Holdings):
                 except StripeError as error:
                     wrong.append(f"{told}: {error.seen}")
         return tuple(wrong)
-
-    def _reconstructible(self) -> list[str]:
-        """Captures of objects, and those whose points are kept."""
-        kept = {name for name, _ in self.clouds}
-        return [n for n, c in self.captures.items() if c.role == "object" or c.name in kept]
 
     def _reconstruct(self, name: str) -> State:
         capture = self.captures[name]

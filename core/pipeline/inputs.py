@@ -157,13 +157,12 @@ def part_decoded(record: Mapping[str, Any], name: str) -> Record | None:
         return {
             "methods": {"decode": record["methods"]["decode"]},
             "rig": _frame_values(record["rig"]),
-            "captures": {name: {key: value for key, value in shown.items() if key in _SHOWN or key not in _MEASURED}},
+            "captures": {name: {key: value for key, value in shown.items() if key not in _MEASURED}},
         }
     except (KeyError, TypeError, AttributeError):
         return None
 
 
-_SHOWN = ("frames", "patterns")
 _MEASURED = ("picks", "board", "side", "z_mm", "angle_deg")
 
 

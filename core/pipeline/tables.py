@@ -120,11 +120,6 @@ def export_deviations(
     return files
 
 
-def planes_of(evaluations: Sequence[PlaneEvaluation]) -> list[str]:
-    """Name the planes evaluated, in their order."""
-    return list(dict.fromkeys(e.capture for e in evaluations))
-
-
 def write_profile_csv(path: Path, found: Mapping[str, Profile]) -> None:
     """Write the profiles of one plane along one line, every method's side by side."""
     from core.report import write_columns_csv

@@ -84,36 +84,22 @@ def update_project(project: Project, progress: Progress = SILENT, listen: Listen
             part, start = progress.part(start, spans[stage]), spans[stage]
             if states.stages[stage].state not in DUE:
                 continue
-            with _noted(project, stage, problems):
+            try:
                 if text := do(project, states, part):
                     tell(f"{stage}: {text}")
+                clear_failure(project.path, stage)
+            except Cancelled:
+                raise
+            except StripeError as error:  # its state from now on; stages that do not need it are done all the same
+                problems.append(error)
+                failure = StageFailure(f"{error.where}: {error.seen}", error.remedy, read=Graph(project).sign())
+                with suppress(StripeError):
+                    keep_failure(project.path, stage, failure)
             states = project_states(project)
     if problems:
         raise problems[0]
     progress(1.0, "everything is current")
     return Update(tuple(done), states)
-
-
-class _noted:  # noqa: N801  reads as a statement
-    """Keep what a stage fails with as its state, and go on with the others; forget it once the stage succeeds."""
-
-    def __init__(self, project: Project, stage: str, problems: list[StripeError]) -> None:
-        self.project, self.stage, self.problems = project, stage, problems
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> bool:
-        if error is None:
-            clear_failure(self.project.path, self.stage)
-            return False
-        if not isinstance(error, StripeError) or isinstance(error, Cancelled):
-            return False
-        self.problems.append(error)
-        failure = StageFailure(f"{error.where}: {error.seen}", error.remedy, read=Graph(self.project).sign())
-        with suppress(StripeError):
-            keep_failure(self.project.path, self.stage, failure)
-        return True
 
 
 def _due(states: ProjectStates, stage: str, *words: str) -> list[str]:
