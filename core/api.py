@@ -31,6 +31,7 @@ from core.given import as_coordinates, as_device, as_image, as_numbers, as_patte
 from core.model import (
     AdjustedDevice,
     Adjustment,
+    Array,
     Concern,
     DeviceSpec,
     Interior,
@@ -48,7 +49,6 @@ from core.model import (
 from core.patterns import Pattern
 from core.progress import SILENT, Progress
 
-Array = NDArray[np.float64]
 Device = AdjustedDevice | tuple[DeviceSpec, Interior]
 
 OPENCV_FROM_OURS = Pose(np.diag([1.0, -1.0, -1.0]))

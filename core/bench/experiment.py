@@ -25,7 +25,6 @@ from core.patterns import Pattern
 from core.progress import SILENT, Progress
 from core.project import nominal_testfield
 
-Array = NDArray[np.float64]
 Image = NDArray[Any]
 TESTFIELD, PLATE = "testfield.csv", "plate.csv"
 

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import erf
 
 from core.bench.tables import PAD, PER_LINE
-
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
+from core.model import Array, Floats
 
 DEFOCUS_STEP = 0.02  # of |Z_focus / Z - 1| from one tabulated width to the next
 WIDTHS = 16

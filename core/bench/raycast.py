@@ -13,10 +13,9 @@ from core.bench.scene import Scene
 from core.bench.tables import fade_rows
 from core.bench.tracing import cast_rows, pack_device
 from core.geometry import Pose
+from core.model import Array, Floats
 from core.parallel import run_in_bands
 
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
 Counts = NDArray[np.int32]
 _CELL_MM = 2.0
 

@@ -18,13 +18,11 @@ from core.bench.rig import Rig
 from core.bench.scene import Scene
 from core.bench.sensor import digitise
 from core.bench.tables import expose_pixels
-from core.model import DeviceSpec
+from core.model import Array, DeviceSpec, Floats
 from core.parallel import THREADS, run_in_bands
 from core.patterns import Pattern, axis_of, brightness
 from core.progress import SILENT, Progress
 
-Floats = NDArray[np.float32]
-Array = NDArray[np.float64]
 Image = NDArray[Any]
 _OFF = np.zeros((1, 0, 1), np.float32)
 _AT_ONCE = 8  # patterns in one way through the rays: 160 MB at 5 Mpx

@@ -8,12 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from core.geometry import Pose
-from core.model import Testfield
-
-Array = NDArray[np.float64]
+from core.model import Array, Testfield
 
 WHITE = 1.0
 BLACK = 0.045

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.compiling import inner, njit
+from core.model import Floats
 
-Floats = NDArray[np.float32]
 PER_LINE = 16  # table entries per projector line, interpolated linearly
 PAD = 12  # lines tabulated beyond either end of the raster
 

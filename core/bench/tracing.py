@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.compiling import inner, njit
-from core.model import DeviceSpec, Interior
+from core.model import Array, DeviceSpec, Floats, Interior
 
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
 Counts = NDArray[np.int32]
 
 # places in a packed device

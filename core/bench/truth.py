@@ -11,9 +11,8 @@ from core.bench.raycast import cast
 from core.bench.rig import Rig
 from core.bench.scene import Scene
 from core.geometry import project
-from core.model import Seed
+from core.model import Array, Seed
 
-Array = NDArray[np.float64]
 MARGIN = 2.0  # px or lines from the edge of an image
 _RIM = 24  # points of a target's edge that are looked at
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from core.capture.identity import coordinates, identity
 from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
+from core.model import Array
 from core.model.finding import Finding
 from core.patterns import axis_of, finest_steps, level_of
 
-Array = NDArray[np.float64]
 CURVED = 0.02  # of full light; a phase of four steps is then off by less than a hundredth of its period
 TILE = 16  # px, of the pictures
 SOFT = 0.15  # modulation of the finest stripes against white and black, below which noise rules

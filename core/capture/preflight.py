@@ -10,7 +10,6 @@ import time
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.capture.fitness import (
     exposure,
@@ -25,13 +24,12 @@ from core.capture.plan import Plan, guards_for, own_sequence
 from core.capture.quality import LIT, sample_grid, summarise
 from core.devices import Camera, Check, Projector, no_check, wait_until
 from core.errors import DeviceError
-from core.model import Subject
+from core.model import Array, Subject
 from core.model.finding import Finding
 from core.numerics import sigma_about_median
 from core.patterns import Black, Level, Pattern, Phase, White, axis_of, finest_steps
 from core.progress import SILENT, Progress
 
-Array = NDArray[np.float64]
 LEVELS = 9  # of grey, black and white included
 DELAYS_MS = (0, 2, 4, 6, 8, 11, 14, 18, 23, 30, 40, 55, 75, 100, 140, 200, 300)
 STEADY = 0.02  # of the step from black to white

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.capture.plan import Plan
+from core.model import Array
 from core.model.finding import Finding, Level
 from core.numerics import quantiles, sigma_about_median
 from core.patterns import cycle_lines, finest_steps, level_of
 
-Array = NDArray[np.float64]
 SAMPLES = 100_000
 BRIGHT = 0.3  # of nearly the highest contrast
 LIT = 0.01  # of the image must be lit by the projector

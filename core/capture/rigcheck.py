@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from core.capture.fitness import visibility
 from core.capture.preflight import measure_stripes, preflight
 from core.capture.run import check_sizes
 from core.devices import open_devices
 from core.devices.opening import at_depth
-from core.model import Project
+from core.model import Array, Project
 from core.model.finding import Finding
 from core.progress import SILENT, Progress
 
-Array = NDArray[np.float64]
 Urls = tuple[str, str]  # of projector and camera
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.devices.protocol import Pixels, refuse_grey
+from core.model import Array
 from core.patterns import Pattern, axis_of, brightness
 
 Lines = NDArray[np.bool_]
-Array = NDArray[np.float64]
 
 
 class Scene(Protocol):

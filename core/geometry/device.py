@@ -6,13 +6,11 @@ The collinearity image ``(x, y)`` of a point passes through the device's lens; `
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from core.geometry.lens import distort, undistort
 from core.geometry.rotation import Pose
-from core.model import DeviceSpec, Interior
-
-Array = NDArray[np.float64]
+from core.model import Array, DeviceSpec, Interior
 
 
 def pixel_to_image(spec: DeviceSpec, uv: ArrayLike) -> Array:

@@ -6,14 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.geometry.lens import lens_of
 from core.geometry.rotation import Pose, cross_matrix
-from core.model import AdjustedDevice, Capture, Orientation, Pair, PhaseMap, PhotogrammetricCalibration
-
-Array = NDArray[np.float64]
+from core.model import AdjustedDevice, Array, Capture, Orientation, Pair, PhaseMap, PhotogrammetricCalibration
 
 ORIENTATION = ("rx", "ry", "rz", "tx", "ty", "tz")
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from core.geometry.device import image_to_pixel
 from core.geometry.lens import distort, lens_of
 from core.geometry.rotation import Pose
-from core.model import DeviceSpec, Interior
-
-Array = NDArray[np.float64]
+from core.model import Array, DeviceSpec, Interior
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from core.model import Array
+
 SMALLEST_PX = 4.0  # diameter to which the smallest dots may be reduced
 
 

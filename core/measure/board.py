@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.model import Testfield
+from core.model import Array, Testfield
 from core.numerics import nearest
 
-Array = NDArray[np.float64]
 NEIGHBOURS = 24  # the 5 x 5 surroundings of a target in a regular grid
 _known: dict[int, tuple[Testfield, Board]] = {}  # by identity: many captures share a board
 

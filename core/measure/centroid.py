@@ -22,9 +22,8 @@ from core.measure.defocus import drawn_centroids, undrawn
 from core.measure.kernels import in_bands, weighted_moments
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
+from core.model import Array
 from core.numerics import MEDIAN_OF_NORMAL, inverse_2x2, nearest, normal_equations, row_median
-
-Array = NDArray[np.float64]
 
 FLOOR = 0.01  # px² per px of diameter: what square pixels leave on noise-free renderings, 0.001 px at 12 px diameter
 REACH, TAPER = (2.0, 0.3), 0.3  # blurs and px beyond the edge where weights end; share of that where they begin to fall

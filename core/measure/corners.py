@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from core.model import Array
 
 ITERATIONS = 12
 SETTLED_PX = 1e-4

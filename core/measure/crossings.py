@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from core.model import Array
 
 SIGMA_PX = 1.5  # of the smoothing, in pixels of each size that the image is looked at in
 SIZES = (1, 2, 4)  # times a pixel

@@ -11,11 +11,9 @@ the reciprocal of depth, which is linear over the image of a plane.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from core.model import Array
 from core.numerics import MEDIAN_OF_NORMAL
-
-Array = NDArray[np.float64]
 
 LEAST = 12  # dots that tell a quadratic function
 # how much wider than a Gaussian's of its variance an edge is, squared: 1.4 for a disc, half-way to a Gaussian

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.geometry import Pose, distort, image_to_pixel
 from core.measure.view import View
-from core.model import DeviceSpec, Interior, TargetSet, Testfield
-
-Array = NDArray[np.float64]
+from core.model import Array, DeviceSpec, Interior, TargetSet, Testfield
 
 # uncertainty of the correction: nominal focal length, one lens parameter, board taken as flat; when adjusted, 1 % of
 # the dots' diameter

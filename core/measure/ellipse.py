@@ -22,9 +22,8 @@ from core.measure.defocus import EDGES, undrawn
 from core.measure.kernels import in_bands
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
+from core.model import Array
 from core.numerics import inverse_2x2
-
-Array = NDArray[np.float64]
 
 UNKNOWNS = 10  # centre 2, shape 3, blur, contrast, background 3
 ITERATIONS = 12

@@ -11,8 +11,7 @@ from core.measure.centroid import centroids
 from core.measure.ellipse import ellipse_centres
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
-
-Array = NDArray[np.float64]
+from core.model import Array
 
 
 class Estimator(Protocol):

@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 from core.measure.light import CUT
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
+from core.model import Array, Floats
 from core.numerics import MEDIAN_OF_NORMAL, nearest, row_median, sigma_by_median
-
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
 
 EVEN = 0.06  # deviations in units of the contrast that a clean dot may show inside and around it
 UNLIT_PERCENT = 1.0  # of an image's pixels, at least, show how dark the unlit board is

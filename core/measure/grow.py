@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 from core.measure.blobs import Blobs, scale_and_roundness
 from core.measure.board import Board
 from core.measure.view import View, fit_both_tilts, fit_view
+from core.model import Array, Ints
 from core.numerics import inverse_2x2, nearest, normal_equations, row_median
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 ADJACENT = 8  # targets that count as next to one another
 NEAR_FEW, NEAR = 0.35, 0.20  # how far a dot may lie from its prediction, in target spacings, by 1-2 and 3+ neighbours

@@ -14,11 +14,9 @@ from core.measure.board import Board
 from core.measure.grow import Lattice, grow, predict, prune
 from core.measure.picks import FEWEST, Picks
 from core.measure.view import View, first_view
-from core.model import DeviceSpec
+from core.model import Array, DeviceSpec, Ints
 from core.numerics import inverse_2x2, nearest
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 LEFT_OVER = 0.15  # share of dots among the identified ones that may belong to no target (reflections, other boards)
 REACHED = 0.3  # spacings within which a lattice must foretell a pick that it could not grow to
 DIM = 0.35  # contrast of a dot over that of others from which it lies in the same light; growing stops there, too

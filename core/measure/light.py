@@ -10,10 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.model import DeviceSpec
+from core.model import Array, DeviceSpec
 from core.numerics import nearest, normal_equations, row_median
-
-Array = NDArray[np.float64]
 
 CUT = "cut by the light's edge"
 REACH = 3.0  # sigmas that a blur reaches

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.measure.grow import Lattice, predict
 from core.measure.rays import Rays
-from core.model import PhaseMap
+from core.model import Array, PhaseMap
 
-Array = NDArray[np.float64]
 EXCLUDED = "excluded by the operator"
 OUTSIDE = "outside the image"
 

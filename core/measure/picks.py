@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from core.errors import InputError, NotRecognisedError
 from core.measure.blobs import Blobs
 from core.measure.board import Board
-from core.model import Seed
+from core.model import Array, Seed
 
-Array = NDArray[np.float64]
 Side = Literal["front", "back", "either"]  # of the board, that the camera sees
 FEWEST = 3  # picks on dots that identification needs
 FLAT = 0.08  # triangles flatter than this (area over longest side squared) may turn over by lens distortion alone

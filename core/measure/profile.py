@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.rays import ANGLES, DIRECTIONS, RAYS, Rays
+from core.model import Array, Floats
 from core.numerics import MEDIAN_OF_NORMAL, inverse_2x2, normal_equations, row_median
-
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
 
 STEPS = 25
 FOOT = 0.25  # share of the contrast at which a second contour shows what is too dim for the one at one half

@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.rays import Rays
+from core.model import Array, Floats
 from core.numerics import four_pixels, row_median
-
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
 
 JUMP_LINES = 0.5  # a value this far (and six sigma) off the rest of the dot is a decoding error, not a measurement
 

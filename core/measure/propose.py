@@ -21,12 +21,8 @@ from core.errors import InputError
 from core.measure.blobs import SMALLEST_PX, Blobs, find_blobs
 from core.measure.single import predicted_view
 from core.measure.view import View, first_view, fit_both_tilts
-from core.model import DeviceSpec, Seed, Testfield
+from core.model import Array, DeviceSpec, Floats, Ints, Seed, Testfield
 from core.numerics.neighbours import kd_tree
-
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
-Ints = NDArray[np.int64]
 
 WIDTH = 1000  # px that an image is reduced to: enough to see dots
 LEAST, MOST = 4.0, 60.0  # diameter of dots looked for, px of the reduced image

@@ -6,12 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.measure.kernels import in_bands, sample_rays
-
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
+from core.model import Array, Floats
 
 RAYS = 24
 ANGLES = np.arange(RAYS) * (2 * np.pi / RAYS)

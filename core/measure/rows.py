@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from core.model import Array, Ints
 
 CURVE = 3  # terms of the curve: place, lean, and the bow that uneven light and perspective give
 LEAST_ROWS = CURVE + 2

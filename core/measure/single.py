@@ -13,7 +13,6 @@ from core.measure.picks import check_picks
 from core.measure.view import View, first_view, fit_both_tilts
 from core.model import DeviceSpec, Seed, TargetSet, Testfield
 
-Array = NDArray[np.float64]
 FAINTEST = 0.1  # share of the image's contrast below which nothing counts as a dot
 
 

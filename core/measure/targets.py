@@ -6,7 +6,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.measure.board import board_from_testfield
@@ -16,11 +15,8 @@ from core.measure.light import CUT, cut_by_edge, line_gradients
 from core.measure.missing import EXCLUDED
 from core.measure.picks import Side, check_excluded
 from core.measure.projector import around_dot, bilinear, decoded_inside, inside_dot, refuse_jumps
-from core.model import DeviceSpec, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
+from core.model import Array, DeviceSpec, Floats, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
 from core.progress import SILENT, Progress
-
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
 
 DEEP = 0.2  # of a board's size that its targets' z may span; more is said where its picks do not fit
 READ_DOUBT = 0.5  # share of the softer side's light that depends on the print round a target, per px of its widening

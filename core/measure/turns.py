@@ -24,11 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.board import board_from_testfield
-from core.model import TargetSet, Testfield
+from core.model import Array, Ints, TargetSet, Testfield
 from core.numerics import nearest
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 SURE = 12.0  # log-likelihood by which a labelling must be better than the next: one error in 160,000
 OVERRULED = 36.0  # the same against an operator's pick, which lens and light repeated from image to image must not do

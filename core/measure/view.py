@@ -9,12 +9,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from core.geometry import Pose, image_to_pixel, matrix_from_rotation_vector, pixel_to_image
-from core.model import DeviceSpec, Interior
+from core.model import Array, DeviceSpec, Interior
 
-Array = NDArray[np.float64]
 RADIAL_SIGMA = 0.1  # a lens rarely moves the corner of its image by more than a tenth of its radius
 
 

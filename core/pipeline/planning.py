@@ -21,7 +21,7 @@ from scipy.special import erf
 from core.decode import decode
 from core.decode.noise import spatial_residual
 from core.errors import InputError
-from core.model import Capture, Project
+from core.model import Array, Capture, Project
 from core.patterns import (
     Axis,
     Pattern,
@@ -35,8 +35,6 @@ from core.patterns import (
 )
 from core.progress import SILENT, Progress
 from core.project import read_capture, read_images, read_project
-
-Array = NDArray[np.float64]
 
 HEIGHT, WIDTH = 24, 700  # px of the made-up field
 PERIODS = (6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # lines, that are tried

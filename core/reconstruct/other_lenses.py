@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.geometry import lens_of
-from core.model import Floats
+from core.model import Array, Floats
 from core.reconstruct.system import System
 
-Array = NDArray[np.float64]
 Coordinate = tuple[Floats, Floats, tuple[float, float, float]]
 
 STEPS = 8

@@ -15,16 +15,14 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.model import Testfield
+from core.model import Array, Testfield
 from core.resources import resource
 
 if TYPE_CHECKING:
     from reportlab.pdfgen.canvas import Canvas
 
-Array = NDArray[np.float64]
 
 MARGIN_MM = 12.0  # paper around everything: printers leave out up to 6 mm
 BAR_SPACE_MM = 14.0  # for a bar, its ticks and its length

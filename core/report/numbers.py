@@ -6,15 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.geometry import LENSES, at_radius, lens_of, pair_of, rotation_vector_from_matrix
-from core.model import AdjustedDevice, DepthCalibration, DriftPoint, Interior, PlaneEvaluation, Registration
+from core.model import AdjustedDevice, Array, DepthCalibration, DriftPoint, Interior, PlaneEvaluation, Registration
 from core.report.data import CalibratedDevice, ReportData, calibrated_devices, side_by_side
 from core.report.published import Published, published_names, read_published
 from core.report.table import Cell, Number, Table
-
-Array = NDArray[np.float64]
 
 # of the control chart: name, unit, and the unit's factor
 DRIFT_ELEMENTS = (

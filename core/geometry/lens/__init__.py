@@ -11,12 +11,10 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from core.geometry.lens.record import MAIN, Lens, Parameter, newton
-from core.model import DeviceSpec, Interior
-
-Array = NDArray[np.float64]
+from core.model import Array, DeviceSpec, Interior
 
 LENSES: dict[str, Lens] = {
     lens.name: lens

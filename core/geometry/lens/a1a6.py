@@ -10,12 +10,9 @@ With ``r² = x² + y²`` and ``d = A1 (r² - r0²) + A2 (r⁴ - r0⁴)``::
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.geometry.lens.record import Lens, Parameter
-from core.model import DeviceSpec, Interior
-
-Array = NDArray[np.float64]
+from core.model import Array, DeviceSpec, Interior
 
 
 def _distort(interior: Interior, xy: Array) -> Array:

@@ -12,12 +12,9 @@ k1 to p2 are OpenCV's own numbers. Brown, *Close-range camera calibration*, Phot
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.geometry.lens.record import Lens, Parameter
-from core.model import DeviceSpec, Interior
-
-Array = NDArray[np.float64]
+from core.model import Array, DeviceSpec, Interior
 
 
 def _distort(interior: Interior, xy: Array) -> Array:

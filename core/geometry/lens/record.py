@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from core.model import DeviceSpec, Interior
+from core.model import Array, DeviceSpec, Interior
 
-Array = NDArray[np.float64]
 Kind = Literal["radial", "affine", "decentring"]
 
 MAIN = ("c", "x0", "y0")  # what every model has; mm

@@ -24,9 +24,7 @@ from core.measure.kinds.kind import Guesses, Marks, Patch, Sight, TargetKind
 from core.measure.missing import EXCLUDED, OUTSIDE
 from core.measure.picks import check_picks
 from core.measure.view import View, first_view, fit_both_tilts
-from core.model import DeviceSpec, Seed, Testfield
-
-Array = NDArray[np.float64]
+from core.model import Array, DeviceSpec, Seed, Testfield
 
 PLAIN = 0.35  # radius that counts, in squares: beyond it are the next corners
 REACH = 2.3  # squares from measured corners at which the next ones are looked for

@@ -25,11 +25,8 @@ from core.measure.rays import Rays
 from core.measure.rows import row_shift
 from core.measure.single import dot_at
 from core.measure.view import fit_both_tilts
-from core.model import DeviceSpec, Seed, Testfield
+from core.model import Array, DeviceSpec, Floats, Seed, Testfield
 from core.numerics import row_median
-
-Array = NDArray[np.float64]
-Floats = NDArray[np.float32]
 
 SHADOW = 0.5  # of the usual share of the projector's light in all light: below, the projector does not reach a dot
 

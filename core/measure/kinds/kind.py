@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from core.geometry import Pose
 from core.measure.board import Board
 from core.measure.picks import Side
-from core.model import DeviceSpec, Interior, PhaseMap, Seed, TargetSet, Testfield
+from core.model import Array, DeviceSpec, Interior, PhaseMap, Seed, TargetSet, Testfield
 from core.progress import Progress
 
-Array = NDArray[np.float64]
 Guesses = tuple[tuple[Seed, ...], ...]
 
 

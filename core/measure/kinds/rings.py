@@ -19,9 +19,7 @@ from core.measure.blobs import Blobs
 from core.measure.kinds.dots import DOTS, measure_dots
 from core.measure.kinds.kind import Guesses, Marks, Patch, Sight
 from core.measure.propose import bright_spots
-from core.model import DeviceSpec, Seed, Testfield
-
-Array = NDArray[np.float64]
+from core.model import Array, DeviceSpec, Seed, Testfield
 
 BITS = 12
 INNER, OUTER = 2.0, 3.0  # radii of the ring, in those of the dot

@@ -29,9 +29,7 @@ from core.measure.kinds.chessboard import (
     refined,
 )
 from core.measure.kinds.kind import Guesses, Patch, TargetKind
-from core.model import DeviceSpec, Seed, Testfield
-
-Array = NDArray[np.float64]
+from core.model import Array, DeviceSpec, Seed, Testfield
 
 FAMILIES = ("5X5_{}", "4X4_{}", "6X6_{}", "7X7_{}", "APRILTAG_36h11")
 SIZES = (50, 100, 250, 1000)  # of dictionaries: each begins with the smaller ones, and takes longer to look through

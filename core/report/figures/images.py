@@ -8,9 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
-from core.model import Adjustment, DeviceSpec
+from core.model import Adjustment, Array, DeviceSpec
 from core.report.adjusted import Coverage, covered
 from core.report.data import kind_of_device
 from core.report.figures.canvas import (
@@ -26,7 +25,6 @@ from core.report.figures.canvas import (
     shortened,
 )
 
-Array = NDArray[np.float64]
 VECTORS_AS_LINES = 8000  # more arrows than this are drawn as an image: lines would make the file heavy
 
 

@@ -6,9 +6,8 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
-from numpy.typing import NDArray
 
-from core.model import Adjustment
+from core.model import Adjustment, Array
 from core.report.adjusted import Correlations, correlations
 from core.report.figures.canvas import (
     GRID,
@@ -22,7 +21,6 @@ from core.report.figures.canvas import (
     shortened,
 )
 
-Array = NDArray[np.float64]
 MARKERS = ("o", "s", "^", "D", "v", "P")
 STRONG = 0.7  # a correlation from here on is written into its cell
 
