@@ -37,7 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 0
         from stripe_gui.app import Program, make_application
     except ImportError as error:
-        print(f"stripe-gui: {_import_problem(error)}", file=sys.stderr)
+        print(
+            f"stripe-gui: {error}; install the window's packages: pip install 'stripe-workbench[gui]'", file=sys.stderr
+        )
         return 2
     if options.tour is not None:
         from stripe_gui.tour import tour
@@ -115,10 +117,6 @@ def _x11_answers(display: str) -> bool:
             return True
     except OSError:
         return False
-
-
-def _import_problem(error: ImportError) -> str:
-    return f"{error}; install the window's packages: pip install 'stripe-workbench[gui]'"
 
 
 if __name__ == "__main__":

@@ -38,16 +38,12 @@ def tour(out: Path, project: Path | None = None) -> int:
         except StripeError as error:
             print(f"stripe-gui: {error}", file=sys.stderr)
             return error.exit_code
-        command = [*_this_program(), "--tour", str(out), str(folder)]
+        program = [sys.executable, *([] if getattr(sys, "frozen", False) else ["-m", "stripe_gui"])]
         running = []
         for scale in ("1", "2"):  # Qt reads the scale once, when a process starts
             environment = {**os.environ, SCALE: scale, "QT_SCALE_FACTOR": scale}
-            running.append(subprocess.Popen(command, env=environment))
+            running.append(subprocess.Popen([*program, "--tour", str(out), str(folder)], env=environment))
         return max([process.wait() for process in running])
-
-
-def _this_program() -> list[str]:
-    return [sys.executable] if getattr(sys, "frozen", False) else [sys.executable, "-m", "stripe_gui"]
 
 
 def _demo(folder: Path) -> Path:

@@ -108,14 +108,10 @@ class Emulator:
         elif fault == "half-reply":
             raw = raw[: len(raw) // 2]
         elif fault == "wrong-checksum":
-            raw = self._spoil_check(raw)
+            last = len(raw) - 1 - len(profile.answers.end)  # byte of the check value
+            raw = raw[:last] + bytes([raw[last] ^ 1]) + raw[last + 1 :]
         raw = wrap(profile.answers, body) * profile.echo + raw + profile.answers.prompt
         return [(2.5 * profile.answer_s if fault == "late-answer" else 0.0, raw)]
-
-    def _spoil_check(self, raw: bytes) -> bytes:
-        """Change the last byte of the check value."""
-        at = len(raw) - 1 - len(self.profile.answers.end)
-        return raw[:at] + bytes([raw[at] ^ 1]) + raw[at + 1 :]
 
     def _execute(self, body: bytes, fault: str | None) -> list[bytes] | None:
         """Give what is answered, in one message or several; None: nothing at all."""

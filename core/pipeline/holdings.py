@@ -69,30 +69,25 @@ class Holdings:
     @cached_property
     def targets(self) -> tuple[dict[str, Record | None], str]:
         """What the kept targets of every capture were made from, and what is wrong with their file."""
-        path = result_path(self.project, "targets.npz")
-        if not path.exists():
-            return {}, ""
-        try:
-            sets = read_head(path)["value"]
-            return {s["fields"]["capture"]: _record(s["fields"].get("made_from")) for s in sets}, ""
-        except StripeError as error:
-            return {}, str(error)
-        except (TypeError, KeyError, AttributeError):
-            return {}, f"{path}: damaged"
+        _, sets, damage = self._head("targets.npz")
+        return {name: _record(fields.get("made_from")) for name, fields in sets.items()}, damage
 
     @cached_property
     def evaluation(self) -> tuple[Record | None, set[str], str]:
         """What the evaluation was made from, the planes in it, and what is wrong with its file."""
-        path = result_path(self.project, "evaluation.npz")
-        if not path.exists():
-            return None, set(), ""
+        record, planes, damage = self._head("evaluation.npz")
+        return record, set(planes), damage
+
+    def _head(self, name: str) -> tuple[Record | None, dict[str, dict[str, Any]], str]:
+        """Read the record of a result, its fields by capture, and what is wrong with its file."""
+        path = result_path(self.project, name)
         try:
-            head = read_head(path)
-            return head.get("made_from"), {e["fields"]["capture"] for e in head["value"]}, ""
+            head: dict[str, Any] = read_head(path) if path.exists() else {"value": ()}
+            return head.get("made_from"), {each["fields"]["capture"]: each["fields"] for each in head["value"]}, ""
         except StripeError as error:
-            return None, set(), str(error)
+            return None, {}, str(error)
         except (TypeError, KeyError, AttributeError):
-            return None, set(), f"{path}: damaged"
+            return None, {}, f"{path}: damaged"
 
     @cached_property
     def clouds(self) -> dict[tuple[str, Method], Record | None]:
@@ -101,7 +96,8 @@ class Holdings:
         for path in sorted(result_path(self.project, "points").glob("*.npz")):
             name, _, method = path.stem.rpartition(".")
             if method in METHODS:
-                found[name, method] = kept_record(path, self.contents)
+                record = stored_record(path.with_suffix(".json"), {path.name: self.contents.of(path)})
+                found[name, method] = None if isinstance(record, str) else record
         return found
 
     @cached_property
@@ -139,12 +135,6 @@ def reported_now(project: Project, contents: Look | None = None) -> Record:
     merged = result_path(project, "merged.npz")
     hashes |= {"merged captures": contents.of(merged)} if merged.exists() else {}
     return reported_from(project, {**calibration_hashes(project), **hashes})
-
-
-def kept_record(path: Path, contents: Look) -> Record | None:
-    """Read the record beside a result; None where there is none, or where it is of another file."""
-    record = stored_record(path.with_suffix(".json"), {path.name: contents.of(path)})
-    return None if isinstance(record, str) else record
 
 
 def stored_record(path: Path, files: Mapping[str, str | None]) -> Record | str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from core.errors import InputError, TooLittleSeenError
 from core.fields import read_table
-from core.geometry import pair_for
+from core.geometry import pair_for, pair_of
 from core.model import (
     Adjustment,
     Capture,
@@ -98,8 +98,9 @@ def orient_capture(
         progress=progress.part(0.3, 1.0),
     )
     pair = pair_for(capture, calibration)
-    if keep:
-        _keep(project, capture, pair, motion)
+    with suppress(InputError):  # a project that may only be read is judged all the same, and again the next time
+        if keep:
+            save_archive(_drift(project, capture), motion, _made_from(project, capture, pair))
     if correct:
         save_archive(_corrected(project, capture), (motion, signature_of(pair)))
     return motion
@@ -164,11 +165,7 @@ def drift_of(
                 motion = motion or (None if kept else _motion_if_seen(project, series))
                 motions.setdefault((series.camera, series.projector), []).extend([motion] if motion else [])
     options = OrientOptions(significance=significance)
-    return {
-        pair: drift_chart(found, pair_for(_of_pair(captures, pair), calibration), options)
-        for pair, found in motions.items()
-        if found
-    }
+    return {pair: drift_chart(found, pair_of(calibration, *pair), options) for pair, found in motions.items() if found}
 
 
 def kept_motion(project: Project, capture: Capture, calibration: PhotogrammetricCalibration) -> RigMotion | None:
@@ -285,15 +282,6 @@ def _motion_if_seen(project: Project, capture: Capture) -> RigMotion | None:
         return orient_capture(project, str(capture.path), camera=capture.camera, projector=capture.projector)
     except InputError:  # one axis, too few pixels, or frames that do not decode
         return None
-
-
-def _of_pair(captures: Sequence[Capture], pair: tuple[str, str]) -> Capture:
-    return next(s for c in captures for s in c.series if (s.camera, s.projector) == pair)
-
-
-def _keep(project: Project, capture: Capture, pair: Pair, motion: RigMotion) -> None:
-    with suppress(InputError):  # a project that may only be read is judged all the same, and again the next time
-        save_archive(_drift(project, capture), motion, _made_from(project, capture, pair))
 
 
 def _made_from(project: Project, capture: Capture, pair: Pair) -> dict[str, Any]:

@@ -79,7 +79,9 @@ def write_patterns(
         entries = []
         for k in progress.over(range(len(patterns)), "pattern {}"):
             name = f"{k:0{digits}d}.png"
-            write_image(Path(out) / name, pattern_png(patterns[k], size, levels), False)
+            light = pattern_image(patterns[k], *size)
+            light = light if levels is None else np.interp(light, *levels)
+            write_image(Path(out) / name, np.rint(255 * light).astype(np.uint8), False)
             entries.append((name, patterns[k]))
         write_capture_json(Path(out), Subject("object"), entries)
     return WrittenPatterns(Path(out), patterns, spec.words, linearise)
@@ -95,15 +97,8 @@ def shown_sequence(project: Project) -> SequenceSpec:
         return default_sequence(grey=True)
 
 
-def pattern_png(
-    pattern: Pattern, size: tuple[int, int], levels: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-) -> NDArray[np.uint8]:
-    """Make the 8-bit image (rows, columns) of a pattern; `levels` are light, rising, and the level that makes it."""
-    light = pattern_image(pattern, *size)
-    return np.rint(255 * (light if levels is None else np.interp(light, *levels))).astype(np.uint8)
-
-
 def _inverse(project: Project) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give light, rising, and the level that makes it."""
     where, response = project.path / "project.json", np.array(project.projector.response, np.float64).reshape(-1, 2)
     if len(response) < 2:
         raise InputError(where, "gives no response of the projector", "measure it, or leave --linearise out")

@@ -65,16 +65,15 @@ def _capture(options: Options, progress: Progress) -> dict[str, Any]:
         progress=progress,
         png=options.png,
     )
+    return {**_shown(report), "retakes": report.retakes, "repeats": report.repeats}
+
+
+def _shown(report: Any) -> dict[str, Any]:
+    """Show a capture that was made, and give its figures."""
     print(report.folder)
     for words in report.words:
         print(f"  {words}")
-    return {
-        "capture": str(report.folder),
-        "frames": report.frames,
-        "retakes": report.retakes,
-        "repeats": report.repeats,
-        "findings": report.words,
-    }
+    return {"capture": str(report.folder), "frames": report.frames, "findings": list(report.words)}
 
 
 def _cameras(given: list[str]) -> str | dict[str, str] | None:
@@ -162,16 +161,7 @@ def _import(options: Options, progress: Progress) -> dict[str, Any]:
         order=options.order,
         progress=progress,
     )
-    print(report.folder)
-    for words in report.words:
-        print(f"  {words}")
-    return {
-        "capture": str(report.folder),
-        "frames": report.frames,
-        "order": report.order,
-        "files": list(report.files),
-        "findings": list(report.words),
-    }
+    return {**_shown(report), "order": report.order, "files": list(report.files)}
 
 
 def _plan(options: Options, progress: Progress) -> dict[str, Any]:

@@ -24,21 +24,11 @@ Modifier = Qt.KeyboardModifier
 
 
 @cache
-def plus() -> QPainterPath:
-    """Two strokes across each other."""
-    path = QPainterPath()
-    for x, y in ((1, 0), (0, 1)):
-        path.moveTo(-0.5 * x, -0.5 * y)
-        path.lineTo(0.5 * x, 0.5 * y)
-    return path
-
-
-@cache
-def cross_hairs() -> QPainterPath:
-    """Four strokes that leave the middle free."""
+def cross(free: float) -> QPainterPath:
+    """Four strokes to the middle, which they leave free by a part of their length."""
     path = QPainterPath()
     for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        path.moveTo(0.18 * x, 0.18 * y)
+        path.moveTo(free * x, free * y)
         path.lineTo(0.5 * x, 0.5 * y)
     return path
 
@@ -51,13 +41,13 @@ class MarksOverlay:
         ink = theme.DARK  # on the picture itself, which is the same in light and dark
         self.grid = pg.ScatterPlotItem(pxMode=False, symbol="o", pen=pg.mkPen(ink.mark, width=1.5), brush=None)
         self.residuals = pg.PlotCurveItem(pen=pg.mkPen(ink.mark_other, width=1.5))
-        self.measured = pg.ScatterPlotItem(size=10, symbol=plus(), pen=pg.mkPen(ink.mark, width=1.5), brush=None)
+        self.measured = pg.ScatterPlotItem(size=10, symbol=cross(0.0), pen=pg.mkPen(ink.mark, width=1.5), brush=None)
         self.missing = pg.ScatterPlotItem(size=12, symbol="d", pen=pg.mkPen(ink.warning, width=1.5), brush=None)
         self.excluded = pg.ScatterPlotItem(size=12, symbol="x", pen=pg.mkPen(ink.danger, width=1), brush=ink.danger)
         self.picks = pg.ScatterPlotItem(size=20, symbol="s", brush=None)
         self.chosen = pg.ScatterPlotItem(size=30, symbol="o", pen=pg.mkPen("#ffffff", width=1.5), brush=None)
         self.cursor = pg.ScatterPlotItem(
-            size=44, symbol=cross_hairs(), pen=pg.mkPen(ink.mark_other, width=1.5), brush=None
+            size=44, symbol=cross(0.18), pen=pg.mkPen(ink.mark_other, width=1.5), brush=None
         )
         self._labels: list[pg.TextItem] = []
         for item in (
