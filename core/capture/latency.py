@@ -15,6 +15,7 @@ from core.patterns import Black, Pattern, White
 from core.progress import SILENT, Progress
 
 STEADY = 0.05  # of the step between black and white
+REST_S = 0.3  # for the light to be certainly steady
 LONGEST_S = 2.0
 GOLDEN = (5**0.5 - 1) / 2  # its multiples fill an interval evenly
 
@@ -59,15 +60,8 @@ def probe_light(projector_url: str, camera_url: str, progress: Progress = SILENT
         return latency.finding, linearity(projector, camera, latency.enough_s, progress.check)
 
 
-def measure_latency(
-    projector: Projector, camera: Camera, flashes: int = 20, check: Check = no_check, *, rest_s: float = 0.3
-) -> Latency:
+def measure_latency(projector: Projector, camera: Camera, flashes: int = 20, check: Check = no_check) -> Latency:
     """Flash white and black in turn, and take images until they show it.
-
-    Parameters
-    ----------
-    rest_s : float
-        For the light to be certainly steady.
 
     Raises
     ------
@@ -77,13 +71,13 @@ def measure_latency(
 
     def level(pattern: Pattern) -> float:
         projector.show(pattern, check)
-        wait_until(time.monotonic() + rest_s, check)
+        wait_until(time.monotonic() + REST_S, check)
         return float(camera.grab(check=check).pixels.mean(dtype=np.float64))
 
     lights: dict[Pattern, float] = {pattern: level(pattern) for pattern in (Black(), White())}
     begun = time.monotonic()
     level(White())
-    image_s = max(time.monotonic() - begun - rest_s, 0.001)
+    image_s = max(time.monotonic() - begun - REST_S, 0.001)
     step = lights[White()] - lights[Black()]
     if step < 0.01 * (1 << camera.bits):
         raise DeviceError(
@@ -109,7 +103,7 @@ def measure_latency(
                 camera.name, f"a flash was not seen within {LONGEST_S:g} s", "switch automatic exposure off"
             )
         spans.append((max(before, 0.0), max(after, 0.0)))
-        wait_until(shown + after + 0.5 * rest_s, check)
+        wait_until(shown + after + 0.5 * REST_S, check)
     early, late = np.array(spans).T
     middle, between = (early + late) / 2, float(np.sqrt(np.mean((late - early) ** 2)))
     spread = float(np.var(middle, ddof=1))

@@ -13,6 +13,7 @@ from core.errors import DeviceError, InputError, PatternRefusedError
 from core.patterns import Pattern
 from core.project import find_project, read_capture, read_image, read_project
 
+_QUIET_S = 0.05  # a file is complete when its size has not changed for so long and it can be read
 _ENDINGS = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 
 
@@ -55,16 +56,14 @@ class FolderCamera:
     ----------
     bits : int
         How many bits of a grey value the camera uses; 0: all that the file has.
-    quiet_s : float
-        A file is complete when its size has not changed for this time and it can be read.
     latency_s : float
         From the exposure until its file appears: files that appear sooner after a call were exposed before it.
     """
 
-    def __init__(self, folder: Path, bits: int = 0, quiet_s: float = 0.05, latency_s: float = 0.0) -> None:
+    def __init__(self, folder: Path, bits: int = 0, latency_s: float = 0.0) -> None:
         if not folder.is_dir():
             raise InputError(folder, "no such folder", "give the folder that the camera's program writes into")
-        self.name, self.folder, self.quiet_s = f"folder camera {folder}", folder, quiet_s
+        self.name, self.folder = f"folder camera {folder}", folder
         self._bits, self.latency_s = bits, latency_s
         self._size: tuple[int, int] | None = None
         self._seen = self._list()
@@ -91,7 +90,7 @@ class FolderCamera:
                 self._size = (pixels.shape[1], pixels.shape[0])
                 self._bits = self._bits or 8 * pixels.dtype.itemsize
                 return Image(pixels, self._bits, max(start, time.monotonic() - self.latency_s))
-            time.sleep(self.quiet_s / 5)
+            time.sleep(_QUIET_S / 5)
         raise DeviceError(
             self.name, f"no new image within {timeout_s:g} s", "release the camera, or look where its program writes"
         )
@@ -112,10 +111,10 @@ class FolderCamera:
                 return None
             if now != size:
                 size, since = now, time.monotonic()
-            elif now and time.monotonic() - since >= self.quiet_s:
+            elif now and time.monotonic() - since >= _QUIET_S:
                 try:
                     return np.asarray(read_image(path))
                 except InputError:
                     since = time.monotonic()  # perhaps not complete yet
-            time.sleep(self.quiet_s / 5)
+            time.sleep(_QUIET_S / 5)
         return None

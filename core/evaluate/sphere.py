@@ -26,15 +26,8 @@ class Sphere:
         return np.asarray(np.linalg.norm(np.asarray(points, np.float64) - self.centre_mm, axis=-1) - self.radius_mm)
 
 
-def fit_sphere(points: ArrayLike, *, where: str = "sphere") -> Sphere:
-    """Fit a sphere to points by least squares of the orthogonal distances.
-
-    Parameters
-    ----------
-    points : array-like, shape (n, 3)
-        In mm, all finite.
-    where : str
-        What the points belong to, for the message.
+def fit_sphere(points: ArrayLike) -> Sphere:
+    """Fit a sphere to points, shape (n, 3) in mm, all finite, by least squares of the orthogonal distances.
 
     Raises
     ------
@@ -54,14 +47,14 @@ def fit_sphere(points: ArrayLike, *, where: str = "sphere") -> Sphere:
     """
     p = np.asarray(points, np.float64)
     if len(p) < LEAST_POINTS:
-        raise StripeError(where, f"{len(p)} valid points, too few to fit a sphere", "choose more of the object")
+        raise StripeError("a ball", f"{len(p)} valid points, too few to fit a sphere", "choose more of the object")
     mean = p.mean(axis=0)
     scale = float(np.sqrt(np.mean((p - mean) ** 2))) or 1.0
     x = (p - mean) / scale
     design = np.column_stack([2 * x, np.ones(len(x))])
     solution, _, rank, _ = np.linalg.lstsq(design, np.sum(x**2, axis=1), rcond=1e-10)
     if rank < 4:
-        raise StripeError(where, f"{len(p)} valid points in one plane", "choose a part of the object that is curved")
+        raise StripeError("a ball", f"{len(p)} valid points in one plane", "choose a part of the object that is curved")
     centre = solution[:3]
     radius = float(np.sqrt(solution[3] + centre @ centre))
     for _ in range(STEPS):

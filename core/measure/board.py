@@ -33,7 +33,7 @@ class Board:
         return f"row {self.row[i]}, col {self.col[i]}"
 
 
-def board_from_testfield(field: Testfield, where: str = "testfield.csv") -> Board:
+def board_from_testfield(field: Testfield) -> Board:
     """Check a testfield and find the neighbours of every target.
 
     Raises
@@ -45,7 +45,7 @@ def board_from_testfield(field: Testfield, where: str = "testfield.csv") -> Boar
     same, board = _known.get(id(field), (None, None))
     if board is not None and same is field:
         return board
-    board = _checked(field, where)
+    board = _checked(field)
     if not any(values.flags.writeable for values in (field.row, field.col, field.xyz_mm, field.diameter_mm)):
         while len(_known) > 7:
             del _known[next(iter(_known))]
@@ -53,7 +53,8 @@ def board_from_testfield(field: Testfield, where: str = "testfield.csv") -> Boar
     return board
 
 
-def _checked(field: Testfield, where: str) -> Board:
+def _checked(field: Testfield) -> Board:
+    where = "testfield.csv"
     xyz, diameter = np.asarray(field.xyz_mm, np.float64), np.asarray(field.diameter_mm, np.float64)
     n = len(field.row)
     if n < 4:

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+MOST_STEPS = 400
 ENOUGH = 1e-12  # share of the squared sum that a last step may still have taken away
 STEEPEST = 1e12  # damping at which no step, however short, makes the sum smaller
 
 
 def least_squares(
-    misfit: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: ArrayLike, most: int = 400
+    misfit: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: ArrayLike
 ) -> tuple[Array, Array]:
     """Minimise the squared sum of ``misfit(x)``, shape (m,), by damped steps.
 
@@ -22,8 +23,6 @@ def least_squares(
     jacobian : callable
         Gives the derivatives (m, n) of `misfit`.
     start : array-like, shape (n,)
-    most : int
-        Steps at most.
 
     Returns
     -------
@@ -46,7 +45,7 @@ def least_squares(
     x = np.array(start, np.float64)
     rest, J, damping = misfit(x), jacobian(x), 1e-3
     cost = float(rest @ rest)
-    for _ in range(most):
+    for _ in range(MOST_STEPS):
         N = J.T @ J
         N[np.diag_indices(len(x))] *= 1 + damping
         try:

@@ -41,7 +41,7 @@ def _balls(_at: Array, X: Array, _other_at: Array, Y: Array) -> tuple[float, Arr
     """Of the centres of two balls."""
     centres, influence = [], []
     for points in (X, Y):
-        ball = fit_sphere(points, where="a ball")
+        ball = fit_sphere(points)
         normals = (points - ball.centre_mm) / np.linalg.norm(points - ball.centre_mm, axis=1)[:, None]
         J = np.column_stack([normals, np.ones(len(points))])
         centres.append(ball.centre_mm)

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 from core.errors import StripeError
@@ -55,15 +54,9 @@ from core.project.archive import read_head
 from core.project.contents import hash_value
 
 
-def project_states(project: Project, captures: Mapping[Path, Capture | StripeError] | None = None) -> ProjectStates:
-    """Compute the state of every stage of every capture.
-
-    Parameters
-    ----------
-    captures : mapping, optional
-        Captures by their folders, read a moment ago, or why they could not be read.
-    """
-    return Graph(project, captures).states()
+def project_states(project: Project) -> ProjectStates:
+    """Compute the state of every stage of every capture."""
+    return Graph(project).states()
 
 
 class Graph(Holdings):

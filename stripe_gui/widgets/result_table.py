@@ -118,9 +118,9 @@ class ResultTable(QWidget):
         self.view.resizeColumnsToContents()
         header.setSortIndicatorShown(True)
 
-    def fit_height(self, most: int = 14) -> None:
-        """Make the view as high as its rows, `most` rows at most."""
-        rows = min(self.model.rowCount(), most)
+    def fit_height(self) -> None:
+        """Make the view as high as its rows, 14 rows at most."""
+        rows = min(self.model.rowCount(), 14)
         height = self.view.horizontalHeader().sizeHint().height() + 28 * rows + 6
         self.view.setFixedHeight(height + self.view.horizontalScrollBar().sizeHint().height())
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from core.model import DeviceSpec, Subject
 from core.patterns import reference_sequence
-from core.pipeline import project_states
+from core.pipeline.graph import Graph
 from core.project import read_capture, read_project, write_image, write_project
 from core.project.captures import write_capture_json
 from tests.benchmarks.timing import Contestant, Row, race
@@ -51,7 +51,7 @@ def _write(folder: Path, count: int) -> None:
 def _open(folder: Path) -> int:
     project = read_project(folder)
     captures = {path: read_capture(path, project) for path in project.captures}
-    states = project_states(project, captures)
+    states = Graph(project, captures).states()
     assert all(of["decode"].state == "absent" for of in states.captures.values())
     return sum(len(capture.frames) == 28 for capture in captures.values())
 

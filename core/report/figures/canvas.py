@@ -128,13 +128,13 @@ def _settle(figure: Figure) -> None:
 
 
 def drawn(drawing: Drawing) -> Drawing:
-    """Draw the figure; images have 200 dpi."""
+    """Draw the figure."""
     figure = drawing.figure
     if isinstance(figure, Drawn):
         return drawing
     with drawing_style():
         _settle(figure)
-        return replace(drawing, figure=Drawn(drawing.size_in, *draw_once(figure, 200)))
+        return replace(drawing, figure=Drawn(drawing.size_in, *draw_once(figure)))
 
 
 def _strokes(drawing: Drawing) -> Drawn:

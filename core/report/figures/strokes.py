@@ -24,16 +24,17 @@ from reportlab.pdfgen.canvas import Canvas
 Mark = Callable[[Canvas], None]
 FONT, BOLD = "ReportSans", "ReportSans-Bold"
 CAPS, JOINS = {"butt": 0, "round": 1, "projecting": 2}, {"miter": 0, "round": 1, "bevel": 2}
+DPI = 200  # of images
 OPERATORS = [b"m", b"l", b"", b"c", b"h"]  # quadratic curves become cubic ones
 
 
-def draw_once(figure: Figure, image_dpi: int) -> tuple[str, tuple[Mark, ...]]:
+def draw_once(figure: Figure) -> tuple[str, tuple[Mark, ...]]:
     """Draw a figure that is laid out: the SVG file's text, and what sets the same on a page of a PDF."""
     out = StringIO()
     figure.set_dpi(72)
     width, height = figure.get_size_inches()
-    vector = _Kept(width * 72, height * 72, out, image_dpi=image_dpi, metadata={"Date": None, "Creator": None})
-    mixed: Any = MixedModeRenderer(figure, width, height, image_dpi, vector)
+    vector = _Kept(width * 72, height * 72, out, image_dpi=DPI, metadata={"Date": None, "Creator": None})
+    mixed: Any = MixedModeRenderer(figure, width, height, DPI, vector)
     figure.draw(mixed)
     mixed.finalize()
     return out.getvalue(), tuple(vector.marks)
