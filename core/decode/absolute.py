@@ -24,7 +24,7 @@ from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.late import late_frames
 from core.decode.likelihood import decode_words, has_words
 from core.decode.noise import contrasts
-from core.decode.notes import note_on_second_light, notes_on
+from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
 from core.decode.response import Response, Wave, shade, sine_waves, straighten
@@ -50,7 +50,6 @@ from core.progress import SILENT, Progress
 DEFAULT = DecodeOptions()
 CURVE = 4  # of the levels at which a response is tabulated, so manieth is told
 AXES: tuple[Axis, Axis] = ("x", "y")
-MUCH = 1.4  # times the sigma by noise: as much variance comes from something else
 BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
 
 

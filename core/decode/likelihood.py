@@ -4,7 +4,8 @@ A pixel at projector coordinate u sees ``g_f = b + s T_f(u)`` in frame f: T_f ar
 blurred by a Gaussian. First the place is looked up whose values fit best, whatever b and s are. It must fit better than
 every place elsewhere by `MARGIN`; where it does not, or neighbours that agree with each other say otherwise, theirs is
 taken if it fits. Then u, b and s are adjusted by least squares with the noise of every grey value. The blur is found
-from the same residuals, in tiles of the image.
+from the same residuals, in tiles of the image; the noise from those of pixels side by side, which light by a second way
+contradicts alike.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from numpy.typing import NDArray
 
 from core.decode.book import BLURS, PER_LINE, Book, adjust, book_of, look_up
 from core.decode.frames import Image
-from core.decode.noise import Noise
-from core.decode.notes import notes_on
+from core.decode.noise import TINY, Noise, estimate_noise
+from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
+from core.decode.rim import drop_alone
 from core.decode.sample import limits_of, quantum, spread, take_sample
 from core.decode.tables import WORDS, Array, Singles, no_axis
 from core.model import PhaseMap
@@ -32,13 +34,15 @@ from core.progress import Progress
 COARSE = 3  # so manieth is tried first, then each around the best
 MARGIN = 16.0  # by which the squares (noise = 1) elsewhere must be greater: exp(-8) for one rival
 ELSEWHERE = 2.0  # times the blur, at least a line: nearer than this is the same place
-MISFIT = 0.08  # of the contrast, for each frame: what blur and box do not explain; twice what the virtual rig shows
+MISFIT = 0.15  # of the contrast, for each frame: light of three to four tenths of the strength from elsewhere
+ABOUT = 1.5  # px: standard deviation of the window in which residuals are held against noise
 SAMPLE = 6000  # pixels that tell blur and noise
 TILES = 6, 8  # of the image, each with its blur
 NEIGHBOURS = 7  # px: of those around, the median predicts
 ALIKE = 3.0  # lines by which neighbours' places differ that agree with each other
 NEAR = 1.0  # times the blur, at least a line: so far a place may move while it is adjusted
 RIM = 0.5  # lines: so near the field's edge its fading light is taken for a place on it
+NEXT = 3  # px: nearer, noise may be alike, too
 
 F = np.float32
 
@@ -82,12 +86,13 @@ def decode_words(
     for number, axis in enumerate(worded):
         part = progress.part(number / len(worded), (number + 1) / len(worded))
         book = book_of(tuple(patterns), axis, lines[axis == "y"] if lines else None, where)
-        place, sigma, modulation, image, bad, noise = _decode_axis(book, images, options, part)
+        place, sigma, modulation, image, bad, noise, second = _decode_axis(book, images, options, part)
         u, lack = axis == "x", Flag.NO_U if axis == "x" else Flag.NO_V
         alone = first and number == 0
         measured: dict[str, Any] = {"u": place, "sigma_u": sigma} if u else {"v": place, "sigma_v": sigma}
         seen = [images[i] for i in book.frames]
         lost = bad | np.where(np.isnan(place), np.uint8(lack), np.uint8(0))
+        drop_alone(place, sigma, lost, lack, Flag.UNSURE)
         limits = limits_of(noise, options.saturation or float(np.iinfo(images[0].dtype).max), options)
         words, none = no_axis()._replace(start=WORDS), no_axis()
         of_sample = lost[spread(place.shape)].ravel()
@@ -95,7 +100,7 @@ def decode_words(
         result = replace(
             result,
             **measured,
-            notes=tuple(dict.fromkeys((*result.notes, *notes))),
+            notes=tuple(dict.fromkeys((*result.notes, *(notes or second)))),
             dim_notes=(*result.dim_notes, *notes) if dim else result.dim_notes,
             modulation=modulation if alone else np.minimum(result.modulation, modulation),
             image=image if alone else (result.image + image) / F(2) if len(worded) == 2 else result.image,
@@ -106,8 +111,8 @@ def decode_words(
 
 def _decode_axis(
     book: Book, images: Sequence[Image], options: DecodeOptions, progress: Progress
-) -> tuple[Singles, Singles, Singles, Singles, NDArray[np.uint8], Noise]:
-    """Give place, sigma, modulation, evenly lit image and flags, each (H, W), and the noise."""
+) -> tuple[Singles, Singles, Singles, Singles, NDArray[np.uint8], Noise, tuple[str, ...]]:
+    """Give place, sigma, modulation, evenly lit image and flags, each (H, W), the noise, and what to say."""
     shape, k = images[0].shape, len(book.frames)
     full = options.saturation or float(np.iinfo(images[0].dtype).max)
     progress(0.0, "reading blur and noise")
@@ -141,9 +146,11 @@ def _decode_axis(
     run_in_bands(refine, shape[0])
     place, sigma, contrast, offset = out
     variance = np.maximum(noise.dark + noise.shot * (offset + contrast / 2), noise.floor).astype(np.float32)
-    sure = (top**2 - rival**2) > MARGIN * variance
     weak = (top < options.min_snr * np.sqrt(variance)) | (contrast / 2 < options.min_modulation) | (contrast <= 0)
-    good = sure & ~weak & (left < _bound(k, contrast, variance)) & (np.abs(place - start) <= step)
+    lead, near = (top**2 - rival**2) / (MARGIN * variance), np.abs(place - start) <= step
+    beyond = _beyond(left / (k - 3), ~weak)  # those that fit by chance are few among them
+    sure = lead > beyond
+    good = sure & ~weak & near & (left < _bound(k, contrast, variance))
     if good.any():
         expected, agreed = _predicted(place, good)
         again = agreed & ~weak & ~(good & (np.abs(place - expected) < ALIKE))
@@ -155,6 +162,8 @@ def _decode_axis(
             found = again & near & (left < _bound(k, contrast, variance))
             out[:, ~found], left[~found] = kept[:, ~found], was[~found]
             good |= found
+    beyond = _beyond(left / (k - 3), good | near & ~weak)
+    sigma *= np.sqrt(beyond)
     inside = (place >= RIM) & (place <= book.lines - 1 - RIM)
     cell = book.cells[np.clip(np.rint(np.nan_to_num(place)), 0, book.lines - 1).astype(int)]
     sigma = np.where(cell > 1, np.maximum(sigma, cell / F(np.sqrt(12))), sigma)  # its middle looks the same everywhere
@@ -170,6 +179,9 @@ def _decode_axis(
     ):
         flags |= np.where(wrong, np.uint8(flag), np.uint8(0))
     bad = flags != 0
+    seen = ~bad & (beyond > MUCH**2)
+    word = float(book.fine[usual].std(axis=1).mean())  # of full contrast
+    second = np.sqrt((beyond[seen] - 1) * variance[seen]) / (word * contrast[seen])
     even = np.where(weak, np.mean(stack, axis=0), offset + contrast / 2).astype(np.float32)
     progress(1.0, "decoded")
     return (
@@ -179,12 +191,26 @@ def _decode_axis(
         np.clip(even, 0, full).astype(np.float32),
         flags,
         noise,
+        note_on_second_light(second, seen[~bad], words=True),
     )
 
 
 def _apart(book: Book, blur: int) -> int:
     """Entries of the look-up nearer than which another place is the same, for blurred words are alike."""
     return round(max(1.0, ELSEWHERE * float(BLURS[blur])) * book.grid)
+
+
+def _beyond(misfit: NDArray[np.floating], known: NDArray[np.bool_]) -> Singles:
+    """Mean squared residuals (H, W) over what noise makes of them, about every pixel, of those known.
+
+    What neither noise nor the words explain - light that comes by a second way, motion, two surfaces in a pixel - errs
+    as much in the place as in what is left.
+    """
+    weight, seen = (
+        cv2.GaussianBlur(each.astype(np.float32), (0, 0), ABOUT, borderType=cv2.BORDER_CONSTANT)
+        for each in (known, np.where(known, misfit, 0))
+    )
+    return np.asarray(np.maximum(np.where(known, seen / np.maximum(weight, F(TINY)), misfit), 1), np.float32)
 
 
 def _bound(k: int, contrast: Singles, variance: Singles) -> Singles:
@@ -239,30 +265,34 @@ def _measure(book: Book, images: Sequence[Image], full: float) -> tuple[NDArray[
             tiles[tile] = numbers[int(np.argmin(np.sum(left[:, some], axis=1)))]
     whole = numbers[int(np.argmin(np.sum(left[:, keep], axis=1)))]
     blur = _spread(np.where(np.isnan(tiles), whole, tiles).reshape(TILES), shape)
-    mine = blur[at[0], at[1]]
-    values, squares = np.empty((4, n), F), np.empty(n, F)
-    find = book.find(whole)
-    look_up(grey, find, _apart(book, whole), np.empty(find.shape[1], F), best, top, rival)
-    adjust(grey, book.fine, mine, book.places(best), unit, values, squares, word)
-    entry = np.clip(np.rint((values[0] + 1) * PER_LINE).astype(int), 0, book.fine.shape[1] - 1)
-    level = values[3][:, None] + values[2][:, None] * book.fine[mine, entry]
-    good = squares <= 4 * np.median(squares) + 1
-    # of all residuals of a pixel three are spent on its unknowns; their mean square is the noise, by level
+    mine, *beside = (
+        _explained(book, stack, np.minimum(at + NEXT * aside, limit), blur, whole)
+        for limit in [np.array([[n - 1] for n in shape])]
+        for aside in (np.zeros((2, 1), int), *np.eye(2, dtype=int)[:, :, None])
+    )
+    # what contradicts the words alike the way that lines change less is no noise
+    other = min(beside, key=lambda each: float(np.median(np.abs(each[0] - mine[0]))))
+    good = np.max([mine[1], other[1]], axis=0) <= 4 * np.median(mine[1]) + 1
     apart = 1.0 if images[0].itemsize == 1 else max(1.0, quantum(grey))
-    return blur, _noise(squares[good] / (k - 3), level[good].mean(axis=1), apart)
+    residual, level = (mine[3] - other[3])[good] * np.sqrt(k / (k - 3) / 2), (mine[2] + other[2])[good] / 2
+    return blur, estimate_noise(residual.ravel(), level.ravel(), apart)
 
 
-def _noise(square: NDArray[Any], level: NDArray[Any], step: float) -> Noise:
-    """Fit the noise to mean squares (n,) at levels (n,): a line through the means of bins, outliers left out."""
-    bins = int(np.clip(len(square) // 100, 1, 8))
-    order = np.argsort(level, kind="stable")[len(level) % bins :].reshape(bins, -1)
-    variance = np.array([float(np.mean(s[s <= 4 * np.median(s)])) for s in square[order]])
-    mean = level[order].mean(axis=1)
-    slope = 0.0
-    if bins > 2 and np.ptp(mean) > 1:
-        slope = max(0.0, float(np.polyfit(mean, variance, 1)[0]))
-    floor = step**2 / 12
-    return Noise(float(variance.mean() - slope * mean.mean()), slope, max(floor, 0.5 * float(variance.min())))
+def _explained(
+    book: Book, stack: Sequence[Image], at: NDArray[Any], blur: NDArray[np.int64], usual: int
+) -> tuple[Singles, Singles, Singles, Singles]:
+    """Places (n,) of pixels in these rows and columns, squares that remain, levels (n, k) and residuals."""
+    grey, n = np.stack([image[at[0], at[1]] for image in stack]).astype(np.float32), at.shape[1]
+    best, find, mine = np.empty(n, np.int32), book.find(usual), blur[at[0], at[1]]
+    look_up(grey, find, _apart(book, usual), np.empty(find.shape[1], F), best, *np.empty((2, n), F))
+    values, squares = np.empty((4, n), F), np.empty(n, F)
+    unit = F(1), F(0), F(1)
+    adjust(grey, book.fine, mine, book.places(best), unit, values, squares, np.empty((2, len(grey)), F))
+    x = np.clip((values[0] + 1) * PER_LINE, 0, book.fine.shape[1] - 2)
+    entry, part = x.astype(int), (x % 1)[:, None]
+    word = (1 - part) * book.fine[mine, entry] + part * book.fine[mine, entry + 1]
+    level = values[3][:, None] + values[2][:, None] * word
+    return values[0], squares, level, grey.T - level
 
 
 def _spread(tiles: Array, shape: tuple[int, ...]) -> NDArray[np.int64]:

@@ -36,6 +36,7 @@ ORDER = int(Flag.DISAGREEMENT | Flag.UNSURE)
 HALF = 0.5
 BLOCK = 5  # pixels of the sample, a side, whose mean shows light below the noise of one
 TELLING = 0.05  # of the straight light, by a second way: that all around, of scattering rooms, shows up to 0.045
+MUCH = 1.4  # times the sigma by noise: as much variance comes from something else
 MANY = 0.1  # part of the lit pixels that a cause must have to be told
 
 
@@ -173,19 +174,27 @@ def _causes(
     return [(f"in {part:.0%} of them {text}", dim.get(text, False)) for text, part in ordered if part > MANY]
 
 
-def note_on_second_light(part: Singles, bent: NDArray[np.bool_]) -> tuple[str, ...]:
+def note_on_second_light(part: Singles, bent: NDArray[np.bool_], words: bool = False) -> tuple[str, ...]:
     """Say that light comes by a second way, where it bends the coordinates of many pixels beyond their noise.
 
     Parameters
     ----------
-    part : float32 (tiles, tiles)
-        Of the light that comes straight.
+    part : float32 array
+        Of the light that comes straight, in tiles or pixels.
     bent : bool (n,)
         Where it counts for more than noise, of valid pixels.
+    words : bool
+        Whether words tell it, which show motion and flicker alike.
     """
     if bent.size == 0 or bent.mean() < MANY or not np.any(part > TELLING):
         return ()
     usual = float(np.median(part[part > TELLING]))
+    if words:
+        return (
+            f"In {bent.mean():.0%} of the pixels about {usual:.0%} of the light comes by a second way, by gloss or "
+            "from a facing wall, or something moved or flickered: sigma holds that. Dull the surface, or take the "
+            "capture again.",
+        )
     return (
         f"In {bent.mean():.0%} of the pixels about {usual:.0%} of the light comes by a second way, by gloss or from a "
         "facing wall, or a lamp flickers from row to row: sigma holds that. Dull the surface, show shorter periods, or "

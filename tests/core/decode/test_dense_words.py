@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,36 @@ def test_the_blur_is_found_in_the_frames(bench, judge, blur: float) -> None:
     assert result.gross == 0
     assert result.valid > 0.99
     assert 0.9 < result.sigma_ratio < 1.1
+
+
+@pytest.mark.parametrize("rows", [slice(60, None), slice(None)], ids=["a part", "everywhere"])
+@pytest.mark.parametrize("part", [0.08, 0.3])
+def test_sigma_holds_light_by_a_second_way(bench, judge, part: float, rows: slice) -> None:
+    """From a facing wall, tens of lines away; it leaves the noise of the rest as it is."""
+    b, patterns = bench(height=120, blur=0.6, gain=90, dark=3.0, shot=0.02), dense(14)
+    second = replace(b, u=(N - 1 - b.u) * 0.83 + 9, ambient=0.0, gain=part * b.gain, dark=0.0, shot=0.0)
+    images = [image.copy() for image in b.take(patterns)]
+    for image, more in zip(images, second.take(patterns), strict=True):
+        image[rows] += more[rows]
+    phase = decode(patterns, images, lines=(N, N))
+    score = (phase.u - b.u) / phase.sigma_u
+    assert np.isfinite(score).mean() > 0.99
+    assert np.nanmax(np.abs(score)) < 10
+    apart = slice(50 if rows.start else 0)  # 1.7 to 5 without, and up to 1.14 in the rest
+    ratios = [np.sqrt(np.nanmean(s**2)) for s in (score[rows], score[apart]) if s.size]
+    assert all(0.9 < ratio < 1.12 for ratio in ratios)
+    (note,) = phase.notes
+    assert float(note.split("about ")[1].split("%")[0]) == pytest.approx(100 * part, rel=0.15)
+
+
+def test_a_decoded_pixel_without_a_decoded_neighbour_is_none(bench) -> None:
+    patterns = dense(14)
+    images = bench(height=9, gain=90).take(patterns)
+    lit = np.zeros(images[0].shape, bool)
+    lit[4, 100], lit[2:7, 300:340] = True, True
+    u = decode(patterns, [np.where(lit, image, 15).astype(np.uint8) for image in images], lines=(N, N)).u
+    assert np.isnan(u[4, 100])
+    assert np.isfinite(u[2:7, 300:340]).mean() > 0.99
 
 
 def test_words_on_one_axis_and_code_on_the_other(bench, judge) -> None:
@@ -146,6 +178,6 @@ def test_lines_finer_than_a_pixel_cost_their_bits_alone(bench, judge, blur: floa
 def test_words_that_decode_nowhere_say_why(bench, blur: float, shown: slice, said: str) -> None:
     patterns = dense(14)
     images = bench(blur=blur, gain=90.0).take(patterns)[shown] or bench(gain=900.0).take(patterns)
-    (note,) = decode(patterns, images, lines=(N, N)).notes
+    note = decode(patterns, images, lines=(N, N)).notes[0]
     assert note.startswith("Only 0% of the pixels that the projector lights decode: ")
     assert said in note
