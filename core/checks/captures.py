@@ -6,7 +6,7 @@ with the square of the dots' size.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -26,7 +26,10 @@ RADIUS = 1.7, 2.4  # times as large: diameter_mm is the radius
 
 
 def repeated_frames(
-    captures: Sequence[Capture], lines: tuple[int, int], contents: Mapping[str, str | None]
+    captures: Sequence[Capture],
+    lines: tuple[int, int],
+    contents: Mapping[str, str | None],
+    blank: Callable[[Frame], bool],
 ) -> list[Concern]:
     """Find frames whose bytes stand under another pattern or in another capture as well.
 
@@ -36,6 +39,8 @@ def repeated_frames(
         Columns and rows of the projector; patterns that are alike on all of them may share an image.
     contents : mapping
         Hash of every frame's file, by its place.
+    blank : callable
+        Whether a frame has one grey value: darkness without noise is the same everywhere.
     """
     places: dict[str, list[tuple[Capture, Frame]]] = {}
     for capture in captures:
@@ -46,8 +51,8 @@ def repeated_frames(
     for same in places.values():
         for (a, f), (b, g) in combinations(same, 2):
             if _dark(f.pattern) or _dark(g.pattern):
-                continue  # darkness may look the same twice
-            if a is b and alike(f.pattern, g.pattern, lines):
+                continue  # one black frame may serve many captures
+            if (a is b and alike(f.pattern, g.pattern, lines)) or blank(f):
                 continue
             shared.setdefault((a.name, b.name), []).append((f, g))
     frames = {c.name: len([f for f in c.frames if not _dark(f.pattern)]) for c in captures}

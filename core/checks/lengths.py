@@ -172,7 +172,7 @@ def _shape(nominal: Array, found: Array, file: str) -> tuple[float, list[Concern
     scale_low, R, shift = similarity(low, found)
     rest = found - scale_low * low @ R.T - shift
     if off > max(TOLERANCE * size, 5 * float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))):
-        text = f"{file}: the board seen is {off:.3g} mm r.m.s. flatter: is z_mm in µm instead of mm?"
+        text = f"{file}: the board seen is {off:.3g} mm r.m.s. flatter: correct z_mm; is it in µm instead of mm?"
         return scale_low, [Concern("failed", text)]
     if off > OUT_OF_SHAPE * size:
         text = (

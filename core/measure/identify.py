@@ -13,7 +13,7 @@ from core.measure.blobs import Blobs
 from core.measure.board import Board
 from core.measure.grow import Lattice, grow, predict, prune
 from core.measure.picks import FEWEST, Picks
-from core.measure.view import View, first_view
+from core.measure.view import View, first_view, no_view
 from core.model import Array, DeviceSpec, Ints
 from core.numerics import inverse_2x2, nearest
 
@@ -45,7 +45,7 @@ def identify(
     """
     view = first_view(camera, board.xyz_mm[picks.target], np.where(spots[:, None] < 0, picks.uv, blobs.uv[spots]))
     if view is None:
-        raise InputError(picks.where, "no view of the board has the picks where they are", "correct rows and columns")
+        raise no_view(picks.where)
     picks = replace(picks, target=picks.target[spots >= 0], uv=picks.uv[spots >= 0])
     spots = spots[spots >= 0]
     middle = np.array([camera.width - 1, camera.height - 1]) / 2

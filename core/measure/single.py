@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import InputError
 from core.measure.board import board_from_testfield
 from core.measure.picks import check_picks
-from core.measure.view import View, first_view, fit_both_tilts
+from core.measure.view import View, first_view, fit_both_tilts, no_view
 from core.model import DeviceSpec, Seed, TargetSet, Testfield
 
 FAINTEST = 0.1  # share of the image's contrast below which nothing counts as a dot
@@ -92,7 +91,7 @@ def predicted_view(testfield: Testfield, camera: DeviceSpec, seeds: Sequence[See
     xyz = testfield.xyz_mm[[index[s.row, s.col] for s in seeds]]
     view = first_view(camera, xyz, np.array([[s.u, s.v] for s in seeds]))
     if view is None:
-        raise InputError(where, "no view of the board has the picks where they are", "correct rows and columns")
+        raise no_view(where)
     return view
 
 

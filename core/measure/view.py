@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from core.errors import InputError
 from core.geometry import Pose, image_to_pixel, matrix_from_rotation_vector, pixel_to_image
 from core.model import Array, DeviceSpec, Interior
 
@@ -73,6 +74,15 @@ def first_view(spec: DeviceSpec, xyz_mm: Array, uv: Array) -> View | None:
         if np.isfinite(error) and (best is None or error < best[0]):
             best = error, view
     return None if best is None else best[1]
+
+
+def no_view(where: str) -> InputError:
+    """The error of picks for which `first_view` finds none."""
+    return InputError(
+        where,
+        "no view of the board has the picks where they are",
+        "correct rows and columns, or nominal_c_mm and pitch_mm of the camera",
+    )
 
 
 def fit_both_tilts(start: View, xyz_mm: Array, uv: Array, *, radial: bool) -> View:

@@ -12,7 +12,7 @@ from core.fields import Fields, read_document, read_table
 from core.geometry import LENSES, lens_of
 from core.model import Network, NetworkDevice, NetworkScale
 from core.project.captures import VERSION
-from core.project.rigs import device_to_dict, read_device
+from core.project.rigs import device_to_dict, read_device, read_length
 
 
 def read_network(folder: Path) -> Network:
@@ -74,7 +74,7 @@ def _distance(bar: Fields, names: dict[str, int]) -> NetworkScale:
     start, stop = _known(bar, "from", names, "points.csv"), _known(bar, "to", names, "points.csv")
     if start == stop:
         raise bar.refuse("to", bar.data["to"], "name two different points")
-    return NetworkScale(start, stop, bar.real("length_mm", 0.0), bar.real("sigma_mm", 0.0))
+    return NetworkScale(start, stop, *read_length(bar))
 
 
 def write_network(folder: Path, network: Network) -> None:

@@ -15,6 +15,7 @@ from core.model import DeviceSpec, Interior, Rig, ScaleBar
 MOST_PIXELS = 1_000_000  # along one side of a device
 MOST_FIELD_DEG = 170.0  # along a side: no lens that maps planes sees more
 OTHER_C, MOST_OFF = 20.0, 5.0  # times the nominal c, sides of the image off its middle: such values are no mm
+MOST_UNSURE = 0.2  # sigma of a length as a share of it: the scale that this gives would be called not estimable
 KINDS = ("camera", "projector")
 
 
@@ -154,7 +155,15 @@ def read_bar(bar: Fields) -> ScaleBar:
     ends = [(round(a), round(b)) for a, b in (bar.pair("from"), bar.pair("to"))]
     if ends[0] == ends[1]:
         raise bar.refuse("to", list(ends[1]), "name two different targets")
-    return ScaleBar(ends[0], ends[1], bar.real("length_mm", 0.0), bar.real("sigma_mm", 0.0))
+    return ScaleBar(ends[0], ends[1], *read_length(bar))
+
+
+def read_length(bar: Fields) -> tuple[float, float]:
+    """Read a length and its sigma, mm."""
+    length, sigma = bar.real("length_mm", 0.0), bar.real("sigma_mm", 0.0)
+    if sigma > MOST_UNSURE * length:
+        raise bar.refuse("sigma_mm", sigma, f"length_mm is {length:g}: give both in mm, or leave this length out")
+    return length, sigma
 
 
 def bar_to_dict(bar: ScaleBar) -> dict[str, Any]:

@@ -1,16 +1,18 @@
-"""Grey values that a capture leaves out, against those of the others of its camera."""
+"""Grey values that a capture leaves out, against those of the others of its camera; images that stand in several."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from core.capture.stored import gaps_among
-from core.checks import grey_concerns
-from core.model import TargetSet
+from core.checks import grey_concerns, repeated_frames
+from core.model import Capture, Frame, TargetSet
+from core.patterns import Code
 
 Images = list[np.ndarray]
 
@@ -66,3 +68,16 @@ def test_one_capture_unlike_the_others_is_named(gaps: list[float | None], told: 
     concerns = grey_concerns(sets)
     assert [c.text[0] for c in concerns] == told
     assert all(re.search("leave out 33% of the grey values, those of the other captures 0%", c.text) for c in concerns)
+
+
+def test_frames_of_one_grey_value_may_stand_in_many_captures() -> None:
+    """Without noise and ambient light a camera that sees half of the light has the same black frame in each."""
+    patterns = [Code("gray", "x", bit, 2, 1, False) for bit in range(2)]
+    captures = [
+        Capture(Path(name), "testfield", tuple(Frame(f"{name}/{k}.png", p) for k, p in enumerate(patterns)))
+        for name in ("a", "b")
+    ]
+    contents = {"a/0.png": "dark", "b/0.png": "dark", "a/1.png": "1", "b/1.png": "2"}
+    assert repeated_frames(captures, (4, 4), contents, lambda frame: frame.place.endswith("0.png")) == []
+    (concern,) = repeated_frames(captures, (4, 4), contents, lambda frame: False)
+    assert concern.text.startswith("b: 0.png also stands in a")

@@ -143,7 +143,10 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
     "bar in cm": (lambda p: bar(p, 0.1), f"{BAR}.*cm"),
     "bar in inches": (lambda p: bar(p, 1 / 25.4), f"{BAR}.*inches"),
     "bar's sigma in um": (lambda p: replace(p, scale=replace(p.scale, sigma_mm=5.0)), "scale: sigma_mm is 5, .*µm"),
-    "board's z in um": (lambda p: replace(p, board=uneven(p.board)), r"testfield\.csv: .* flatter: is z_mm in µm"),
+    "board's z in um": (
+        lambda p: replace(p, board=uneven(p.board)),
+        r"testfield\.csv: .* flatter: correct z_mm; .*µm",
+    ),
     "bar on other targets": (lambda p: replace(p, scale=replace(p.scale, stop=(6, 6))), f"{BAR}.*other targets"),
     "bar on a short pair": (lambda p: replace(p, scale=replace(p.scale, stop=(3, 8))), BAR),
     "c known before 5 % off": (lambda p: known_before(p, 1.05, 0.02), "camera: c_mm is .*known before as"),

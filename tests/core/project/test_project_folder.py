@@ -114,6 +114,10 @@ def test_a_capture_is_listed_once_and_unknown_keys_stay(folder: Path) -> None:
         ({"projector": {"width": 40, "height": 30, "pitch_mm": [1, 1], "nominal_c_mm": "long"}}, "'long'"),
         ({"scale": {"from": [0, 0], "to": [0, 0], "length_mm": 9, "sigma_mm": 1}}, "two different"),
         ({"scale": {"from": [0, 0], "to": [0, 1], "length_mm": -9, "sigma_mm": 1}}, "length_mm is -9"),
+        (
+            {"scale": {"from": [0, 0], "to": [0, 1], "length_mm": 190, "sigma_mm": 50}},
+            "sigma_mm is 50.0; length_mm is 190",
+        ),
         ({"captures": ["captures/none"]}, "captures/none"),
         ({"captures": "all"}, "'all'"),
         ({"captures": ["captures/tf-01", "captures/tf-01/"]}, "list every capture once"),
