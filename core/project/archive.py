@@ -11,7 +11,8 @@ import json
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -57,16 +58,10 @@ def load_archive(path: Path, kind: type[T], of: type | None = None) -> T:
     InputError
         If the file is not there, is damaged, or holds something else.
     """
-    try:
-        with regular(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            head = json.loads(str(stored["tree"]))
-            arrays = {name: stored[name] for name in stored.files if name != "tree"}
+    with _opened(path) as (head, stored):
+        arrays = {name: stored[name] for name in stored.files if name != "tree"}
         classes = {**_CLASSES, **{c.__name__: c for c in (kind, of) if dataclasses.is_dataclass(c)}}
         value = _unpack(head["value"], arrays, classes) if head.get("version") == VERSION else None
-    except FileNotFoundError as error:
-        raise InputError(path, "not there", "run the step that writes it") from error
-    except DAMAGE as error:
-        raise InputError(path, f"damaged ({error})", "delete it and run the step again") from error
     items = [item for item in value if not isinstance(item, of)] if of and isinstance(value, tuple) else []
     if items or not isinstance(value, kind):
         value = items[0] if items else value
@@ -78,12 +73,19 @@ def load_archive(path: Path, kind: type[T], of: type | None = None) -> T:
 
 def read_head(path: Path) -> dict[str, Any]:
     """Read all of an archive but its arrays: "value" as a tree, and "made_from" if it is known."""
+    with _opened(path) as (head, _):
+        return head
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[dict[str, Any], Any]]:
+    """Open an archive; what is wrong with it, or with what is made of it inside, is told."""
     try:
         with regular(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             head = json.loads(str(stored["tree"]))
             if not isinstance(head, dict) or "value" not in head:
                 raise ValueError("no result")
-            return head
+            yield head, stored
     except FileNotFoundError as error:
         raise InputError(path, "not there", "run the step that writes it") from error
     except DAMAGE as error:

@@ -11,22 +11,7 @@ from core.report.seal import sealed
 
 
 def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) -> ReportPaths:
-    """Write `report.html` and `report.pdf` into a folder.
-
-    Parameters
-    ----------
-    data : ReportData
-        What there is to tell; parts may be missing.
-    out : Path
-        The folder; made if it does not exist. Reports that are there are replaced.
-
-    Raises
-    ------
-    InputError
-        If `out` cannot be written to.
-    Cancelled
-        If the user stopped; nothing has been written then.
-    """
+    """Write `report.html` and `report.pdf` into a folder, in place of those that are there."""
     # only now: drawing and typesetting take a second to import, and tables alone need neither
     from core.report.document import compose
     from core.report.html import html_text
