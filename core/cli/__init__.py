@@ -18,12 +18,12 @@ from types import FrameType
 from typing import Any
 
 from core.cli.arguments import Commands, Options, Parser, UnfinishedError, Version, write_figures
-from core.cli.commands import exchange, experiment, many, recording, results, road, state, watching
+from core.cli.commands import exchange, experiment, recording, results, road, state, watching
 from core.cli.console import Console, Unread
 from core.errors import Cancelled, InputError, StripeError
 from core.progress import Progress
 
-GROUPS = (experiment, recording, road, results, state, watching, many, exchange)
+GROUPS = (experiment, recording, road, results, state, watching, exchange)
 
 
 def run() -> None:

@@ -171,11 +171,7 @@ def device_from(p: Pinhole, spec: DeviceSpec) -> AdjustedDevice:
     own, rms_px = fitted(spec, interior, "A1..A6")
     if rms_px <= SAME_PX:
         interior = own
-    spec = (
-        replace(spec, interior=None, interior_sigma=())
-        if interior.model == "A1..A6"
-        else replace(spec, interior=interior, interior_sigma=())
-    )
+    spec = replace(spec, interior=None if interior.model == "A1..A6" else interior, interior_sigma=())
     return AdjustedDevice(spec, interior, np.zeros(len(interior.vector)), (0.0, 0.0), 0)
 
 

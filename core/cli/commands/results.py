@@ -72,8 +72,7 @@ def _add_run(parser: Any) -> None:
 
 def _add_volume(parser: Any) -> None:
     _add_run(parser)
-    parser.add_argument("--camera", default="", metavar="NAME", help="where there are several")
-    parser.add_argument("--projector", default="", metavar="NAME")
+    add_devices(parser)
     parser.add_argument("--out", type=Path, metavar="F.npz", help="maps of every node")
 
 

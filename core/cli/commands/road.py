@@ -1,4 +1,4 @@
-"""The stages from decoding to the report."""
+"""The stages from decoding to the report, and many captures at once."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from core import pipeline
 from core.cli.arguments import Commands, Options, add_devices, check_out, method_name, method_or_all
 from core.cli.console import print_left_out, print_verdict
-from core.errors import InputError
+from core.errors import InputError, StripeError
 from core.progress import Progress
 
 
@@ -71,6 +71,13 @@ def add(commands: Commands) -> None:
 
     sub = commands.add_on_project("report", _report, "the HTML and PDF report")
     sub.add_argument("--out", type=Path, metavar="DIR")
+
+    sub = commands.add_on_project("batch", _batch, "decode, reconstruct and evaluate many captures on worker processes")
+    sub.add_argument("captures", nargs="*", metavar="CAPTURE", help="names or folders; all of the project if unsaid")
+    sub.add_argument("--out", type=Path, required=True, metavar="DIR", help="a second run leaves what is up to date")
+    sub.add_argument("--do", default="decode,reconstruct,evaluate", metavar="STEPS", help="of these (default: all)")
+    sub.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler that is running; default: this machine")
+    sub.add_argument("--workers", type=int, metavar="N", help="worker processes to start (default: one per processor)")
 
 
 def _decode(options: Options, progress: Progress) -> dict[str, Any]:
@@ -217,6 +224,24 @@ def _report(options: Options, progress: Progress) -> dict[str, Any]:
     _tell_outdated(options)
     print(f"{paths.html}\n{paths.pdf}")
     return {"html": str(paths.html), "pdf": str(paths.pdf)}
+
+
+def _batch(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.batch import run_batch
+
+    report = run_batch(
+        options.project,
+        options.out,
+        options.captures,
+        steps=options.do.split(","),
+        scheduler=options.scheduler,
+        workers=options.workers,
+        progress=progress,
+    )
+    print(f"{report.count('done')} done, {report.count('left')} up to date, {report.count('failed')} failed")
+    if bad := [outcome for outcome in report.outcomes if outcome.state == "failed"]:
+        raise StripeError(bad[0].capture, bad[0].error, f"see all in {options.out / 'summary.json'} and run it again")
+    return report.figures()
 
 
 def _tell_outdated(options: Options, method: str | None = None) -> None:

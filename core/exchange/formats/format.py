@@ -50,13 +50,19 @@ def write_texts(texts: Mapping[Path, str]) -> list[Path]:
 def read_text(path: Path) -> str:
     """Read a text file of sensible size."""
     try:
-        if path.stat().st_size > LARGEST:
-            raise InputError(path, f"{path.stat().st_size} bytes", "give the file of a calibration")
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(path, error.strerror or str(error), "give the file of a calibration") from error
+        return read_bytes(path).decode("utf-8")
     except UnicodeDecodeError as error:
         raise InputError(path, "no text", "give the file of a calibration") from error
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file of sensible size."""
+    try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(path, f"{path.stat().st_size} bytes", "give the file of a calibration")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(path, error.strerror or str(error), "give the file of a calibration") from error
 
 
 @contextmanager

@@ -18,7 +18,7 @@ import numpy as np
 
 from core.atomic import atomic_write
 from core.errors import InputError
-from core.exchange.formats.format import LARGEST, Format, covariance, numbers, reading
+from core.exchange.formats.format import Format, covariance, numbers, read_bytes, reading
 from core.exchange.pinhole import Pair, Pinhole
 
 # on some damaged files the library does not raise, but ends its process: it gets one of its own
@@ -69,12 +69,7 @@ def _struct(p: Pinhole) -> dict[str, Any]:
 
 
 def _read(path: Path) -> Pair:
-    try:
-        if path.stat().st_size > LARGEST:
-            raise InputError(path, f"{path.stat().st_size} bytes", "give the file of a calibration")
-        path.open("rb").close()
-    except OSError as error:
-        raise InputError(path, error.strerror or str(error), "give the file of a calibration") from error
+    read_bytes(path)
     try:
         done = subprocess.run(
             [sys.executable, "-c", _READER, str(path)], capture_output=True, timeout=_LONGEST_S, check=True
