@@ -200,7 +200,8 @@ def find_motion(
     sight, start = _checked(sight, epipolar_residuals(sight, pair), (side, tile), phase, capture)
     places = _Places(sight.at, tile)
     five = orientation_freedom(pair, options)
-    free = _everything(pair, options) if lengths or points is not None else five
+    every = _everything(pair, options)
+    free = every if lengths or points is not None else five
     prior = np.diag(free.drift**-2.0)
     now, change = start, np.zeros(len(free.directions))
     for i in range(options.rounds):
@@ -237,8 +238,8 @@ def find_motion(
     by_noise = free.directions @ estimate.noise @ free.directions.T
     corrected = replace(perturbed(pair, change), covariance=left @ drifted @ left.T + by_noise)
     gain = estimate.carried
-    missed = gain @ free.directions - np.eye(len(gain))
-    spread = estimate.noise + gain @ C @ gain.T + missed @ np.diag(free.drift**2) @ missed.T
+    missed = gain @ every.directions - free.moves.T @ every.moves
+    spread = estimate.noise + gain @ C @ gain.T + missed @ np.diag(every.drift**2) @ missed.T
     by_depth = -np.median(now.by_xyz[:, 2], axis=0)
     return RigMotion(
         capture=capture,

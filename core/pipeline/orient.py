@@ -39,7 +39,7 @@ from core.project.archive import read_head
 
 TARGETS = "targets"  # ends of a length that are targets: (row, col, 0)
 CLICKED_PX = 0.1  # sigma of a place in an image that a file gives without one
-VERSION = 5  # raise it where the same capture and calibration give other figures: what is kept is then found again
+VERSION = 6  # raise it where the same capture and calibration give other figures: what is kept is then found again
 
 
 def orient_capture(

@@ -13,6 +13,7 @@ from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, perturbed, project, ray_directions
 from core.model import AdjustedDevice, DeviceSpec, Interior, KnownLength, KnownPoints, Pair, PhaseMap
 from core.orient import OrientOptions, drift_chart, expectation_of, find_motion, judged
+from core.orient.motion import orientation_freedom
 from core.orient.residuals import blocks_of, epipolar_residuals, of_middles
 
 Array = NDArray[np.float64]
@@ -154,7 +155,7 @@ def test_means_over_blocks_keep_the_epipolar_lines_of_their_middles() -> None:
 def test_the_corrected_orientation_is_as_good_as_its_covariance_says() -> None:
     rng = np.random.default_rng(3)
     squared, depth = [], []
-    prior = OrientOptions(most_places=2000, rotation_prior_rad=1.0, shift_prior_mm=1e3)
+    prior = OrientOptions(most_places=2000, rotation_prior_rad=1.0, shift_prior_mm=1e3, interior_prior=0.0)
     pixel = np.array([[90.0, 70.0]])
     for _ in range(40):
         calibration = mistaken(rng)
@@ -193,6 +194,20 @@ def test_what_cannot_be_seen_is_not_made_up() -> None:
     motion = find_motion(captured(stretched, np.random.default_rng(4)), TRUE)
     assert not motion.moved  # a longer base fits every residual
     assert "base length" in motion.unobserved
+
+
+def test_drifts_that_are_not_observed_are_in_the_sigmas_of_the_movement() -> None:
+    """Without those of c, x0 and y0 errors are 2.4 sigma here; 60 normal deviates, five of each capture together."""
+    rng, squared = np.random.default_rng(11), []
+    seen = orientation_freedom(TRUE, OrientOptions()).moves  # rotations, and shifts across the base
+    for _ in range(12):
+        now = drifted(rng)
+        R = now.projector_from_camera.rotation.T @ POSE.rotation
+        true = np.concatenate([cv2.Rodrigues(R)[0][:, 0], now.projector_from_camera.origin_mm - POSE.origin_mm])
+        motion = find_motion(captured(now, rng), mistaken(rng))
+        error = seen.T @ (np.concatenate([motion.rotation_rad, motion.shift_mm]) - true)
+        squared.append(error @ np.linalg.solve(seen.T @ motion.covariance @ seen, error) / len(error))
+    assert 0.5 < np.sqrt(np.mean(squared)) < 1.4
 
 
 def test_wrong_words_do_not_pull_the_rig() -> None:
