@@ -104,7 +104,11 @@ def read_rig(fields: Fields) -> Rig:
             own[kind] = read_device(fields.nested(kind))
     if both := found["camera"].keys() & found["projector"].keys():
         raise fields.refuse("projectors", sorted(both)[0], "give every device a name of its own")
-    return Rig(found["camera"], found["projector"])
+    rig = Rig(found["camera"], found["projector"])
+    joined = ["-".join(pair) for pair in rig.pairs]
+    if twice := sorted(name for name in set(joined) if joined.count(name) > 1):
+        raise InputError(fields.where, f"{twice[0]!r} means two pairs of camera and projector", "rename a device")
+    return rig
 
 
 def rig_to_dict(rig: Rig) -> dict[str, Any]:

@@ -66,6 +66,10 @@ def test_short_and_long_form_together(tmp_path: Path) -> None:
     [
         ({"cameras": {"a": entry()}}, "projector"),
         ({"cameras": {"a": entry()}, "projectors": {"a": entry()}}, "name of its own"),
+        (
+            {"cameras": {"a": entry(), "a-b": entry()}, "projectors": {"c": entry(), "b-c": entry()}},
+            "means two pairs of camera",
+        ),
         ({"cameras": {"a/b": entry()}, "projector": entry()}, "a device is named 'a/b'"),
         ({"cameras": {"a": {"width": 0}}, "projector": entry()}, "cameras: a"),
         ({"camera": entry(interior={"model": "fish"}), "projector": entry()}, "model is 'fish'"),
