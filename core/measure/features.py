@@ -1,10 +1,9 @@
 """Holes, printed marks and straight edges: found in the evenly lit image, intersected with the measured surface.
 
 The image tells edges to a hundredth of a pixel where the coded light ends or is drawn to the brighter side; the coded
-light tells the surface beside them. A blurred step is fitted to all pixels along the edge, so that the noise of single
-pixels gives its covariance; the edge of a disc that is blurred seems nearer to its centre by ``blur² / 2 R``, which is
-put back. Inverse depth is a smooth function of the image's place over the ring around a feature, linear for a plane,
-and carries the edge's rays to the surface.
+light tells the surface beside them. A blurred edge, as curved as it is there, is fitted to all pixels along it, so that
+the noise of single pixels gives its covariance. Inverse depth is a smooth function of the image's place over the ring
+around a feature, linear for a plane, and carries the edge's rays to the surface.
 """
 
 from __future__ import annotations
@@ -34,6 +33,7 @@ MOST_MOVED = 0.25  # of its size that an edge may lie off where it was said to b
 MOST_VAGUE_PX = 0.3  # standard deviation of a shape that is one
 LEAST_RADIUS_PX, FLATTEST, UNEVEN = 2.5, 0.3, 0.1  # of what is found: radius, ratio of axes, area off an ellipse's
 SURROUNDINGS, LEAST_CONTRAST = 6, 0.15  # share of the width whose median is the ground; of its light
+STRAIGHT = 1e4  # blurs: the radius of an edge that counts as straight
 CONTOUR = 360  # places of a contour that are carried to the surface
 UNLIKE, OTHER = 0.1, 0.2  # of the step at an edge: what is farther off counts less, and not: a lit wall behind a hole
 BESIDE_PX = 5  # side of the square around each of these that is left out
@@ -64,7 +64,8 @@ class Edge:
 
     start: Array  #: (k,)
     distance: Callable[[Array, Array], Array]  #: of parameters and pixels (n, 2): px from the edge, negative inside
-    contour: Callable[[Array, float], Array]  #: of parameters and blur: places (m, 2) of the edge
+    curvature: Callable[[Array, Array], Array]  #: of parameters and pixels (n, 2): of the edge beside them, 1/px
+    contour: Callable[[Array], Array]  #: of parameters: places (m, 2) of the edge
     near: Callable[[Array], NDArray[np.bool_]]  #: of pixels (n, 2): whether they may belong to it
     figures: Callable[[Array], tuple[Array, Array]]  #: of points (m, 3) of the edge: centre (3,) and vectors (j, 3)
     inside: bool  #: whether there is surface on the inner side, too
@@ -105,7 +106,7 @@ def measure_feature(
         return ray_directions(camera.spec, camera.interior, places) / q[:, None]
 
     def found(p: Array) -> Array:
-        centre, axes = edge.figures(carried(edge.contour(p[:k], blur), p[k:]))
+        centre, axes = edge.figures(carried(edge.contour(p[:k]), p[k:]))
         seen = project(camera.spec, camera.interior, centre)
         return np.concatenate([seen, centre, np.linalg.norm(axes, axis=1)])
 
@@ -120,7 +121,7 @@ def measure_feature(
         uv_cov=covariance[:2, :2],
         centre_mm=value[2:5],
         cov_mm2=covariance[2:5, 2:5] + _by_calibration(cloud, value[:2], scale),
-        axes_mm=edge.figures(carried(edge.contour(shape, blur), surface))[1],
+        axes_mm=edge.figures(carried(edge.contour(shape), surface))[1],
         sigma_mm=_sigma_of_lengths(value[5:], covariance[5:, 5:]),
         size_mm=(float(value[5:].mean()), float(np.sqrt(covariance[5:, 5:].mean()))),
         normal=-normal * np.sign(normal @ value[2:5]) / np.linalg.norm(normal),
@@ -144,23 +145,23 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
     covariance is the sandwich form of the pixels' own residuals.
     """
     from scipy.optimize import least_squares
-    from scipy.special import erf
 
     shape, blur, k = edge.start, BLUR_PX, len(edge.start)
     rows, columns = np.nonzero(np.isfinite(image))
     every = np.stack([columns, rows], axis=1).astype(np.float64)
     every = every[edge.near(every)]
-    for _ in range(PASSES):
+    for again in range(PASSES):
         at = every[np.abs(edge.distance(shape, every)) < max(REACH * blur, LEAST_REACH)]
         inside = edge.distance(shape, at) < 0
         if len(at) < FEWEST_PIXELS or inside.all() or not inside.any():
             raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
         grey = image[at[:, 1].astype(int), at[:, 0].astype(int)].astype(np.float64)
         off = (at - at.mean(axis=0)) / np.ptp(at)
+        bent = edge.curvature(shape, at) * bool(again)  # from afar a straight edge is found more surely
         outer, inner = float(np.median(grey[~inside])), float(np.median(grey[inside]))
 
-        def rest(p: Array, at: Array = at, grey: Array = grey, off: Array = off) -> Array:
-            step = 0.5 * (1 - erf(edge.distance(p[:k], at) / (np.sqrt(2.0) * np.abs(p[-1]) + 1e-9)))
+        def rest(p: Array, at: Array = at, grey: Array = grey, off: Array = off, bent: Array = bent) -> Array:
+            step = _blurred(edge.distance(p[:k], at), bent, float(abs(p[-1])) + 1e-9)
             return np.asarray((p[k] + off @ p[k + 1 : k + 3]) * (1 + p[-2] * step) - grey)
 
         start = np.array([*shape, outer, 0.0, 0.0, inner / max(outer, 1e-6) - 1, blur])
@@ -172,10 +173,10 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
         alike = cv2.dilate(unlike, np.ones((BESIDE_PX, BESIDE_PX)))[tuple(at.astype(int).T[::-1])] == 0
         if np.count_nonzero(alike) < FEWEST_PIXELS:
             raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
-        at, chosen = at[alike], (at[alike], grey[alike], off[alike])
+        at, chosen = at[alike], tuple(each[alike] for each in (at, grey, off, bent))
         fit = least_squares(rest, fit.x, x_scale="jac", max_nfev=50, args=chosen)
         shape, blur = fit.x[:k], float(abs(fit.x[-1]))
-    begun = edge.contour(edge.start, 0.0)
+    begun = edge.contour(edge.start)
     moved = float(np.abs(edge.distance(shape, begun)).max())
     contrast = abs(fit.x[-2] * fit.x[k]) * np.sqrt(len(at)) / max(float(np.std(fit.fun)), 1e-9)
     N, scores = np.linalg.pinv(fit.jac.T @ fit.jac), fit.jac * fit.fun[:, None]
@@ -186,9 +187,26 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
     return shape, cov[:k, :k], blur, len(at)
 
 
+def _blurred(away: Array, curvature: Array, blur: float) -> Array:
+    """Share of the light of a disc, whose edge is so far away, that a Gaussian blur leaves.
+
+    That is the non-central chi-squared distribution of two degrees of freedom, by Sankaran's approximation,
+    doi:10.1093/biomet/50.1-2.199; to 0.002 where the radius is three blurs.
+    """
+    from scipy.special import ndtr
+
+    radius = 1 / np.maximum(curvature * blur, 1 / STRAIGHT)
+    squared = np.maximum(radius + away / blur, 0.0) ** 2
+    mean, p = 2 + squared, 2 * (1 + squared) / (2 + squared) ** 2
+    h = 1 - mean * (2 + 3 * squared) / (6 * (1 + squared) ** 2)
+    m = (h - 1) * (1 - 3 * h)
+    middle = 1 + h * p * (h - 1 - (2 - h) * m * p / 2)
+    return np.asarray(ndtr(((radius**2 / mean) ** h - middle) / (h * np.sqrt(2 * p) * (1 + m * p / 2))))
+
+
 def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[Array, Array, Array, float]:
     """Fit the inverse depth of the surface beside an edge: six terms, their covariance, their middle and scale."""
-    contour = edge.contour(shape, 0.0)
+    contour = edge.contour(shape)
     middle = contour.mean(axis=0)
     scale = float(np.linalg.norm(contour - middle, axis=1).max())
     rows, columns = np.nonzero(np.isfinite(cloud.xyz_mm[..., 2]))
@@ -243,20 +261,28 @@ def _round(given: Array) -> Edge:
     def matrix(p: Array) -> Array:
         return np.array([[p[2], p[3]], [p[3], p[4]]])
 
-    def distance(p: Array, at: Array) -> Array:
+    def scaled(p: Array, at: Array) -> tuple[Array, Array]:
+        """Distance from the centre, 1 at the edge, and its slope there, 1/px."""
         inverse = np.linalg.inv(matrix(p))
         y = (at - p[:2]) @ inverse
-        rho, slope = np.linalg.norm(y, axis=1), np.linalg.norm(y @ inverse, axis=1)
-        return np.asarray((rho - 1) * rho / np.maximum(slope, 1e-9))
+        rho = np.maximum(np.linalg.norm(y, axis=1), 1e-9)
+        return rho, np.maximum(np.linalg.norm(y @ inverse, axis=1) / rho, 1e-6)
 
-    def contour(p: Array, blur: float) -> Array:
-        M, turn = matrix(p), np.linspace(0, 2 * np.pi, CONTOUR, endpoint=False)
-        larger = 1 + blur**2 / (2 * abs(np.linalg.det(M)))
-        return np.asarray(p[:2] + larger * np.stack([np.cos(turn), np.sin(turn)], axis=1) @ M)
+    def distance(p: Array, at: Array) -> Array:
+        rho, slope = scaled(p, at)
+        return (rho - 1) / slope
+
+    def curvature(p: Array, at: Array) -> Array:
+        return scaled(p, at)[1] ** -3.0 / np.linalg.det(matrix(p)) ** 2
+
+    def contour(p: Array) -> Array:
+        turn = np.linspace(0, 2 * np.pi, CONTOUR, endpoint=False)
+        return np.asarray(p[:2] + np.stack([np.cos(turn), np.sin(turn)], axis=1) @ matrix(p))
 
     return Edge(
         start=np.array([u, v, radius, 0.0, radius]),
         distance=distance,
+        curvature=curvature,
         contour=contour,
         near=lambda at: np.hypot(*(at - (u, v)).T) < 2.2 * radius + 3 * LEAST_RING_PX,
         figures=_ellipse,
@@ -294,7 +320,8 @@ def _straight(given: Array) -> Edge:
     return Edge(
         start=np.zeros(2),
         distance=distance,
-        contour=lambda p, blur: np.stack([one + p[0] * normal, other + p[1] * normal]),
+        curvature=lambda p, at: np.zeros(len(at)),
+        contour=lambda p: np.stack([one + p[0] * normal, other + p[1] * normal]),
         near=lambda at: np.abs((at - (one + other) / 2) @ along) < length**2 / 2,
         figures=lambda points: (points.mean(axis=0), (points[1:] - points[:1]) / 2),
         inside=True,
