@@ -35,6 +35,7 @@ class Length:
     key: str  # in which file and field it stands
     factor: float
     sigma: float = 0.0  # of the factor, by the calibration that compares it with the others
+    about: str = "board"  # or "plates"
 
 
 def length_concerns(
@@ -55,7 +56,7 @@ def length_concerns(
     concerns: list[Concern] = []
     if adjustment is not None and board is not None:
         nominal = nominal_of(adjustment, board)
-        ratio, concerns = _shape(nominal, adjustment.points_mm, "testfield.csv")
+        ratio, concerns = _shape(nominal, adjustment.points_mm, "board")
         if scale is not None:
             lengths.append(Length("the scale bar", 'project.json, "scale"', 1.0))
         if np.isfinite(ratio):
@@ -72,12 +73,12 @@ def length_concerns(
         concerns += more if not same else []
         if np.isfinite(ratio) and not same:
             sigma = _by_calibration(plates)
-            lengths.append(Length("the plate's board", "its testfield file", 1.0 / ratio, sigma))
+            lengths.append(Length("the plate's board", "its testfield file", 1.0 / ratio, sigma, "plates"))
         if len(plates.names) >= 2:
             slope, sigma, more = _positions(plates)
             concerns += more
             if np.isfinite(slope):
-                lengths.append(Length("the plate positions", "capture.json, z_mm", 1.0 / slope, sigma))
+                lengths.append(Length("the plate positions", "capture.json, z_mm", 1.0 / slope, sigma, "plates"))
     apart = _distances(adjustment, board) if adjustment is not None else []
     return [*apart, *_odd_one(lengths, scale, board), *concerns, *crossing.values()]
 
@@ -98,7 +99,7 @@ def _distances(adjustment: Adjustment, board: Testfield | None) -> list[Concern]
                 f"project.json, {key}: sigma_mm is {bar.sigma_mm:g}, {bar.sigma_mm / bar.length_mm:.1%} of length_mm, "
                 f"which the nominal testfield has to {off:.2g} mm: is sigma_mm in µm instead of mm?"
             )
-            concerns.append(Concern("doubtful", text))
+            concerns.append(Concern("doubtful", text, "board"))
     for key, bar in known if len(known) > 1 else ():
         a, b = (adjustment.points_mm[k] for k in (bar.start, bar.stop))
         found = float(np.linalg.norm(b - a))
@@ -109,7 +110,7 @@ def _distances(adjustment: Adjustment, board: Testfield | None) -> list[Concern]
                 f"({abs(off) / bar.sigma_mm:.3g} times sigma_mm): two known lengths disagree; measure them again"
             )
             text += unit_hint(bar.length_mm / found)
-            concerns.append(Concern("failed" if abs(off) > FAILED * found else "doubtful", text))
+            concerns.append(Concern("failed" if abs(off) > FAILED * found else "doubtful", text, "board"))
     return concerns
 
 
@@ -123,7 +124,7 @@ def _epipolar(plates: Plates) -> dict[str, Concern]:
                 f"{factor**0.5:.2g} times what the sigmas allow (chi-square test of the epipolar residuals): camera or "
                 "projector moved since the testfield was captured, or the frames are of another capture"
             )
-            concerns[name] = Concern("failed" if factor > MOST_OFF_LINES**2 else "doubtful", text)
+            concerns[name] = Concern("failed" if factor > MOST_OFF_LINES**2 else "doubtful", text, "plates")
     return concerns
 
 
@@ -151,11 +152,12 @@ def nominal_of(adjustment: Adjustment, board: Testfield) -> Array:
     return np.where(np.array(rows)[:, None] >= 0, board.xyz_mm[rows], np.nan)
 
 
-def _shape(nominal: Array, found: Array, file: str) -> tuple[float, list[Concern]]:
+def _shape(nominal: Array, found: Array, about: str) -> tuple[float, list[Concern]]:
     """Scale of the found points over the nominal ones, and whether the nominal ones have the right shape."""
     use = np.isfinite(nominal).all(axis=1) & np.isfinite(found).all(axis=1)
     if use.sum() < 4:
         return float("nan"), []
+    file = "testfield.csv" if about == "board" else "the plate's testfield file"
     nominal, found = nominal[use], found[use]
     scale, R, shift = similarity(nominal, found)
     rest = found - scale * nominal @ R.T - shift
@@ -167,19 +169,19 @@ def _shape(nominal: Array, found: Array, file: str) -> tuple[float, list[Concern
             f"{file}: x is stretched against y by {1 / stretch:.4f}, seen by the camera: correct x_mm or y_mm, or "
             "print the board at the same scale both ways"
         )
-        return scale, [Concern("failed" if abs(stretch - 1) > FAILED else "doubtful", text)]
+        return scale, [Concern("failed" if abs(stretch - 1) > FAILED else "doubtful", text, about)]
     low = nominal * (1, 1, 1e-3)
     scale_low, R, shift = similarity(low, found)
     rest = found - scale_low * low @ R.T - shift
     if off > max(TOLERANCE * size, 5 * float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))):
         text = f"{file}: the board seen is {off:.3g} mm r.m.s. flatter: correct z_mm; is it in µm instead of mm?"
-        return scale_low, [Concern("failed", text)]
+        return scale_low, [Concern("failed", text, about)]
     if off > OUT_OF_SHAPE * size:
         text = (
             f"{file}: the board seen differs from it by {off:.3g} mm r.m.s.: another board, or its targets are "
             "numbered otherwise"
         )
-        return scale, [Concern("failed", text)]
+        return scale, [Concern("failed", text, about)]
     return scale, []
 
 
@@ -202,7 +204,7 @@ def _by_calibration(plates: Plates) -> float:
 
 
 def _plate_board(plates: Plates) -> tuple[float, list[Concern]]:
-    found = [_shape(plates.nominal_mm, xyz, "the plate's testfield file") for xyz in plates.xyz_mm]
+    found = [_shape(plates.nominal_mm, xyz, "plates") for xyz in plates.xyz_mm]
     scales = [scale for scale, _ in found if np.isfinite(scale)]
     told = [concern for _, concerns in found for concern in concerns]
     often = told if len(told) > len(found) / 2 else []
@@ -230,17 +232,17 @@ def _positions(plates: Plates) -> tuple[float, float, list[Concern]]:
                 f"{plates.names[k]}: the plate stood at {z[k] + rest[k] / slope:.2f} mm, by its targets, z_mm says "
                 f"{z[k]:g} mm ({rest[k] / slope:+.2f} mm): correct z_mm or capture it again"
             )
-            concerns.append(Concern("failed" if abs(rest[k]) > 3 * limit[k] else "doubtful", text))
+            concerns.append(Concern("failed" if abs(rest[k]) > 3 * limit[k] else "doubtful", text, "plates"))
     elif len(off):
         places = ", ".join(f"{name} {at:.2f}" for name, at in zip(plates.names, z + rest / slope, strict=True))
         text = (
             f"the plates do not stand where z_mm says but, by their targets, at about {places} mm: correct z_mm, see "
             "that no frames were exchanged, and move the plate without play"
         )
-        concerns.append(Concern("failed" if (np.abs(rest) > 3 * limit).any() else "doubtful", text))
+        concerns.append(Concern("failed" if (np.abs(rest) > 3 * limit).any() else "doubtful", text, "plates"))
     for k in np.flatnonzero(across > max(0.01 * distance, 6 * float(np.median(across)))):
         text = f"{plates.names[k]}: the plate stood {across[k]:.1f} mm beside its axis: did it move sideways?"
-        concerns.append(Concern("doubtful", text))
+        concerns.append(Concern("doubtful", text, "plates"))
     return slope, sigma, concerns
 
 
@@ -320,7 +322,7 @@ def _told(entry: Length, factor: float, others: str, scale: ScaleBar | None, boa
     if entry.name == "the scale bar":
         text += _bar_hint(scale, board, factor)
     off = max(factor, 1 / factor) - 1
-    return Concern("failed" if off > FAILED else "doubtful", text)
+    return Concern("failed" if off > FAILED else "doubtful", text, entry.about)
 
 
 def bar_notes(scale: ScaleBar | None, board: Testfield) -> tuple[str, ...]:

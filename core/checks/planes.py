@@ -182,20 +182,21 @@ def _angles(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
         k = int(np.argmax(np.median(misfit, axis=1) if len(planes) > 2 else misfit.max(axis=1)))
     told = ", ".join(f"{off:.1f}°" for off in np.delete(misfit[k], k)[:4])
     e = planes[k]
-    text = f"{e.capture}: angle_deg {e.angle_deg:g} differs from the angles to the other planes by {told}: "
+    about = e.capture
+    text = f"{about}: angle_deg {e.angle_deg:g} differs from the angles to the other planes by {told}: "
     pair = np.flatnonzero((misfit > OWN_ANGLE_DEG).any(axis=1))
     if len(pair) == 2 and not sign:  # one angle, which tells of neither
         a, b = (planes[i].capture for i in pair)
-        text = f"{a} and {b}: the angle between them differs from angle_deg by {misfit.max():.1f}°: "
+        about, text = "", f"{a} and {b}: the angle between them differs from angle_deg by {misfit.max():.1f}°: "
     if len(odd) > 1:
         names = " or ".join(planes[i].capture for i in odd)
-        text = f"{names}: all planes were turned about one axis, by other angles: "
+        about, text = "", f"{names}: all planes were turned about one axis, by other angles: "
     text += (
         "the sign of angle_deg is reversed"
         if sign
         else "correct angle_deg, or the plane-table was not turned as it says"
     )
-    return [Concern("failed" if misfit.max() > MOST_ANGLE_DEG else "doubtful", text)]
+    return [Concern("failed" if misfit.max() > MOST_ANGLE_DEG else "doubtful", text, about)]
 
 
 def _against_axis(normals: Array, given: Array) -> tuple[list[int], float, bool]:

@@ -139,11 +139,6 @@ class Evidence:
         """What the plates' own targets say of their positions, where no projector is calibrated."""
         return lengths_of(depth.camera_spec, depth.camera, [c for c in self.captures if c.role == "depth"], self.kept)
 
-    def of_plate(self, concern: Concern) -> bool:
-        """Whether a concern is about the plates alone, which the photogrammetric calibration does not use."""
-        names = [c.name for c in self.captures if c.role == "depth"]
-        return concern.text.startswith(("the plate", *(f"{name}:" for name in names)))
-
     def targets(self, method: Method) -> list[TargetSet]:
         """The targets of the captures that a method used."""
         wanted = {c.name for c in self.used[method]}

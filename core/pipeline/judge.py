@@ -74,7 +74,6 @@ def judge_planes(
     common: list[Concern] = []
     for devices in dict.fromkeys(e.devices for e in evaluations):
         common += pair_concerns([e for e in evaluations if e.devices == devices])
-    starts = tuple(f"{e.capture}:" for e in evaluations)
     judged = []
     forms: dict[int, Form] = {}
 
@@ -87,7 +86,7 @@ def judge_planes(
         e = replace(e, form_pv_um=form.pv_um, noisy=is_noise(e, form))
         concerns = plane_concerns(e, form, calibration_rms_mm.get((e.capture, e.method, *e.devices), 0.0))
         of_capture = noted({e.capture: (notes or {}).get(e.capture, ())})
-        named = [c for c in common if c.text.startswith(f"{e.capture}:") or not c.text.startswith(starts)]
+        named = [c for c in common if c.about in ("", e.capture)]
         basis = (verdicts or {}).get(e.method)
         if basis is not None and basis.state != "passed" and basis.because:
             state: Literal["failed", "doubtful"] = "failed" if basis.state == "failed" else "doubtful"

@@ -102,7 +102,7 @@ def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibratio
     rejected, lonely = rejected_of(adjustment, targets)
     concerns = [
         *adjustment_concerns(adjustment, rejected),
-        *(c for c in evidence.lengths if not evidence.of_plate(c)),
+        *(c for c in evidence.lengths if c.about != "plates"),  # which the adjustment does not use
         *nominal_concerns(calibration.devices, evidence.project.rig.cameras),
     ]
     if evidence.options.hold and any(c.state == "failed" for c in concerns):

@@ -133,7 +133,7 @@ def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]
 
 def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
     lengths = evidence.lengths if evidence.photogrammetric is not None else evidence.lengths_of_plates(depth)
-    of_plates = [c for c in lengths if evidence.of_plate(c) or c.text.startswith("known lengths")]
+    of_plates = [c for c in lengths if c.about != "board"]
     sound = (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)
     return Judgement([*of_plates, *_of_residuals(depth)], sound, evidence.left_out(name))
 
