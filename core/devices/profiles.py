@@ -225,7 +225,8 @@ def _stored(table: Entries, lines: tuple[int, int]) -> dict[Pattern, int]:
     stored: dict[Pattern, int] = {}
     first = table.integer("first_slot", 0, default=0)
     if (text := table.text("sequence", default=None)) is not None:
-        for slot, pattern in enumerate(parse_sequence(text).patterns(lines, table.place("sequence")), first):
+        where = table.place("sequence")
+        for slot, pattern in enumerate(parse_sequence(text, where).patterns(lines, where), first):
             stored.setdefault(pattern, slot)
     for entry in table.tables("patterns"):
         slot = entry.integer("slot", 0)
@@ -252,8 +253,10 @@ def _only(table: Entries, sendable: set[str]) -> Mapping[str, Value]:
 
 def _step(entry: Entries, every: Entries, dialogue: _Dialogue, sendable: set[str]) -> Step:
     until: dict[str, tuple[Value, ...]] = {}
-    for key, value in entry.table("until").data.items():
+    for key, value in (waits := entry.table("until")).data.items():
         until[key] = tuple(value) if isinstance(value, list) else (value,)
+        if not until[key] or any(not isinstance(each, int | str) for each in until[key]):
+            raise waits.refuse(key, value, "give a number or text to wait for, or a list of them")
     waited = {re.split(r"\W", key)[0] for key in until}
     expect, answered = None, entry if "expect" in entry.data else every
     if answered.data.get("expect"):

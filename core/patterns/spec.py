@@ -137,7 +137,7 @@ def read_sequence(data: object, where: str) -> SequenceSpec:
     return SequenceSpec(name, options)
 
 
-def parse_sequence(text: str) -> SequenceSpec:
+def parse_sequence(text: str, where: str = "--sequence") -> SequenceSpec:
     """Read a sequence as a command's argument gives it.
 
     Parameters
@@ -145,6 +145,8 @@ def parse_sequence(text: str) -> SequenceSpec:
     text : str
         A preset's name, with options as in ``gray-sine:period=24,steps=8``; what project.json may hold, as JSON; or a
         file of that, a capture.json or a project.json.
+    where : str
+        For messages.
 
     Examples
     --------
@@ -153,22 +155,20 @@ def parse_sequence(text: str) -> SequenceSpec:
     """
     text = text.strip()
     if text.startswith(("[", "{")):
-        return read_sequence(_json(text, "--sequence"), "--sequence")
+        return read_sequence(_json(text, where), where)
     name, _, rest = text.partition(":")
     if name in PRESETS:
         options: dict[str, Any] = {}
         for item in re.split(r",(?![^\[]*\])", rest) if rest else []:
             key, equals, value = item.partition("=")
             if not equals:
-                raise InputError(
-                    "--sequence", f"{item!r} after {name}", "give options as in gray-sine:period=24,steps=8"
-                )
+                raise InputError(where, f"{item!r} after {name}", "give options as in gray-sine:period=24,steps=8")
             options[key.strip()] = _value(value.strip())
-        return read_sequence({"preset": name, **options}, "--sequence")
+        return read_sequence({"preset": name, **options}, where)
     if os.path.exists(text) or text.endswith(".json"):
         return read_sequence_file(Path(text))
     known = ", ".join(PRESETS)
-    raise InputError("--sequence", f"no preset or file {text!r}", f"use {known}, or a JSON file of patterns")
+    raise InputError(where, f"no preset or file {text!r}", f"use {known}, or a JSON file of patterns")
 
 
 def read_sequence_file(path: Path) -> SequenceSpec:

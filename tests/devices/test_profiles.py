@@ -352,6 +352,9 @@ def test_frames_are_the_bytes_written_by_hand(own, entries: str, wire: str) -> N
         ("stripe-lines", ("OK SHOW {slot}", "OK SHOW {slott}"), r"line \d+: commands.select.expect: .*write slot"),
         ("stripe-lines", ("SHOW {slot}", "SHOW {slot:u8}"), r"line \d+: commands.select.send: format 'u8'"),
         ("modbus", ('"_warm&1" = 1', '"_cold&1" = 1'), r"commands.start.1.until: '_cold'"),
+        ("optoma", ("until = { on = 1 }", "until = { on = [] }"), r"line \d+: commands.start.1.until.on: \[\]"),
+        ("optoma", ("until = { on = 1 }", "until = { on = nan }"), r"commands.start.1.until.on: nan; give a number"),
+        ("lightcrafter4500", ('sequence = "', 'sequence = "s'), r"line \d+: stored.sequence: no preset"),
         (
             "optoma",
             ("until = { on = 1 }", "until = { _k = 1 }"),
