@@ -92,9 +92,13 @@ def plane_concerns(e: PlaneEvaluation, form: Form, calibration_rms_mm: float = 0
     Noise of independent pixels passes the low pass by ``1 / (2 σ √π)``; ten times as much, for neighbouring pixels
     share some of theirs, and three sigmas of the calibration, is form that needs no explanation.
     """
-    if e.predicted_rms_mm is None or not e.predicted_rms_mm > 0:
-        return []
     where = f"{e.capture}, {e.method}"
+    beside = []
+    if e.elsewhere:
+        share = f"{where}: {e.elsewhere} points lie on other surfaces than the plane of the {e.n} others"
+        beside.append(Concern("doubtful", f"{share}: left out; see that they are not of the plane-table"))
+    if e.predicted_rms_mm is None or not e.predicted_rms_mm > 0:
+        return beside
     told = f"{where}: deviations are {e.rms_mm / e.predicted_rms_mm:.3g} times what the noise predicts"
     told += f" ({e.rms_mm:.3g} mm r.m.s.)"
     shape = f"{1e3 * form.rms_mm:.0f} µm r.m.s. of it is form, {form.pv_um or 0:.0f} µm peak to valley"
@@ -109,15 +113,15 @@ def plane_concerns(e: PlaneEvaluation, form: Form, calibration_rms_mm: float = 0
         if form.rms_mm < 0.5 * e.rms_mm:
             cause = _scattered(e)
         failed = max(excess, scatter / DOUBTFUL_RATIO) > FAILED_RATIO / DOUBTFUL_RATIO
-        return [Concern("failed" if failed else "doubtful", f"{told}; {shape}: {cause}")]
+        return [Concern("failed" if failed else "doubtful", f"{told}; {shape}: {cause}"), *beside]
     passed = 10 * e.predicted_rms_mm / (2 * np.sqrt(np.pi) * low_pass_px(e.deviation_mm.shape))
     limit = max(SHAPED * e.predicted_rms_mm, float(np.hypot(passed, 3 * calibration_rms_mm)))
     if form.rms_mm > limit:
         text = (
             f"{where}: {shape}, more than noise and calibration explain: is the plane flat, does the lens model hold?"
         )
-        return [Concern("doubtful", text)]
-    return []
+        return [Concern("doubtful", text), *beside]
+    return beside
 
 
 def is_noise(e: PlaneEvaluation, form: Form) -> bool:

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import StripeError
 from core.model import Array, Floats, Interior, Method, PhaseMap, PlaneEvaluation, PointCloud
+from core.numerics import sigma_by_median
 
 LEAST_POINTS = 4  # three points fit any plane
 COLLINEAR = 1e-6  # ratio of the second to the first spread below which points lie on a line
+OTHER, DISTANT = 10.0, 1e-3  # sigmas by the median, and share of the distance, beyond which lie other surfaces
+REGION = 50  # px side by side beyond, at least: so many gross errors do not meet by chance
+AROUND = 15  # px: where such regions are, single points beyond with most of their neighbours beyond belong to them
+TRIALS, SAMPLE = 200, 2000  # of the search for the plane of most points
 
 
 @dataclass(frozen=True)
@@ -101,8 +107,9 @@ def evaluate_plane(
     Returns
     -------
     evaluation : PlaneEvaluation
-        Every point takes part: r.m.s. = sqrt(Σ d²/n), the largest ``|d|`` and the most negative d, where d is the
-        signed distance along the normal, positive towards the camera. `deviation_mm` has shape (H, W), NaN without
+        Every point takes part but those on other surfaces, which are counted: r.m.s. = sqrt(Σ d²/n), the largest
+        ``|d|`` and the most negative d, where d is the signed distance along the normal, positive towards the camera.
+        `deviation_mm` has shape (H, W), NaN without
         point; `sigma_mm` likewise, predicted, of shape (0, 0) where the phase noise is not known.
 
     Raises
@@ -118,6 +125,8 @@ def evaluate_plane(
     whole plane and are part of each point's own sigma, not of these.
     """
     valid = np.asarray(np.isfinite(cloud.xyz_mm).all(axis=-1))
+    elsewhere = _elsewhere(cloud.xyz_mm, valid, capture)
+    valid &= ~elsewhere
     points = cloud.xyz_mm[valid].astype(np.float64)
     plane = fit_plane(points, where=capture)
     deviation = plane.deviations(points)
@@ -125,7 +134,7 @@ def evaluate_plane(
     pictured[valid] = deviation
     sigma = _predicted_sigma(cloud, valid, points, plane)
     known = sigma[np.isfinite(sigma)].astype(np.float64)
-    excluded, rule = _excluded(phase, valid, outside)
+    excluded, rule = _excluded(phase, valid, elsewhere, outside)
     return PlaneEvaluation(
         capture=capture,
         angle_deg=angle_deg,
@@ -137,6 +146,7 @@ def evaluate_plane(
         predicted_rms_mm=float(np.sqrt(np.mean(known**2))) if len(known) else None,
         excluded=excluded,
         excluded_rule=rule,
+        elsewhere=int(np.count_nonzero(elsewhere)),
         plane=np.array([*plane.normal, plane.offset_mm]),
         deviation_mm=pictured,
         sigma_mm=sigma,
@@ -152,15 +162,47 @@ def _predicted_sigma(cloud: PointCloud, valid: NDArray[np.bool_], points: Array,
     return sigma
 
 
-def _excluded(phase: PhaseMap, valid: NDArray[np.bool_], outside: str) -> tuple[int, str]:
-    """Count the pixels that have a projector coordinate but no point, and say by which rule."""
+def _elsewhere(xyz_mm: Floats, valid: NDArray[np.bool_], where: str) -> NDArray[np.bool_]:
+    """Points on other surfaces than the plane of most: a wall behind the plate, what it stands on; (H, W)."""
+    points = xyz_mm[valid].astype(np.float64)
+    sample = points[:: len(points) // SAMPLE + 1]
+    a, b, c = sample[np.random.default_rng(0).integers(max(len(sample), 1), size=(3, TRIALS if len(sample) else 0))]
+    normals = np.cross(b - a, c - a)
+    sound = np.any(normals != 0, axis=1)
+    if not sound.any():
+        return np.zeros(valid.shape, bool)
+    normals = normals[sound] / np.linalg.norm(normals[sound], axis=1, keepdims=True)
+    offsets = np.sum(normals * a[sound], axis=1)
+    off = np.abs(normals @ sample.T - offsets[:, None])
+    best = int(np.argmin(np.median(off, axis=1)))
+    limit = max(OTHER * float(np.median(off[best])), DISTANT * abs(float(offsets[best])))
+    plane = fit_plane(sample[off[best] <= limit], where=where)
+    deviation = plane.deviations(points)
+    far = np.zeros(valid.shape, np.uint8)
+    far[valid] = np.abs(deviation) > max(OTHER * sigma_by_median(deviation), -DISTANT * plane.offset_mm)
+    _, region, figures, _ = cv2.connectedComponentsWithStats(far)
+    large = figures[:, cv2.CC_STAT_AREA] >= REGION
+    large[0] = False  # what is not beyond
+    size = (AROUND, AROUND)
+    amid = cv2.blur(far.astype(np.float32), size) > 0.5 * cv2.blur(valid.astype(np.float32), size)
+    return np.asarray(large[region] | (amid & (far > 0) & large.any()))
+
+
+def _excluded(phase: PhaseMap, valid: NDArray[np.bool_], elsewhere: NDArray[np.bool_], outside: str) -> tuple[int, str]:
+    """Count the pixels that have a projector coordinate but take no part, and say by which rule."""
     u, v = np.isfinite(phase.u), np.isfinite(phase.v)
-    without = (u | v) & ~valid
+    without = (u | v) & ~valid & ~elsewhere
     lead = v if bool((valid & ~u).any()) else u  # every point has the coordinate that gives the depth
     blind = int(np.count_nonzero(without & ~lead))
     rest = int(np.count_nonzero(without)) - blind
-    rules = [(rest, outside), (blind, "the projector coordinate that gives the depth was not decoded")]
-    return rest + blind, "; ".join(f"{n} {why}" if blind else why for n, why in rules if n)
+    other = int(np.count_nonzero(elsewhere))
+    rules = [
+        (other, "on another surface"),
+        (rest, outside),
+        (blind, "the projector coordinate that gives the depth was not decoded"),
+    ]
+    told = "; ".join(f"{n} {why}" if blind or other else why for n, why in rules if n)
+    return rest + blind + other, told
 
 
 def share_within(evaluation: PlaneEvaluation, times: float) -> float:

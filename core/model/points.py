@@ -48,3 +48,4 @@ class PlaneEvaluation:
     form_pv_um: float | None = None  # peak to valley of the low-passed deviations
     noisy: bool = True  # deviations and form are no more than noise leaves; else the calibration's sigma explains them
     verdict: Verdict | None = None
+    elsewhere: int = 0  # of those excluded: on other surfaces than the plane

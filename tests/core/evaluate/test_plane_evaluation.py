@@ -60,6 +60,35 @@ def test_figures_describe_the_deviations() -> None:
     assert result.rms_mm == pytest.approx(np.sqrt(np.mean(result.deviation_mm.astype(float) ** 2)))
 
 
+@pytest.mark.parametrize("tilt", [0, 20])
+def test_a_wall_behind_the_plate_takes_no_part(tilt: float) -> None:
+    cloud, plate = _cloud(0.05, tilt), _cloud(0.05, tilt)
+    wall = np.zeros((H, W), bool)
+    wall[:, :30], wall[50:, :] = True, True
+    cloud.xyz_mm[wall] *= 1.2
+    cloud.xyz_mm[5, 60] *= 1.2  # one gross error, which counts
+    result = evaluate_plane(_phase(), cloud, capture="p", angle_deg=tilt, method="photogrammetric")
+    assert result.n == H * W - wall.sum()
+    assert result.excluded == result.elsewhere == wall.sum()
+    assert result.excluded_rule == f"{wall.sum()} on another surface"
+    assert result.max_mm > 100
+    alone = evaluate_plane(
+        _phase(), replace(plate, xyz_mm=np.where(wall[..., None], np.nan, plate.xyz_mm)), capture="p", angle_deg=tilt,
+        method="photogrammetric",
+    )  # fmt: skip
+    # 2500 points: the gross error of 120 mm moves the plane by 120 / 2500, and tilts it
+    assert abs(result.plane[3] - alone.plane[3]) < 0.3
+
+
+@pytest.mark.parametrize("height", [0.3, 3.0])
+def test_form_however_large_is_no_other_surface(height: float) -> None:
+    cloud = _cloud(0.05)
+    v, u = np.mgrid[-1 : 1 : H * 1j, -1 : 1 : W * 1j]
+    cloud.xyz_mm[..., 2] += height * (u**2 + v**2 + u**3)
+    result = evaluate_plane(_phase(), cloud, capture="p", angle_deg=0, method="photogrammetric")
+    assert (result.n, result.elsewhere) == (H * W, 0)
+
+
 def test_every_decoded_pixel_without_point_is_counted_with_the_rule() -> None:
     phase, cloud = _phase(), _cloud()
     cloud.xyz_mm[:5] = np.nan
