@@ -19,7 +19,7 @@ from core.decode.frames import Image
 from core.decode.tables import CODE, Array, AxisTable, Limits, Singles, modulation_of, sums_of
 from core.numerics import row_median
 
-PIXELS = 144  # of a tile that are looked at
+LOOKS = 49, 144  # pixels of a tile that are looked at
 FEWEST = 24  # that tell it
 NEAREST, FARTHEST = 2, 5  # tiles to either side that tell it for one
 BITS = 3  # that tell it
@@ -56,24 +56,44 @@ def second_light(
     chosen = _bits(table) if table.start == CODE and len(table.period) == 1 else []
     if len(chosen) < 2:
         return None
-    rows, columns = (_places(n) for n in place.shape)
+    few, many = LOOKS
+    nothing = _part(images, table, limits, place, chosen, few) is None
+    return None if nothing else _part(images, table, limits, place, chosen, many)
+
+
+def bent_by(part: Singles, period: float) -> Singles:
+    """Variance (lines²) of coordinates by phases of a period, of light that comes by a second way from anywhere."""
+    return np.asarray(np.square(part * (1 + part * part / 8) * period / (2 * np.pi)) / 2, np.float32)
+
+
+def _part(
+    images: Sequence[Image],
+    table: AxisTable,
+    limits: Limits,
+    place: Singles,
+    chosen: Sequence[tuple[int, float]],
+    pixels: int,
+) -> NDArray[np.float32] | None:
+    """Find it by so many pixels of a tile."""
+    rows, columns = (_places(n, pixels) for n in place.shape)
     at = np.ix_(rows, columns)
     smooth = _smooth(place, rows, columns)
     if not smooth.any():
         return None
-    shown = np.zeros((len(images), smooth.size), np.float32)
+    grey = np.zeros((len(images), smooth.size), np.float32)
     for frame in np.union1d(table.rows.column, table.fits.frame).tolist():
-        shown[frame] = images[frame][rows][:, columns].ravel()
-    levels, groups, noise = _levels(table, limits, shown, place[at].ravel(), smooth.ravel(), chosen)
+        grey[frame] = images[frame][rows][:, columns].ravel()
+    levels, groups, noise = _levels(table, limits, grey, place[at].ravel(), smooth.ravel(), chosen)
     tile = len(rows) // TILES, len(columns) // TILES
-    window = _window(place[at], tile, chosen[0][1])
+    down, across = steps = _steps(place[at])
+    window = _window((down * tile[0], across * tile[1]), chosen[0][1])
 
     def sums(values: NDArray[Any]) -> Array:
         tiles = values.reshape(TILES, tile[0], TILES, tile[1]).sum(axis=(1, 3), dtype=float)
         return np.asarray(cv2.boxFilter(tiles, -1, window[::-1], normalize=False, borderType=cv2.BORDER_CONSTANT))
 
     grid = len(rows), len(columns)
-    beside = _beside(place[at])
+    beside = _beside(steps)
     groups = np.where(groups == beside(groups, grid), groups, -1)
     weight, beyond = 1 / np.square(noise), np.zeros((TILES, TILES), np.float32)
     freedom = _within(levels, levels, groups)[1]
@@ -91,30 +111,30 @@ def second_light(
     return part
 
 
-def bent_by(part: Singles, period: float) -> Singles:
-    """Variance (lines²) of coordinates by phases of a period, of light that comes by a second way from anywhere."""
-    return np.asarray(np.square(part * (1 + part * part / 8) * period / (2 * np.pi)) / 2, np.float32)
-
-
-def _places(size: int) -> NDArray[np.intp]:
+def _places(size: int, pixels: int) -> NDArray[np.intp]:
     """Rows or columns that are looked at: as many in every tile."""
-    each = max(1, min(round(PIXELS**0.5), size // TILES))
+    each = max(1, min(round(pixels**0.5), size // TILES))
     return np.asarray((np.arange(TILES * each) + 0.5) * size / (TILES * each), np.intp)
 
 
-def _window(place: Singles, each: tuple[int, int], run: float) -> tuple[int, int]:
-    """How many tiles down and across tell what one has: to either side a run of the coarsest bit."""
-    down, across = (float(row_median(np.abs(np.diff(place, axis=k)).reshape(1, -1))[0]) * each[k] for k in (0, 1))
-    most = max(down, across)
-    reach = (min(max(int(np.ceil(run / x)), NEAREST), FARTHEST) if x > ALONG * most else 1 for x in (down, across))
+def _steps(place: Singles) -> tuple[float, float]:
+    """Lines by which a pixel that is looked at differs from the next down and across."""
+    down, across = (float(row_median(np.abs(np.diff(place, axis=k)).reshape(1, -1))[0]) for k in (0, 1))
+    return down, across
+
+
+def _window(changes: tuple[float, float], run: float) -> tuple[int, int]:
+    """How many tiles down and across tell what one has, of such changes of lines from tile to tile: to either side a
+    run of the coarsest bit."""
+    most = max(changes)
+    reach = (min(max(int(np.ceil(run / x)), NEAREST), FARTHEST) if x > ALONG * most else 1 for x in changes)
     return 2 * next(reach) + 1, 2 * next(reach) + 1
 
 
-def _beside(place: Singles) -> Callable[[NDArray[Any], tuple[int, int]], NDArray[Any]]:
+def _beside(steps: tuple[float, float]) -> Callable[[NDArray[Any], tuple[int, int]], NDArray[Any]]:
     """Give what takes values (k, n) to those of a neighbour, the way that lines change less: light by a second way is
     alike there, and noise is not."""
-    down, across = (float(row_median(np.abs(np.diff(place, axis=k)).reshape(1, -1))[0]) for k in (0, 1))
-    axis = 1 if down < across else 2
+    axis = 1 if steps[0] < steps[1] else 2
 
     def of(values: NDArray[Any], grid: tuple[int, int]) -> NDArray[Any]:
         return np.roll(values.reshape(len(values), *grid), 1, axis).reshape(len(values), -1)
