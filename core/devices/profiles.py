@@ -11,7 +11,7 @@ from pathlib import Path
 
 from core.devices.entries import Entries, key_lines
 from core.devices.profile import COMMANDS, MEANINGS, SHOWN, TOLD, Command, Port, Profile, Step
-from core.devices.template import LineBits, Template, Value, Words, make_template
+from core.devices.template import CALCULATED, LineBits, Template, Value, Words, make_template
 from core.devices.wrapping import read_check, read_framings
 from core.errors import InputError
 from core.patterns import Pattern, parse_sequence, pattern_from_dict
@@ -257,6 +257,8 @@ def _step(entry: Entries, every: Entries, dialogue: _Dialogue, sendable: set[str
         until[key] = tuple(value) if isinstance(value, list) else (value,)
         if not until[key] or any(not isinstance(each, int | str) for each in until[key]):
             raise waits.refuse(key, value, "give a number or text to wait for, or a list of them")
+        if not CALCULATED.fullmatch(key):
+            raise waits.refuse(key, key, "name what the answer tells, as in on or on&1")
     waited = {re.split(r"\W", key)[0] for key in until}
     expect, answered = None, entry if "expect" in entry.data else every
     if answered.data.get("expect"):

@@ -21,7 +21,9 @@ from core.errors import InputError
 Value = int | float | str | bytes
 Values = Mapping[str, Value]
 Words = Mapping[str, Mapping[str, Value]]  # of a field: what stands for each of its values
-_FIELD = re.compile(r"\{(\w+)((?:[-+*/%&]\d+)*)(?::([\w.]+))?\}")
+_STEPS = r"((?:[-+*&]\d+|[/%]0*[1-9]\d*)*)"
+CALCULATED = re.compile(rf"(\w+){_STEPS}")  # a field and steps of calculation
+_FIELD = re.compile(rf"\{{{CALCULATED.pattern}(?::([\w.]+))?\}}")
 _NUMBER = re.compile(r"0?\d*(?:\.\d+)?[dxXfg]")
 _WIDTH = re.compile(r"u(?:8|16|24|32)(?:le)?")
 _TOKEN = re.compile(r"'[^']*'|\S+")

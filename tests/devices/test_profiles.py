@@ -354,6 +354,8 @@ def test_frames_are_the_bytes_written_by_hand(own, entries: str, wire: str) -> N
         ("modbus", ('"_warm&1" = 1', '"_cold&1" = 1'), r"commands.start.1.until: '_cold'"),
         ("optoma", ("until = { on = 1 }", "until = { on = [] }"), r"line \d+: commands.start.1.until.on: \[\]"),
         ("optoma", ("until = { on = 1 }", "until = { on = nan }"), r"commands.start.1.until.on: nan; give a number"),
+        ("optoma", ("until = { on = 1 }", 'until = { "on&x" = 1 }'), r"line \d+: .*'on&x'; name what the answer"),
+        ("lightcrafter4500", ("{slot/24:u8}", "{slot/0:u8}"), r"line \d+: commands.select.5.send: .*slot/0"),
         ("lightcrafter4500", ('sequence = "', 'sequence = "s'), r"line \d+: stored.sequence: no preset"),
         (
             "optoma",
