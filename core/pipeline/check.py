@@ -37,15 +37,17 @@ _GONE = "captures_missing"  # where project.json keeps the names of captures who
 
 @dataclass(frozen=True)
 class Inconsistency:
-    """Something that does not fit: where, what it is, what to do about it, and whether it was mended."""
+    """Something that does not fit: where, what it is, what is done about it, and whether it was or can be mended."""
 
     where: str
     seen: str
     remedy: str
     mended: bool = False
+    mendable: bool = False
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.seen}; {'mended: ' if self.mended else ''}{self.remedy}"
+        how = "mended: " if self.mended else "with --repair: " if self.mendable else ""
+        return f"{self.where}: {self.seen}; {how}{self.remedy}"
 
 
 Finding = tuple[Path, str, str, Callable[[], object] | None]  # where, seen, remedy, and how it is mended
@@ -96,7 +98,7 @@ def _told(finding: Finding, folder: Path, repair: bool) -> Inconsistency:
             remedy = f"{remedy}; that failed: {error.strerror or error}"
     with suppress(ValueError):
         where = where.relative_to(folder)
-    return Inconsistency(str(where), seen, remedy, mended)
+    return Inconsistency(str(where), seen, remedy, mended, mend is not None)
 
 
 def _locks(folder: Path, progress: Progress) -> Iterator[Finding]:
@@ -134,7 +136,7 @@ def _listed(folder: Path, progress: Progress) -> Iterator[Finding]:
             yield path, seen, remedy, partial(_relist, folder)
         if not os.path.isdir(folder / name):
             seen = f"captures lists {name!r}, which is not there"
-            remedy = f"restore the folder; until then its name is kept under {_GONE!r}"
+            remedy = f"its name is kept under {_GONE!r} until the folder is restored"
             yield path, seen, remedy, partial(_relist, folder, without=name)
     there = {(folder / name).resolve() for name in names}
     for document in sorted(folder.glob("captures/*/capture.json")):
@@ -146,7 +148,7 @@ def _listed(folder: Path, progress: Progress) -> Iterator[Finding]:
         except StripeError as error:
             yield document.parent, f"a capture that project.json does not list: {error.seen}", error.remedy, None
             continue
-        seen, remedy = "a capture that project.json does not list", "listed; take its name out again to leave it out"
+        seen, remedy = "a capture that project.json does not list", "listed; its name may be taken out again"
         yield document.parent, seen, remedy, partial(_relist, folder, new=name)
 
 
