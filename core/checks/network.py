@@ -7,6 +7,7 @@ they came.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from core.geometry.lens import lens_of
 from core.model import AdjustedDevice, Adjustment, Array, Concern, NetworkScale
 from core.numerics import chi_square_limit, nearest, normal_limit
 
-DOUBTS = ("not rigid", "look like gross errors", "left out, fewer than")  # of the adjustment's own warnings
+GROSS = "look like gross errors"
+DOUBTS = ("not rigid", GROSS, "left out, fewer than")  # of the adjustment's own warnings
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
@@ -41,13 +43,29 @@ def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int
     """
     own = [Concern("doubtful", text) for text in adjustment.warnings if any(doubt in text for doubt in DOUBTS)]
     known = [concern for name, device in adjustment.devices.items() for concern in _known_before(name, device)]
-    return [*known, *_chi_square(adjustment), *_systematic(adjustment), *_rejected(rejected or {}), *own]
+    squares = _chi_square(adjustment)
+    if any(c.state == "failed" for c in squares):  # gross errors named are its cause: they come first
+        own = [replace(c, state="failed") if GROSS in c.text else c for c in own]
+    own.sort(key=lambda c: GROSS not in c.text)
+    return [*known, *own, *squares, *_systematic(adjustment), *_rejected(rejected or {})]
 
 
 def sound_words(adjustment: Adjustment) -> tuple[str, ...]:
     """What to say of an adjustment that nothing speaks against."""
     told = ", ".join(f"{name} {factor**0.5:.2f}" for name, (factor, _) in factors(adjustment).items())
-    return (f"residuals over the sigmas given: {told}; nothing systematic",) if told else ()
+    words = [f"residuals over the sigmas given: {told}; nothing systematic"] if told else []
+    if names := ", ".join(_cautious(adjustment)):
+        words.append(f"{names}: the sigmas given are larger than the residuals show; those of the results follow these")
+    return tuple(words)
+
+
+def _cautious(adjustment: Adjustment) -> dict[str, float]:
+    """By device, residuals over sigmas where these are too large: chi-square test, H0: by `DOUBTFUL_RATIO` at most."""
+    return {
+        name: factor**0.5
+        for name, (factor, redundancy) in factors(adjustment).items()
+        if factor * redundancy * DOUBTFUL_RATIO**2 < chi_square_limit(redundancy, 1 - LEVEL)
+    }
 
 
 def unit_hint(*ratios: float) -> str:
@@ -72,7 +90,17 @@ def given_concerns(adjustment: Adjustment) -> list[Concern]:
             )
             concerns.append(Concern("failed" if rms > FAILED_RATIO else "doubtful", text))
     bars = [network.scale, *network.lengths] if network.scale else network.lengths
+    weighed = network.point_sigma_mm is not None and np.isin(network.point_sigma_mm, (0, np.inf), invert=True).any()
+    if bars or weighed:
+        concerns += [Concern("doubtful", _too_large(*found)) for found in _cautious(adjustment).items()]
     return concerns + [concern for bar in bars for concern in _length(adjustment, bar)]
+
+
+def _too_large(device: str, ratio: float) -> str:
+    return (
+        f"{device}: residuals are {ratio:.2g} times what sigma_px allows: sigmas of lengths and points given count as "
+        f"if they were smaller by as much; multiply sigma_px by {ratio:.2g}"
+    )
 
 
 def _length(adjustment: Adjustment, bar: NetworkScale) -> list[Concern]:

@@ -103,3 +103,25 @@ def test_control_that_the_images_contradict_is_never_passed(tmp_path):
     inches = NetworkScale(0, 1, float(np.linalg.norm(points[0] - points[1])) / 25.4, 0.001)
     judged = judge_adjustment(adjust(replace(network, scale=inches)))
     assert "inches instead of mm" in judged.verdict.because[0]
+
+
+@pytest.mark.parametrize(
+    ("factor", "scaled", "state"), [(1, True, "passed"), (3, True, "doubtful"), (3, False, "passed")]
+)
+def test_sigmas_stated_too_large_are_told_and_doubtful_beside_a_length(simulate, factor, scaled, state):
+    """The length's sigma is multiplied by σ0 with all others; without one the sigmas stated do not matter."""
+    network = simulate(seed=2, scale=scaled).network
+    judged = judge_adjustment(adjust(replace(network, observation_sigma=factor * network.observation_sigma)))
+    assert judged.verdict.state == state
+    assert any("multiply sigma_px by 0.3" in text for text in judged.verdict.because) == (state == "doubtful")
+    assert any("larger than the residuals show" in text for text in judged.verdict.because) == (not scaled)
+
+
+def test_gross_errors_are_named_before_the_residuals_that_they_cause(simulate):
+    network = simulate(seed=1).network
+    uv = network.observation_uv.copy()
+    uv[40] += 30.0
+    told = judge_adjustment(adjust(replace(network, observation_uv=uv))).verdict
+    assert told.state == "failed"
+    station, point = network.observation_station[40], network.observation_point[40]
+    assert f"station {network.station_names[station]} point {network.point_names[point]} " in told.because[0]
