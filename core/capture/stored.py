@@ -179,11 +179,9 @@ def _compressed(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
 def _mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
     """Four neighbours differ alike wherever there is light; best seen where that is even."""
     even = [i for f, i in zip(capture.frames, images, strict=True) if level_of(f.pattern)] or images
-    stride = 2 * max(1, round((even[0].size / GRID) ** 0.5))
-    high, wide = (n // stride for n in even[0].shape)
-    four = [
-        sum(i[y::stride, x::stride][:high, :wide].astype(float) for i in even) for y, x in product((0, 1), repeat=2)
-    ]
+    rng, share = np.random.default_rng(0), min(GRID / even[0].size, 0.25) ** 0.5
+    v, u = (2 * rng.choice(n // 2, int(share * n), replace=False) for n in even[0].shape)  # a board's dots are even
+    four = [sum(i[np.ix_(v + y, u + x)].astype(float) for i in even) for y, x in product((0, 1), repeat=2)]
     seen = np.array(four, np.float64).reshape(4, -1)
     seen = seen[:, seen.max(axis=0) > 0.5 * float(np.quantile(seen.max(axis=0), 0.97))]
     if seen.shape[1] < LEAST_LIT:

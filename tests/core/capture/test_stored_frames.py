@@ -287,6 +287,18 @@ def test_raw_frames_of_a_colour_camera_and_frames_stretched_one_by_one_are_named
     assert "neighbouring" not in told(patterns, stretched)
 
 
+@pytest.mark.parametrize("spacing_px", [24, 32, 40, 48])
+def test_a_board_whose_dots_are_evenly_spaced_in_pixels_is_no_mosaic(spacing_px: int) -> None:
+    """Whatever pixels are looked at, they must not lie on the dots' edges alone."""
+    y, x = np.mgrid[:576, :768] % spacing_px
+    for at in range(0, spacing_px, 2):
+        off = np.hypot(x - at - 0.3, y - at - 0.3) - spacing_px / 4
+        white = 30 + 180 * np.clip(0.5 - off, 0, 1)
+        images = [np.round(level * white).astype(np.uint8) for level in (1.0, 0.02)]
+        capture = Capture(Path("a"), "testfield", (Frame(Path("0.png"), White()), Frame(Path("1.png"), Black())))
+        assert not any(f.check == "mosaic" for f in check_stored(capture, images, None, LINES))
+
+
 @pytest.mark.parametrize("name", list(SEQUENCES))
 def test_noise_of_faint_light_is_no_contradiction_at_import(name: str) -> None:
     """Noise of 6 % of the light: held against one grey value, a fifth of the pixels would contradict."""
