@@ -9,13 +9,49 @@ import numpy as np
 from core.geometry import Pose, distort, image_to_pixel
 from core.measure.view import View
 from core.model import Array, DeviceSpec, Interior, TargetSet, Testfield
+from core.numerics import nearest
 
 # uncertainty of the correction: nominal focal length, one lens parameter, board taken as flat; when adjusted, 1 % of
 # the dots' diameter
 NOMINAL_SHARE, ADJUSTED_SHARE = 0.05, 0.02
+LEAST = 12  # targets that tell how a board is bent
+SMOOTH = 0.02  # of the targets' spacing: what a surface through them leaves may turn each dot by as much
+ALONG = 0.9  # cosine between the XY plane's normal and the targets' own where these are said to be in that plane
 
 
-def eccentricity(view: View, xyz_mm: Array, radius_mm: Array, interior: Interior | None = None) -> Array:
+def tangents(xyz_mm: Array) -> Array:
+    """Two orthogonal unit vectors along the board at every target, shape (n, 3, 2).
+
+    Of a board that is bent smoothly, they follow a quadratic surface through all targets (n, 3), mm; where these lie on
+    steps, the dots are taken as parallel to the XY plane, or to the targets' own if they stand across it.
+
+    Examples
+    --------
+    >>> x, y = (g.ravel() for g in np.mgrid[-4.0:5, -3.0:4])
+    >>> print(np.round(np.abs(tangents(np.stack([x, y, 0.01 * x**2], axis=1))[0]), 3))
+    [[0.997 0.   ]
+     [0.    1.   ]
+     [0.08  0.   ]]
+    """
+    centred = xyz_mm - xyz_mm.mean(axis=0)
+    axes = np.linalg.eigh(centred.T @ centred)[1].T[::-1]
+    if abs(axes[2, 2]) > ALONG:
+        axes = np.eye(3)
+    x, y, z = (centred @ axes.T).T
+    slopes, one, none = np.zeros((2, len(x))), np.ones_like(x), np.zeros_like(x)
+    if len(x) >= LEAST:
+        A = np.stack([one, x, y, x * x, x * y, y * y], axis=1)
+        fit = np.linalg.lstsq(A, z, rcond=None)[0]
+        spacing = np.median(np.linalg.norm(centred[nearest(centred, 2)[:, 1]] - centred, axis=1))
+        if np.std(z - A @ fit) < SMOOTH * spacing:
+            slopes = fit @ np.array([[none, one, none, 2 * x, y, none], [none, none, one, none, x, 2 * y]])
+    surface = np.array([[one, none, slopes[0]], [none, one, slopes[1]]]).transpose(2, 1, 0)
+    return np.asarray(axes.T @ np.linalg.qr(surface)[0])
+
+
+def eccentricity(
+    view: View, xyz_mm: Array, radius_mm: Array, interior: Interior | None = None, along: Array | None = None
+) -> Array:
     """Centre of a circle's image minus the image of the circle's centre, shape (n, 2), px.
 
     Parameters
@@ -23,10 +59,12 @@ def eccentricity(view: View, xyz_mm: Array, radius_mm: Array, interior: Interior
     view : View
         The camera and its pose relative to the board.
     xyz_mm : array, shape (n, 3)
-        Centres of circles that lie parallel to the board's XY plane.
+        Centres of the circles.
     radius_mm : array, shape (n,)
     interior : Interior
         The camera's, of any model, where it is known better than the view has it.
+    along : array, shape (n, 3, 2)
+        Orthogonal unit vectors in the circles' planes, as `tangents` gives them; else they are parallel to XY.
 
     Notes
     -----
@@ -51,7 +89,7 @@ def eccentricity(view: View, xyz_mm: Array, radius_mm: Array, interior: Interior
     centre = view.camera_from_board.apply(xyz_mm)
     image = np.diag([-c, -c, 1.0])
     H = np.empty((len(xyz_mm), 3, 3))
-    H[:, :, :2] = image @ R[:, :2]
+    H[:, :, :2] = image @ R @ (np.eye(3)[:, :2] if along is None else along)
     H[:, :, 2] = centre @ image.T
     scale = np.stack([radius_mm**2, radius_mm**2, -np.ones(len(xyz_mm))], axis=1)
     dual = (H * scale[:, None, :]) @ np.swapaxes(H, 1, 2)
@@ -96,7 +134,8 @@ def recentred(
     if not at:
         return targets
     view = View(camera, camera_from_board)
-    shift = eccentricity(view, testfield.xyz_mm[at], testfield.diameter_mm[at] / 2, interior)
+    along = tangents(testfield.xyz_mm)[at]
+    shift = eccentricity(view, testfield.xyz_mm[at], testfield.diameter_mm[at] / 2, interior, along)
     moved = targets.eccentricity_px - shift
     more = uncertain(shift, ADJUSTED_SHARE) - uncertain(targets.eccentricity_px, NOMINAL_SHARE)
     result = replace(

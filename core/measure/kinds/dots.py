@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.measure.blobs import find_blobs
 from core.measure.board import Board
 from core.measure.centroid import centroids, light_gradient, noise_model
-from core.measure.eccentricity import NOMINAL_SHARE, eccentricity, recentred, uncertain
+from core.measure.eccentricity import NOMINAL_SHARE, eccentricity, recentred, tangents, uncertain
 from core.measure.estimators import ESTIMATORS
 from core.measure.faults import half_lit, shape_faults
 from core.measure.grow import Lattice
@@ -127,11 +127,11 @@ def _centred(sight: Sight, lattice: Lattice, dots: Marks, fault: list[str]) -> M
     """Leave out faulty dots, correct the others' eccentricity, and tell why the rest is missing."""
     board, good = lattice.board, np.array([not f for f in fault], dtype=bool)
     target, uv = dots.target[good], dots.uv[good]
-    view, shift = lattice.view, np.zeros_like(uv)
+    view, shift, along = lattice.view, np.zeros_like(uv), tangents(board.xyz_mm)[target]
     for _ in range(2):  # the second view is fitted to the circles' centres, no longer to the ellipses'
         if len(target) >= 6:
             view = fit_both_tilts(view, board.xyz_mm[target], uv - shift, radial=len(target) >= 12)
-        shift = eccentricity(view, board.xyz_mm[target], board.radius_mm[target])
+        shift = eccentricity(view, board.xyz_mm[target], board.radius_mm[target], along=along)
     faults = {int(t): f for t, f in zip(dots.target, fault, strict=True) if f}
     return Marks(
         target,

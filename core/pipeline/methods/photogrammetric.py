@@ -85,6 +85,9 @@ def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: A
     if not 0.8 < adjusted / nominal < 1.25:  # dots and distances are in different units: no ellipse fits
         return list(targets)
     poses = dict(zip(adjustment.network.station_names, adjustment.station_from_object, strict=True))
+    index, true = testfield.index(), testfield.xyz_mm.copy()
+    true[[index[i.row, i.col] for i in adjustment.network.point_ids]] = adjustment.points_mm  # the board as it is bent
+    testfield = replace(testfield, xyz_mm=true)
     result = []
     for t in targets:
         device, pose = adjustment.devices.get(t.camera), poses.get(f"{t.capture}/{t.camera}")

@@ -47,14 +47,24 @@ def test_jacobian_is_that_of_the_projection():
         assert np.allclose(view.jacobian(at)[:, :, k], slope, rtol=1e-6)
 
 
-def test_targets_are_recentred_by_an_adjusted_camera_with_unequal_pitches():
+@pytest.mark.parametrize("bend_mm", [0.0, 4.0])
+def test_targets_are_recentred_by_an_adjusted_camera_with_unequal_pitches(bend_mm):
+    """Also on a dome, where every circle lies in a plane of its own: 3° off the others' at the rim."""
     interior = Interior(12.4, 0.08, -0.1, (-2.6e-3, 4e-5, -0.014, 0.002, 1e-4, -2e-4), 3.0)
     spec = DeviceSpec(748, 576, (0.008, 0.008), 12.0)
     pose = Pose(matrix_from_axis_angle([0.3, 1, 0], np.radians(32)), np.array([5.0, -8.0, -620.0]))
     row, col = (x.ravel() for x in np.mgrid[0:3, 0:4])
-    field = Testfield(row, col, np.stack([40.0 * col - 60, 40.0 * row - 40, 0 * row], axis=1), np.full(12, 6.0))
+    x, y = 40.0 * col - 60, 40.0 * row - 40
+    bend = -bend_mm / (60**2 + 40**2)
+    field = Testfield(row, col, np.stack([x, y, bend * (x**2 + y**2)], axis=1), np.full(12, 6.0))
     angle = np.linspace(0, 2 * np.pi, 721)[:-1]
-    rim = field.xyz_mm[:, None] + 3.0 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
+    normal = np.stack([-2 * bend * x, -2 * bend * y, np.ones(12)], axis=1)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    across = np.cross(normal, [0.0, 1.0, 0.0])
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    up = np.cross(normal, across)
+    turn = 3.0 * (np.cos(angle)[:, None] * across[:, None] + np.sin(angle)[:, None] * up[:, None])
+    rim = field.xyz_mm[:, None] + turn
     seen = project(spec, interior, rim, pose)  # the true outline, whose area's centroid is what is measured
     a, b = seen, np.roll(seen, -1, axis=1)
     cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
