@@ -13,7 +13,7 @@ import numpy as np
 
 from core.geometry.lens import lens_of
 from core.model import AdjustedDevice, Adjustment, Array, Concern, NetworkScale
-from core.numerics import chi_square_limit, nearest, normal_limit
+from core.numerics import chi_square_limit, nearest, normal_limit, sigma_by_median
 
 GROSS = "look like gross errors"
 DOUBTS = ("not rigid", GROSS, "left out, fewer than")  # of the adjustment's own warnings
@@ -23,6 +23,7 @@ FAILED_RATIO = 3.0
 UNITS = {0.1: "cm", 1 / 25.4: "inches", 0.001: "m", 1000.0: "µm"}  # numbers in a unit over those in mm
 OTHER_SCALE = 2.0  # nobody's approximate coordinates are so wrong
 ANOTHER_UNIT = 0.01  # residuals over sigmas that no carefulness explains
+TAILS = 2.5  # root mean square of residuals over their sigma by the median; images that are off as a whole make it 1.9
 AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is common to them
 LOST = 0.05  # share of the observations that may be gross errors
 MOST_LOST = 0.25
@@ -44,10 +45,12 @@ def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int
     own = [Concern("doubtful", text) for text in adjustment.warnings if any(doubt in text for doubt in DOUBTS)]
     known = [concern for name, device in adjustment.devices.items() for concern in _known_before(name, device)]
     squares = _chi_square(adjustment)
-    if any(c.state == "failed" for c in squares):  # gross errors named are its cause: they come first
-        own = [replace(c, state="failed") if GROSS in c.text else c for c in own]
-    own.sort(key=lambda c: GROSS not in c.text)
-    return [*known, *own, *squares, *_systematic(adjustment), *_rejected(rejected or {})]
+    normalised = adjustment.residuals / adjustment.network.observation_sigma
+    if np.nanmean(normalised**2) > TAILS**2 * sigma_by_median(normalised) ** 2:  # gross errors are the cause: first
+        failed = any(c.state == "failed" for c in squares)
+        own = [replace(c, state="failed") if failed and GROSS in c.text else c for c in own]
+        return [*known, *own, *squares, *_systematic(adjustment), *_rejected(rejected or {})]
+    return [*known, *squares, *_systematic(adjustment), *_rejected(rejected or {}), *own]
 
 
 def sound_words(adjustment: Adjustment) -> tuple[str, ...]:
