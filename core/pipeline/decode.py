@@ -81,7 +81,7 @@ def decode_images(
 
     progress.check()
     told = [finding.text for finding in check_stored(capture, images, phase, lines)]
-    return replace(phase, notes=(*phase.notes, *told), gaps=gaps_among(images))
+    return replace(phase, notes=(*told, *phase.notes), gaps=gaps_among(images))
 
 
 def phase_maps(
