@@ -115,6 +115,19 @@ def test_every_sentence_has_a_translation(german: None) -> None:
             "davon kommt aus dem Standpunkt 1",
         ),
         ("2 of 5 captures: not decoded yet (a, b)", "2 von 5 Aufnahmen: noch nicht dekodiert (a, b)"),
+        (
+            "Only 15% of the pixels that the projector lights decode: in 84% of them the fringes are too weak for the "
+            "noise of 0.7 grey values. Focus, expose longer or use longer periods.",
+            "Nur 15% der vom Projektor beleuchteten Pixel lassen sich dekodieren: in 84% davon: die Streifen sind zu "
+            "schwach für das Rauschen von 0.7 Grauwerten. Scharf stellen, länger belichten oder längere Perioden "
+            "verwenden.",
+        ),
+        (
+            "plane+0, photogrammetric: 866 points lie on other surfaces than the plane of the 9000 others: left out; "
+            "see that they are not of the plane-table",
+            "plane+0, photogrammetrisch: 866 Punkte liegen auf anderen Flächen als der Ebene der 9000 anderen: "
+            "weggelassen; prüfen, dass sie nicht zur Planplatte gehören",
+        ),
         ("the words of a plug-in of somebody", "the words of a plug-in of somebody"),
         ("testfield-03: not measured yet; is gone", "testfield-03: noch nicht gemessen; fehlt jetzt"),
     ],

@@ -163,7 +163,7 @@ def _rows(
     )
     fates: dict[Target, str] = {}
     if targets is not None:
-        fates |= {(m.row, m.col): m.reason for m in targets.missing}
+        fates |= {(m.row, m.col): told(m.reason) for m in targets.missing}
     fates |= {t: translate("Picking", "excluded by the operator") for t in model.picks.excluded}
     fates = {t: fates[t] for t in sorted(fates, key=lambda t: (t not in model.picks.excluded, t))}
     if targets is not None:
