@@ -152,6 +152,8 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
     every = every[edge.near(every)]
     for again in range(PASSES):
         at = every[np.abs(edge.distance(shape, every)) < max(REACH * blur, LEAST_REACH)]
+        if again:
+            at = at[_before_others(edge.distance(shape, at), image[tuple(at.astype(int).T[::-1])])]
         inside = edge.distance(shape, at) < 0
         if len(at) < FEWEST_PIXELS or inside.all() or not inside.any():
             raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
@@ -185,6 +187,19 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
     if not contrast > CONTRAST or vague or moved > MOST_MOVED * np.ptp(begun):
         raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
     return shape, cov[:k, :k], blur, len(at)
+
+
+def _before_others(away: Array, grey: Array) -> NDArray[np.bool_]:
+    """Choose the pixels (n,) on this side of where the light turns back: beyond a slot's middle its other edge acts."""
+    chosen, step = np.ones(len(away), bool), np.abs(away * 2).astype(int)
+    for side in (away < 0, away >= 0):
+        found = np.unique(step[side])
+        level = np.array([np.median(grey[side & (step == each)]) for each in found])
+        if len(level):
+            turn = int(np.argmax(np.abs(level - level[0])))
+            if abs(level[-1] - level[turn]) > UNLIKE * abs(level[turn] - level[0]):
+                chosen &= ~side | (step <= found[turn])
+    return chosen
 
 
 def _blurred(away: Array, curvature: Array, blur: float) -> Array:
