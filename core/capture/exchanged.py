@@ -17,7 +17,7 @@ from core.patterns import Axis, Code, Pattern
 
 Map = NDArray[np.floating]
 
-ROWS = 300  # of a map that are looked at
+ROWS = 300  # of a map that are looked at, at most
 THIN = 5  # one pixel of so many tells a median
 APART = 2  # px between the pixels that are compared: the one on the edge may be invalid
 LEAST = 12  # transitions by which a cell is judged
@@ -36,44 +36,43 @@ def exchanged_frames(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map
         codes = [p for p in patterns if isinstance(p, Code) and p.axis == axis]
         if len({(p.cell, p.kind) for p in codes}) != 1:
             continue
-        share = _odd_cells(values, codes[0].cell) if codes[0].kind == "gray" else 0.0
+        cell = codes[0].cell
+        numbers = np.floor((values + 0.5) / cell)  # a tenth of the time of values // cell
+        share = _odd_cells(values, numbers, cell) if codes[0].kind == "gray" else 0.0
         if share > ODD:
             text = f"{along} jump to and fro at {share:.0%} of the code's cells: two of its frames were exchanged"
             found.append(Finding("order", "bad", text, {"odd": share}))
-        elif (share := _backwards(values, codes[0].cell)) > BACKWARDS:
+        elif (share := _backwards(values, numbers, cell)) > BACKWARDS:
             text = f"{along} run backwards in {share:.0%} of the code's cells: two phase steps were exchanged"
             found.append(Finding("order", "bad", text, {"backwards": share}))
     return found
 
 
-def _both_ways(values: Map) -> Iterator[Map]:
-    """Some rows, and some columns as rows."""
-    for image in (values, values.T):
-        yield image[:: max(1, len(image) // ROWS)]
+def _both_ways(*maps: Map) -> Iterator[list[Map]]:
+    """Some rows of maps, and some columns as rows."""
+    yield [values[:: -(-len(values) // ROWS)] for values in maps]
+    yield [values.T[:: -(-len(values.T) // ROWS)] for values in maps]
 
 
-def _cell(values: Map, cell: int) -> Map:
-    return np.floor((values + 0.5) / cell)  # a tenth of the time of values // cell
+def _usual(steps: Map) -> float:
+    """The median of some steps' sizes; 0 without any."""
+    some = np.abs(steps[:, ::THIN])
+    some = some[np.isfinite(some)]
+    return float(np.median(some)) if len(some) else 0.0
 
 
-def _odd_cells(values: Map, cell: int) -> float:
+def _odd_cells(values: Map, numbers: Map, cell: int) -> float:
     """Share of the cells that are left by jumps to a word of one other bit more often than not."""
-    jumps, cells = [], []
-    for image in _both_ways(values):
-        a, b = image[:, :-APART], image[:, APART:]
-        known = np.isfinite(a) & np.isfinite(b)
-        a, b = a[known], b[known]
-        first, second = (np.maximum(_cell(x, cell), 0).astype(np.int64) for x in (a, b))
-        left = first != second
-        if not left.any():
-            continue
-        away = np.abs(b - a)
-        far = away > cell + 4 * np.median(away[::THIN])
+    jumps, cells = [np.zeros(0, bool)], [np.zeros(0, np.int64)]
+    for image, number in _both_ways(values, numbers):
+        a, b = number[:, :-APART], number[:, APART:]
+        left = (a != b) & np.isfinite(a) & np.isfinite(b)
+        first, second = (np.maximum(each[left], 0).astype(np.int64) for each in (a, b))
+        away = image[:, APART:] - image[:, :-APART]
+        far = np.abs(away[left]) > cell + 4 * _usual(away)
         word = (first ^ first >> 1) ^ (second ^ second >> 1)
-        jumps.append((far & (word & (word - 1) == 0))[left])
-        cells.append(first[left])
-    if not cells:
-        return 0.0
+        jumps.append(far & (word & (word - 1) == 0))
+        cells.append(first)
     count = np.bincount(np.concatenate(cells))
     odd = np.bincount(np.concatenate(cells), np.concatenate(jumps)) > 0.5 * count
     judged = count >= LEAST
@@ -81,21 +80,20 @@ def _odd_cells(values: Map, cell: int) -> float:
     return number / int(judged.sum()) if number >= ODD_CELLS and judged.sum() >= FEWEST else 0.0
 
 
-def _backwards(values: Map, cell: int) -> float:
+def _backwards(values: Map, numbers: Map, cell: int) -> float:
     """Share of neighbours in a cell between which the coordinate falls where it rises over some cells, or reverse."""
     count, against = 0, 0
-    for image in _both_ways(values):
+    for image, number in _both_ways(values, numbers):
         step = np.diff(image)
-        some = np.abs(step[:, ::THIN])
-        usual = float(np.median(some[np.isfinite(some)])) if np.isfinite(some).any() else 0.0
+        usual = _usual(step)
         if usual <= 0:
             continue
         reach = int(np.clip(round(STEADY[1] * cell / usual), 3, image.shape[1] // 3))
-        a, step = image[:, :-reach], step[:, : image.shape[1] - reach]
-        rise = image[:, reach:] - a
-        inside = _cell(a, cell) == _cell(a + step, cell)
-        steady = (np.abs(rise) > STEADY[0] * cell) & (np.abs(rise) < STEADY[2] * cell)
-        use = inside & steady & (np.abs(step) > SURE_LINES)
+        step = step[:, : image.shape[1] - reach]
+        inside = number[:, :-reach] == number[:, 1 : 1 - reach]
+        rise = image[:, reach:] - image[:, :-reach]
+        size = np.abs(rise)
+        use = inside & (size > STEADY[0] * cell) & (size < STEADY[2] * cell) & (np.abs(step) > SURE_LINES)
         count += int(np.count_nonzero(use))
-        against += int(np.count_nonzero(step[use] * rise[use] < 0))
+        against += int(np.count_nonzero(use & (step * rise < 0)))
     return against / count if count >= PAIRS else 0.0

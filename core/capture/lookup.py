@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from core.patterns import Pattern, brightness
@@ -56,14 +57,12 @@ def dictionary(patterns: list[Pattern], count: int) -> tuple[Array, Array]:
     inside = np.clip(fine // 4, 0, count - 1)
     stack = np.array([brightness(p, np.arange(count))[inside] for p in patterns], dtype=np.float32)
     keep = np.arange(reach * 4, (count + reach) * 4, 2)
-    blurred = []
-    for blur in BLURS_LINES:
-        offsets = np.arange(-4 * reach, 4 * reach + 1)
-        kernel = np.exp(-0.5 * (offsets / (4 * blur)) ** 2)
-        kernel /= kernel.sum()
-        blurred.append([np.convolve(line, kernel, mode="same")[keep] for line in stack])
+    offsets = np.arange(-4 * reach, 4 * reach + 1)
+    kernels = np.exp(-0.5 * (offsets[:, None] / (4 * np.array(BLURS_LINES))) ** 2)
+    kernels /= kernels.sum(axis=0)
+    blurred = [(sliding_window_view(line, len(offsets))[: 2 * len(keep) : 2] @ kernels).T.ravel() for line in stack]
     at = (fine[keep] + 0.5) / 4 - 0.5
-    return np.concatenate(np.asarray(blurred, np.float32), axis=1), np.tile(at, len(BLURS_LINES)).astype(np.float32)
+    return np.array(blurred, np.float32), np.tile(at, len(BLURS_LINES)).astype(np.float32)
 
 
 def nearest(values: Array, possible: Array) -> tuple[Array, NDArray[np.intp]]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from core.decode.compiled import HALF, INT, ONE, TINY, F, fast, part
 from core.decode.options import Flag
 from core.decode.tables import Limits, Rows, Shorts, Singles
+from core.numerics import row_median
 from core.parallel import run_in_bands
 
 USUAL, DIFFERENT = 0.5, 0.3  # px²: twice a footprint's variance, see `_change`, and by how much cameras differ
@@ -288,7 +289,7 @@ def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise:
     clear &= np.abs(y) < LARGEST
     light = np.where(edge, np.hypot(*pull[number, 4:].T).T, 0)
     far = np.abs(np.arange(len(light))[:, None] - light.argmax(axis=0)) > 2
-    clear &= (np.nanmedian(np.where(far, light, np.nan), axis=0) < FADED * light.max(axis=0))[:, None]
+    clear &= (row_median(np.where(far, light, np.nan).T) < FADED * light.max(axis=0))[:, None]
     expected = np.sqrt(1.5) * own + UNCERTAIN * np.abs(x)
     value, doubt = USUAL, DIFFERENT
     for _ in range(4):

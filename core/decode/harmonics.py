@@ -113,9 +113,12 @@ def _family(sharp: bytes, period: float) -> Family:
     terms[frequency > HIGHEST / period + 0.5 / lines] = 0
     frequency[0] = 1e-9
     place = (np.arange(lines * fine) + 0.5) / (fine * period)
-    passed = [np.exp(-((np.sqrt(2) * np.pi * w * frequency) ** q)) for q in SHAPES for w in WIDTHS]
+    there = np.flatnonzero(terms)
+    passed = [np.exp(-((np.sqrt(2) * np.pi * w * frequency[there]) ** q)) for q in SHAPES for w in WIDTHS]
     first = np.abs(np.fft.fftfreq(lines * fine, 1 / fine) * period - 1) < 0.5 * period / lines
-    waves = np.fft.ifft(terms * np.array([*passed, first]))
+    waves = np.zeros((len(passed) + 1, len(terms)), complex)
+    waves[:, there] = terms[there] * np.array([*passed, first[there]])
+    waves = np.fft.ifft(waves)
     usual = np.exp(-0.5 * ((np.log(WIDTHS**2) - USUAL[0]) / USUAL[1]) ** 2)
     prior = np.concatenate([*(share * usual / usual.sum() for share in SHAPES.values()), [SINE]])
     seen = np.angle(waves) / (2 * np.pi)

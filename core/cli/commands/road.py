@@ -80,18 +80,17 @@ def add(commands: Commands) -> None:
     sub.add_argument("--workers", type=int, metavar="N", help="worker processes to start (default: one per processor)")
 
 
-def _decode(options: Options, progress: Progress) -> dict[str, Any]:
+def _decode(options: Options, progress: Progress) -> dict[str, Any] | None:
     from core.figures import phase_figures
 
     check_out(options.out, ".npz")
     named = {"camera": options.camera, "projector": options.projector}
     phase = pipeline.decode_capture(options.capture, progress, **named, estimate=options.estimate)
     pipeline.write_phase(options.out, phase)
-    figures = phase_figures(phase)
     print(options.out)
     for note in phase.notes:
         print(note)
-    return figures
+    return None if options.json is None else phase_figures(phase)
 
 
 def _measure(options: Options, progress: Progress) -> dict[str, Any]:
