@@ -19,6 +19,7 @@ from core.project import atomic_write, find_project, iterate_images, read_captur
 
 T = TypeVar("T")
 NOTES = "notes", "dim_notes"  # of a phase map
+MANY = 8  # captures that are worth processes, each of which works out for itself what all captures share
 
 
 def decode_capture(
@@ -111,7 +112,7 @@ def from_phase_maps(
 ) -> Iterator[tuple[Capture, T]]:
     """Decode captures as `phase_maps` does and give what is made of each; on processes where that is safe."""
     waiting = [series for capture in captures for series in capture.series]
-    if not can_fork(len(waiting)):
+    if len(waiting) < MANY or not can_fork(len(waiting)):
         yield from ((capture, what(capture, phase)) for capture, phase in phase_maps(project, waiting, progress))
         return
     for name in ("core.decode.absolute", "core.capture.stored"):
