@@ -64,8 +64,8 @@ def _usual(steps: Map) -> float:
 def _odd_cells(values: Map, numbers: Map, cell: int) -> float:
     """Share of the cells that are left by jumps to a word of one other bit more often than not."""
     jumps, cells = [np.zeros(0, bool)], [np.zeros(0, np.int64)]
-    for image, number in _both_ways(values, numbers):
-        a, b = number[:, :-APART], number[:, APART:]
+    for image, those in _both_ways(values, numbers):
+        a, b = those[:, :-APART], those[:, APART:]
         left = (a != b) & np.isfinite(a) & np.isfinite(b)
         first, second = (np.maximum(each[left], 0).astype(np.int64) for each in (a, b))
         away = image[:, APART:] - image[:, :-APART]
@@ -83,14 +83,14 @@ def _odd_cells(values: Map, numbers: Map, cell: int) -> float:
 def _backwards(values: Map, numbers: Map, cell: int) -> float:
     """Share of neighbours in a cell between which the coordinate falls where it rises over some cells, or reverse."""
     count, against = 0, 0
-    for image, number in _both_ways(values, numbers):
+    for image, those in _both_ways(values, numbers):
         step = np.diff(image)
         usual = _usual(step)
         if usual <= 0:
             continue
         reach = int(np.clip(round(STEADY[1] * cell / usual), 3, image.shape[1] // 3))
         step = step[:, : image.shape[1] - reach]
-        inside = number[:, :-reach] == number[:, 1 : 1 - reach]
+        inside = those[:, :-reach] == those[:, 1 : 1 - reach]
         rise = image[:, reach:] - image[:, :-reach]
         size = np.abs(rise)
         use = inside & (size > STEADY[0] * cell) & (size < STEADY[2] * cell) & (np.abs(step) > SURE_LINES)

@@ -61,9 +61,10 @@ def fit_plane(points: ArrayLike, *, where: str = "plane") -> Plane:
     p = np.asarray(points, np.float64)
     if len(p) < LEAST_POINTS:
         raise StripeError(where, f"{len(p)} valid points, too few to fit a plane", "check the capture and calibration")
-    mean = p.mean(axis=0)
-    centred = p - mean
-    spread, vectors = np.linalg.eigh(centred.T @ centred)
+    columns = p.T.copy()  # sums along them take a tenth of the time
+    mean = columns.mean(axis=1)
+    columns -= mean[:, None]
+    spread, vectors = np.linalg.eigh(columns @ columns.T)
     if spread[1] <= COLLINEAR**2 * spread[2]:
         raise StripeError(
             where, f"{len(p)} valid points on one line", "check the capture: no plane follows from a line"
@@ -124,10 +125,10 @@ def evaluate_plane(
     ``sigma_Z |n · X / Z|``. Errors of the calibration move neighbouring points together; they tilt, shift and bend the
     whole plane and are part of each point's own sigma, not of these.
     """
-    valid = np.asarray(np.isfinite(cloud.xyz_mm).all(axis=-1))
+    valid = cloud.valid
     elsewhere = _elsewhere(cloud.xyz_mm, valid, capture)
     valid &= ~elsewhere
-    points = cloud.xyz_mm[valid].astype(np.float64)
+    points = cloud.xyz_mm.reshape(-1, 3).compress(valid.ravel(), axis=0).astype(np.float64)
     plane = fit_plane(points, where=capture)
     deviation = plane.deviations(points)
     pictured = np.full(valid.shape, np.nan, np.float32)

@@ -25,6 +25,12 @@ class PointCloud:
     object_px: int | None = None  # that the object takes in the first camera's image, where its holes were filled
     by_depth: bool = False  # from the depth method: its sigma leaves out the errors of the plate's places
 
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Which pixels have a point, (H, W)."""
+        x, y, z = np.moveaxis(self.xyz_mm, -1, 0)  # a tenth of the time of `all` over three numbers each
+        return np.asarray(np.isfinite(x) & np.isfinite(y) & np.isfinite(z))
+
 
 @dataclass(frozen=True)
 class PlaneEvaluation:

@@ -24,14 +24,9 @@ class Exporter:
     write: Callable[[BinaryIO, PointCloud, Image | None], int]
 
 
-def valid_points(cloud: PointCloud) -> NDArray[np.bool_]:
-    """Which pixels have a point, (H, W)."""
-    return np.asarray(np.isfinite(cloud.xyz_mm).all(axis=-1))
-
-
 def count(cloud: PointCloud) -> int:
     """Give the number of points."""
-    return int(np.count_nonzero(valid_points(cloud)))
+    return int(np.count_nonzero(cloud.valid))
 
 
 def grey_bytes(grey: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -43,6 +38,6 @@ def grey_bytes(grey: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def points_and_grey(cloud: PointCloud, image: Image | None) -> tuple[NDArray[np.float32], NDArray[np.uint8] | None]:
     """Give the valid points, (n, 3), and their grey values, (n,)."""
-    valid = valid_points(cloud)
+    valid = cloud.valid
     points = np.ascontiguousarray(cloud.xyz_mm[valid], np.float32)
     return points, None if image is None else grey_bytes(np.asarray(image, np.float32)[valid])

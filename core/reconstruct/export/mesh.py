@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import PointCloud
-from core.reconstruct.export.exporter import valid_points
 
 STEEPEST = 5.0  # depth step over the distance across: surfaces seen at more than 79° are left open
 NOISE = 6.0  # sigmas of the depth that a step may have besides
@@ -18,7 +17,7 @@ def triangles(cloud: PointCloud) -> NDArray[np.int64]:
     Two for every square of four pixels; a triangle is left out where a corner has no point, or the depth steps further
     than a steep surface and noise would make it.
     """
-    valid = valid_points(cloud)
+    valid = cloud.valid
     number = np.cumsum(valid.ravel()).reshape(valid.shape) - 1
     allowed = 0.0
     if cloud.sigma_depth_mm is not None and valid.any():

@@ -7,7 +7,7 @@ from typing import BinaryIO
 import numpy as np
 
 from core.model import PointCloud
-from core.reconstruct.export.exporter import Exporter, Image, count, grey_bytes, valid_points
+from core.reconstruct.export.exporter import Exporter, Image, count, grey_bytes
 
 
 def _write(file: BinaryIO, cloud: PointCloud, image: Image | None) -> int:
@@ -16,7 +16,7 @@ def _write(file: BinaryIO, cloud: PointCloud, image: Image | None) -> int:
     if image is not None:
         fields.append(("rgb", "<u4"))
     records = np.zeros(height * width, np.dtype(fields))
-    points = np.where(valid_points(cloud)[..., None], cloud.xyz_mm, np.nan).reshape(-1, 3)
+    points = np.where(cloud.valid[..., None], cloud.xyz_mm, np.nan).reshape(-1, 3)
     for i, name in enumerate("xyz"):
         records[name] = points[:, i]
     if image is not None:

@@ -22,10 +22,12 @@ def write_ply(file: BinaryIO, cloud: PointCloud, image: Image | None = None) -> 
     image : array, shape (H, W), optional
         Grey values of the points, stored as red, green and blue from 0 (black) to 255 (the brightest percent).
     """
-    valid = np.isfinite(cloud.xyz_mm).all(axis=-1)
-    columns: list[tuple[str, str, NDArray[Any]]] = [(n, "<f4", cloud.xyz_mm[valid, i]) for i, n in enumerate("xyz")]
+    valid = cloud.valid
+    columns: list[tuple[str, str, NDArray[Any]]] = [
+        (n, "<f4", cloud.xyz_mm[..., i][valid]) for i, n in enumerate("xyz")
+    ]
     if cloud.sigma_mm is not None:
-        columns += [(f"sigma_{n}", "<f4", cloud.sigma_mm[valid, i]) for i, n in enumerate("xyz")]
+        columns += [(f"sigma_{n}", "<f4", cloud.sigma_mm[..., i][valid]) for i, n in enumerate("xyz")]
     elif cloud.sigma_depth_mm is not None:
         columns.append(("sigma_z", "<f4", cloud.sigma_depth_mm[valid]))
     made_by = (("sight", cloud.sight), ("source", cloud.source))
