@@ -126,9 +126,10 @@ def evaluate_plane(
     whole plane and are part of each point's own sigma, not of these.
     """
     valid = cloud.valid
-    elsewhere = _elsewhere(cloud.xyz_mm, valid, capture)
-    valid &= ~elsewhere
     points = cloud.xyz_mm.reshape(-1, 3).compress(valid.ravel(), axis=0).astype(np.float64)
+    elsewhere = _elsewhere(points, valid, capture)
+    points = points.compress(~elsewhere[valid], axis=0)
+    valid &= ~elsewhere
     plane = fit_plane(points, where=capture)
     deviation = plane.deviations(points)
     pictured = np.full(valid.shape, np.nan, np.float32)
@@ -163,9 +164,8 @@ def _predicted_sigma(cloud: PointCloud, valid: NDArray[np.bool_], points: Array,
     return sigma
 
 
-def _elsewhere(xyz_mm: Floats, valid: NDArray[np.bool_], where: str) -> NDArray[np.bool_]:
+def _elsewhere(points: Array, valid: NDArray[np.bool_], where: str) -> NDArray[np.bool_]:
     """Points on other surfaces than the plane of most: a wall behind the plate, what it stands on; (H, W)."""
-    points = xyz_mm[valid].astype(np.float64)
     sample = points[:: len(points) // SAMPLE + 1]
     a, b, c = sample[np.random.default_rng(0).integers(max(len(sample), 1), size=(3, TRIALS if len(sample) else 0))]
     normals = np.cross(b - a, c - a)
@@ -181,6 +181,8 @@ def _elsewhere(xyz_mm: Floats, valid: NDArray[np.bool_], where: str) -> NDArray[
     deviation = plane.deviations(points)
     far = np.zeros(valid.shape, np.uint8)
     far[valid] = np.abs(deviation) > max(OTHER * sigma_by_median(deviation), -DISTANT * plane.offset_mm)
+    if np.count_nonzero(far) < REGION:
+        return np.zeros(valid.shape, bool)
     _, region, figures, _ = cv2.connectedComponentsWithStats(far)
     large = figures[:, cv2.CC_STAT_AREA] >= REGION
     large[0] = False  # what is not beyond
