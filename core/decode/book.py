@@ -146,7 +146,7 @@ def look_up(grey, find, elsewhere, fit, best, top, rival):  # type: ignore[no-un
 
 
 @fast
-def adjust(grey, fine, blur, start, noise, out, left, word):  # type: ignore[no-untyped-def]
+def adjust(grey, fine, blur, start, noise, steady, out, left):  # type: ignore[no-untyped-def]
     """Adjust place, contrast and offset of every pixel by weighted least squares.
 
     Parameters
@@ -157,12 +157,12 @@ def adjust(grey, fine, blur, start, noise, out, left, word):  # type: ignore[no-
     start : float32 (n,)
         Places in lines.
     noise : (dark, shot, floor)
+    steady : float32 (2, k)
+        By how much more, 1 in the mean, a frame shows of offset and contrast: lamps flicker.
     out : float32 (4, n)
         Place, its standard deviation, contrast, offset.
     left : float32 (n,)
         Weighted squares that remain.
-    word : float32 (2, k)
-        Scratch: values and slopes.
     """
     k, n = grey.shape
     last = np.float32(fine.shape[1] - 2)
@@ -185,18 +185,18 @@ def adjust(grey, fine, blur, start, noise, out, left, word):  # type: ignore[no-
                 d = (
                     (np.float32(1) - r) * (table[j + 1, f] - table[j - 1, f]) + r * (table[j + 2, f] - table[j, f])
                 ) * (np.float32(0.5) * per)
-                word[0, f], word[1, f] = t, d
-                expected = b + s * t if turn > 0 else grey[f, p]
+                a, t, d = steady[0, f], steady[1, f] * t, steady[1, f] * d
+                expected = b * a + s * t if turn > 0 else grey[f, p]
                 w = np.float32(1) / max(dark + shot * expected, floor)
-                e = grey[f, p] - b - s * t
+                e = grey[f, p] - b * a - s * t
                 sd = s * d
-                n0 += w
-                n1 += w * t
+                n0 += w * a * a
+                n1 += w * a * t
                 n2 += w * t * t
-                n3 += w * sd
+                n3 += w * a * sd
                 n4 += w * t * sd
                 n5 += w * sd * sd
-                h0 += w * e
+                h0 += w * a * e
                 h1 += w * t * e
                 h2 += w * sd * e
                 squares += w * e * e

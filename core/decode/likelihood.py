@@ -4,8 +4,8 @@ A pixel at projector coordinate u sees ``g_f = b + s T_f(u)`` in frame f: T_f ar
 blurred by a Gaussian. First the place is looked up whose values fit best, whatever b and s are. It must fit better than
 every place elsewhere by `MARGIN`; where it does not, or neighbours that agree with each other say otherwise, theirs is
 taken if it fits. Then u, b and s are adjusted by least squares with the noise of every grey value. The blur is found
-from the same residuals, in tiles of the image; the noise from those of pixels side by side, which light by a second way
-contradicts alike.
+from the same residuals, in tiles of the image, and so are gain and offset of every frame, for lamps flicker. The noise
+is found from those of pixels side by side, which light by a second way contradicts alike.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ NEIGHBOURS = 7  # px: of those around, the median predicts
 ALIKE = 3.0  # lines by which neighbours' places differ that agree with each other
 NEAR = 1.0  # times the blur, at least a line: so far a place may move while it is adjusted
 RIM = 0.5  # lines: so near the field's edge its fading light is taken for a place on it
-NEXT = 3  # px: nearer, noise may be alike, too
+NEXT, ASIDE = 3, ((0, 0), (1, 0), (0, 1))  # px: nearer, noise may be alike, too; itself, down and across
+ROUNDS = 4  # of what flickers
+HOLD, LARGEST = 1e-4, 0.3  # part of the contrast's squares; of a round's change
 
 F = np.float32
 
@@ -116,7 +118,7 @@ def _decode_axis(
     shape, k = images[0].shape, len(book.frames)
     full = options.saturation or float(np.iinfo(images[0].dtype).max)
     progress(0.0, "reading blur and noise")
-    blur, noise = _measure(book, images, full)
+    blur, noise, steady = _measure(book, images, full)
     usual = int(np.median(blur))
     find, apart, step = book.find(usual), _apart(book, usual), max(NEAR, NEAR * float(BLURS[usual]))
     best = np.empty(shape, np.int32)
@@ -134,8 +136,8 @@ def _decode_axis(
         grey = _grey(book, images, first, last)
         values = out[:, first:last].reshape(4, -1).copy()
         squares = np.empty(values.shape[1], F)
-        adjust(grey, book.fine, blur[first:last].ravel(), start[first:last].ravel(), limits, values, squares,
-                np.empty((2, k), F))  # fmt: skip
+        starts = start[first:last].ravel()
+        adjust(grey, book.fine, blur[first:last].ravel(), starts, limits, steady, values, squares)
         out[:, first:last] = values.reshape(4, last - first, -1)
         left[first:last] = squares.reshape(last - first, -1)
 
@@ -222,8 +224,9 @@ def _grey(book: Book, images: Sequence[Image], first: int, last: int) -> Singles
     return np.stack([images[n][first:last].ravel() for n in book.frames]).astype(np.float32)
 
 
-def _measure(book: Book, images: Sequence[Image], full: float) -> tuple[NDArray[np.int64], Noise]:
-    """Find the blur, a number of `BLURS` for every pixel (H, W), and the noise, from the residuals of a sample."""
+def _measure(book: Book, images: Sequence[Image], full: float) -> tuple[NDArray[np.int64], Noise, Singles]:
+    """Find the blur, a number of `BLURS` for every pixel (H, W), the noise, and how much more of offset and contrast
+    each frame shows (2, k), from the residuals of a sample."""
     shape, k = images[0].shape, len(book.frames)
     stack = [images[n] for n in book.frames]
     step = max(1, int(np.sqrt(shape[0] * shape[1] / (4 * SAMPLE))))
@@ -232,22 +235,22 @@ def _measure(book: Book, images: Sequence[Image], full: float) -> tuple[NDArray[
     at = np.stack([a.ravel() for a in np.meshgrid(rows, columns, indexing="ij")])
     swing = grey.max(axis=0) - grey.min(axis=0)
     lit = np.flatnonzero((swing > 0.3 * np.quantile(swing, 0.98)) & (grey.max(axis=0) < full))
-    middle = len(BLURS) // 2
+    middle, steady = len(BLURS) // 2, np.ones((2, k), F)
     if len(lit) < 50:
-        return np.full(shape, middle), Noise(1.0, 0.0, 1 / 12)
+        return np.full(shape, middle), Noise(1.0, 0.0, 1 / 12), steady
     lit = lit[np.linspace(0, len(lit) - 1, min(len(lit), SAMPLE)).astype(int)]
     grey, at = np.ascontiguousarray(grey[:, lit]), at[:, lit]
     n = len(lit)
     best, top, rival = np.empty(n, np.int32), np.empty(n, F), np.empty(n, F)
     unit = F(1), F(0), F(1)
-    word, costs = np.empty((2, k), F), {}
+    costs = {}
 
     def trial(numbers: list[int]) -> None:
         find = book.find(numbers[len(numbers) // 2])  # what is looked up hardly depends on the blur
         look_up(grey, find, _apart(book, numbers[len(numbers) // 2]), np.empty(find.shape[1], F), best, top, rival)
         for number in numbers:
             blurs, costs[number] = np.full(n, number), np.empty(n, F)
-            adjust(grey, book.fine, blurs, book.places(best), unit, np.empty((4, n), F), costs[number], word)
+            adjust(grey, book.fine, blurs, book.places(best), unit, steady, np.empty((4, n), F), costs[number])
 
     for first in range(0, len(BLURS), 4 * COARSE):
         trial(list(range(first, min(first + 4 * COARSE, len(BLURS)), COARSE)))
@@ -265,34 +268,64 @@ def _measure(book: Book, images: Sequence[Image], full: float) -> tuple[NDArray[
             tiles[tile] = numbers[int(np.argmin(np.sum(left[:, some], axis=1)))]
     whole = numbers[int(np.argmin(np.sum(left[:, keep], axis=1)))]
     blur = _spread(np.where(np.isnan(tiles), whole, tiles).reshape(TILES), shape)
-    mine, *beside = (
-        _explained(book, stack, np.minimum(at + NEXT * aside, limit), blur, whole)
-        for limit in [np.array([[n - 1] for n in shape])]
-        for aside in (np.zeros((2, 1), int), *np.eye(2, dtype=int)[:, :, None])
-    )
+    seen = [
+        np.minimum(at + NEXT * np.array([[down], [across]]), np.array(shape)[:, None] - 1) for down, across in ASIDE
+    ]
+    mine, *beside = (_Seen(book, stack, pixels, blur, whole) for pixels in seen)
+    explained = mine.explained(steady)
+    for _ in range(ROUNDS):
+        steady = _steadier(steady, *explained)
+        explained = mine.explained(steady)
+    place, squares, _, _, level, residual = explained
     # what contradicts the words alike the way that lines change less is no noise
-    other = min(beside, key=lambda each: float(np.median(np.abs(each[0] - mine[0]))))
-    good = np.max([mine[1], other[1]], axis=0) <= 4 * np.median(mine[1]) + 1
+    others = (each.explained(steady) for each in beside)
+    other = min(others, key=lambda each: float(np.median(np.abs(each[0] - place))))
+    good = np.maximum(squares, other[1]) <= 4 * np.median(squares) + 1
     apart = 1.0 if images[0].itemsize == 1 else max(1.0, quantum(grey))
-    residual, level = (mine[3] - other[3])[good] * np.sqrt(k / (k - 3) / 2), (mine[2] + other[2])[good] / 2
-    return blur, estimate_noise(residual.ravel(), level.ravel(), apart)
+    apiece = (residual - other[5])[good] * np.sqrt(k / (k - 3) / 2)
+    return blur, estimate_noise(apiece.ravel(), ((level + other[4])[good] / 2).ravel(), apart), steady
 
 
-def _explained(
-    book: Book, stack: Sequence[Image], at: NDArray[Any], blur: NDArray[np.int64], usual: int
-) -> tuple[Singles, Singles, Singles, Singles]:
-    """Places (n,) of pixels in these rows and columns, squares that remain, levels (n, k) and residuals."""
-    grey, n = np.stack([image[at[0], at[1]] for image in stack]).astype(np.float32), at.shape[1]
-    best, find, mine = np.empty(n, np.int32), book.find(usual), blur[at[0], at[1]]
-    look_up(grey, find, _apart(book, usual), np.empty(find.shape[1], F), best, *np.empty((2, n), F))
-    values, squares = np.empty((4, n), F), np.empty(n, F)
-    unit = F(1), F(0), F(1)
-    adjust(grey, book.fine, mine, book.places(best), unit, values, squares, np.empty((2, len(grey)), F))
-    x = np.clip((values[0] + 1) * PER_LINE, 0, book.fine.shape[1] - 2)
-    entry, part = x.astype(int), (x % 1)[:, None]
-    word = (1 - part) * book.fine[mine, entry] + part * book.fine[mine, entry + 1]
-    level = values[3][:, None] + values[2][:, None] * word
-    return values[0], squares, level, grey.T - level
+Explained = tuple[Singles, Singles, Singles, Singles, Singles, Singles]
+
+
+class _Seen:
+    """Pixels of a sample in these rows and columns (2, n), and where they were looked up."""
+
+    def __init__(
+        self, book: Book, stack: Sequence[Image], at: NDArray[Any], blur: NDArray[np.int64], usual: int
+    ) -> None:
+        self.book, self.blur = book, blur[at[0], at[1]]
+        self.grey = np.stack([image[at[0], at[1]] for image in stack]).astype(np.float32)
+        best, find = np.empty(at.shape[1], np.int32), book.find(usual)
+        scratch = np.empty((2, at.shape[1]), F)
+        look_up(self.grey, find, _apart(book, usual), np.empty(find.shape[1], F), best, *scratch)
+        self.start = book.places(best)
+
+    def explained(self, steady: Singles) -> Explained:
+        """Places (n,), squares that remain, offsets, contrast by words (n, k), levels and residuals."""
+        fine, n = self.book.fine, len(self.start)
+        values, squares = np.empty((4, n), F), np.empty(n, F)
+        adjust(self.grey, fine, self.blur, self.start, (F(1), F(0), F(1)), steady, values, squares)
+        x = np.clip((values[0] + 1) * PER_LINE, 0, fine.shape[1] - 2)
+        entry, part = x.astype(int), (x % 1)[:, None]
+        light = (1 - part) * fine[self.blur, entry] + part * fine[self.blur, entry + 1]
+        light *= values[2][:, None] * steady[1]
+        level = values[3][:, None] * steady[0] + light
+        return values[0], squares, values[3], light, level, self.grey.T - level
+
+
+def _steadier(steady: Singles, *explained: Singles) -> Singles:
+    """What frames show more than others of offset and contrast, by what is left of all pixels."""
+    _, squares, offset, light, _, residual = explained
+    good = squares <= 4 * np.median(squares) + 1
+    b, s, r = offset[good, None] * steady[0], light[good], residual[good]
+    bb, bs, ss, br, sr = (np.sum(p * q, axis=0, dtype=float) for p, q in ((b, b), (b, s), (s, s), (b, r), (s, r)))
+    hold = HOLD * ss.mean()  # of an offset of nearly nothing nothing is told
+    bb, ss = bb + hold, ss + hold
+    more = np.array([br * ss - sr * bs, sr * bb - br * bs]) / (bb * ss - bs * bs)
+    found = steady * (1 + np.clip(more, -LARGEST, LARGEST))
+    return np.asarray(found / found.mean(axis=1, keepdims=True), np.float32)
 
 
 def _spread(tiles: Array, shape: tuple[int, ...]) -> NDArray[np.int64]:

@@ -82,6 +82,23 @@ def test_sigma_holds_light_by_a_second_way(bench, judge, part: float, rows: slic
     assert float(note.split("about ")[1].split("%")[0]) == pytest.approx(100 * part, rel=0.15)
 
 
+@pytest.mark.parametrize(("lamp", "room"), [(0.1, 0.0), (0.0, 0.2), (0.03, 0.2)])
+def test_light_that_flickers_costs_no_accuracy(bench, judge, lamp: float, room: float) -> None:
+    """Of every frame offset and gain are found: 1.2 to 3.8 times the noise without, and a second light was blamed."""
+    b, patterns = bench(height=80, blur=0.6, ambient=40, gain=90, dark=3.0, shot=0.02), dense(14)
+    draw, images = np.random.default_rng(2), []
+    for seed, pattern in enumerate(patterns):
+        more, brighter = 1 + room * draw.normal(), 1 + lamp * draw.normal()
+        images += replace(b, ambient=40 * more, gain=90 * brighter, seed=seed).take([pattern])
+    steady = judge(decode(patterns, b.take(patterns), lines=(N, N)), b.u, 2)
+    phase = decode(patterns, images, lines=(N, N))
+    found = judge(phase, b.u, 2)
+    assert found.valid > 0.998
+    assert found.rms < 1.05 * steady.rms
+    assert 0.95 < found.sigma_ratio < 1.05
+    assert not phase.notes
+
+
 def test_a_decoded_pixel_without_a_decoded_neighbour_is_none(bench) -> None:
     patterns = dense(14)
     images = bench(height=9, gain=90).take(patterns)
