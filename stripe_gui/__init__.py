@@ -1,6 +1,7 @@
 """The desktop program: an operator's whole day in one window, over the core.
 
 __main__.py      looks for a display, reads the arguments, starts the program
+libraries.py     what of the system Qt would miss, told before it starts
 app.py           the QApplication: palette, font, language; owns the workbench and the window
 workbench.py     what every page, wizard and action is given: session, jobs, dialogs, settings, notices
 session.py       the one object that owns the open project
@@ -13,6 +14,7 @@ settings.py      what is remembered between two starts
 theme.py         colours and style, light and dark
 assets.py        icons, fonts and help texts of `resources`
 tour.py          a picture of every page
+screens.py       a second screen, for projectors that are one
 presenters/      what the pages show, computed from the project folder; no widgets
 pages/           one page a file
 wizards/         guided work, one wizard a file or folder

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from functools import cache
@@ -121,6 +122,16 @@ def test_no_file_imports_itself_by_way_of_others() -> None:
     names = {".".join(p.relative_to(ROOT).with_suffix("").parts): p for p in files if p.name != "__init__.py"}
     imports = {name: imported(path, skip_type_checking=True) & names.keys() for name, path in names.items()}
     TopologicalSorter(imports).prepare()  # CycleError names the files
+
+
+def test_a_package_that_lists_its_files_lists_all_of_them() -> None:
+    lists = 0
+    for path in [*(ROOT / "core").rglob("__init__.py"), *(ROOT / "stripe_gui").rglob("__init__.py")]:
+        told = set(re.findall(r"\b(\w+\.py)\b", ast.get_docstring(ast.parse(path.read_text())) or ""))
+        if told:
+            lists += 1
+            assert told == {file.name for file in path.parent.glob("*.py")} - {"__init__.py"}, path
+    assert lists > 10
 
 
 def test_the_model_imports_nothing_at_run_time() -> None:

@@ -15,6 +15,7 @@ recognise.py ... which of them shows which pattern, found from the images alone
 quality.py   saturation, modulation, movement, the lamp
 stored.py    captures that were recorded before, by whatever program, judged as a whole
 contradictions.py  ... the share of their pixels that no projector line explains
+exchanged.py ... frames of a code, or phase steps, that stand in each other's place
 mistakes.py  ... and how people describe patterns wrongly
 rigcheck.py  all checks of a rig that two URLs name
 preflight.py the checks before the first calibration: the settle time, and the images for all others

@@ -8,8 +8,10 @@ plan.py       how the absolute coordinate of an axis follows from its frames, or
 tables.py     the least-squares and other linear combinations of frames, as tables
 noise.py      the noise of the grey values, from combinations of frames that show nothing else
 curves.py     response curves, and what they make of sine fringes
-response.py   the projector's response, found in the frames; sine fringes made straight
+response.py   the projector's response, found in the frames (fitting.py); sine fringes made straight
+crowding.py   how evenly the phases lie over their period, which tells a bent one
 flicker.py    frames lit by more or less light than the others
+late.py       frames that show the pattern before, in some rows or in all
 harmonics.py  how harmonics bend the phase, and the way back; those of square waves, from the blur
 notes.py      what is wrong with a capture that decodes less than its light promises
 sample.py     noise, full scale and contrast of the bits, from a sample of the pixels
@@ -22,6 +24,7 @@ kernel.py     the one compiled pass over the pixels; its steps:
 estimate.py   on demand: every pixel adjusted to all its frames, the blur found tile by tile
   refined.py    its kernels
 footprint.py  coordinates that edges have drawn to the brighter side, and light from beside
+detours.py    light that reaches a surface by a second way
 agreement.py  how far several periods contradict each other, and what that adds to sigma
 sections.py   light sections: the centroid over a sweep of lines
 likelihood.py words that only a look-up tells apart, by the likelihood of all frames

@@ -13,6 +13,8 @@ rays.py           rays from the dots' centres, along which the image is sampled
 profile.py        contour, blur, background and plateau of every dot
 light.py          where the projector's light ends, in the camera's image
 faults.py         dots that must not be measured, and why
+corners.py        corners where straight edges cross or end; crossings.py finds those of a chessboard
+ellipse.py        centres by the fit of a blurred ellipse
 centroid.py       weighted centroid, its covariance, the image's noise, the light's gradient
 defocus.py        blur that changes across a dot, and what it draws
 rows.py           how far whole rows of the image are shifted

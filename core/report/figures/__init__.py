@@ -5,6 +5,7 @@ strokes.py    one drawing for SVG and PDF
 planes.py     deviation maps on one colour scale, histograms with the predicted normal curve
 images.py     residual vectors and coverage over each device's image
 network.py    the network from above and from the side, convergence, correlations
+rig.py        the control chart, a projector's response, uncertainty over the working volume
 
 Matplotlib is used through its objects, on its Agg and SVG renderers: no pyplot, no window, no current figure.
 """
