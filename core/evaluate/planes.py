@@ -16,7 +16,7 @@ LEAST_POINTS = 4  # three points fit any plane
 COLLINEAR = 1e-6  # ratio of the second to the first spread below which points lie on a line
 OTHER, DISTANT = 10.0, 1e-3  # sigmas by the median, and share of the distance, beyond which lie other surfaces
 REGION = 50  # px side by side beyond, at least: so many gross errors do not meet by chance
-AROUND = 15  # px: where such regions are, single points beyond with most of their neighbours beyond belong to them
+AROUND, BESIDE = 15, 0.1  # px; where such regions are, single points with a tenth of those around beyond belong to them
 TRIALS, SAMPLE = 200, 2000  # of the search for the plane of most points
 
 
@@ -187,7 +187,7 @@ def _elsewhere(points: Array, valid: NDArray[np.bool_], where: str) -> NDArray[n
     large = figures[:, cv2.CC_STAT_AREA] >= REGION
     large[0] = False  # what is not beyond
     size = (AROUND, AROUND)
-    amid = cv2.blur(far.astype(np.float32), size) > 0.5 * cv2.blur(valid.astype(np.float32), size)
+    amid = cv2.blur(far.astype(np.float32), size) > BESIDE * cv2.blur(valid.astype(np.float32), size)
     return np.asarray(large[region] | (amid & (far > 0) & large.any()))
 
 
