@@ -16,6 +16,7 @@ LEAST_POINTS = 4  # three points fit any plane
 COLLINEAR = 1e-6  # ratio of the second to the first spread below which points lie on a line
 OTHER, DISTANT = 10.0, 1e-3  # sigmas by the median, and share of the distance, beyond which lie other surfaces
 REGION = 50  # px side by side beyond, at least: so many gross errors do not meet by chance
+FORM = 0.1, 2.0  # share of a region that lies within so many times the limit, where the plane's own form leads there
 AROUND, BESIDE = 15, 0.1  # px; where such regions are, single points with a tenth of those around beyond belong to them
 TRIALS, SAMPLE = 200, 2000  # of the search for the plane of most points
 
@@ -179,12 +180,15 @@ def _elsewhere(points: Array, valid: NDArray[np.bool_], where: str) -> NDArray[n
     limit = max(OTHER * float(np.median(off[best])), DISTANT * abs(float(offsets[best])))
     plane = fit_plane(sample[off[best] <= limit], where=where)
     deviation = plane.deviations(points)
-    far = np.zeros(valid.shape, np.uint8)
-    far[valid] = np.abs(deviation) > max(OTHER * sigma_by_median(deviation), -DISTANT * plane.offset_mm)
+    beyond = np.zeros(valid.shape, np.float32)  # in limits
+    beyond[valid] = np.abs(deviation) / max(OTHER * sigma_by_median(deviation), -DISTANT * plane.offset_mm)
+    far = (beyond > 1).astype(np.uint8)
     if np.count_nonzero(far) < REGION:
         return np.zeros(valid.shape, bool)
     _, region, figures, _ = cv2.connectedComponentsWithStats(far)
-    large = figures[:, cv2.CC_STAT_AREA] >= REGION
+    area = figures[:, cv2.CC_STAT_AREA]
+    near = np.bincount(region[beyond <= FORM[1]], minlength=len(area))
+    large = (area >= REGION) & (near <= FORM[0] * area)
     large[0] = False  # what is not beyond
     size = (AROUND, AROUND)
     amid = cv2.blur(far.astype(np.float32), size) > BESIDE * cv2.blur(valid.astype(np.float32), size)

@@ -89,6 +89,15 @@ def test_form_however_large_is_no_other_surface(height: float) -> None:
     assert (result.n, result.elsewhere) == (H * W, 0)
 
 
+def test_a_corner_that_bends_away_is_form() -> None:
+    cloud = _cloud(0.05)
+    v, u = np.mgrid[0 : 1 : H * 1j, 0 : 1 : W * 1j]
+    cloud.xyz_mm[..., 2] += 60 * np.maximum(u + v - 1.7, 0) ** 2  # up to 5.4 mm, a hundred sigmas
+    result = evaluate_plane(_phase(), cloud, capture="p", angle_deg=0, method="photogrammetric")
+    assert result.max_mm > 2
+    assert (result.n, result.elsewhere) == (H * W, 0)
+
+
 def test_every_decoded_pixel_without_point_is_counted_with_the_rule() -> None:
     phase, cloud = _phase(), _cloud()
     cloud.xyz_mm[:5] = np.nan
