@@ -192,8 +192,8 @@ def note_on_second_light(part: Singles, bent: NDArray[np.bool_], words: bool = F
     if words:
         return (
             f"In {bent.mean():.0%} of the pixels about {usual:.0%} of the light comes by a second way, by gloss or "
-            "from a facing wall, or something moved or flickered: sigma holds that. Dull the surface, or take the "
-            "capture again.",
+            "from a facing wall, or something moved or flickered, or the camera bends its grey values: sigma holds "
+            "that. Dull the surface, switch the camera's gamma off, or take the capture again.",
         )
     return (
         f"In {bent.mean():.0%} of the pixels about {usual:.0%} of the light comes by a second way, by gloss or from a "
