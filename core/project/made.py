@@ -23,7 +23,6 @@ from core.project.lock import DOCUMENT_LOCK, RESULTS_LOCK, lock
 FILE = ".stripe-made.json"
 _SCRATCH = {FILE, f"{FILE}.lock", CONTENTS, DOCUMENT_LOCK, RESULTS_LOCK}  # the program's own memory: nobody misses it
 _MOST_NAMED = 3
-_hashed: dict[tuple[int, ...], str | None] = {}  # by what the file system says of files
 
 
 def read_made(folder: Path) -> dict[str, Any]:
@@ -152,9 +151,9 @@ def _add(folder: Path, names: set[str], part: Path | None = None) -> None:
         replaced = {name: value for name, value in _replaced(made).items() if name not in names}
         for name in sorted(names):
             if part is not None:
-                replaced[name], files[name] = files.get(name, ""), _hash(part)
+                replaced[name], files[name] = files.get(name, ""), hash_file(part)
             elif (folder / name).is_file():
-                files[name] = _hash(folder / name)
+                files[name] = hash_file(folder / name)
         named = sorted({*made["named"], *names} & files.keys())
         facts = {"format": "stripe-made", "version": 1, **made, "files": files, "named": named, "replaced": replaced}
         write_json(folder / FILE, facts)
@@ -168,19 +167,7 @@ def _replaced(made: Mapping[str, Any]) -> dict[str, str]:
 
 def _is_own(made: Mapping[str, Any], name: str, path: Path) -> bool:
     """Whether a file is as this program wrote it."""
-    return _hash(path) in (made["files"].get(name), _replaced(made).get(name))
-
-
-def _hash(path: Path) -> str | None:
-    """Hash a file; what was hashed already may have taken its place since, and keeps its number and its time."""
-    try:
-        stat = path.stat()
-    except OSError:
-        return None
-    seen = stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns
-    if seen not in _hashed:
-        _hashed[seen] = hash_file(path)
-    return _hashed[seen]
+    return hash_file(path) in (made["files"].get(name), _replaced(made).get(name))
 
 
 def _files(folder: Path) -> list[Path]:
