@@ -80,7 +80,7 @@ def wrong_group(
     try:
         # single errors far off make the good points of their image look bad: not beside a robust solution
         start = robust_state(problem, state)
-        size = misfits(problem, start)
+        size = misfits(_of_usual_weights(problem), start)
         suspects = _suspects(problem, station, size)
         if not suspects or len(suspects) > max(MOST * problem.poses, 1):
             return None
@@ -115,6 +115,18 @@ def wrong_group(
             stations = tuple(network.station_names[s] for s in np.unique(station[rows]))
             found[variance] = Group(rows, stations, statistic, critical)
     return found[min(found)] if found else None
+
+
+def _of_usual_weights(problem: Problem) -> Problem:
+    """Let no observation weigh more than half of its device's do.
+
+    Sigmas of a whole image that are too small make it no wrong one: that lies apart in pixels, too.
+    """
+    weight = problem.root_weight.copy()
+    for d in np.unique(problem.device):
+        own = problem.device == d
+        weight[own] = np.minimum(weight[own], np.median(weight[own], axis=0))
+    return replace(problem, root_weight=weight)
 
 
 def _suspects(problem: Problem, station: Ints, size: Array) -> list[int]:

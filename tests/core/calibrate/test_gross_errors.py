@@ -175,3 +175,16 @@ def test_an_image_whose_sigmas_hold_is_not_accused_where_those_of_others_are_too
     sigma = network.observation_sigma * np.where(good, 1.0, 2.0)[:, None]
     found = adjust(replace(network, observation_sigma=sigma), options=AdjustOptions(variance_components=True))
     assert not [w for w in found.warnings if "gross errors" in w]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_image_whose_sigmas_are_too_small_is_no_wrong_one(simulate, seed):
+    """Twice as noisy as the others, and said to be four times better."""
+    network = simulate(poses=12, seed=seed).network
+    rows = np.flatnonzero(network.observation_station == network.station_names.index("6/projector"))
+    sigma, rng = network.observation_sigma.copy(), np.random.default_rng(seed)
+    noisy = spoilt(network, rows, rng.normal(0, np.sqrt(3), (len(rows), 2)) * sigma[rows])
+    sigma[rows] /= 4
+    adjustment = adjust(replace(noisy, observation_sigma=sigma), options=REJECTING)
+    assert not any("as a whole" in w for w in adjustment.warnings)
+    assert sum(left_out(network, adjustment).values()) < 0.1 * len(rows)
