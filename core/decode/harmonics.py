@@ -46,7 +46,7 @@ FEWEST = 100  # lit pixels that tell the blur
 DIM = 0.1  # part of the brightest pixels' modulation that one must have
 SLIGHT = 2e-4  # turns: less is not worth straightening
 STRAIGHT = np.repeat(np.array([[[0.0], [1.0], [0.0]]], np.float32), GRID, axis=2)
-NOISES = 2.0 ** np.arange(-10, -3)  # turns, of a phase; pixels take the nearest
+NOISES: Array = 2.0 ** np.arange(-10, -3.0)  # turns, of a phase; pixels take the nearest
 STEEPEST = 4.0  # lines of place by lines of phase, from which a flat stretch of the phase tells nothing more
 
 
@@ -130,9 +130,10 @@ def _family(sharp: bytes, period: float) -> Family:
     return Family(prior, sums)
 
 
-def _blurred(rows: Array, turns: float) -> Array:
-    """Rows over the phase, as phases of so much noise (turns) show them."""
-    terms = np.fft.rfft(rows) * np.exp(-2 * (np.pi * turns * np.arange(GRID // 2 + 1)) ** 2)
+def _blurred(rows: Array, turns: Array | float) -> Array:
+    """Rows over the phase, as phases of so much noise (turns) show them; the last axis but one is the noise's."""
+    noise = np.exp(-2 * (np.pi * np.multiply.outer(turns, np.arange(GRID // 2 + 1))) ** 2)
+    terms = np.fft.rfft(rows) * noise
     return np.asarray(np.fft.irfft(terms, GRID))
 
 
@@ -243,19 +244,17 @@ def _times(rows: Array | float, models: Array) -> Array:
 def _bend(family: Family, weight: Array) -> Singles:
     """By noise of the phase: its correction (turns), square of its slope, variance (turns²) of the correction."""
     some = weight > 1e-4 * weight.max()
-    mixed = np.einsum("k,skg->sg", weight[some], family.sums[:3, some])
-    return np.array([_straightened(mixed, turns) for turns in NOISES], np.float32)
-
-
-def _straightened(mixed: Array, turns: float) -> Array:
-    """One row of `_bend`, shape (3, GRID), from the sums of all blurs as they count."""
-    total, first, second = _blurred(mixed, turns)
-    known = total > 1e-6 * total.max()
-    straight = np.interp(np.arange(GRID), np.flatnonzero(known), (first / total)[known], period=GRID)
+    total, first, second = _blurred(np.einsum("k,skg->sg", weight[some], family.sums[:3, some])[:, None], NOISES)
+    known = total > 1e-6 * total.max(axis=1, keepdims=True)
+    straight = first / np.where(known, total, 1.0)
+    for row, here in zip(straight, known, strict=True):
+        if not here.all():
+            row[:] = np.interp(np.arange(GRID), np.flatnonzero(here), row[here], period=GRID)
     unsure = np.where(known, second / np.maximum(total, 1e-12) - straight**2, 1 / GRID)
-    slope = 1 + np.gradient(np.r_[straight[-1], straight, straight[0]], 1 / GRID)[1:-1]
+    slope = 1 + (np.roll(straight, -1, axis=1) - np.roll(straight, 1, axis=1)) * (GRID / 2)
     slope = np.clip(slope, 1 / STEEPEST, STEEPEST)
-    return np.array([straight, slope**2, np.maximum(unsure - (turns * slope) ** 2, 0)])
+    variance = np.maximum(unsure - (NOISES[:, None] * slope) ** 2, 0)
+    return np.stack([straight, slope**2, variance], axis=1).astype(np.float32)
 
 
 def correction(terms: Terms) -> Array:
