@@ -138,7 +138,8 @@ class Graph(Holdings):
         for method, (state, each) in states.items():
             stale = worst(states[m][0] for m in METHODS[method].reads if m in states and m in self.runs)
             if state == CURRENT and stale.state == "outdated":
-                states[method] = State("outdated", upstream_words("a calibration it takes into account", stale)), each
+                told = State("outdated", upstream_words("a calibration it takes into account", stale))
+                states[method] = told, {name: told if own == CURRENT else own for name, own in each.items()}
         return states
 
     def _calibration(self, method: Method, captures: list[Capture]) -> tuple[State, dict[str, State]]:
@@ -229,7 +230,7 @@ class Graph(Holdings):
         each = {}
         upstream = self.of_calibrations((then.get("options") or {}).get("methods") or METHODS)
         for c in planes:
-            state = part_of(then, now, c.name, "results", "methods", "rig")
+            state = part_of(then, now, c.name)
             if c not in used:
                 state = State("absent", ("was not chosen to be evaluated",))
             elif upstream and state.state != "absent":

@@ -133,14 +133,14 @@ class ProjectStates:
         )
 
 
-def part_of(then: Record, now: Record, name: str, *shared: str) -> State:
-    """State of one capture in the result of many."""
+def part_of(then: Record, now: Record, name: str) -> State:
+    """State of one capture in the result of many; what was chosen for all is not the capture's."""
     if name not in then.get("captures", {}):
         return State("absent", ("has no part in it yet",))
 
     def own(record: Record) -> Record:
         return {
-            **{key: record.get(key) for key in shared},
+            **{key: record.get(key) for key in ("results", "methods", "rig")},
             "captures": {name: record.get("captures", {}).get(name)},
         }
 

@@ -317,6 +317,12 @@ def test_an_update_reconstructs_nothing_by_a_calibration_that_it_cannot_renew(
     assert states(whole)["reconstruct"] == states(whole)["evaluate"] == "outdated"
 
 
+def test_no_capture_is_current_in_a_calibration_that_is_outdated(whole: Path) -> None:
+    scale_changed(whole)
+    told = project_states(read_project(whole)).captures
+    assert {of["calibrate"].state for of in told.values() if "calibrate" in of} == {"outdated"}
+
+
 def test_status_tells_every_cause_once(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scale_changed(whole)
     assert main(["status", str(whole)]) == 0
