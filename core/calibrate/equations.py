@@ -34,27 +34,6 @@ class Equations:
     cost: float
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _by_orientations(  # pragma: no cover  compiled
-    J: Array, d2: Array, e2: Array, moved: Array, turned: Array, R: Array, S: Array
-) -> None:
-    """Columns of relative orientation, pose and point from the derivatives d2 by the point in the device frame."""
-    for a in range(2):
-        row = J[a]
-        row[9] = moved[1] * d2[a, 2] - moved[2] * d2[a, 1]
-        row[10] = moved[2] * d2[a, 0] - moved[0] * d2[a, 2]
-        row[11] = moved[0] * d2[a, 1] - moved[1] * d2[a, 0]
-        for j in range(3):
-            row[12 + j] = d2[a, j]
-            e2[a, j] = d2[a, 0] * S[0, j] + d2[a, 1] * S[1, j] + d2[a, 2] * S[2, j]
-        row[0] = turned[1] * e2[a, 2] - turned[2] * e2[a, 1]
-        row[1] = turned[2] * e2[a, 0] - turned[0] * e2[a, 2]
-        row[2] = turned[0] * e2[a, 1] - turned[1] * e2[a, 0]
-        for j in range(3):
-            row[3 + j] = e2[a, j]
-            row[6 + j] = e2[a, 0] * R[0, j] + e2[a, 1] * R[1, j] + e2[a, 2] * R[2, j]
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
 def equations_band(  # pragma: no cover  compiled
     start: int, stop: int, observed: Observed, unknowns: Unknowns, w: Array, J: Array
@@ -86,55 +65,65 @@ def equations_band(  # pragma: no cover  compiled
         c, k1 = interior[d, 0], -1.0 / Z
         x, y = c * X * k1, c * Y * k1
         if other[d]:
-            w[k, 0] = (uv[o, 0] - image[o, 0] / raster[d, 0] - raster[d, 2]) * root_weight[o, 0]
-            w[k, 1] = (uv[o, 1] - raster[d, 3] + image[o, 1] / raster[d, 1]) * root_weight[o, 1]
-            if derive:
-                su, sv = root_weight[o, 0] / raster[d, 0], -root_weight[o, 1] / raster[d, 1]
-                for j in range(by_parameter.shape[2]):
-                    J[k, 0, INTERIOR + j] = su * by_parameter[o, 0, j]
-                    J[k, 1, INTERIOR + j] = sv * by_parameter[o, 1, j]
-                m00, m01 = su * by_xy[o, 0, 0], su * by_xy[o, 0, 1]
-                m10, m11 = sv * by_xy[o, 1, 0], sv * by_xy[o, 1, 1]
-                d2[0, 0], d2[0, 1], d2[0, 2] = m00 * c * k1, m01 * c * k1, (m00 * x + m01 * y) * k1
-                d2[1, 0], d2[1, 1], d2[1, 2] = m10 * c * k1, m11 * c * k1, (m10 * x + m11 * y) * k1
-                _by_orientations(J[k], d2, e2, moved, turned, R, S)
-            continue
-        x0, y0, a1, a2 = interior[d, 1], interior[d, 2], interior[d, 3], interior[d, 4]
-        a3, a4, a5, a6 = interior[d, 5], interior[d, 6], interior[d, 7], interior[d, 8]
-        r2, q2 = x * x + y * y, r0[d] * r0[d]
-        dr = a1 * (r2 - q2) + a2 * (r2 * r2 - q2 * q2)
-        x1 = x + x * dr + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) + x0
-        y1 = y + y * dr + 2 * a6 * x * y + a5 * (r2 + 2 * y * y) + y0
-        u = (x1 + a3 * x1 + a4 * y1) / raster[d, 0] + raster[d, 2]
-        v = raster[d, 3] - (y1 + a4 * x1 - a3 * y1) / raster[d, 1]
+            u = image[o, 0] / raster[d, 0] + raster[d, 2]
+            v = raster[d, 3] - image[o, 1] / raster[d, 1]
+        else:
+            x0, y0, a1, a2 = interior[d, 1], interior[d, 2], interior[d, 3], interior[d, 4]
+            a3, a4, a5, a6 = interior[d, 5], interior[d, 6], interior[d, 7], interior[d, 8]
+            r2, q2 = x * x + y * y, r0[d] * r0[d]
+            dr = a1 * (r2 - q2) + a2 * (r2 * r2 - q2 * q2)
+            x1 = x + x * dr + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) + x0
+            y1 = y + y * dr + 2 * a6 * x * y + a5 * (r2 + 2 * y * y) + y0
+            u = (x1 + a3 * x1 + a4 * y1) / raster[d, 0] + raster[d, 2]
+            v = raster[d, 3] - (y1 + a4 * x1 - a3 * y1) / raster[d, 1]
         w[k, 0] = (uv[o, 0] - u) * root_weight[o, 0]
         w[k, 1] = (uv[o, 1] - v) * root_weight[o, 1]
         if not derive:
             continue
-        # affine part times the scale to whitened pixels
         su, sv = root_weight[o, 0] / raster[d, 0], -root_weight[o, 1] / raster[d, 1]
-        t00, t01, t10, t11 = su * (1 + a3), su * a4, sv * a4, sv * (1 - a3)
-        g = 2 * (a1 + 2 * a2 * r2)
-        jxx = 1 + dr + x * x * g + 2 * a5 * y + 6 * a6 * x
-        jxy = x * y * g + 2 * a5 * x + 2 * a6 * y
-        jyy = 1 + dr + y * y * g + 2 * a6 * x + 6 * a5 * y
-        m00, m01 = t00 * jxx + t01 * jxy, t00 * jxy + t01 * jyy
-        m10, m11 = t10 * jxx + t11 * jxy, t10 * jxy + t11 * jyy
-        row0, row1 = J[k, 0], J[k, 1]
-        row0[INTERIOR], row1[INTERIOR] = (m00 * X + m01 * Y) * k1, (m10 * X + m11 * Y) * k1
-        row0[INTERIOR + 1], row1[INTERIOR + 1] = t00, t10
-        row0[INTERIOR + 2], row1[INTERIOR + 2] = t01, t11
-        radial1, radial2 = r2 - q2, r2 * r2 - q2 * q2
-        row0[INTERIOR + 3], row1[INTERIOR + 3] = (t00 * x + t01 * y) * radial1, (t10 * x + t11 * y) * radial1
-        row0[INTERIOR + 4], row1[INTERIOR + 4] = (t00 * x + t01 * y) * radial2, (t10 * x + t11 * y) * radial2
-        row0[INTERIOR + 5], row1[INTERIOR + 5] = su * x1, -sv * y1
-        row0[INTERIOR + 6], row1[INTERIOR + 6] = su * y1, sv * x1
-        fx, fy, f2 = r2 + 2 * x * x, r2 + 2 * y * y, 2 * x * y
-        row0[INTERIOR + 7], row1[INTERIOR + 7] = t00 * f2 + t01 * fy, t10 * f2 + t11 * fy
-        row0[INTERIOR + 8], row1[INTERIOR + 8] = t00 * fx + t01 * f2, t10 * fx + t11 * f2
+        if other[d]:
+            for j in range(by_parameter.shape[2]):
+                J[k, 0, INTERIOR + j] = su * by_parameter[o, 0, j]
+                J[k, 1, INTERIOR + j] = sv * by_parameter[o, 1, j]
+            m00, m01 = su * by_xy[o, 0, 0], su * by_xy[o, 0, 1]
+            m10, m11 = sv * by_xy[o, 1, 0], sv * by_xy[o, 1, 1]
+        else:
+            # affine part times the scale to whitened pixels
+            t00, t01, t10, t11 = su * (1 + a3), su * a4, sv * a4, sv * (1 - a3)
+            g = 2 * (a1 + 2 * a2 * r2)
+            jxx = 1 + dr + x * x * g + 2 * a5 * y + 6 * a6 * x
+            jxy = x * y * g + 2 * a5 * x + 2 * a6 * y
+            jyy = 1 + dr + y * y * g + 2 * a6 * x + 6 * a5 * y
+            m00, m01 = t00 * jxx + t01 * jxy, t00 * jxy + t01 * jyy
+            m10, m11 = t10 * jxx + t11 * jxy, t10 * jxy + t11 * jyy
+            row0, row1 = J[k, 0], J[k, 1]
+            row0[INTERIOR], row1[INTERIOR] = (m00 * X + m01 * Y) * k1, (m10 * X + m11 * Y) * k1
+            row0[INTERIOR + 1], row1[INTERIOR + 1] = t00, t10
+            row0[INTERIOR + 2], row1[INTERIOR + 2] = t01, t11
+            radial1, radial2 = r2 - q2, r2 * r2 - q2 * q2
+            row0[INTERIOR + 3], row1[INTERIOR + 3] = (t00 * x + t01 * y) * radial1, (t10 * x + t11 * y) * radial1
+            row0[INTERIOR + 4], row1[INTERIOR + 4] = (t00 * x + t01 * y) * radial2, (t10 * x + t11 * y) * radial2
+            row0[INTERIOR + 5], row1[INTERIOR + 5] = su * x1, -sv * y1
+            row0[INTERIOR + 6], row1[INTERIOR + 6] = su * y1, sv * x1
+            fx, fy, f2 = r2 + 2 * x * x, r2 + 2 * y * y, 2 * x * y
+            row0[INTERIOR + 7], row1[INTERIOR + 7] = t00 * f2 + t01 * fy, t10 * f2 + t11 * fy
+            row0[INTERIOR + 8], row1[INTERIOR + 8] = t00 * fx + t01 * f2, t10 * fx + t11 * f2
         d2[0, 0], d2[0, 1], d2[0, 2] = m00 * c * k1, m01 * c * k1, (m00 * x + m01 * y) * k1
         d2[1, 0], d2[1, 1], d2[1, 2] = m10 * c * k1, m11 * c * k1, (m10 * x + m11 * y) * k1
-        _by_orientations(J[k], d2, e2, moved, turned, R, S)
+        for a in range(2):
+            row = J[k, a]
+            row[9] = moved[1] * d2[a, 2] - moved[2] * d2[a, 1]
+            row[10] = moved[2] * d2[a, 0] - moved[0] * d2[a, 2]
+            row[11] = moved[0] * d2[a, 1] - moved[1] * d2[a, 0]
+            for j in range(3):
+                row[12 + j] = d2[a, j]
+                e2[a, j] = d2[a, 0] * S[0, j] + d2[a, 1] * S[1, j] + d2[a, 2] * S[2, j]
+            row[0] = turned[1] * e2[a, 2] - turned[2] * e2[a, 1]
+            row[1] = turned[2] * e2[a, 0] - turned[0] * e2[a, 2]
+            row[2] = turned[0] * e2[a, 1] - turned[1] * e2[a, 0]
+            for j in range(3):
+                row[3 + j] = e2[a, j]
+                row[6 + j] = e2[a, 0] * R[0, j] + e2[a, 1] * R[1, j] + e2[a, 2] * R[2, j]
 
 
 def _room(problem: Problem, rows: int) -> Array:
