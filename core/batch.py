@@ -1,32 +1,31 @@
-"""Decode, reconstruct and evaluate many captures on worker processes: of this machine, or of any Dask scheduler.
+"""Decode, reconstruct and evaluate many captures: on copies of this process, or on the workers of a Dask scheduler.
 
 Each capture is one task. Its results go to ``OUT/NAME/``: ``phase.npz`` (decode), ``points.npz`` (reconstruct),
 ``evaluation.npz`` (evaluate, plane captures), each written whole or not at all, and last ``figures.json``, which also
 says from which state of the inputs they were made. A second run therefore leaves what is up to date and does the rest,
 whatever stopped the first. ``OUT/summary.json`` tells of all captures.
 
-Workers on other machines must see the project and OUT under the same paths.
+A scheduler's workers must see the project and OUT under the same paths.
 """
 
 from __future__ import annotations
 
 import json
-import logging
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
 
 from core.errors import InputError, StripeError
 from core.fields import kept_object
 from core.figures import evaluation_figures, phase_figures
 from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
-from core.parallel import THREADS, limit_threads
+from core.parallel import limit_threads, on_processes
 from core.pipeline import (
     find_capture,
     load_calibrations,
@@ -50,7 +49,6 @@ State = Literal["done", "left", "failed", "waiting"]
 STEPS: tuple[Step, ...] = ("decode", "reconstruct", "evaluate")
 FILES: dict[Step, str] = {"decode": "phase.npz", "reconstruct": "points.npz", "evaluate": "evaluation.npz"}
 RETRIES = 2
-CAPTURES_IN_HAND = 2
 _VERSION = 1
 _ASK_S = 0.25  # how often a waiting batch looks whether to stop
 _ANSWER_S = 10.0  # how long a scheduler may take to answer
@@ -67,7 +65,6 @@ class Job:
     inputs: Mapping[Step, str]  #: for every step, a sign of what it is made from as that was when the batch began
     #: the calibrations and their hashes: a worker reads them again when they changed
     calibrations: tuple[tuple[str, str | None], ...] = ()
-    threads: int = 1  #: how many threads a kernel may use
 
 
 @dataclass(frozen=True)
@@ -125,22 +122,23 @@ def run_batch(
     steps : iterable of str
         Which of `STEPS` to do. Planes alone are evaluated.
     scheduler : str, optional
-        Address of a Dask scheduler; without it worker processes are started on this machine.
+        Address of a Dask scheduler; without it the work is done on this machine, by copies of this process where
+        `core.parallel.can_fork` allows them, else here, one capture after the other.
     workers : int, optional
-        How many worker processes to start; as many as processors if unsaid.
+        How many copies; as many as processors if unsaid.
     progress : Progress
         Cancelling stops what has not begun; results that are complete stay.
 
     Returns
     -------
     report : BatchReport
-        Also written to ``out / "summary.json"``. A capture that failed three times is told there, and stops no other.
+        Also written to ``out / "summary.json"``. A capture that failed is told there, and stops no other.
 
     Raises
     ------
     InputError
-        If a name or a step is unknown, the calibration is missing, the scheduler does not answer, or the extra
-        ``batch`` is not installed.
+        If a name or a step is unknown, the calibration is missing, or the scheduler does not answer or needs the
+        extra ``batch``, which is not installed.
     """
     started = time.monotonic()
     chosen = _chosen_steps(steps)
@@ -148,15 +146,15 @@ def run_batch(
         raise InputError("--workers", f"is {workers}", "give 1 or more")
     project, out = replace(project, path=project.path.resolve()), Path(out).resolve()
     outcomes, jobs = _prepare(project, out, captures, chosen, progress)
-    count = max(1, min(workers or THREADS, len(jobs)))
-    jobs = [replace(job, threads=1 if scheduler else max(1, THREADS // count)) for job in jobs]
-    with _client(scheduler, count) if jobs else nullcontext() as client:
-        try:
-            if client is not None:
-                _run(client, jobs, outcomes, progress)
-        finally:
-            report = BatchReport(tuple(outcomes.values()), time.monotonic() - started)
-            write_json(out / "summary.json", report.figures())
+    found = _by_scheduler(_client(scheduler), jobs, progress) if scheduler and jobs else _here(jobs, workers, progress)
+    try:
+        with closing(found):
+            for done, outcome in enumerate(found, 1):
+                outcomes[outcome.capture] = outcome
+                progress(0.02 + 0.98 * done / len(jobs), f"{done} of {len(jobs)}: {outcome.capture} {outcome.state}")
+    finally:
+        report = BatchReport(tuple(outcomes.values()), time.monotonic() - started)
+        write_json(out / "summary.json", report.figures())
     progress(1.0, "the batch is done")
     return report
 
@@ -252,9 +250,8 @@ def _ready(job: Job) -> Figures:
 
 
 def process(job: Job) -> tuple[Figures, float]:
-    """Do what a capture still needs and write it; give the figures and the seconds it took. Runs on a worker."""
+    """Do what a capture still needs and write it; give the figures and the seconds it took."""
     started = time.monotonic()
-    limit_threads(job.threads)
     for part in job.out.glob(".*.part"):  # of a worker that was killed while it wrote
         part.unlink(missing_ok=True)
     figures = _ready(job)
@@ -306,86 +303,75 @@ def _read_calibrations(path: Path, hashes: tuple[tuple[str, str | None], ...]) -
     return load_calibrations(read_project(path))
 
 
-# -------------------------------------------------------------------------------------------------------- the scheduler
+# ---------------------------------------------------------------------------------------------------------- who does it
 
 
-@contextmanager
-def _client(scheduler: str | None, workers: int) -> Iterator[Client]:
-    """Connect to a scheduler, or start one with its worker processes for as long as the batch runs.
+def _here(jobs: Sequence[Job], workers: int | None, progress: Progress) -> Generator[Outcome]:
+    """Work on all jobs by copies of this process, or in it."""
+    for name in ("core.decode.absolute", "core.capture.stored"):
+        import_module(name)  # once, not by every copy
 
-    A worker has `CAPTURES_IN_HAND`: one decodes while the other loads or is written.
-    """
+    def work(k: int, said: Progress) -> Outcome:
+        said.check()
+        try:
+            figures, seconds = process(jobs[k])
+        except Exception as error:
+            return _failed(jobs[k].capture.name, error)
+        return Outcome(jobs[k].capture.name, "done", seconds, figures)
+
+    return on_processes(work, len(jobs), progress.quiet(), workers)
+
+
+def _failed(name: str, error: BaseException) -> Outcome:
+    kind = "" if isinstance(error, StripeError) else f"{type(error).__name__}: "
+    return Outcome(name, "failed", error=f"{kind}{error}")
+
+
+def _client(scheduler: str) -> Client:
+    """Connect to a scheduler."""
     try:
-        import dask.config
-        from distributed import Client, LocalCluster, Security
+        from distributed import Client
     except ImportError as error:
         raise InputError(
-            "batch", "the package distributed is not installed", "run pip install 'stripe-workbench[batch]'"
+            "--scheduler", "the package distributed is not installed", "run pip install 'stripe-workbench[batch]'"
         ) from error
-    if scheduler is None:
-        # what reaches a scheduler's port runs code: only workers that hold the keys made for this run are let in
-        security = _keys_of_this_run(Security)
-        with (
-            TemporaryDirectory(prefix="stripe-batch-") as scratch,
-            dask.config.set(temporary_directory=scratch),  # Dask's own place would stay
-            LocalCluster(
-                n_workers=workers,
-                threads_per_worker=CAPTURES_IN_HAND,
-                processes=True,
-                dashboard_address=None,
-                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # 8787 otherwise, though it shows none
-                host="127.0.0.1",
-                protocol="tls://",
-                security=security,
-            ) as cluster,
-            Client(cluster, security=security) as client,
-        ):
-            client.run(logging.getLogger("distributed.worker").setLevel, logging.CRITICAL)  # the outcomes tell it all
-            yield client
-        return
     try:
-        client = Client(scheduler, timeout=_ANSWER_S)
+        return Client(scheduler, timeout=_ANSWER_S)
     except (OSError, ValueError, TypeError) as error:
         raise InputError("--scheduler", f"{scheduler!r} does not answer", "start it, or mend its address") from error
-    with client:
-        yield client
 
 
-def _keys_of_this_run(kind: Any) -> Any:
-    try:
-        return kind.temporary()
-    except ImportError as error:
-        remedy = "run pip install 'stripe-workbench[batch]'"
-        raise InputError("batch", "the package cryptography is not installed", remedy) from error
-
-
-def _run(client: Client, jobs: Sequence[Job], outcomes: dict[str, Outcome], progress: Progress) -> None:
-    """Give all jobs to the scheduler and collect their outcomes as they come."""
+def _by_scheduler(client: Client, jobs: Sequence[Job], progress: Progress) -> Generator[Outcome]:
+    """Give all jobs to a scheduler, and their outcomes as they come."""
     finished: SimpleQueue[Future] = SimpleQueue()
     futures = {}
     for job in jobs:
-        future = client.submit(process, job, pure=False, retries=RETRIES)
+        future = client.submit(_process_alone, job, pure=False, retries=RETRIES)
         futures[future.key] = future, job.capture.name
         future.add_done_callback(finished.put)
+    left = len(jobs)
     try:
-        done = 0
-        message = f"{len(jobs)} captures"
-        while done < len(jobs):
-            progress(0.02 + 0.98 * done / len(jobs), message)
+        while left:
+            progress.check()
             with suppress(Empty):
                 future, name = futures[finished.get(timeout=_ASK_S).key]
                 if future.status in ("lost", "pending"):  # who held the figures died: another worker is at it again
                     future.add_done_callback(finished.put)
                     continue
-                outcomes[name] = _outcome(name, future)
-                done += 1
-                message = f"{done} of {len(jobs)}: {name} {outcomes[name].state}"
+                left -= 1
+                yield _outcome(name, future)
             if client.status != "running":
                 raise StripeError("--scheduler", "the connection is lost", "run the same command again to go on")
-    except BaseException:
-        if client.status == "running":
+    finally:
+        if left and client.status == "running":
             client.cancel([future for future, _ in futures.values()], force=True)
-        raise
+        client.close()
+
+
+def _process_alone(job: Job) -> tuple[Figures, float]:
+    """Work on a capture beside others on the same machine."""
+    limit_threads(1)
+    return process(job)
 
 
 def _outcome(name: str, future: Future) -> Outcome:
@@ -393,5 +379,4 @@ def _outcome(name: str, future: Future) -> Outcome:
         figures, seconds = future.result()
         return Outcome(name, "done", seconds, figures)
     error = future.exception() if future.status == "error" else None
-    kind = "" if isinstance(error, StripeError) else f"{type(error).__name__}: "
-    return Outcome(name, "failed", error=f"{kind}{error}" if error else f"the scheduler {future.status} it")
+    return _failed(name, error) if error else Outcome(name, "failed", error=f"the scheduler {future.status} it")

@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import lru_cache
@@ -115,12 +115,19 @@ def _end_workers_of_opencv() -> None:
         opencv.setNumThreads(count)
 
 
-def on_processes(work: Callable[[int, Progress], T], count: int, progress: Progress) -> Iterator[T]:
+def on_processes(
+    work: Callable[[int, Progress], T], count: int, progress: Progress, most: int | None = None
+) -> Generator[T]:
     """Yield ``work(0, ...)`` to ``work(count - 1, ...)`` in this order, from copies of this process; see `can_fork`.
 
     Copies share what is in memory, take the next piece when they are done with one, and send what comes of it. What one
-    reports is reported here; who stops ends them all.
+    reports is reported here; who stops ends them all. There are `most` at most, and where none can be had, or one alone
+    is wanted, the pieces are worked on here.
     """
+    copies_at_once = min(most or THREADS, count)
+    if copies_at_once < 2 or not can_fork(count):
+        yield from (work(k, progress.part(k / count, (k + 1) / count)) for k in range(count))
+        return
     import multiprocessing
     from multiprocessing.connection import wait as wait_for
 
@@ -128,7 +135,7 @@ def on_processes(work: Callable[[int, Progress], T], count: int, progress: Progr
     turn, numbers = os.pipe()
     os.write(numbers, b"".join(k.to_bytes(4, "big") for k in range(count)))
     os.close(numbers)
-    pipes = [fork.Pipe(duplex=False) for _ in range(min(THREADS, count))]
+    pipes = [fork.Pipe(duplex=False) for _ in range(copies_at_once)]
     readers = [reader for reader, _ in pipes]
     copies = [fork.Process(target=_copy, args=(work, turn, sender, readers), daemon=True) for _, sender in pipes]
     done: dict[int, Any] = {}

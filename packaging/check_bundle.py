@@ -221,11 +221,11 @@ def check_window_on_a_screen(bundle: Bundle) -> str:
 
 
 def check_batch(bundle: Bundle) -> str:
-    """Many captures on worker processes, which are the bundle's own program again."""
+    """Many captures on copies of the bundle's own process."""
     summary = bundle.figures("batch", bundle.work / "project", "--out", bundle.work / "batch", "--workers", 2)
     captures = len(summary["captures"])
     expect(0 < captures == summary["done"], f"{summary['done']} of {captures} captures are done")
-    return f"batch: {captures} captures on two worker processes"
+    return f"batch: {captures} captures on two processes"
 
 
 def check_licences(bundle: Bundle) -> str:

@@ -4,10 +4,8 @@ One file under two names: half the room.
 """
 
 import sys
-from multiprocessing import freeze_support
 from pathlib import Path
 
-freeze_support()  # a process of `stripe-core batch` goes its own way here
 if sys.argv[1:2] == ["-c"]:  # as an interpreter: a reader that may come to grief has a process of its own
     code, sys.argv = sys.argv[2], ["-c", *sys.argv[3:]]
     exec(code)

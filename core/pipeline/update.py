@@ -9,7 +9,8 @@ from pathlib import Path
 
 from core.errors import Cancelled, InputError, StripeError
 from core.figures import phase_figures
-from core.model import Capture, Method, Project
+from core.model import Capture, Figures, Method, Project
+from core.parallel import on_processes
 from core.pipeline.calibrate import calibrate_project, methods_in_use
 from core.pipeline.decode import phase_maps
 from core.pipeline.evaluate import evaluate_project
@@ -229,16 +230,21 @@ def decode_project(project: Project, progress: Progress = SILENT) -> int:
         names = {c.name for c in graph.captures.values()}
         kept = {name: entry for name, entry in decoded_figures(project).items() if name in names}
         problem: StripeError | None = next((c for c in graph.read.values() if isinstance(c, StripeError)), None)
-        for capture in progress.over(due, "decoding {0.name}"):
-            record = decoded_from(project, capture)
+        records = [decoded_from(project, capture) for capture in due]
+
+        def decoded(k: int, said: Progress) -> tuple[Figures, StripeError | None]:
+            said(0.0, f"decoding {due[k].name}")
             try:
-                ((_, phase),) = phase_maps(project, [capture], progress.quiet())
-                figures = phase_figures(phase)
+                ((_, phase),) = phase_maps(project, [due[k]], said.quiet())
+                return phase_figures(phase), None
             except Cancelled:
                 raise
             except StripeError as error:
-                problem = problem or error
-                figures = {"error": str(error)}
+                return {"error": str(error)}, error
+
+        outcomes = on_processes(decoded, len(due), progress)
+        for capture, record, (figures, error) in zip(due, records, outcomes, strict=True):
+            problem = problem or error
             kept[capture.name] = {"made_from": record, **figures}
             write_json(result_path(project, "decode.json"), {"captures": kept})
         contents_of(project.path).keep()

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from core.parallel import can_fork, on_processes
+from core.parallel import on_processes
 from core.progress import SILENT, Progress
 from core.report.data import ReportData
 from core.report.numbers import (
@@ -136,11 +136,10 @@ def drawings(data: ReportData, *, progress: Progress = SILENT) -> dict[str, tupl
     chapters = list(CHAPTERS.values())
 
     def draw(k: int, said: Progress) -> tuple[Drawing, ...]:
-        said(k / len(chapters), f"drawing: {chapters[k].title}")
+        said(0.0, f"drawing: {chapters[k].title}")
         with drawing_style():
             return tuple(drawn(drawing) for drawing in chapters[k].drawings(data))
 
-    at_once = on_processes(draw, len(chapters), progress) if can_fork(len(chapters)) else None
-    found = dict(zip(CHAPTERS, at_once or (draw(k, progress) for k in range(len(chapters))), strict=True))
+    found = dict(zip(CHAPTERS, on_processes(draw, len(chapters), progress), strict=True))
     progress(1.0, "figures drawn")
     return found

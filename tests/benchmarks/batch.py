@@ -1,4 +1,4 @@
-"""Memory over a long batch: captures stream from disk and decode while the next one loads."""
+"""Many captures: on copies of a process, as stages that need all decode them; in a stream, where memory stays flat."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 from core.model import DeviceSpec, PhaseMap, Project, Subject
 from core.patterns import reference_sequence
 from core.pipeline import decode_capture, phase_maps
+from core.pipeline.decode import decode_images, from_phase_maps
+from core.progress import SILENT
 from core.project import read_capture, read_images, read_project, write_image, write_project
 from core.project.captures import write_capture_json
 from tests.benchmarks.scenes import LINES, Frames, frames
@@ -20,7 +22,7 @@ COUNTS = (4, 12, 36)
 
 
 def run() -> list[Row]:
-    """Read and decode all captures of a project: in a stream, one after the other, and all read before the first."""
+    """Read and decode all captures of a project: by copies, in a stream, in turn, and all read before the first."""
     data = frames(reference_sequence(), *SIZE)
     rows = []
     for count in COUNTS[:1] if EFFORT.quick else COUNTS:
@@ -32,7 +34,8 @@ def run() -> list[Row]:
                 return _right(data, last)
 
             field = [
-                Contestant(OURS, lambda p=project: _streamed(p), right, warm=False),
+                Contestant(OURS, lambda p=project: _by_copies(p), right, warm=False),
+                Contestant("a stream, the next one ahead", lambda p=project: _streamed(p), right, warm=False),
                 Contestant("one capture after the other", lambda p=project: _in_turn(p), right, warm=False),
                 Contestant("all read before the first", lambda p=project: _at_once(p), right, warm=False),
             ]
@@ -53,6 +56,13 @@ def _project(folder: Path, data: Frames, count: int) -> Project:
     return read_project(folder)
 
 
+def _by_copies(project: Project) -> PhaseMap:
+    captures = [read_capture(path, project) for path in project.captures]
+    for _, phase in from_phase_maps(project, captures, lambda capture, phase: phase):
+        last = phase
+    return last
+
+
 def _streamed(project: Project) -> PhaseMap:
     for _, phase in phase_maps(project, (read_capture(path, project) for path in project.captures)):
         last = phase
@@ -66,12 +76,10 @@ def _in_turn(project: Project) -> PhaseMap:
 
 
 def _at_once(project: Project) -> PhaseMap:
-    from core.decode import decode
-
     captures = [read_capture(path, project) for path in project.captures]
     images = [read_images(capture) for capture in captures]
     for capture, own in zip(captures, images, strict=True):
-        last = decode([frame.pattern for frame in capture.frames], own, lines=(LINES, LINES))
+        last = decode_images(capture, own, project, SILENT)
     return last
 
 

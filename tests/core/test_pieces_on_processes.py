@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from core.errors import BusyError
+from core.errors import BusyError, InputError
+from core.pipeline.update import decode_project
+from core.project import read_project
 from core.project.lock import writing_results
-from tests.copies import copied
+from tests.copies import copied, own
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are copied on Linux alone")
 
@@ -85,6 +88,44 @@ def test_targets_are_the_same_by_processes_and_by_threads(
         for folder in (project, calibrated_original)
     )
     assert by_processes == by_threads
+
+
+DECODED = """
+import os, sys
+from pathlib import Path
+from core.parallel import limit_threads
+from core.pipeline.decode import MANY, from_phase_maps
+from core.pipeline.update import decode_project
+from core.project import read_capture, read_project
+
+limit_threads(2)
+project = read_project(Path(sys.argv[1]))
+capture, me = read_capture(project.captures[0], project), os.getpid()
+
+def seen(capture, phase):
+    return os.getpid() == me, phase.u.tobytes()
+
+many, few = ([made for _, made in from_phase_maps(project, [capture] * n, seen)] for n in (MANY, MANY - 1))
+assert all(here for here, _ in few) and not any(here for here, _ in many)
+assert len({u for _, u in few + many}) == 1
+print(decode_project(project))
+"""
+
+
+def test_many_captures_are_decoded_by_processes_and_alike(quick: Path, tmp_path: Path) -> None:
+    other = copied(quick, tmp_path / "other")
+    frame = own(read_project(quick).captures[1] / "000.png")
+    frame.write_bytes(b"")  # the others are decoded all the same
+    shutil.copy(frame, own(read_project(other).captures[1] / "000.png"))
+    with pytest.raises(InputError, match="empty") as told:
+        decode_project(read_project(quick))
+    done = subprocess.run(
+        [sys.executable, "-c", DECODED, str(other)], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert told.value.seen in done.stderr, done.stderr
+    by_threads, by_processes = ((folder / "results/decode.json").read_text() for folder in (quick, other))
+    assert json.loads(by_processes.replace(str(other), str(quick))) == json.loads(by_threads)
+    assert len(json.loads(by_threads)["captures"]) == len(read_project(quick).captures)
 
 
 HOLDER = """

@@ -72,12 +72,12 @@ def add(commands: Commands) -> None:
     sub = commands.add_on_project("report", _report, "the HTML and PDF report")
     sub.add_argument("--out", type=Path, metavar="DIR")
 
-    sub = commands.add_on_project("batch", _batch, "decode, reconstruct and evaluate many captures on worker processes")
+    sub = commands.add_on_project("batch", _batch, "decode, reconstruct and evaluate many captures on all cores")
     sub.add_argument("captures", nargs="*", metavar="CAPTURE", help="names or folders; all of the project if unsaid")
     sub.add_argument("--out", type=Path, required=True, metavar="DIR", help="a second run leaves what is up to date")
     sub.add_argument("--do", default="decode,reconstruct,evaluate", metavar="STEPS", help="of these (default: all)")
     sub.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler that is running; default: this machine")
-    sub.add_argument("--workers", type=int, metavar="N", help="worker processes to start (default: one per processor)")
+    sub.add_argument("--workers", type=int, metavar="N", help="processes to work on (default: one per processor)")
 
 
 def _decode(options: Options, progress: Progress) -> dict[str, Any] | None:

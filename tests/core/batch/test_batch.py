@@ -1,11 +1,10 @@
-"""Many captures on real worker processes: two of a batch's own, or one of a scheduler that several tests share."""
+"""Many captures on copies of a process, in one alone, or on the worker of a scheduler that several tests share."""
 
 from __future__ import annotations
 
 import builtins
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -54,26 +53,68 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
             process.wait(30)
 
 
-def test_workers_give_what_the_single_commands_give(calibrated: Path, tmp_path: Path) -> None:
+COPIES = """
+import os, signal, sys
+from pathlib import Path
+from core.batch import run_batch
+from core.parallel import limit_threads
+from core.progress import Progress
+from core.project import read_project
+
+limit_threads(2)
+killed = []
+
+def kill_one(fraction, text):
+    children = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text().split()
+    if fraction > 0.02 and not killed:
+        killed.append(children[0])  # there are some, or this fails
+        os.kill(int(children[0]), signal.SIGKILL)
+
+heard = Progress(kill_one) if "--kill" in sys.argv else Progress()
+report = run_batch(read_project(Path(sys.argv[1])), Path(sys.argv[2]), steps=sys.argv[3].split(","), progress=heard)
+assert killed or heard.report is not kill_one
+"""
+
+
+def by_copies(project: Path, out: Path, *options: str) -> None:
+    """Run a batch in a process of its own: that of the tests has threads, and is never copied."""
+    subprocess.run([sys.executable, "-c", COPIES, project, out, *options], check=True)
+
+
+def test_copies_give_what_the_single_commands_give(calibrated: Path, tmp_path: Path) -> None:
     out, project = tmp_path / "out", read_project(calibrated)
-    seen: list[float] = []
-    report = run_batch(project, out, workers=2, progress=Progress(lambda fraction, text: seen.append(fraction)))
+    by_copies(calibrated, out, "decode,reconstruct,evaluate")
     names = [folder.name for folder in project.captures]
-    assert [(o.capture, o.state) for o in report.outcomes] == [(name, "done") for name in names]
-    assert seen == sorted(seen)
-    assert seen[-1] == 1.0
+    rows = summary(out)
+    assert [(name, row["state"]) for name, row in rows.items()] == [(name, "done") for name in names]
     phase = decode_capture(project.captures[0])
     with np.load(out / names[0] / "phase.npz") as stored:
         np.testing.assert_array_equal(stored["u"], phase.u)
         np.testing.assert_array_equal(stored["sigma_v"], phase.sigma_v)
     with np.load(out / names[-1] / "points.npz") as stored:
         np.testing.assert_array_equal(stored["xyz"], reconstruct_capture(project, names[-1])[1].xyz_mm)
-    rows = summary(out)
     for plane in evaluate_project(project):
         (row,) = (r for r in rows[plane.capture]["evaluate"] if r["method"] == plane.method)
         assert row["n"] == plane.n
         assert row["rms_mm"] == pytest.approx(plane.rms_mm)
     assert not list(out.rglob("*.part"))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are copied on Linux alone")
+def test_what_a_killed_copy_leaves_is_done_all_the_same(quick: Path, tmp_path: Path) -> None:
+    by_copies(quick, tmp_path / "out", "decode", "--kill")
+    rows = summary(tmp_path / "out").values()
+    assert [row["state"] for row in rows] == ["done"] * len(read_project(quick).captures)
+
+
+def test_one_process_tells_how_far_it_is(quick: Path, tmp_path: Path) -> None:
+    project, seen = read_project(quick), list[float]()
+    names = [folder.name for folder in project.captures[:2]]
+    heard = Progress(lambda fraction, text: seen.append(fraction))
+    report = run_batch(project, tmp_path / "out", names, steps=["decode"], workers=1, progress=heard)
+    assert [(o.capture, o.state) for o in report.outcomes] == [(name, "done") for name in names]
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
 
 
 def test_a_second_run_does_only_what_changed(scheduler: str, quick: Path, tmp_path: Path) -> None:
@@ -123,33 +164,6 @@ def test_a_damaged_capture_stops_no_other_and_is_told(
         names[1]: "done",
         names[2]: "left",
     }
-
-
-def test_a_worker_that_dies_is_replaced_and_its_captures_are_done_again(quick: Path, tmp_path: Path) -> None:
-    project = read_project(quick)
-    killed: list[int] = []
-
-    def kill_one(fraction: float, text: str) -> None:
-        if not killed and fraction > 0.02 and (workers := _workers_of(os.getpid())):
-            os.kill(workers[0], signal.SIGKILL)
-            killed.append(workers[0])
-
-    report = run_batch(project, tmp_path / "out", steps=["decode"], workers=2, progress=Progress(kill_one))
-    assert killed
-    assert [(o.state, o.error) for o in report.outcomes] == [("done", "")] * len(project.captures)
-
-
-def _workers_of(parent: int) -> list[int]:
-    """Processes started by another one that are Dask workers."""
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            ours = int(stat.read_text().rpartition(")")[2].split()[1]) == parent
-            if ours and b"spawn_main" in stat.with_name("cmdline").read_bytes():
-                found.append(int(stat.parent.name))
-        except OSError:
-            continue
-    return sorted(found)
 
 
 def test_cancelling_keeps_what_is_complete(scheduler: str, quick: Path, tmp_path: Path) -> None:
@@ -214,4 +228,4 @@ def test_without_dask_the_extra_is_named(quick: Path, tmp_path: Path, monkeypatc
 
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(InputError, match=r"stripe-workbench\[batch\]"):
-        run_batch(read_project(quick), tmp_path / "out", steps=["decode"])
+        run_batch(read_project(quick), tmp_path / "out", steps=["decode"], scheduler="tcp://127.0.0.1:1")
