@@ -92,17 +92,15 @@ class Graph(Holdings):
         capture = self.read[name]
         if not isinstance(capture, Capture):
             return State("failed", (str(capture),))
-        now = decoded_from(self.project, capture, self.contents)
         own = self.decoded.get(capture.name, {})
         records = [own.get("made_from"), *self._records_with(capture.name)]
         parts = [part for record in records if record and (part := part_decoded(record, capture.name))]
-        if parts and (own.get("error") and part_decoded(own.get("made_from") or {}, capture.name) == now):
+        if not parts:
+            return State("absent", ("not decoded yet",))
+        now = decoded_from(self.project, capture, self.contents)
+        if own.get("error") and part_decoded(own.get("made_from") or {}, capture.name) == now:
             return State("failed", (str(own["error"]),))
-        if now in parts:
-            return CURRENT
-        if parts:
-            return State("outdated", differences(parts[0], now))
-        return State("absent", ("not decoded yet",))
+        return CURRENT if now in parts else State("outdated", differences(parts[0], now))
 
     def _records_with(self, name: str) -> Iterable[Record]:
         """Give the records of results that a capture had a part in: their makers decoded it."""

@@ -47,7 +47,8 @@ class Holdings:
             except StripeError as error:
                 capture = error
             found[name] = capture
-        self.contents.learn(f.place for c in found.values() if isinstance(c, Capture) for f in c.frames)
+        if result_path(self.project, "").is_dir():  # else there is nothing that frames could have changed since
+            self.contents.learn(f.place for c in found.values() if isinstance(c, Capture) for f in c.frames)
         return found
 
     @cached_property

@@ -13,12 +13,12 @@ import os
 import threading
 import time
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from core.atomic import atomic_write
 from core.errors import StripeError
+from core.parallel import run_in_bands
 
 FILE = ".contents.json"  # in results/
 DIGITS = 20  # of SHA-256 in hexadecimal: 80 bits tell a project's files apart
@@ -78,9 +78,7 @@ class Contents:
                 found[name] = known[2]
             else:
                 due.append(name)
-        if due:
-            with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:
-                found.update(zip(due, pool.map(self.of, due), strict=True))
+        run_in_bands(lambda start, stop: found.update({n: self.of(n) for n in due[start:stop]}), len(due), least=2)
         return found
 
     def keep(self) -> None:

@@ -45,6 +45,7 @@ def _write(folder: Path, count: int) -> None:
             for name, _ in frames:
                 os.link(folder / "captures" / "000" / name, place / name)
     spec = DeviceSpec(4, 4, (0.01, 0.01), 12.0)
+    (folder / "results").mkdir()  # of a project that was worked on: every frame is compared with what it was
     write_project(folder, "many", spec, spec, captures=[f"captures/{k:03d}" for k in range(count)])
 
 
