@@ -212,9 +212,12 @@ class Graph(Holdings):
     def _reconstruct_all(self, each: Mapping[str, State], evaluate: State) -> State:
         if each:
             return together(each, "")
-        if evaluate.state == "current":
-            return State("current", ("the planes, while evaluating",))
-        return State("absent", ("there are no captures of objects",))
+        if evaluate.state == "absent":
+            return State("absent", ("there are no captures of objects",))
+        current = evaluate.state == "current"
+        return State(
+            evaluate.state, ("the planes, while evaluating",) if current else upstream_words("evaluate", evaluate)
+        )
 
     def _evaluate(self) -> tuple[dict[str, State], State]:
         then, evaluated, damage = self.evaluation

@@ -317,6 +317,14 @@ def test_an_update_reconstructs_nothing_by_a_calibration_that_it_cannot_renew(
     assert states(whole)["reconstruct"] == states(whole)["evaluate"] == "outdated"
 
 
+def test_planes_that_evaluating_reconstructed_are_as_current_as_the_evaluation(whole: Path) -> None:
+    edit(whole / "project.json", lambda d: d.update(captures=[c for c in d["captures"] if "object" not in c]))
+    shutil.rmtree(whole / "results" / "points")
+    assert states(whole)["reconstruct"] == states(whole)["evaluate"] == "current"
+    scale_changed(whole)
+    assert states(whole)["reconstruct"] == states(whole)["evaluate"] == "outdated"
+
+
 def test_no_capture_is_current_in_a_calibration_that_is_outdated(whole: Path) -> None:
     scale_changed(whole)
     told = project_states(read_project(whole)).captures
