@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.compiled import fast
+from core.decode.compiled import NONE, fast, part
 from core.decode.tables import Array, Singles
 from core.errors import InputError
 from core.numerics import erf
@@ -17,10 +18,49 @@ from core.patterns import Axis, Pattern, axis_of, brightness, level_of
 PER_LINE = 8  # entries of the tables; between them they are interpolated
 BLURS = np.round(np.concatenate([np.geomspace(0.25, 2.4, 49), np.geomspace(2.64, 12.0, 15)]), 4)  # lines
 FEW = 10  # frames: their words are so much alike that places are looked up on quarter lines, else on half lines
+ELSEWHERE = 2.0  # times the blur, at least a line: nearer than this is the same place
+NEAREST = 64  # words elsewhere that are compared one by one, where the rest is known to be unlike
+CLEARLY = 0.9  # of the best fit: what fits less needs no figure of its own until it is asked for
 ROUNDS = 5  # of the adjustment
 FEWEST = 4  # frames: three unknowns and one that tells whether they fit
 
 F = np.float32
+
+
+class Shelf(NamedTuple):
+    """The words under one blur where they are looked up, centred and of unit norm.
+
+    `values` (k, m) and `words` (m, k) are the same, from line -1/2 on. Of every word `like` (m, l) are those most like
+    it, the most alike first, and `cosine` of the angle to them; l is 0 where these are not wanted. From `apart` entries
+    on another place is elsewhere, for blurred words are alike.
+    """
+
+    values: Singles
+    words: Singles
+    like: NDArray[np.int32]
+    cosine: Singles
+    apart: int
+
+    def find(self, grey: Singles, across: int = 1, dim: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Found:
+        """Look the places of pixels (k, n) up, in an image of so many columns, but for those without light."""
+        found = Found(*(np.empty(grey.shape[1], kind) for kind in (np.int32, F, F, bool)))
+        fit = np.empty(len(self.words), F)
+        least = (F(dim[0]), F(dim[1]), F(dim[2]))
+        look_up(grey, self, across, least, (np.empty(len(grey), F), fit, fit.view(np.int32)), *found)
+        return found
+
+
+class Found(NamedTuple):
+    """What was looked up, (n,) each.
+
+    The place that fits best, and how well that and the best elsewhere fit, grey values; `known` tells whether `rival`
+    is that, else the best elsewhere fits no better.
+    """
+
+    best: NDArray[np.int32]
+    top: Singles
+    rival: Singles
+    known: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -35,6 +75,7 @@ class Book:
     lines: int
     fine: Singles
     cells: NDArray[np.int64]
+    _kept: dict[int, Shelf] = field(default_factory=dict, compare=False)
 
     @property
     def grid(self) -> int:
@@ -45,12 +86,29 @@ class Book:
         """Give what was looked up in lines."""
         return (best / F(self.grid) - F(0.5)).astype(np.float32)
 
-    def find(self, blur: int) -> Singles:
-        """Values (k, m) at the places looked up, from line -1/2 on, centred and of unit norm."""
+    def shelf(self, blur: int) -> Shelf:
+        """Give what is looked up under a blur."""
         rows = self.fine[blur, PER_LINE // 2 : (self.lines + 1) * PER_LINE - PER_LINE // 2 + 1 : PER_LINE // self.grid]
         centred = rows - rows.mean(axis=1, keepdims=True)
-        norm = np.maximum(np.sqrt(np.sum(centred**2, axis=1)), F(1e-3))
-        return np.ascontiguousarray((centred / norm[:, None]).T)
+        words = centred / np.maximum(np.sqrt(np.sum(centred**2, axis=1)), F(1e-3))[:, None]
+        none = np.empty((len(words), 0))
+        apart = round(max(1.0, ELSEWHERE * float(BLURS[blur])) * self.grid)
+        return Shelf(np.ascontiguousarray(words.T), words, none.astype(np.int32), none.astype(np.float32), apart)
+
+    def compared(self, blur: int) -> Shelf:
+        """Give the same, with the words most like every one; it is kept, as captures of a rig have one blur."""
+        if blur not in self._kept:
+            shelf = self.shelf(blur)
+            words, count = shelf.words, min(NEAREST + 2 * shelf.apart, len(shelf.words))
+            like, cosine = np.empty((len(words), count), np.int32), np.empty((len(words), count), np.float32)
+            for n, word in enumerate(words):
+                alike = words @ word
+                some = np.argpartition(alike, len(words) - count)[len(words) - count :]
+                like[n] = some[np.argsort(-alike[some])]
+                cosine[n] = alike[like[n]]
+            self._kept.clear()
+            self._kept[blur] = shelf._replace(like=like, cosine=cosine)
+        return self._kept[blur]
 
 
 @lru_cache(maxsize=8)
@@ -103,46 +161,135 @@ def _blurred(light: Array, blur: float, even: int) -> Singles:
     return out
 
 
+@part
+def _fit(words, entry, g):  # type: ignore[no-untyped-def]
+    """How well a word fits grey values without their mean."""
+    total = np.float32(0)
+    for f in range(len(g)):
+        total += words[entry, f] * g[f]
+    return total
+
+
+@part
+def _climb(words, entry, g):  # type: ignore[no-untyped-def]
+    """The place near an entry that fits best, and how well."""
+    most = _fit(words, entry, g)
+    for way in (1, -1):
+        while 0 <= entry + way < len(words):
+            more = _fit(words, entry + way, g)
+            if more < most or (more == most and way > 0):  # of equals the first
+                break
+            entry, most = entry + way, more
+    return entry, most
+
+
+@part
+def _foretold(shelf, entry, g, square):  # type: ignore[no-untyped-def]
+    """Whether no word fits better than that near an entry: the best, its fit, that elsewhere, and what is known.
+
+    Known is nothing (0), that no other fits as well and none elsewhere better than is given (1), or exactly how well
+    one does (2). A word at an angle B to one at an angle A < B to the grey values is at least B - A from these.
+    """
+    at, top = _climb(shelf.words, entry, g)
+    rest, last = np.sqrt(max(square - top * top, np.float32(0))), shelf.like.shape[1] - 1
+    norm, second = np.sqrt(square), np.float32(0)
+    cosine = shelf.cosine[at, last]
+    bound = cosine * top + np.sqrt(np.float32(1) - cosine * cosine) * rest
+    if cosine * norm >= top or bound >= top:
+        return at, top, second, 0
+    for j in range(last + 1):
+        cosine = shelf.cosine[at, j]
+        if cosine * norm < top:
+            bound = cosine * top + np.sqrt(np.float32(1) - cosine * cosine) * rest
+            if bound < max(second, CLEARLY * top):
+                return at, top, max(second, bound), 2 if bound <= second else 1
+        other = shelf.like[at, j]
+        if other != at:
+            fit = _fit(shelf.words, other, g)
+            if fit >= top:
+                return at, top, second, 0
+            if abs(other - at) > shelf.apart:
+                second = max(second, fit)
+    return at, top, max(second, bound), 1
+
+
+@part
+def _search(shelf, g, fit, bits):  # type: ignore[no-untyped-def]
+    """The word of all that fits best, how well, and how well the best elsewhere.
+
+    `bits` are those of `fit` as whole numbers, of which the largest is found quicker: the order is the same above 0.
+    """
+    values = shelf.values
+    k, m = values.shape
+    for c in range(m):
+        fit[c] = g[0] * values[0, c]
+    f = 1
+    while f + 3 < k:
+        for c in range(m):
+            one = fit[c] + g[f] * values[f, c] + g[f + 1] * values[f + 1, c]
+            fit[c] = one + g[f + 2] * values[f + 2, c] + g[f + 3] * values[f + 3, c]
+        f += 4
+    for rest in range(f, k):
+        for c in range(m):
+            fit[c] += g[rest] * values[rest, c]
+    most = _largest(bits, 0, m)
+    at = 0
+    while at < m - 1 and bits[at] != most:
+        at += 1
+    before, after = _largest(bits, 0, at - shelf.apart), _largest(bits, at + shelf.apart + 1, m)
+    bits[0], bits[1] = most, max(before, after)
+    return at, fit[0], fit[1]
+
+
+@part
+def _largest(bits, first, last):  # type: ignore[no-untyped-def]
+    most = NONE
+    for c in range(first, last):
+        most = max(most, bits[c])
+    return most
+
+
 @fast
-def look_up(grey, find, elsewhere, fit, best, top, rival):  # type: ignore[no-untyped-def]
+def look_up(grey, shelf, across, least, scratch, best, top, rival, known):  # type: ignore[no-untyped-def]
     """Look up the place of every pixel.
+
+    Pixels before it foretell its word. Where the angles between words prove that no other fits better, that is it;
+    else all are tried.
 
     Parameters
     ----------
     grey : float32 (k, n)
-    find : float32 (k, m)
-        Of `Book.find`.
-    elsewhere : int
-        How far another place must be, entries.
-    fit : float32 (m,)
-        Scratch.
-    best, top, rival : (n,)
-        The place that fits best, and how well that and the best elsewhere fit, grey values.
+    shelf : Shelf
+        Of `Book.shelf`, or of `Book.compared` where pixels may foretell.
+    across : int
+        Pixels of a row.
+    least : (dark, shot, floor)
+        Sum of the frames' squared deviations from their mean below which a pixel fits nothing.
+    scratch : (float32 (k,), float32 (m,), the same as int32)
+    best, top, rival, known : (n,)
+        Of `Found`.
     """
     k, n = grey.shape
-    m = find.shape[1]
+    g, fit, bits = scratch
     for p in range(n):
-        mean = np.float32(0)
+        mean, square = np.float32(0), np.float32(0)
         for f in range(k):
             mean += grey[f, p]
         mean /= np.float32(k)
-        g = grey[0, p] - mean
-        for c in range(m):
-            fit[c] = g * find[0, c]
-        for f in range(1, k):
-            g = grey[f, p] - mean
-            for c in range(m):
-                fit[c] += g * find[f, c]
-        at, most = 0, fit[0]
-        for c in range(1, m):
-            if fit[c] > most:
-                at, most = c, fit[c]
-        second = np.float32(0)
-        for c in range(0, at - elsewhere):
-            second = max(second, fit[c])
-        for c in range(at + elsewhere + 1, m):
-            second = max(second, fit[c])
-        best[p], top[p], rival[p] = at, max(most, np.float32(0)), second
+        for f in range(k):
+            g[f] = grey[f, p] - mean
+            square += g[f] * g[f]
+        told = 0
+        if square < max(least[0] + least[1] * mean, least[2]):
+            best[p], top[p], rival[p], known[p] = len(fit) // 2, np.float32(0), np.float32(0), True
+            continue
+        if shelf.like.shape[1] > 0:
+            for q in (p - 1, p - across):
+                if q >= 0 and told == 0:
+                    best[p], top[p], rival[p], told = _foretold(shelf, best[q], g, square)
+        if told == 0:
+            best[p], top[p], rival[p] = _search(shelf, g, fit, bits)
+        known[p] = told != 1
 
 
 @fast

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.book import BLURS, PER_LINE, Book, adjust, book_of, look_up
+from core.decode.book import BLURS, PER_LINE, Book, Found, Shelf, adjust, book_of
 from core.decode.frames import Image
 from core.decode.noise import TINY, Noise, estimate_noise
 from core.decode.notes import MUCH, note_on_second_light, notes_on
@@ -33,7 +33,6 @@ from core.progress import Progress
 
 COARSE = 3  # so manieth is tried first, then each around the best
 MARGIN = 16.0  # by which the squares (noise = 1) elsewhere must be greater: exp(-8) for one rival
-ELSEWHERE = 2.0  # times the blur, at least a line: nearer than this is the same place
 MISFIT = 0.15  # of the contrast, for each frame: light of three to four tenths of the strength from elsewhere
 ABOUT = 1.5  # px: standard deviation of the window in which residuals are held against noise
 SAMPLE = 6000  # pixels that tell blur and noise
@@ -47,6 +46,7 @@ ROUNDS = 4  # of what flickers
 HOLD, LARGEST = 1e-4, 0.3  # part of the contrast's squares; of a round's change
 
 F = np.float32
+Pixels = slice | NDArray[np.intp]
 
 
 def has_words(patterns: Sequence[Pattern], axis: Axis) -> bool:
@@ -120,50 +120,56 @@ def _decode_axis(
     progress(0.0, "reading blur and noise")
     blur, noise, steady = _measure(book, images, full)
     usual = int(np.median(blur))
-    find, apart, step = book.find(usual), _apart(book, usual), max(NEAR, NEAR * float(BLURS[usual]))
-    best = np.empty(shape, np.int32)
-    top, rival = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    shelf, step = book.compared(usual), max(NEAR, NEAR * float(BLURS[usual]))
+    width, flat, blurs = shape[1], [images[n].ravel() for n in book.frames], blur.ravel()
+    found = Found(*(np.empty(shape, kind) for kind in (np.int32, F, F, bool)))
     limits = F(noise.dark), F(noise.shot), F(noise.floor)
-    out = np.empty((4, *shape), np.float32)  # place, sigma, contrast, offset
-    left = np.empty(shape, np.float32)  # squares that remain
+    least = options.min_snr**2  # of the squares that a word must explain; its level is that of full light at most
+    dim = least * noise.dark, least * noise.shot / 2, least * noise.floor
+    out = np.empty((4, *shape), F)  # place, sigma, contrast, offset
+    every = out.reshape(4, -1)
+    left = np.empty(shape, F)  # squares that remain
 
-    def search(first: int, last: int) -> None:
-        grey = _grey(book, images, first, last)
-        found = (a[first:last].ravel() for a in (best, top, rival))  # views: rows lie one after the other
-        look_up(grey, find, apart, np.empty(find.shape[1], F), *found)
+    def search(at: Pixels, shelf: Shelf) -> None:
+        for whole, some in zip(found, shelf.find(_grey(flat, at), width, dim), strict=True):
+            whole.reshape(-1)[at] = some
 
-    def refine(first: int, last: int) -> None:
-        grey = _grey(book, images, first, last)
-        values = out[:, first:last].reshape(4, -1).copy()
-        squares = np.empty(values.shape[1], F)
-        starts = start[first:last].ravel()
-        adjust(grey, book.fine, blur[first:last].ravel(), starts, limits, steady, values, squares)
-        out[:, first:last] = values.reshape(4, last - first, -1)
-        left[first:last] = squares.reshape(last - first, -1)
+    def refine(at: Pixels) -> None:
+        grey = _grey(flat, at)
+        values, squares = np.empty((4, grey.shape[1]), F), np.empty(grey.shape[1], F)
+        adjust(grey, book.fine, blurs[at], start.ravel()[at], limits, steady, values, squares)
+        every[:, at], left.reshape(-1)[at] = values, squares
 
-    rows = max(1, (1 << 16) // shape[1])
+    rows = max(1, (1 << 16) // width)
     for at in progress.over(range(0, shape[0], 16 * rows), "looking words up from row {}"):
-        run_in_bands(lambda a, b, at=at: search(at + a, at + b), min(16 * rows, shape[0] - at))  # type: ignore[misc]
-    start = book.places(best)
-    run_in_bands(refine, shape[0])
+        run_in_bands(
+            lambda a, b, at=at: search(slice((at + a) * width, (at + b) * width), shelf),  # type: ignore[misc]
+            min(16 * rows, shape[0] - at),
+        )
+    start = book.places(found.best)
+    run_in_bands(lambda a, b: refine(slice(a * width, b * width)), shape[0])
     place, sigma, contrast, offset = out
     variance = np.maximum(noise.dark + noise.shot * (offset + contrast / 2), noise.floor).astype(np.float32)
-    weak = (top < options.min_snr * np.sqrt(variance)) | (contrast / 2 < options.min_modulation) | (contrast <= 0)
-    lead, near = (top**2 - rival**2) / (MARGIN * variance), np.abs(place - start) <= step
+    weak = (found.top < options.min_snr * np.sqrt(variance)) | (contrast / 2 < options.min_modulation) | (contrast <= 0)
     beyond = _beyond(left / (k - 3), ~weak)  # those that fit by chance are few among them
-    sure = lead > beyond
+
+    def leads() -> NDArray[np.bool_]:
+        return np.asarray(found.top**2 - found.rival**2 > MARGIN * variance * beyond)
+
+    some = np.flatnonzero(~(leads() | found.known))
+    run_in_bands(lambda a, b: search(some[a:b], book.shelf(usual)), len(some))
+    sure, near = leads(), np.abs(place - start) <= step
     good = sure & ~weak & near & (left < _bound(k, contrast, variance))
     if good.any():
         expected, agreed = _predicted(place, good)
-        again = agreed & ~weak & ~(good & (np.abs(place - expected) < ALIKE))
-        if again.any():
-            kept, was = out.copy(), left.copy()
-            start = np.where(again, expected, start).astype(np.float32)
-            run_in_bands(refine, shape[0])
-            near = np.abs(place - start) <= step
-            found = again & near & (left < _bound(k, contrast, variance))
-            out[:, ~found], left[~found] = kept[:, ~found], was[~found]
-            good |= found
+        again = np.flatnonzero(agreed & ~weak & ~(good & (np.abs(place - expected) < ALIKE)))
+        kept, was = every[:, again], left.ravel()[again]
+        start.ravel()[again] = expected.ravel()[again]
+        run_in_bands(lambda a, b: refine(again[a:b]), len(again))
+        near.ravel()[again] = np.abs(place - start).ravel()[again] <= step
+        fits = (near & (left < _bound(k, contrast, variance))).ravel()[again]
+        every[:, again[~fits]], left.ravel()[again[~fits]] = kept[:, ~fits], was[~fits]
+        good.ravel()[again[fits]] = True
     beyond = _beyond(left / (k - 3), good | near & ~weak)
     sigma *= np.sqrt(beyond)
     inside = (place >= RIM) & (place <= book.lines - 1 - RIM)
@@ -197,11 +203,6 @@ def _decode_axis(
     )
 
 
-def _apart(book: Book, blur: int) -> int:
-    """Entries of the look-up nearer than which another place is the same, for blurred words are alike."""
-    return round(max(1.0, ELSEWHERE * float(BLURS[blur])) * book.grid)
-
-
 def _beyond(misfit: NDArray[np.floating], known: NDArray[np.bool_]) -> Singles:
     """Mean squared residuals (H, W) over what noise makes of them, about every pixel, of those known.
 
@@ -220,8 +221,8 @@ def _bound(k: int, contrast: Singles, variance: Singles) -> Singles:
     return np.asarray((k - 3) + 6 * np.sqrt(2.0 * (k - 3)) + k * np.square(MISFIT * contrast) / variance, np.float32)
 
 
-def _grey(book: Book, images: Sequence[Image], first: int, last: int) -> Singles:
-    return np.stack([images[n][first:last].ravel() for n in book.frames]).astype(np.float32)
+def _grey(flat: Sequence[Image], at: Pixels) -> Singles:
+    return np.stack([image[at] for image in flat]).astype(np.float32)
 
 
 def _measure(book: Book, images: Sequence[Image], full: float) -> tuple[NDArray[np.int64], Noise, Singles]:
@@ -241,16 +242,14 @@ def _measure(book: Book, images: Sequence[Image], full: float) -> tuple[NDArray[
     lit = lit[np.linspace(0, len(lit) - 1, min(len(lit), SAMPLE)).astype(int)]
     grey, at = np.ascontiguousarray(grey[:, lit]), at[:, lit]
     n = len(lit)
-    best, top, rival = np.empty(n, np.int32), np.empty(n, F), np.empty(n, F)
     unit = F(1), F(0), F(1)
     costs = {}
 
     def trial(numbers: list[int]) -> None:
-        find = book.find(numbers[len(numbers) // 2])  # what is looked up hardly depends on the blur
-        look_up(grey, find, _apart(book, numbers[len(numbers) // 2]), np.empty(find.shape[1], F), best, top, rival)
+        found = book.shelf(numbers[len(numbers) // 2]).find(grey)  # what is looked up hardly depends on the blur
         for number in numbers:
             blurs, costs[number] = np.full(n, number), np.empty(n, F)
-            adjust(grey, book.fine, blurs, book.places(best), unit, steady, np.empty((4, n), F), costs[number])
+            adjust(grey, book.fine, blurs, book.places(found.best), unit, steady, np.empty((4, n), F), costs[number])
 
     for first in range(0, len(BLURS), 4 * COARSE):
         trial(list(range(first, min(first + 4 * COARSE, len(BLURS)), COARSE)))
@@ -272,21 +271,28 @@ def _measure(book: Book, images: Sequence[Image], full: float) -> tuple[NDArray[
         np.minimum(at + NEXT * np.array([[down], [across]]), np.array(shape)[:, None] - 1) for down, across in ASIDE
     ]
     mine, *beside = (_Seen(book, stack, pixels, blur, whole) for pixels in seen)
-    explained = mine.explained(steady)
+    here = mine.explained(steady)
     for _ in range(ROUNDS):
-        steady = _steadier(steady, *explained)
-        explained = mine.explained(steady)
-    place, squares, _, _, level, residual = explained
+        steady = _steadier(steady, here)
+        here = mine.explained(steady)
     # what contradicts the words alike the way that lines change less is no noise
     others = (each.explained(steady) for each in beside)
-    other = min(others, key=lambda each: float(np.median(np.abs(each[0] - place))))
-    good = np.maximum(squares, other[1]) <= 4 * np.median(squares) + 1
+    other = min(others, key=lambda each: float(np.median(np.abs(each.place - here.place))))
+    good = np.maximum(here.squares, other.squares) <= 4 * np.median(here.squares) + 1
     apart = 1.0 if images[0].itemsize == 1 else max(1.0, quantum(grey))
-    apiece = (residual - other[5])[good] * np.sqrt(k / (k - 3) / 2)
-    return blur, estimate_noise(apiece.ravel(), ((level + other[4])[good] / 2).ravel(), apart), steady
+    apiece = (here.residual - other.residual)[good] * np.sqrt(k / (k - 3) / 2)
+    return blur, estimate_noise(apiece.ravel(), ((here.level + other.level)[good] / 2).ravel(), apart), steady
 
 
-Explained = tuple[Singles, Singles, Singles, Singles, Singles, Singles]
+class _Explained(NamedTuple):
+    """Places (n,), squares that remain, offsets, contrast by words (n, k), levels and residuals."""
+
+    place: Singles
+    squares: Singles
+    offset: Singles
+    light: Singles
+    level: Singles
+    residual: Singles
 
 
 class _Seen:
@@ -297,13 +303,10 @@ class _Seen:
     ) -> None:
         self.book, self.blur = book, blur[at[0], at[1]]
         self.grey = np.stack([image[at[0], at[1]] for image in stack]).astype(np.float32)
-        best, find = np.empty(at.shape[1], np.int32), book.find(usual)
-        scratch = np.empty((2, at.shape[1]), F)
-        look_up(self.grey, find, _apart(book, usual), np.empty(find.shape[1], F), best, *scratch)
-        self.start = book.places(best)
+        self.start = book.places(book.shelf(usual).find(self.grey).best)
 
-    def explained(self, steady: Singles) -> Explained:
-        """Places (n,), squares that remain, offsets, contrast by words (n, k), levels and residuals."""
+    def explained(self, steady: Singles) -> _Explained:
+        """What words explain of the pixels, and what not."""
         fine, n = self.book.fine, len(self.start)
         values, squares = np.empty((4, n), F), np.empty(n, F)
         adjust(self.grey, fine, self.blur, self.start, (F(1), F(0), F(1)), steady, values, squares)
@@ -312,14 +315,13 @@ class _Seen:
         light = (1 - part) * fine[self.blur, entry] + part * fine[self.blur, entry + 1]
         light *= values[2][:, None] * steady[1]
         level = values[3][:, None] * steady[0] + light
-        return values[0], squares, values[3], light, level, self.grey.T - level
+        return _Explained(values[0], squares, values[3], light, level, self.grey.T - level)
 
 
-def _steadier(steady: Singles, *explained: Singles) -> Singles:
+def _steadier(steady: Singles, seen: _Explained) -> Singles:
     """What frames show more than others of offset and contrast, by what is left of all pixels."""
-    _, squares, offset, light, _, residual = explained
-    good = squares <= 4 * np.median(squares) + 1
-    b, s, r = offset[good, None] * steady[0], light[good], residual[good]
+    good = seen.squares <= 4 * np.median(seen.squares) + 1
+    b, s, r = seen.offset[good, None] * steady[0], seen.light[good], seen.residual[good]
     bb, bs, ss, br, sr = (np.sum(p * q, axis=0, dtype=float) for p, q in ((b, b), (b, s), (s, s), (b, r), (s, r)))
     hold = HOLD * ss.mean()  # of an offset of nearly nothing nothing is told
     bb, ss = bb + hold, ss + hold

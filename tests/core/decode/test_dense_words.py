@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from core.decode import Flag, decode
+from core.decode.book import BLURS, book_of
 from core.errors import InputError
 from core.patterns import Black, Level, Lines, White, gray_and_phase, parse_sequence
 
@@ -198,3 +199,30 @@ def test_words_that_decode_nowhere_say_why(bench, blur: float, shown: slice, sai
     note = decode(patterns, images, lines=(N, N)).notes[0]
     assert note.startswith("Only 0% of the pixels that the projector lights decode: ")
     assert said in note
+
+
+@pytest.mark.parametrize("frames", [8, 14])
+@pytest.mark.parametrize(("gain", "part"), [(90.0, 0.0), (90.0, 0.3), (20.0, 0.0), (5.0, 0.0)])
+def test_what_neighbours_foretell_is_what_all_words_tell(bench, frames: int, gain: float, part: float) -> None:
+    """Against the product of all words with all pixels: at steps of the surface, in a second light, dark and unlit."""
+    patterns = dense(frames)
+    b = bench(height=12, blur=0.6, gain=gain, dark=3.0, shot=0.02)
+    b = replace(b, u=np.where(np.arange(b.u.shape[1]) % 150 > 90, b.u - 60.3, b.u))
+    second = replace(b, u=(N - 1 - b.u) * 0.83 + 9, ambient=0.0, gain=part * gain, dark=0.0, shot=0.0)
+    images = [image + more for image, more in zip(b.take(patterns), second.take(patterns), strict=True)]
+    grey = np.stack([np.where(np.arange(image.size) % 999 < 80, 17, image.ravel()) for image in images])
+    grey = grey.astype(np.float32)
+    book = book_of(tuple(patterns), "x", N, "capture")
+    blur = int(np.argmin(np.abs(BLURS - 0.6)))
+    fits = book.shelf(blur).words @ (grey - grey.mean(axis=0))
+    best = fits.argmax(axis=0)
+    away = np.abs(np.arange(len(fits))[:, None] - best) > book.shelf(blur).apart
+    rival = np.where(away, fits, 0).max(axis=0)
+    found = book.compared(blur).find(grey, b.u.shape[1])
+    near = 1e-4 * np.linalg.norm(grey, axis=0)
+    assert np.all((found.best == best) | (np.abs(found.top - fits.max(axis=0)) < near))
+    assert np.all(found.rival > rival - near)
+    assert np.all((found.rival < rival + near)[found.known])
+    lit = np.arange(grey.shape[1]) % 999 >= 80
+    assert np.all((found.rival <= np.maximum(found.top, 0) + near)[lit])
+    assert (~found.known).mean() > (0.6 if gain == 90.0 and frames == 14 else -1)
