@@ -23,7 +23,7 @@ from core.decode.harmonics import SquareWave, measure_bend, square_waves
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.late import late_frames
 from core.decode.likelihood import decode_words, has_words
-from core.decode.noise import contrasts
+from core.decode.noise import Noise, contrasts
 from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
@@ -60,6 +60,7 @@ def decode(
     lines: tuple[int, int] | None = None,
     options: DecodeOptions = DEFAULT,
     exposures_ms: Sequence[float | None] | None = None,
+    noise: Noise | None = None,
     where: str = "capture",
     progress: Progress = SILENT,
 ) -> PhaseMap:
@@ -76,6 +77,8 @@ def decode(
     exposures_ms : sequence of float or None, optional
         Exposure of every image. Several exposures of a pattern are made one image, in which a sample is saturated only
         where all are; modulation and image are then in grey values of the longest.
+    noise : Noise, optional
+        Of the grey values, where it is known better than the frames tell it.
     where : str
         What messages call the capture.
 
@@ -106,13 +109,16 @@ def decode(
     array([3., 4., 5., 6.], dtype=float32)
     """
     arrays = check_images(patterns, images, where)
-    if exposures_ms is not None:
-        fused = fuse_exposures(patterns, arrays, exposures_ms, options.saturation, where)
-        if fused is not None:
-            depth = replace(options, saturation=float(DEEPEST), min_modulation=options.min_modulation * fused[2])
-            phase = decode(*fused[:2], lines=lines, options=depth, where=where, progress=progress)
-            step = np.float32(1 / fused[2])
-            return replace(phase, modulation=phase.modulation * step, image=phase.image * step)
+    fused = None if exposures_ms is None else fuse_exposures(patterns, arrays, exposures_ms, options, where)
+    if fused is not None:
+        depth = replace(options, saturation=float(DEEPEST), min_modulation=options.min_modulation * fused.steps)
+        phase = decode(
+            fused.patterns, fused.images, lines=lines, options=depth, noise=fused.noise, where=where, progress=progress
+        )
+        fused.widen(phase.sigma_u, "x")
+        fused.widen(phase.sigma_v, "y")
+        step, notes = np.float32(1 / fused.steps), (*fused.notes, *phase.notes)
+        return replace(phase, modulation=phase.modulation * step, image=phase.image * step, notes=notes)
     if has_words(patterns, "x") or has_words(patterns, "y"):
 
         def others(some: list[int]) -> PhaseMap:
@@ -126,7 +132,10 @@ def decode(
         sequence = _prepare(tuple(patterns), lines)
     except InputError as error:
         raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
-    limits, tables, response, gains, sample = _measure(sequence, patterns, arrays, options, where)
+    limits, tables, response, gains, sample = _measure(sequence, patterns, arrays, options, where, noise)
+    telling = (
+        limits if noise is None else limits._replace(saturation=np.minimum(limits.saturation, np.float32(noise.upto)))
+    )
     height, width = arrays[0].shape
     planes = np.empty((6, height * width), np.float32)  # one block, large enough for large pages
     place, sigma, modulation, image = planes[:2], planes[2:4], planes[4], planes[5]
@@ -171,11 +180,11 @@ def decode(
             widen(s, bent_by(part, float(tables[axis].period[0])))
             known = np.isfinite(alone)
             second = second or note_on_second_light(part, s[taken][known] > MUCH * alone[known])
-        apart = contradiction(arrays, tables[axis], limits, sequence.image_rows)
+        apart = contradiction(arrays, tables[axis], telling, sequence.image_rows)
         if apart is not None:
             widen(s, apart.lines)
             mine = coordinate, s, flags, missing
-            refused.append(refuse_open_orders(arrays, tables[axis], limits, sequence.image_rows, apart.turns, mine))
+            refused.append(refuse_open_orders(arrays, tables[axis], telling, sequence.image_rows, apart.turns, mine))
     misfit = None
     if options.estimate and estimable(sequence.frames):
         refined = Planes(place, sigma, width)
@@ -193,7 +202,12 @@ def decode(
 
 
 def _measure(
-    sequence: _Prepared, patterns: Sequence[Pattern], images: Sequence[Image], options: DecodeOptions, where: str
+    sequence: _Prepared,
+    patterns: Sequence[Pattern],
+    images: Sequence[Image],
+    options: DecodeOptions,
+    where: str,
+    known: Noise | None,
 ) -> tuple[Limits, tuple[AxisTable, AxisTable], Response | None, dict[int, float], Singles]:
     """What a sample of the grey values tells: the thresholds, and how the stripes of both axes are blurred."""
     sample = take_sample(images)
@@ -206,6 +220,7 @@ def _measure(
     response = estimate_response(sequence.waves, patterns, sample, saturation, images)
     bent = sequence.waves if response else ()
     noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images, bent, gains)
+    noise = known._replace(misfit=noise.misfit, unlit=noise.unlit) if known else noise
     tables = straighten(tables, response, sequence.waves) if response else tables
     x, y = (
         measure_ripple(table, sequence.frames.axes.get(axis), sample, noise)

@@ -7,29 +7,96 @@ saturated counts.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.frames import Image
+from core.decode.noise import TINY, Noise, estimate_noise
+from core.decode.options import DecodeOptions
+from core.decode.sample import full_scale, quantum, take_sample
+from core.decode.tables import Array, Singles
 from core.errors import InputError
-from core.patterns import Pattern
+from core.patterns import Axis, Pattern, axis_of, use_of
 
 DEEPEST = 65535
 FINEST = 16  # steps that one grey value is divided into
 SAME = 1e-6  # part by which equal exposures may differ
+FEWEST, RANGE = 200, 8.0  # pixels that tell how exposures compare; standard deviation of their grey values
+OTHER = 0.08  # part by which the light of an exposure differs that is told
+DIFFERENT = 0.4  # the same of two frames of one exposure, as a logarithm: no lamp flickers that much
+FEW = 3  # frames that are named one by one
+OUTLIER, ROUNDS = 4.0, 3  # standard deviations
+
+
+class Fused(NamedTuple):
+    """One image of all exposures of every pattern.
+
+    `images` are uint16, of `steps` to a grey value of the longest exposure, where all samples are saturated 65535. An
+    exposure's grey values are ``ground + gain light`` up to `full`, its gain 1 for the longest; `gains` are those that
+    most patterns have. `raw` is their noise, None where no pattern was taken twice.
+    """
+
+    patterns: list[Pattern]
+    images: list[Image]
+    steps: int
+    ground: float
+    gains: tuple[float, ...]
+    full: float
+    raw: Noise | None
+    notes: tuple[str, ...]
+
+    @property
+    def noise(self) -> Noise | None:
+        """Noise of the images where no sample is saturated."""
+        if self.raw is None:
+            return None
+        low, high = (self.steps * (self.ground + part * (self.full - self.ground)) for part in (0.0, 0.5))
+        dark, bright = (self.variance(np.array([level]))[0] for level in (low, high))
+        slope = (bright - dark) / (high - low)
+        floor = self.steps**2 * self.raw.floor / sum(gain**2 for gain in self.gains)
+        return Noise(float(dark - slope * low), float(slope), floor, upto=self.steps * self.full)
+
+    def variance(self, level: NDArray[np.floating]) -> Array:
+        """Give the variance at grey values of the images: it jumps where longer exposures are saturated."""
+        assert self.raw is not None
+        light = level / self.steps - self.ground
+        total, weights = np.zeros(level.shape), np.full(level.shape, TINY)
+        for gain in self.gains:
+            seen = self.ground + light * gain
+            weight = np.where(seen < self.full, gain**2, 0)
+            weights += weight
+            total += np.square(weight / gain) * self.raw.variance(seen)
+        return np.asarray(self.steps**2 * total / np.square(weights))
+
+    def widen(self, sigma: Singles, axis: Axis) -> None:
+        """Hold in sigmas (H, W) by `noise` what the phase steps show where longer exposures are saturated."""
+        steps = [
+            i for i, p in zip(self.images, self.patterns, strict=True) if axis_of(p) == axis and use_of(p) == "phase"
+        ]
+        if self.noise is None or not steps:
+            return
+        at = np.max(steps, axis=0) >= self.steps * self.full
+        levels = np.stack([image[at] for image in steps])
+        usual = self.noise.variance(levels).mean(axis=0)
+        sigma[at] *= np.sqrt(self.variance(levels).mean(axis=0) / usual)
 
 
 def fuse_exposures(
     patterns: Sequence[Pattern],
     images: Sequence[Image],
     exposures_ms: Sequence[float | None],
-    saturation: float | None,
+    options: DecodeOptions,
     where: str,
-) -> tuple[list[Pattern], list[Image], int] | None:
-    """Make one image of all exposures of a pattern.
+) -> Fused | None:
+    """Make one image of all exposures of a pattern; None where there is but one exposure.
+
+    How much light an exposure has is told by the patterns that were taken with several; `exposures_ms` by that of the
+    others.
 
     Parameters
     ----------
@@ -37,16 +104,8 @@ def fuse_exposures(
         One for each pattern.
     exposures_ms : sequence of float or None
         Exposure of every frame.
-    saturation : float, optional
-        Grey value from which a sample is saturated; by default the largest of the container.
     where : str
         What messages call the capture.
-
-    Returns
-    -------
-    fused : (patterns, images, steps), optional
-        Each pattern once, uint16 images of `steps` to a grey value of the longest exposure, where all samples are
-        saturated 65535; None where there is but one exposure.
 
     Raises
     ------
@@ -59,35 +118,108 @@ def fuse_exposures(
     if len(known) < len(exposures_ms):
         missing = list(exposures_ms).index(None)
         raise InputError(f"{where}, frame {missing}", 'no "exposure_ms", which other frames have', "give it to all")
-    longest = max(known)
-    full = float(np.iinfo(images[0].dtype).max) if saturation is None else saturation
+    sample = take_sample(images)
+    full = full_scale(images, tuple(range(len(images))), sample, options)
     groups: dict[Pattern, list[int]] = defaultdict(list)
     for n, pattern in enumerate(patterns):
         groups[pattern].append(n)
-    ground = _black_level(list(groups.values()), images, known, full)
-    steps = max(1, min(FINEST, int(DEEPEST / (full * longest / min(known)))))
+    classes = np.array(sorted(set(known), reverse=True))
+    classes = classes[np.append(True, classes[1:] < (1 - SAME) * classes[:-1])]
+    own = [int(np.argmin(np.abs(classes - e))) for e in known]
+    _check_alike(list(groups.values()), own, classes, sample, full, where)
+    light, ground, residual, level = _compare(list(groups.values()), own, classes, sample, full)
+    raw = estimate_noise(residual, level, quantum(sample) if images[0].itemsize > 1 else 1.0) if len(level) else None
+    gains = light / light.max()
+    steps = max(1, min(FINEST, int(DEEPEST / (full / gains.min()))))
     fused: list[Image] = []
     for numbers in groups.values():
         total = np.zeros(images[0].shape, np.float32)
         weights = np.zeros_like(total)
         for n in numbers:
-            weight = np.where(images[n] < full, np.float32(known[n] ** 2), np.float32(0))
-            total += weight * (images[n].astype(np.float32) - np.float32(ground)) * np.float32(longest / known[n])
-            weights += weight
-        light = np.divide(total, weights, out=np.full_like(total, np.inf), where=weights > 0) + np.float32(ground)
-        fused.append(np.clip(np.rint(light * steps), 0, DEEPEST).astype(np.uint16))
-    return list(groups), fused, steps
+            gain = np.float32(gains[own[n]])
+            weight = np.where(images[n] < full, gain, np.float32(0))
+            total += weight * (images[n].astype(np.float32) - np.float32(ground))
+            weights += weight * gain
+        seen = np.divide(total, weights, out=np.full_like(total, np.inf), where=weights > 0) + np.float32(ground)
+        fused.append(np.clip(np.rint(seen * steps), 0, DEEPEST).astype(np.uint16))
+    usual = Counter(tuple(sorted({own[n] for n in numbers})) for numbers in groups.values()).most_common(1)[0][0]
+    mine, told = tuple(gains[list(usual)].tolist()), tuple(_other(own, classes, light))
+    return Fused(list(groups), fused, steps, ground, mine, full, raw, told)
 
 
-def _black_level(groups: list[list[int]], images: Sequence[Image], exposures: list[float], full: float) -> float:
-    """Grey value that needs no light, where two exposures of a pattern tell it; else 0."""
-    found: list[NDArray[np.float64]] = []
+def _check_alike(
+    groups: list[list[int]], own: list[int], classes: Array, sample: Singles, full: float, where: str
+) -> None:
+    """Refuse frames of one pattern and one exposure that have different light."""
     for numbers in groups:
-        short, long = min(numbers, key=lambda n: exposures[n]), max(numbers, key=lambda n: exposures[n])
-        if exposures[long] <= (1 + SAME) * exposures[short]:
+        for n, other in combinations(numbers, 2):
+            one, two = sample[n].astype(float), sample[other].astype(float)
+            told = _line(one, two, full) if own[n] == own[other] else None
+            if told is not None and abs(np.log(abs(told[0]))) > DIFFERENT:
+                seen = f"frame {other} has {told[0]:.3g} times the light of frame {n}, of one pattern, both"
+                raise InputError(where, f"{seen} of {classes[own[n]]:g} ms", 'correct "exposure_ms" or pattern of one')
+
+
+def _compare(
+    groups: list[list[int]], own: list[int], classes: Array, sample: Singles, full: float
+) -> tuple[Array, float, Array, Array]:
+    """Light of every exposure, the grey value that needs none, and residuals of unit norm with their levels."""
+    light, grounds, found = np.asarray(classes / classes[0]), [], []
+    shown = [{own[n]: n for n in numbers} for numbers in groups]
+    first, *others = np.argsort([-own.count(c) for c in range(len(classes))], kind="stable").tolist()
+    known = [first]
+    for c in others:
+        near = max(known, key=lambda k: (sum(k in each and c in each for each in shown), -abs(k - c)))
+        pairs = [(each[near], each[c]) for each in shown if near in each and c in each]
+        light[c] = light[near] * classes[c] / classes[near]
+        known.append(c)
+        if not pairs:
             continue
-        a, b = (images[n][::8, ::8].astype(float).ravel() for n in (short, long))
-        level = (a * exposures[long] - b * exposures[short]) / (exposures[long] - exposures[short])
-        found.append(level[b < full])
-    levels = np.concatenate(found) if found else np.zeros(0)
-    return float(np.median(levels)) if len(levels) else 0.0
+        one, other = (sample[list(some)].ravel().astype(float) for some in zip(*pairs, strict=True))
+        told = _line(one, other, full)
+        if told is not None:
+            slope, start, *left = told
+            light[c] = light[near] * slope
+            grounds.append(start / (1 - slope))
+            found.append(left)
+    ground = float(np.median(grounds)) if grounds else 0.0
+    residual, level = (np.concatenate([each[k] for each in found]) if found else np.zeros(0) for k in (0, 1))
+    return light, ground, residual, level
+
+
+def _line(one: Array, other: Array, full: float) -> tuple[float, float, Array, Array] | None:
+    """Slope and start of the line by which grey values follow from others, residuals of unit norm, and their levels.
+
+    None where too few tell it.
+    """
+    good = np.maximum(one, other) < full
+    one, other = one[good], other[good]
+    for _ in range(ROUNDS):
+        if len(one) < FEWEST or max(one.std(), other.std()) < RANGE:
+            return None
+        (a, both), (_, b) = np.cov(one, other)
+        slope = (b - a + np.hypot(b - a, 2 * both)) / (2 * both)  # noise in either
+        start, square = other.mean() - slope * one.mean(), 1 + slope * slope
+        apart = (other - start - slope * one) / np.sqrt(square)
+        middle = (one + slope * (other - start)) / square  # of the noise of both
+        most = OUTLIER * 1.4826 * float(np.median(np.abs(apart))) + TINY
+        whole = np.minimum(middle, start + slope * middle) > most / 2  # what is cut off at 0 shows half its noise
+        level = (start + slope * middle + slope * slope * middle) / square
+        left = apart[whole], level[whole]
+        inner = whole & (np.abs(apart) < 2 * most)  # the brightest are noisier
+        one, other = one[inner], other[inner]
+    return float(slope), float(start), *left
+
+
+def _other(own: list[int], classes: Array, light: Array) -> Iterator[str]:
+    """Say which exposures have other light than their times, as a part of the most frequent one's."""
+    usual = max(range(len(classes)), key=own.count)
+    for c, ms in enumerate(classes):
+        seen, told = light[c] / light[usual], ms / classes[usual]
+        if abs(seen / told - 1) > OTHER:
+            numbers = [str(n) for n, k in enumerate(own) if k == c]
+            who = f"Frames of {ms:g} ms have" if len(numbers) > FEW else f"Frame {', '.join(numbers)} ({ms:g} ms) has"
+            yield (
+                f"{who} {seen:.3g} times the light of those of {classes[usual]:g} ms, by exposure_ms {told:.3g} times: "
+                "a time is wrong, or the camera bends its grey values. The light is what was used."
+            )

@@ -38,7 +38,8 @@ class Noise(NamedTuple):
 
     By ``misfit m²``, m being the modulation, the frames of a pixel contradict each other more: that is the same for its
     neighbours, and no noise. `unlit` is the variance seen where no stripes are, as far as these were left out: a camera
-    with a gamma of its own is noisiest there.
+    with a gamma of its own is noisiest there. Above `upto` there is more noise, as the longer of two exposures is
+    saturated.
     """
 
     dark: float
@@ -46,6 +47,7 @@ class Noise(NamedTuple):
     floor: float
     misfit: float = 0.0
     unlit: float = 0.0
+    upto: float = np.inf
 
     def variance(self, level: NDArray[np.floating]) -> NDArray[np.floating]:
         """Give the variance at grey values, same shape."""
