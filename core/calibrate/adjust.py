@@ -77,6 +77,10 @@ class Solved:
         return self.equations.cost / self.problem.redundancy
 
 
+class _BlundersError(AdjustmentError):
+    """Single observations alone keep a network from being solved: no station is turned over, no image mirrored."""
+
+
 def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Progress = SILENT) -> Adjustment:
     """Adjust a network as a free bundle.
 
@@ -103,6 +107,8 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
     check_network(network)
     try:
         return _solved(network, options, progress)
+    except _BlundersError:
+        raise
     except AdjustmentError:
         every = tuple(network.devices)
         if _fits(_mirrored(network, every), options):
@@ -184,6 +190,8 @@ def _solve_somehow(
     failure: AdjustmentError | None = None
     try:
         best = _solve_despite(network, problem, state, options, progress)
+    except _BlundersError:
+        raise
     except AdjustmentError as error:
         failure = error
     for _ in range(ORIENTED):
@@ -239,7 +247,12 @@ def _solve_despite(
         except (SingularNormalsError, AdjustmentError):
             raise failure from None
         if options.reject_beyond is None:
-            raise far_off_error(network, problem, bad, misfit) from None
+            error = far_off_error(network, problem, bad, misfit)
+            of = network.observation_station
+            single = np.all(2 * np.bincount(of[bad], minlength=of.max() + 1) < np.bincount(of).clip(1))
+            if single and not _doubted(solved):
+                raise _BlundersError(error.where, error.seen, error.remedy) from None
+            raise error from None
         return solved, len(bad), warnings
 
 
