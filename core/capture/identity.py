@@ -20,7 +20,7 @@ from core.capture.lookup import CONTRADICTION, LEAST, Fit, Numbers, as_blurred, 
 from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
 from core.model.finding import Finding
-from core.patterns import Axis, Pattern, axis_of, describe, level_of, use_of
+from core.patterns import Axis, Pattern, Phase, axis_of, describe, level_of, use_of
 
 Array = NDArray[np.float32]
 
@@ -31,6 +31,8 @@ EDGED = 0.03  # of squared distance, for every frame that has an edge near each 
 _PIXELS = 9000  # looked up
 BRIGHTEST, LEAST_BRIGHT = 2000, 150  # of them, for a response; least
 CURVED = 0.1  # of the pixels: where more contradict, a response must explain nine tenths of them, else two thirds
+FOLLOWS = 0.8  # least correlation of a step with what the others make it; its neighbour has the cosine of their shift
+FINE = 0.25  # of the lines: longer periods are not seen whole
 SCATTERED = 0.8  # of the pixels: so many contradict where light is scattered, which moves the levels at edges, too
 
 
@@ -133,6 +135,8 @@ def _axis(
     share = float(bad.mean())
     patterns, lit = [plan.shots[s] for s in fit.shots], replace(fit, values=fit.values[:, bright])
     bent = _bent(lit, patterns, lines, limit[bright], share) if share > SHARE else None
+    if bent is not None and _strange_step(lit.values, patterns, lines, float(np.median(tolerance[bright]))):
+        bent = None
     place = _local(bad, at, shape) or _local_lines(bad, fit.lines[best], lines[along == "rows"], along)
     figures = {"contradicting": share, "pixels": float(len(bad))}
     few = some(len(bad), k)
@@ -174,6 +178,29 @@ def _bent(fit: Fit, patterns: list[Pattern], lines: tuple[int, int], limit: Arra
         near = _misplaced_edges(patterns, straight, narrow)
         edges = near & edges if share > SCATTERED else near
     return None if edges else left
+
+
+def _strange_step(values: Array, patterns: list[Pattern], lines: tuple[int, int], tolerance: float) -> bool:
+    """Whether a step of a fine wave is not what the other steps make it.
+
+    A curve of grey values keeps the order of brightness, so the wave is made anew of ranks: the phases of a fine one
+    are spread evenly.
+    """
+    for period in {p.period for p in patterns if isinstance(p, Phase)}:
+        steps = [k for k, p in enumerate(patterns) if isinstance(p, Phase) and p.period == period]
+        if period > FINE * lines[axis_of(patterns[steps[0]]) == "y"]:
+            continue
+        ranks = np.argsort(np.argsort(values[steps], axis=None)).reshape(len(steps), -1)
+        wave = -np.cos(np.pi * (ranks + 0.5) / ranks.size)
+        shifts = np.array([p.shift_rad for p in patterns if isinstance(p, Phase) and p.period == period])
+        A = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
+        limit = min(FOLLOWS, 0.5 + 0.5 * np.cos(2 * np.pi / len(np.unique(shifts)))) - 5 * tolerance
+        for k in range(len(steps)):
+            others = np.arange(len(steps)) != k
+            made, _, rank, _ = np.linalg.lstsq(A[others], wave[others], rcond=1e-6)
+            if rank == 3 and np.corrcoef(A[k] @ made, wave[k])[0, 1] < limit:
+                return True
+    return False
 
 
 def _misplaced_edges(patterns: list[Pattern], values: Array, bad: NDArray[np.bool_]) -> set[int]:

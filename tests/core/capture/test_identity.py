@@ -11,8 +11,9 @@ from core.capture.identity import identity
 from core.capture.plan import Plan, guards_for
 from core.capture.quality import Sampled, sample_grid, summarise
 from core.devices import open_camera, open_projector
+from core.devices.scene import FlatScene
 from core.model import Subject
-from core.patterns import Code, reference_sequence
+from core.patterns import Code, Phase, parse_sequence, reference_sequence
 
 SCENES = ["testfield-03", "plane%2B15", "object-step"]
 
@@ -116,3 +117,23 @@ def test_the_finding_names_what_is_shown_instead() -> None:
     texts = [f.text for f in identity(stack.plan, stack.sampled(grey), stack.lines) if f.level == "bad"]
     step = "square step {} of 4, period 4 across columns"
     assert texts == [f"frame 10 claims {step.format(3)} and shows {step.format(2)}"]
+
+
+@pytest.mark.parametrize(
+    ("sequence", "gamma"), [("gray-inverse", 1.0), ("multi-frequency", 1.0), ("multi-frequency", 2.2)]
+)
+def test_a_step_that_shows_its_neighbour_is_no_response(sequence: str, gamma: float) -> None:
+    """Of few periods a curve of grey values may bring even these together."""
+    scene = FlatScene()
+    chosen = tuple(parse_sequence(sequence).patterns(scene.projector_size))
+    plan = Plan(Subject("object", "a"), chosen, guards_for(chosen, scene.projector_size))
+    images = [180 * (scene.frame(p, k) / 180.0) ** gamma for k, p in enumerate(plan.shots)]
+    at = sample_grid(images[0].shape)
+    stack = Stack(plan, np.array([i[at[0], at[1]] for i in images]), at, images[0].shape, scene.projector_size)
+    assert stack.wrong(stack.grey) == set()
+    steps = [i for i in plan.own if isinstance(plan.shots[i], Phase) and plan.shots[i].period < 20]
+    for shot, other in itertools.permutations(steps, 2):
+        if abs(shot - other) == 1 and plan.shots[shot].axis == plan.shots[other].axis:
+            grey = stack.grey.copy()
+            grey[shot] = stack.grey[other]
+            assert stack.wrong(grey), (shot, other)
