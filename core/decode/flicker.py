@@ -16,12 +16,12 @@ from core.decode.frames import Image
 from core.decode.tables import Array, AxisTable, Fits, Singles
 
 ROUNDS = 3
-PATCHES, ACROSS, STEP = 8, 12, 8  # of the image in either direction; places of each, px between them
-FINEST = 3  # places across a part of a patch, in which fringes must be seen to change: so a patch has several
+PATCHES, PATCH, PART = 8, 96, 24  # of the image in either direction; px of each, px of parts in which fringes must change
+STEP, SMALL = 8, 400 * 400  # px of a square of which one pixel is looked at; pixels of an image below which it is half
 COHERENT = 0.5  # mean of exp(i phase) in such a part from which it has less than about half a fringe
-NOTICED = 0.01  # part by which the light of all pixels differs from frame to frame; fringes may do that too
+NOTICED = 0.005  # part by which the light of all pixels differs from frame to frame; fringes may do that too
 PIXELS = 1024  # tell if it is worth looking; all then tell how much
-FEWEST = 300  # pixels
+FEWEST, SEVERAL = 300, 9  # pixels in all, in a patch
 DIM = 0.2  # part of the brightest pixels' modulation that one must have
 PRIOR = 0.1  # standard deviation of a frame's gain
 OUTLIER = 4.0  # standard deviations
@@ -52,9 +52,12 @@ def steady(
         Of the frames, where some differ; 1 in the mean.
     """
     waves = [wave for table in tables for wave in _waves(table)]
-    row, column = (_places(size) for size in images[0].shape)
-    patch, part = (_numbers(len(row), len(column), each) for each in (ACROSS, FINEST))
-    seen = [np.stack([images[n][np.ix_(row, column)].ravel() for n in frames]) for frames, _ in waves]
+    step = STEP if images[0].size > SMALL else STEP // 2
+    rows, columns = (_places(size, step) for size in images[0].shape)
+    patch, part = (_numbers(len(rows), len(columns), each // step) for each in (PATCH, PART))
+    aside = np.random.default_rng(0).integers(0, step, (2, len(rows), len(columns)))  # no fringes are as uneven
+    row, column = rows[:, None] + aside[0], columns + aside[1]
+    seen = [np.stack([images[n][row, column].ravel() for n in frames]) for frames, _ in waves]
     found = [
         _gains(grey.astype(np.float32), solution, patch, part, saturation)
         for grey, (_, solution) in zip(seen, waves, strict=True)
@@ -73,12 +76,12 @@ def steady(
     return (x, y), gains
 
 
-def _places(size: int) -> NDArray[np.intp]:
-    """Rows or columns that patches all over the image take."""
-    patches = max(1, min(PATCHES, size // (ACROSS * STEP)))
+def _places(size: int, step: int) -> NDArray[np.intp]:
+    """Rows or columns at which squares begin, in patches all over the image."""
+    patches = max(1, min(PATCHES, size // PATCH))
     first = (np.arange(patches) * size) // patches
-    places = (first[:, None] + STEP * np.arange(ACROSS)).ravel()
-    return np.asarray(places[places < size], np.intp)
+    places = (first[:, None] + np.arange(0, PATCH, step)).ravel()
+    return np.asarray(places[places <= size - step], np.intp)
 
 
 def _numbers(rows: int, columns: int, each: int) -> NDArray[np.intp]:
@@ -125,7 +128,7 @@ def _gains(
     count = np.maximum(np.bincount(part[good], minlength=part.max() + 1), 1)
     means = np.hypot(*(np.bincount(part, side, len(count)) for side in (turn.real, turn.imag)))
     good &= (means < COHERENT * count)[part] & (count > 4)[part]
-    good &= (np.bincount(patch[good], minlength=patch.max() + 1) > FINEST * FINEST)[patch]
+    good &= (np.bincount(patch[good], minlength=patch.max() + 1) > SEVERAL)[patch]
     if good.sum() < FEWEST:
         return None
     grey, patch = grey[:, good], patch[good]

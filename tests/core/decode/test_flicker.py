@@ -40,6 +40,21 @@ def test_flicker_is_taken_out_of_the_phases(bench, name: str) -> None:
     assert 0.85 < np.sqrt(np.nanmean((error / phase.sigma_u) ** 2)) < 1.1
 
 
+@pytest.mark.parametrize("period", [4.6, 6.4, 8.1, 11.0])
+def test_flicker_is_seen_whatever_the_distance_of_fringes(bench, period: float) -> None:
+    """A flat wall, whose fringes are as far apart as pixels of a grid may be; `period` in px."""
+    rng, patterns = np.random.default_rng(3), reference_sequence()
+    y, x = np.mgrid[:240, :320]
+    of_plane = 4 / period * (1 + x / 20_000)
+    b = bench()
+    b = b.__class__(200 + of_plane * (x + 0.07 * y), 250 + of_plane * (y - 0.06 * x), gain=120, ambient=25)
+    steady = decode(patterns, b.take(patterns), lines=(N, N)).u - b.u
+    lamp = 1 + 0.05 * rng.normal(size=len(patterns))
+    lit = [np.clip(np.rint(i * each), 0, 255).astype(np.uint8) for i, each in zip(b.take(patterns), lamp, strict=True)]
+    phase = decode(patterns, lit, lines=(N, N))
+    assert np.sqrt(np.nanmean((phase.u - b.u) ** 2)) < 1.15 * np.nanstd(steady)
+
+
 def test_uneven_light_over_wide_fringes_is_no_flicker(bench) -> None:
     """Visibility that changes over the field as the phase does, in steady light."""
     x = np.arange(1000)
