@@ -16,7 +16,11 @@ from core.decode.frames import Image
 from core.decode.tables import Array, AxisTable, Fits, Singles
 
 ROUNDS = 3
-PATCHES, PATCH, PART = 8, 96, 24  # of the image in either direction; px of each, px of parts in which fringes must change
+PATCHES, PATCH, PART = (
+    8,
+    96,
+    24,
+)  # of the image in either direction; px of each, px of parts in which fringes must change
 STEP, SMALL = 8, 400 * 400  # px of a square of which one pixel is looked at; pixels of an image below which it is half
 COHERENT = 0.5  # mean of exp(i phase) in such a part from which it has less than about half a fringe
 NOTICED = 0.005  # part by which the light of all pixels differs from frame to frame; fringes may do that too
@@ -56,7 +60,10 @@ def steady(
     rows, columns = (_places(size, step) for size in images[0].shape)
     patch, part = (_numbers(len(rows), len(columns), each // step) for each in (PATCH, PART))
     aside = np.random.default_rng(0).integers(0, step, (2, len(rows), len(columns)))  # no fringes are as uneven
-    row, column = rows[:, None] + aside[0], columns + aside[1]
+    row, column = (
+        np.minimum(each, size - 1)
+        for each, size in zip((rows[:, None] + aside[0], columns + aside[1]), images[0].shape, strict=True)
+    )
     seen = [np.stack([images[n][row, column].ravel() for n in frames]) for frames, _ in waves]
     found = [
         _gains(grey.astype(np.float32), solution, patch, part, saturation)
@@ -81,7 +88,7 @@ def _places(size: int, step: int) -> NDArray[np.intp]:
     patches = max(1, min(PATCHES, size // PATCH))
     first = (np.arange(patches) * size) // patches
     places = (first[:, None] + np.arange(0, PATCH, step)).ravel()
-    return np.asarray(places[places <= size - step], np.intp)
+    return np.asarray(places[places < size], np.intp)
 
 
 def _numbers(rows: int, columns: int, each: int) -> NDArray[np.intp]:

@@ -36,7 +36,8 @@ if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
     _PNG_OPTIONS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
 _AGAIN = "record or copy this frame again"
 
-_WIDTH, _HEIGHT, _BITS, _COMPRESSION = 256, 257, 258, 259  # tags of TIFF
+_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _TURNED = 256, 257, 258, 259, 274  # tags of TIFF
+_FURTHER = 0  # no tag: the size in px of a second picture in the file
 _UNREADABLE = {34925: "LZMA", 50000: "Zstandard", 50001: "WebP", 50002: "JPEG XL", 34712: "JPEG 2000"}
 _PIXELS_AT = 256  # in a plain TIFF
 _MOST_PIXELS = 1 << 28  # of a frame whose camera is not known
@@ -88,7 +89,7 @@ def read_image(path: Path, shape: tuple[int, int] | None = None) -> Image:
     if not data:
         raise InputError(path, "the file is empty", _AGAIN)
     if data.startswith(_PNG):
-        _check_png(path, data)
+        data = _check_png(path, data)
     said = _check_claimed(path, data, shape)
     if (plain := _plain_pixels(data)) is not None:
         return plain
@@ -104,7 +105,9 @@ def read_image(path: Path, shape: tuple[int, int] | None = None) -> Image:
     if image.dtype not in (np.uint8, np.uint16):
         raise InputError(path, f"pixels of type {image.dtype}", "store frames with 8 or 16 bit")
     if image.ndim == 3 and image.shape[2] >= 3:  # alpha says nothing about light
-        image = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
+        colours, full = np.ascontiguousarray(image[..., :3]), 255 if image.dtype == np.uint8 else 65535
+        image = cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
+        image[(colours == full).any(axis=2)] = full  # saturated, though the others of its colours may not be
     elif image.ndim == 3:
         image = image[..., 0]
     return np.ascontiguousarray(image)
@@ -185,7 +188,7 @@ def check_frame(path: Path, shape: tuple[int, int] | None = None) -> None:
     if not png:
         read_image(path, shape)
         return
-    data = path.read_bytes()
+    data = bytearray(path.read_bytes())
     _check_png(path, data)
     _check_claimed(path, data, shape)
 
@@ -238,14 +241,25 @@ def _claimed(data: bytes | bytearray) -> dict[int, int]:
             return {}
         (at,) = struct.unpack_from(f"{order}I", data, 4)
         (count,) = struct.unpack_from(f"{order}H", data, at)
-        said = {_BITS: 1}
-        for i in range(count):
-            tag, kind, values = struct.unpack_from(f"{order}HHI", data, at + 2 + 12 * i)
-            if tag in (_WIDTH, _HEIGHT, _BITS, _COMPRESSION):  # as 16 or 32 bit; the bits of colours are elsewhere
-                form = "H" if kind == 3 and values < 3 else "I"
-                (said[tag],) = struct.unpack_from(order + form, data, at + 10 + 12 * i)
+        said = {_BITS: 1} | _tags(data, order, at)
+        (further,) = struct.unpack_from(f"{order}I", data, at + 2 + 12 * count)
+        if further:
+            other = _tags(data, order, further)
+            said[_FURTHER] = other.get(_WIDTH, 0) * other.get(_HEIGHT, 0)
     except struct.error:
         return {}
+    return said
+
+
+def _tags(data: bytes | bytearray, order: str, at: int) -> dict[int, int]:
+    """Read what one picture of a TIFF claims."""
+    said = {}
+    (count,) = struct.unpack_from(f"{order}H", data, at)
+    for i in range(count):
+        tag, kind, values = struct.unpack_from(f"{order}HHI", data, at + 2 + 12 * i)
+        if tag in (_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _TURNED):  # as 16 or 32 bit; the bits of colours are elsewhere
+            form = "H" if kind == 3 and values < 3 else "I"
+            (said[tag],) = struct.unpack_from(order + form, data, at + 10 + 12 * i)
     return said
 
 
@@ -253,6 +267,11 @@ def _check_claimed(path: Path, data: bytes | bytearray, shape: tuple[int, int] |
     """Give what a header claims; an `InputError` where that is not a frame of that shape (H, W), or of any."""
     said = _claimed(data)
     claimed = said.get(_HEIGHT, 0), said.get(_WIDTH, 0)
+    if said.get(_TURNED, 1) != 1:  # the camera was tilted, or rows are stored from below: no telling
+        seen = f"is a TIFF to be turned or mirrored before it is shown (orientation {said[_TURNED]})"
+        raise InputError(path, seen, "store frames as the camera reads them, with orientation 1")
+    if said.get(_FURTHER, 0) >= max(claimed[0] * claimed[1], 1):  # a smaller one is a preview
+        raise InputError(path, "is a TIFF of several images", "store every frame in a file of its own")
     if all(claimed) and shape is not None and claimed != shape:
         raise wrong_size(path, claimed, shape, "the camera in project.json has")
     if claimed[0] * claimed[1] > _MOST_PIXELS:
@@ -262,12 +281,13 @@ def _check_claimed(path: Path, data: bytes | bytearray, shape: tuple[int, int] |
     return said
 
 
-def _check_png(path: Path, data: bytes | bytearray) -> None:
-    """Walk the chunks to the end mark, checksums included.
+def _check_png(path: Path, data: bytearray) -> bytearray:
+    """Walk the chunks to the end mark, checksums included; give the file without those that say nothing of its pixels.
 
-    Some versions of OpenCV return the upper part of a truncated PNG without a word; others write to stderr themselves.
+    Some versions of OpenCV return the upper part of a truncated PNG without a word; others write to stderr themselves,
+    and about the profiles and texts of whole ones.
     """
-    at, view = len(_PNG), memoryview(data)
+    at, view, said, others = len(_PNG), memoryview(data), [memoryview(_PNG)], 0
     while at + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, at)
         stop = at + 12 + length
@@ -275,7 +295,11 @@ def _check_png(path: Path, data: bytes | bytearray) -> None:
             break
         if zlib.crc32(view[at + 4 : stop - 4]) != struct.unpack_from(">I", data, stop - 4)[0]:
             raise InputError(path, f"the PNG is damaged at byte {at} (wrong checksum)", _AGAIN)
+        if kind[:1].isupper():  # critical, by the format
+            said.append(view[at:stop])
+        else:
+            others += 1
         if kind == b"IEND":
-            return
+            return bytearray().join(said) if others else data
         at = stop
     raise InputError(path, f"the PNG ends after {len(data)} bytes without its end mark (truncated)", _AGAIN)

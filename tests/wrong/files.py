@@ -15,6 +15,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from PIL import Image
 
 from tests.wrong.changes import Change, edit, named, on
 
@@ -95,6 +96,21 @@ def images(change: Callable[[np.ndarray], np.ndarray], ending: str = "", begin: 
     return write
 
 
+def tiffs(**options: Any) -> Change:
+    """Store the first frames as TIFF files of another kind."""
+
+    def write(folder: Path) -> None:
+        for capture in named(folder, "testfield-01"):
+            document = json.loads((capture / "capture.json").read_text())
+            for frame in document["frames"]:
+                image = Image.open(capture / frame["file"])
+                frame["file"] = Path(frame["file"]).stem + ".tif"
+                image.save(capture / frame["file"], **options)
+            (capture / "capture.json").write_text(json.dumps(document))
+
+    return write
+
+
 def link(to: str) -> Change:
     def write(folder: Path) -> None:
         path = next(p for p in sorted((folder / FIRST).iterdir()) if p.suffix != ".json")
@@ -129,8 +145,6 @@ def renamed(folder: Path) -> None:
 
 
 def palette(folder: Path) -> None:
-    from PIL import Image
-
     for path in (folder / FIRST).glob("*.png"):
         Image.open(path).convert("RGB").convert("P", palette=Image.Palette.ADAPTIVE, colors=256).save(path)
 
@@ -240,6 +254,8 @@ FILES: dict[str, tuple[Change, str | None]] = {
     "16 bits with data of 10": (images(lambda i: i.astype(np.uint16) * 4, ".tiff"), None),
     "images as JPEG": (images(lambda i: i, ".jpg"), None),
     "images of 32-bit floats": (images(lambda i: i.astype(np.float32), ".tiff"), r"000\.tiff"),
+    "TIFF that asks to be turned": (tiffs(tiffinfo={274: 3}), r"000\.tif.*orientation 3"),
+    "TIFF of two images": (tiffs(save_all=True, append_images=[Image.new("L", (320, 240))]), r"000\.tif.*several"),
     "images turned by 90°": (images(lambda i: np.ascontiguousarray(np.rot90(i))), r"000\.png.*\d+ ?[x×] ?\d+"),
     "images of half the size": (images(lambda i: i[::2, ::2].copy()), r"000\.png.*\d+ ?[x×] ?\d+"),
     "a frame that is a link": (link("it"), None),

@@ -1,4 +1,4 @@
-"""Plain TIFF as captures are stored: what others read of it, and what is no longer whole."""
+"""Files of frames: what others read of the plain TIFF that is stored, and what theirs must not be."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from core.errors import InputError
 from core.project import read_image, write_image
@@ -39,3 +41,42 @@ def test_a_header_that_claims_another_size_is_refused(tmp_path: Path) -> None:
     write_image(path, np.full((20, 30), 7, np.uint8))
     with pytest.raises(InputError, match="30x20 px"):
         read_image(path, (30, 20))
+
+
+GREY = np.random.default_rng(0).integers(0, 200, (20, 30)).astype(np.uint8)
+
+
+@pytest.mark.parametrize("turn", [2, 3, 4, 6])
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_a_tiff_that_asks_to_be_turned_is_refused(turn: int, kind: type, tmp_path: Path) -> None:
+    Image.fromarray(GREY.astype(kind)).save(tmp_path / "a.tif", tiffinfo={274: turn})
+    with pytest.raises(InputError, match=f"orientation {turn}"):
+        read_image(tmp_path / "a.tif", GREY.shape)
+
+
+def test_a_tiff_of_several_frames_is_refused_and_a_preview_is_none(tmp_path: Path) -> None:
+    pages = [Image.fromarray(GREY), Image.fromarray(255 - GREY), Image.fromarray(GREY[::2, ::2])]
+    pages[0].save(tmp_path / "two.tif", save_all=True, append_images=pages[1:2])
+    with pytest.raises(InputError, match="several images"):
+        read_image(tmp_path / "two.tif")
+    pages[0].save(tmp_path / "one.tif", save_all=True, append_images=pages[2:])
+    np.testing.assert_array_equal(read_image(tmp_path / "one.tif"), GREY)
+
+
+def test_what_a_png_says_beside_its_pixels_does_not_count(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    said = PngInfo()
+    said.add(b"gAMA", (22_000).to_bytes(4, "big"))
+    said.add_text("Comment", "x" * 5000)
+    Image.fromarray(GREY).save(tmp_path / "a.png", pnginfo=said, icc_profile=bytes(128), transparency=7)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png", GREY.shape), GREY)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_a_pixel_of_which_one_colour_is_saturated_is(kind: type, tmp_path: Path) -> None:
+    full = np.iinfo(kind).max
+    colours = np.full((4, 4, 3), full // 4, kind)
+    colours[1, 2, 1] = full
+    cv2.imwrite(str(tmp_path / "a.png"), colours)
+    image = read_image(tmp_path / "a.png")
+    assert np.argwhere(image == full).tolist() == [[1, 2]]
