@@ -147,7 +147,8 @@ def _gains(
             return None
         total *= 1 + change
     total /= total.mean()
-    return total if np.abs(total - 1).max() > SLIGHT and _lit_so(grey, both, total) else None
+    halves = np.array_split(grey, 2, axis=1)  # upper and lower: a frame that came late in some rows is no flicker
+    return total if np.abs(total - 1).max() > SLIGHT and all(_lit_so(half, both, total) for half in halves) else None
 
 
 def _lit_so(grey: Singles, both: NDArray[np.complex64], gains: Array) -> bool:
