@@ -21,7 +21,7 @@ from core.model import Array
 
 ITERATIONS = 12
 SETTLED_PX = 1e-4
-LEAST_BLUR, MOST_BLUR = 0.3, 4.0
+LEAST_BLUR, MOST_BLUR = 0.4, 4.0
 FLOOR_PX = 0.002  # what the pixels' squares leave on noise-free renderings
 UNKNOWNS = 9
 OBLIQUE = 0.9  # cosine between the edges up to which the series is taken

@@ -25,12 +25,17 @@ from core.measure.missing import EXCLUDED, OUTSIDE
 from core.measure.picks import check_picks
 from core.measure.view import View, first_view, fit_both_tilts
 from core.model import Array, DeviceSpec, Seed, Testfield
+from core.numerics import MEDIAN_OF_NORMAL, nearest
 
 PLAIN = 0.35  # radius that counts, in squares: beyond it are the next corners
 REACH = 2.3  # squares from measured corners at which the next ones are looked for
 OFF = 0.25  # squares that a corner may be off its prediction
+CATCH = 0.3  # squares from the prediction that are looked at first
+AROUND = 8  # known corners whose places foretell another one
+STIFF = 0.1  # of the slope of what the view leaves: as of one corner a square away that is good to a third of it
 ASIDE = 0.5  # radii from a corner along both its edges, where the squares are looked at
 LEAST_CONTRAST = 5.0  # of the noise
+LEAST_SHARE = 0.05  # of the usual contrast: less is none
 APART = 0.3  # of the mean difference between dark and bright quadrants: where one alone differs, noise is left of it
 FAINT = 0.25  # of the usual contrast: light may fall to a third
 TRIES = 4  # of blocks of corners that no board found before holds: some 0.05 s each
@@ -135,11 +140,11 @@ def _round_block(image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, bl
     if view is None:
         return NOTHING
     around = board_from_testfield(Testfield(row, col, xyz, np.ones(len(row)), kind="chessboard"))
-    uv, view = _outwards(grey, around, view, start, start_uv, arms, single=False)
+    uv, _, axes = _outwards(grey, around, view, start, start_uv, arms, single=False)
     seen = np.flatnonzero(np.isfinite(uv[:, 0]))
     if len(seen) < 4:
         return NOTHING
-    fit = fit_corners(np.asarray(image, np.float32), uv[seen], _area(view, xyz[seen], arms[seen]))
+    fit = fit_corners(np.asarray(image, np.float32), uv[seen], _area(axes[seen], arms[seen]))
     contrast = np.where((row + col)[seen] % 2 == 0, fit.contrast, -fit.contrast)  # squares are dark in turn
     usual = float(np.nanmedian(contrast[np.isin(seen, start)]))  # beyond the board, noise looks like corners
     with np.errstate(invalid="ignore"):
@@ -174,18 +179,19 @@ def measure_corners(kind: CornerShape, sight: Sight, seeds: Sequence[Seed]) -> M
     if view is None:
         raise NotRecognisedError(sight.where, "no view of the board has the picks where they are", "correct them")
     arms = kind.radius_mm(board)[:, None] * _inwards(board) if kind.single else np.tile(kind.radius_mm(board), (2, 1)).T
-    uv, view = _outwards(eight_bits(sight.image), board, view, picks.target, picks.uv, arms, kind.single)
+    uv, view, axes = _outwards(eight_bits(sight.image), board, view, picks.target, picks.uv, arms, kind.single)
     known = np.flatnonzero(np.isfinite(uv[:, 0]))
     if len(known) < 4:
         seen = f"{len(known)} corners where the picks predict them"
         raise NotRecognisedError(sight.where, seen, "pick corners where four squares meet")
-    area = _area(view, board.xyz_mm[known], arms[known])
+    area = _area(axes[known], arms[known])
     fit = fit_corners(sight.image, uv[known], area, kind.single)
     missing = _missing(sight, view, np.setdiff1d(np.arange(len(board.row)), known))
     with np.errstate(invalid="ignore"):
-        noise = float(np.median(fit.rest))
-        dim = ~(np.abs(fit.contrast) > LEAST_CONTRAST * noise)
-        rough = ~(fit.rest < 1.6 * noise + kind.rough * np.abs(fit.contrast)) | ~np.isfinite(fit.uv[:, 0])
+        usual = float(np.median(fit.rest))  # noise, and what sharpening in the camera adds
+        dim = ~(np.abs(fit.contrast) > LEAST_CONTRAST * min(usual, _noise(sight.image)))
+        dim |= np.abs(fit.contrast) < LEAST_SHARE * np.median(np.abs(fit.contrast))
+        rough = ~(fit.rest < 1.6 * usual + kind.rough * np.abs(fit.contrast)) | ~np.isfinite(fit.uv[:, 0])
         rough |= fit.blur > SMEARED * float(np.median(fit.blur[~rough & ~dim]))
     for bad, why in ((dim, "no contrast"), (rough, "it is not a corner of four even squares: covered or disturbed")):
         missing |= dict.fromkeys(known[bad].tolist(), why)
@@ -197,9 +203,15 @@ def measure_corners(kind: CornerShape, sight: Sight, seeds: Sequence[Seed]) -> M
     )  # fmt: skip
 
 
-def _area(view: View, xyz_mm: Array, arms: Array) -> Array:
-    """The pixels that count for corners (n, 3) with arms (n, 2) mm along both edges, as `fit_corners` takes them."""
-    U, radii_px, Vt = np.linalg.svd(view.jacobian(xyz_mm) * arms[:, None, :])
+def _noise(image: NDArray[np.float32]) -> float:
+    """Noise of an image in grey values, from second differences along its rows."""
+    rows = image[::4]
+    return float(np.median(np.abs(rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:]))) / (MEDIAN_OF_NORMAL * np.sqrt(6))
+
+
+def _area(axes: Array, arms: Array) -> Array:
+    """The pixels that count for corners with arms (n, 2) mm along both edges, as `fit_corners` takes them."""
+    U, radii_px, Vt = np.linalg.svd(axes * arms[:, None, :])
     return np.asarray((U * np.clip(radii_px, LEAST_RADIUS_PX, MOST_RADIUS_PX)[:, None, :]) @ Vt)
 
 
@@ -211,10 +223,10 @@ def _outwards(
     start_uv: Array,
     arms: Array,
     single: bool,
-) -> tuple[Array, View]:
-    """Corners (n, 2) to about a tenth of a pixel, NaN where there is none; the view that fits them.
+) -> tuple[Array, View, Array]:
+    """Corners (n, 2) to about a tenth of a pixel, NaN where there is none; the view that fits them; px (n, 2, 2) a mm.
 
-    What the view leaves over at the nearest known corner moves the prediction: a lens is smooth.
+    What the view leaves over at known corners moves the prediction: a lens is smooth.
     """
     height, width = grey.shape
     uv = np.full((len(board.row), 2), np.nan)
@@ -225,9 +237,7 @@ def _outwards(
     spacing = float(np.median(np.linalg.norm(board.xyz_mm[fourth] - board.xyz_mm, axis=1)))
     before = -1
     while before < (before := int(np.isfinite(uv[:, 0]).sum())) or before == 0:
-        expected, axes = view.project(board.xyz_mm), view.jacobian(board.xyz_mm)
-        gap = np.linalg.norm(board.xyz_mm[:, None] - board.xyz_mm[known][None], axis=2)
-        expected += (known_uv - expected[known])[gap.argmin(axis=1)]
+        expected, axes = _predicted(view, board.xyz_mm, known, known_uv, spacing)
         # of nothing beyond the horizon
         square = 2 * board.radius_mm * np.linalg.svd(np.nan_to_num(axes), compute_uv=False)[:, 1]
         with np.errstate(invalid="ignore"):
@@ -236,8 +246,9 @@ def _outwards(
         uv[:] = np.nan
         if not len(tried):
             break
-        half = int(np.clip(np.median(square[tried]) * 0.2, 2, 8))
-        at = refined(grey, expected[tried], half)
+        at = expected[tried]
+        for share, most in ((CATCH, 40), (0.2, 8)):
+            at = refined(grey, at, int(np.clip(np.median(square[tried]) * share, 2, most)))
         near = np.linalg.norm(at - expected[tried], axis=1) < OFF * square[tried]
         keep = near & is_corner(grey, at, axes[tried] * arms[tried, None, :], single)
         if known is start and near.sum() >= 3:  # few for the view that this looks by, and one may be covered
@@ -251,7 +262,21 @@ def _outwards(
         reached |= (
             np.linalg.norm(board.xyz_mm[:, None] - board.xyz_mm[known][None], axis=2).min(axis=1) < REACH * spacing
         )
-    return uv, view
+    return uv, view, axes
+
+
+def _predicted(
+    view: View, xyz_mm: Array, known: NDArray[np.int64], known_uv: Array, spacing_mm: float
+) -> tuple[Array, Array]:
+    """Places (n, 2) px and their slopes (n, 2, 2) px per mm, by the view and what it leaves at known corners nearby."""
+    expected, axes = view.project(xyz_mm), view.jacobian(xyz_mm)
+    rest = known_uv - expected[known]
+    near = nearest(xyz_mm[known, :2], min(AROUND, len(known)), of=xyz_mm[:, :2])
+    step = (xyz_mm[known[near], :2] - xyz_mm[:, None, :2]) / spacing_mm
+    A = np.concatenate([np.ones_like(step[..., :1]), step], axis=2)
+    weighted = np.swapaxes(A, 1, 2) / (0.1 + np.sum(step**2, axis=2))[:, None]
+    local = np.linalg.solve(weighted @ A + np.diag([1e-9, *2 * [STIFF]]), weighted @ rest[near])
+    return expected + local[:, 0], axes + np.swapaxes(local[:, 1:], 1, 2) / spacing_mm
 
 
 def refined(grey: NDArray[np.uint8], uv: Array, half: int) -> Array:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from core.errors import NotRecognisedError
-from core.measure import recognise
+from core.measure import measure_targets, recognise
 from core.measure.corners import fit_corners
 from core.measure.crossings import blocks_of_crossings
 from core.measure.kinds.chessboard import eight_bits
-from core.model import DeviceSpec, PhaseMap, Testfield
+from core.model import DeviceSpec, PhaseMap, Seed, Testfield
 
 SPEC = DeviceSpec(512, 384, (0.01, 0.01), 8.0)
 K = np.array([[800.0, 0, 255.5], [0, 800.0, 191.5], [0, 0, 1.0]])
@@ -122,6 +122,41 @@ def test_a_chessboard_seen_in_part_leaves_opencvs_chance_alone():
             assert np.abs(found.camera_uv - truth[found.row, found.col]).max() < 0.5
         drawn.append(cv2.randu(np.zeros(4), 0, 1))
     assert np.array_equal(*drawn)
+
+
+def through_a_wide_lens(sharpened: float):
+    """A large chessboard, 74° across and bent by a third of its radius; what the camera sharpens goes over the edges."""
+    fine = 8
+    wide, lens = np.array([[300.0, 0, 319.5], [0, 300.0, 239.5], [0, 0, 1.0]]), np.array([-0.2, 0.03, 0, 0, 0])
+    v, u = (np.mgrid[0 : 480 * fine, 0 : 640 * fine] + 0.5) / fine - 0.5
+    rays, r = np.stack([u - 319.5, v - 239.5], axis=2) / 300, np.linspace(1e-6, 2.5, 2000)
+    seen = np.linalg.norm(rays, axis=2, keepdims=True)
+    rays *= np.interp(seen, r * (1 + lens[0] * r**2 + lens[1] * r**4), r) / seen
+    turn, shift = cv2.Rodrigues(np.array([0.25, -0.3, 0.1]))[0], np.array([-66.0, -52.0, 62.0])
+    across = np.linalg.inv(np.column_stack([turn[:, :2], shift]))
+    x, y, far = (np.concatenate([rays, np.ones_like(u)[..., None]], axis=2) @ across.T).transpose(2, 0, 1)
+    x, y = (k / far / SQUARE for k in (x, y))
+    dark = (np.floor(x) + np.floor(y)) % 2 == 0
+    dark &= (x > -1) & (y > -1) & (x < COLS) & (y < ROWS)
+    image = (160.0 - 140.0 * dark).reshape(480, fine, 640, fine).mean(axis=(1, 3))
+    image = cv2.GaussianBlur(image, (0, 0), 0.6)
+    image += sharpened * (image - cv2.GaussianBlur(image, (0, 0), 1.5))
+    image = np.rint(image + np.random.default_rng(2).normal(0, 1, image.shape)).astype(np.float32)
+    row, col = np.mgrid[0:ROWS, 0:COLS]
+    corners = np.stack([col, row, 0 * row], axis=-1).reshape(-1, 3) * SQUARE
+    return image, cv2.projectPoints(corners, turn, shift, wide, lens)[0].reshape(ROWS, COLS, 2)
+
+
+@pytest.mark.parametrize("sharpened", [0.0, 1.5])
+def test_a_wide_lens_that_sharpens_leaves_no_corner_out(sharpened):
+    image, truth = through_a_wide_lens(sharpened)
+    picks = [Seed(r, c, *truth[r, c]) for r, c in ((0, 0), (0, COLS - 1), (ROWS - 1, COLS - 1), (ROWS - 1, 0))]
+    spec = DeviceSpec(640, 480, (0.01, 0.01), 3.0)
+    found = measure_targets(phase_of(image), field_of("chessboard"), picks, spec)
+    inside = np.all((truth > 8) & (truth < (631, 471)), axis=2).sum()
+    assert inside > 0.9 * ROWS * COLS
+    assert len(found.row) > 0.97 * inside
+    assert np.abs(found.camera_uv - truth[found.row, found.col]).max() < (0.2 if sharpened else 0.06)
 
 
 def test_blocks_of_corners_lie_on_the_board_in_its_order():
