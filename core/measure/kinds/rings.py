@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import erfc
 
 import cv2
 import numpy as np
@@ -27,6 +28,7 @@ ROOM = 6.6, 4.4  # radii of the dot from one coded target to the next, and to an
 TURNS = 8  # steps within a sector at which its edges are looked for
 CLEAR = 0.16  # share of the contrast by which every sector must be off the middle between ink and ground
 LEAST = 5  # coded targets that must agree
+DRAWN = 0.15  # radii that a dot is drawn by, as standard deviation, per share of ink in the ground round it
 
 
 def _least_turn(code: int) -> int:
@@ -62,7 +64,11 @@ def _measure(sight: Sight, seeds: Sequence[Seed]) -> Marks:
     radius = sight.board.radius_mm
     near = np.minimum((1 + INNER) * radius, sight.board.spacing_mm + (1 - OUTER) * radius)
     marks = measure_dots(replace(sight, board=replace(sight.board, spacing_mm=near)), seeds, coded=True)
-    return replace(marks, code=INNER)
+    # blurred ink of a ring, on one side or the other, slopes the ground that a dot's weights are taken from
+    minor = np.linalg.svd(marks.ellipse, compute_uv=False)[:, 1]
+    free = (near / radius)[marks.target] - 1 - marks.window
+    sloped = DRAWN * minor * np.vectorize(erfc, [float])(np.maximum(free, 0.0) * minor / (marks.blur * np.sqrt(2))) / 2
+    return replace(marks, cov=marks.cov + (sloped**2)[:, None, None] * np.eye(2), code=INNER)
 
 
 def _guess(
