@@ -29,6 +29,7 @@ LEAST, MOST = 4.0, 60.0  # diameter of dots looked for, px of the reduced image
 NEAR = 0.25  # how far from its place the next dot of a line may lie, in steps
 FEWEST = 9  # dots in order that a guess needs
 OFF = 0.15  # how far dots may lie off the view of a regular field, in spacings (root mean square)
+STRAY = 0.2  # of the dots that lines usually have: fewer on an outermost line beyond the field are no dots of it
 DOUBT = 0.1  # share of dots that may speak against the best guess
 STANDS_OUT = 6.0  # a faint dot stands out from its surroundings by so many sigmas
 TURNS = ([[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]])
@@ -123,6 +124,7 @@ def propose_picks(
     steps = _steps(testfield)
     if len(order.cell) < FEWEST or steps is None:
         return ()
+    order = _without_strays(order, testfield)
     before = _before(testfield, camera, known)
     grey = np.nan_to_num(np.asarray(image, dtype=np.float32))
     grey = -grey if testfield.polarity == "black-on-white" else grey
@@ -148,6 +150,22 @@ def propose_picks(
         )
         for g in laid
     )
+
+
+def _without_strays(order: Order, field: Testfield) -> Order:
+    """Leave out outermost lines of a few spots where an order has more lines than the field."""
+    most = sorted(int(np.ptp(lines)) for lines in (field.row, field.col))
+    keep = np.arange(len(order.cell))
+    while True:
+        cell = order.cell[keep]
+        if not np.any(np.sort(np.ptp(cell, axis=0)) > most):
+            break
+        on = [cell[:, axis] == end(cell[:, axis]) for axis in (0, 1) for end in (np.min, np.max)]
+        weakest = min(on, key=np.count_nonzero)
+        if np.count_nonzero(weakest) > STRAY * np.sqrt(len(keep)):
+            break
+        keep = keep[~weakest]
+    return Order(order.cell[keep], order.uv[keep], order.area_px[keep])
 
 
 def _reduced(grey: Floats, factor: int) -> Floats:

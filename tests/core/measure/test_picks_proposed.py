@@ -33,6 +33,19 @@ def test_a_whole_field_has_two_guesses_half_a_turn_apart(bench, roll_deg, polari
     assert turned == {(s.row, s.col, s.u, s.v) for s in found[1]}
 
 
+def test_a_speck_where_the_next_dot_of_a_row_would_be_is_no_target(bench):
+    truth = bench.scene(bench.look(10, 40, 20), field=bench.grid(7, 9, 24.0, 9.0), noise=2.0)
+    image, at = truth.quick_image(0), truth.true_uv.reshape(7, 9, 2)
+    dot = np.rint(at[3, 8]).astype(int)
+    beyond = np.rint(2 * at[3, 8] - at[3, 7]).astype(int)
+    speck = image[dot[1] - 14 : dot[1] + 15, dot[0] - 14 : dot[0] + 15].copy()
+    image[beyond[1] - 14 : beyond[1] + 15, beyond[0] - 14 : beyond[0] + 15] = speck
+    order = find_dots(image, dark=truth.field.polarity == "black-on-white")
+    assert len(order.uv) == 7 * 9 + 1
+    found = propose_picks(image, order, truth.field, truth.spec, (), "front")
+    assert sorted(error_px(truth, seeds) < 0.5 for seeds in found) == [False, True]
+
+
 def test_the_guess_nearest_to_the_image_before_comes_first(bench):
     before = bench.scene(bench.look(10, 30, 180), field=bench.grid(7, 9, 24.0, 9.0), noise=1.0)
     after = before.but(pose=bench.look(18, 80, 215, 640, (20, -15)))
