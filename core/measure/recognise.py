@@ -14,6 +14,7 @@ from core.measure.turns import SAME, Labelling, labelling_between, symmetries
 from core.model import DeviceSpec, MissingTarget, PhaseMap, TargetSet, Testfield
 
 MOST_TRIES = 4  # guesses that are measured until one holds
+LEAST = 4  # targets measured, for a guess to hold
 
 
 def recognise(
@@ -57,6 +58,8 @@ def recognise(
                 side=side,
             )
         except InputError:
+            continue
+        if len(found.row) < LEAST:
             continue
         cells = [[(seed.row, seed.col) for seed in other] for other in (guess, *guesses)]
         ways = [w for other in cells[1:] if (w := labelling_between(cells[0], other)) is not None and w != SAME]

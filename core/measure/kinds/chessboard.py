@@ -37,6 +37,7 @@ ASIDE = 0.5  # radii from a corner along both its edges, where the squares are l
 LEAST_CONTRAST = 5.0  # of the noise
 LEAST_SHARE = 0.05  # of the usual contrast: less is none
 APART = 0.3  # of the mean difference between dark and bright quadrants: where one alone differs, noise is left of it
+IN_TURN = 0.5  # mean sign of corners that change places in turn; where some are passed over it is near 0
 FAINT = 0.25  # of the usual contrast: light may fall to a third
 TRIES = 4  # of blocks of corners that no board found before holds: some 0.05 s each
 NOTHING = np.zeros((0, 0, 2))
@@ -80,32 +81,41 @@ def _guess_plain(
     if first is None and min(rows, cols) > 2:
         return np.zeros((0, 2)), ()
     found, corners = cv2.findChessboardCornersSB(grey, (cols, rows), flags=cv2.CALIB_CB_EXHAUSTIVE)
-    if found:
-        uv: Array | None = np.asarray(corners, np.float64).reshape(rows, cols, 2)
-    else:
+    uv = np.asarray(corners, np.float64).reshape(rows, cols, 2) if found else NOTHING
+    found = found and _in_turn(grey, uv)
+    if not found:
         uv = _seen_in_part(image, grey, camera, chain([] if first is None else [first], blocks), (rows, cols))
-    if uv is None:
-        return np.zeros((0, 2)), ()
+    if uv.shape[:2] != (rows, cols) or (found and _goes_on(grey, uv)):
+        return uv[np.isfinite(uv[..., 0])], ()
     row, col = np.mgrid[0:rows, 0:cols]
     ways = [(row, col), (row[::-1, ::-1], col[::-1, ::-1]), (row, col[:, ::-1]), (row[::-1], col)]
     if rows == cols:
         ways += [(c, r) for r, c in ways]
     at = np.isfinite(uv[..., 0])
-    ends = [tuple(np.argwhere(at)[np.argmax(np.argwhere(at) @ way)]) for way in _WAYS]
-    guesses = [tuple(Seed(int(r[e]), int(c[e]), float(uv[e][0]), float(uv[e][1])) for e in ends) for r, c in ways]
+    cells = np.argwhere(at)
+    chosen = [tuple(cells[k]) for k in spread(cells[:, ::-1].astype(np.float64))]
+    guesses = [tuple(Seed(int(r[e]), int(c[e]), float(uv[e][0]), float(uv[e][1])) for e in chosen) for r, c in ways]
     usual = [_first_dark(grey, uv, r, c) for r, c in ways]
     possible = [k for k, g in enumerate(guesses) if testfield.side_seen(g) == side]
     return uv[at], tuple(guesses[k] for k in [k for k in possible if usual[k]] or possible)
 
 
-_WAYS = np.array([(-1.0, -1.01), (-1.0, 1.01), (1.0, 1.01), (1.0, -1.01)])
+_WAYS = np.array([(-1.0, -1.01), (1.0, -1.01), (1.0, 1.01), (-1.0, 1.01)])
+
+
+def spread(places: Array) -> list[int]:
+    """Which places (n, 2) on the board to start from: four ends of what is seen, then its middle and those halfway."""
+    ends = list(dict.fromkeys(np.argmax(places @ _WAYS.T, axis=0).tolist()))
+    middle = places[ends].mean(axis=0)
+    between = np.vstack([middle, (places[ends] + middle) / 2])
+    return list(dict.fromkeys([*ends, *nearest(places, of=between)[:, 0].tolist()]))
 
 
 def _seen_in_part(
     image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, blocks: Iterable[Array], size: tuple[int, int]
-) -> Array | None:
-    """Corners (rows, cols, 2), NaN where none is seen; None unless corners of all rows and all columns are."""
-    done, tries = np.zeros((0, 2)), 0
+) -> Array:
+    """Corners (rows, cols, 2), NaN where none is seen; of another shape unless corners of all rows and columns are."""
+    done, tries, most = np.zeros((0, 2)), 0, NOTHING
     for block in blocks:
         middle = block[1, 1]
         if np.linalg.norm(done - middle, axis=1).min(initial=np.inf) < OFF * np.linalg.norm(middle - block[1, 0]):
@@ -114,10 +124,37 @@ def _seen_in_part(
         if sorted(uv.shape[:2]) == sorted(size):
             return uv if uv.shape[:2] == size else uv.swapaxes(0, 1)
         done = np.vstack([done, middle, uv[np.isfinite(uv[..., 0])]])
+        most = max(most, uv, key=np.size)
         tries += 1
         if tries == TRIES:
             break
-    return None
+    return most
+
+
+def _in_turn(grey: NDArray[np.uint8], uv: Array) -> bool:
+    """Whether dark and bright change places from each corner (rows, cols, 2) to the next: none is passed over."""
+    arms = PLAIN * np.stack([np.gradient(uv, axis=1), np.gradient(uv, axis=0)], axis=-1)
+    swing = np.sign(_apart(grey, uv.reshape(-1, 2), arms.reshape(-1, 2, 2))).reshape(uv.shape[:2])
+    swing[1::2] *= -1
+    swing[:, 1::2] *= -1
+    return bool(abs(swing.mean()) > IN_TURN)
+
+
+def _goes_on(grey: NDArray[np.uint8], uv: Array) -> bool:
+    """Whether the corners (rows, cols, 2) of a board go on beyond one of its sides: they are part of a larger one."""
+    for lines in (uv, uv[::-1], uv.swapaxes(0, 1), uv.swapaxes(0, 1)[::-1]):
+        edge, out = lines[0], lines[0] - lines[1]
+        arms = PLAIN * np.stack([np.gradient(edge, axis=0), out], axis=2)
+        next_one = edge + out
+        use = np.all((next_one > 3) & (next_one < np.array(grey.shape[::-1]) - 4), axis=1)
+        if np.count_nonzero(use) <= len(edge) / 2:
+            continue
+        at = refined(grey, next_one[use], int(np.clip(CATCH * np.median(np.linalg.norm(out, axis=1)), 2, 40)))
+        near = np.linalg.norm(at - next_one[use], axis=1) < OFF * np.linalg.norm(out[use], axis=1)
+        here, there = _apart(grey, edge[use], arms[use]), _apart(grey, at, arms[use])
+        if np.count_nonzero(near & (here * there < 0) & (np.abs(there) > FAINT * np.abs(here))) > len(edge) / 2:
+            return True
+    return False
 
 
 def _round_block(image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, block: Array, most: int) -> Array:
@@ -290,15 +327,26 @@ def refined(grey: NDArray[np.uint8], uv: Array, half: int) -> Array:
 
 def is_corner(grey: NDArray[np.uint8], uv: Array, arms: Array, single: bool = False) -> NDArray[np.bool_]:
     """Whether the four quadrants between arms (n, 2, 2) are dark and bright in turn, or the first alone is dark."""
+    a, b, c, d = _quadrants(grey, uv, arms)
+    if single:
+        return np.asarray(a < np.minimum(np.minimum(b, c), d))
+    return np.abs(_apart(grey, uv, arms)) > APART * np.abs(a + c - b - d) / 2
+
+
+def _apart(grey: NDArray[np.uint8], uv: Array, arms: Array) -> Array:
+    """By how much the first and third quadrants are brighter than both others, or, below 0, darker; 0 where neither."""
+    a, b, c, d = _quadrants(grey, uv, arms)
+    brighter, darker = np.minimum(a, c) - np.maximum(b, d), np.minimum(b, d) - np.maximum(a, c)
+    return np.asarray(np.where(brighter > darker, np.maximum(brighter, 0), -np.maximum(darker, 0)))
+
+
+def _quadrants(grey: NDArray[np.uint8], uv: Array, arms: Array) -> list[Array]:
+    """Grey values (n,) between the arms (n, 2, 2) of corners, one quadrant after the other."""
     values = []
     for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
         u, v = (uv + ASIDE * (arms @ np.array([x, y], np.float64))).astype(np.float32).T
         values.append(cv2.remap(grey, u[:, None].copy(), v[:, None].copy(), cv2.INTER_LINEAR).ravel().astype(float))
-    a, b, c, d = values
-    if single:
-        return np.asarray(a < np.minimum(np.minimum(b, c), d))
-    apart = np.maximum(np.minimum(a, c) - np.maximum(b, d), np.minimum(b, d) - np.maximum(a, c))
-    return np.asarray(apart > APART * np.abs(a + c - b - d) / 2)
+    return values
 
 
 def _inwards(board: Board) -> Array:

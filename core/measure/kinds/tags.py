@@ -27,6 +27,7 @@ from core.measure.kinds.chessboard import (
     measure_corners,
     nearest_corner,
     refined,
+    spread,
 )
 from core.measure.kinds.kind import Guesses, Patch, TargetKind
 from core.model import Array, DeviceSpec, Seed, Testfield
@@ -138,15 +139,12 @@ def _guess(
     if len(usable) < 4:
         return seen, ()
     at = corner[usable]
-    chosen = list(dict.fromkeys(int(np.argmax(a * at[:, 0] + b * at[:, 1])) for a, b in _CORNERS))
+    chosen = spread(at)
     seeds = tuple(
         Seed(int(testfield.row[usable[k]]), int(testfield.col[usable[k]]), float(fine[k, 0]), float(fine[k, 1]))
         for k in chosen
     )
-    return seen, (seeds,) if len(seeds) == 4 else ()
-
-
-_CORNERS = ((-1.0, -1.01), (1.0, -1.01), (1.0, 1.01), (-1.0, 1.01))
+    return seen, (seeds,) if len(seeds) >= 4 else ()
 
 
 def _dictionary(family: str, tags: int) -> str:

@@ -125,7 +125,7 @@ def test_a_chessboard_seen_in_part_leaves_opencvs_chance_alone():
 
 
 def through_a_wide_lens(sharpened: float):
-    """A large chessboard, 74° across and bent by a third of its radius; what the camera sharpens goes over the edges."""
+    """A large chessboard under strong distortion; what the camera sharpens goes over the edges."""
     fine = 8
     wide, lens = np.array([[300.0, 0, 319.5], [0, 300.0, 239.5], [0, 0, 1.0]]), np.array([-0.2, 0.03, 0, 0, 0])
     v, u = (np.mgrid[0 : 480 * fine, 0 : 640 * fine] + 0.5) / fine - 0.5
@@ -175,6 +175,16 @@ def test_blocks_of_corners_lie_on_the_board_in_its_order():
         down, across = block[1, 0] - block[0, 0], block[0, 1] - block[0, 0]
         assert across[0] * down[1] - across[1] * down[0] > 0
     assert np.mean(right) > 0.95
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(ROWS - 2, COLS - 2), (ROWS, COLS - 4), (4, 5), (ROWS, COLS + 2)])
+def test_a_board_of_other_rows_and_columns_is_not_recognised(rows, cols):
+    image, _ = photograph("chessboard", np.random.default_rng(11), 25)
+    row, col = (x.ravel() for x in np.mgrid[0:rows, 0:cols])
+    places = np.column_stack([SQUARE * col, -SQUARE * row, 0.0 * row])
+    field = Testfield(row, col, places, np.full(len(row), SQUARE), kind="chessboard")
+    with pytest.raises(NotRecognisedError, match="corners in order, which do not fit the board"):
+        recognise(phase_of(image), field, SPEC)
 
 
 def test_no_board_is_no_board():
