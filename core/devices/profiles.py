@@ -36,7 +36,7 @@ def read_profile(name: str, columns: int = 0, rows: int = 0) -> Profile:
     if name.endswith(".toml"):
         path, where = Path(name), name
         try:
-            text = path.read_text(encoding="utf-8")
+            text = path.read_text(encoding="utf-8-sig")  # some editors of Windows mark the beginning
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
             raise InputError(path, f"cannot be read ({reason})", "give the path of a command profile") from error
@@ -64,9 +64,10 @@ class _Dialogue:
 
     def template(self, table: Entries, key: str, fields: Iterable[str], text: str | None = None) -> Template:
         """Read a command or an answer, and see that it has no other than these fields."""
-        made = make_template(
-            table.text(key) if text is None else text, self.kind, self.lengths, table.place(key), self.words
-        )
+        text = table.text(key) if text is None else text
+        if not text.strip() and not table.path.startswith("commands.start"):  # an empty line may wake a device
+            raise table.refuse(key, text, "write it out, or leave the entry out")
+        made = make_template(text, self.kind, self.lengths, table.place(key), self.words)
         for name in made.fields:
             if name not in fields and not (key == "expect" and name.startswith("_")):
                 near = get_close_matches(name, list(fields), 1, 0.6)
@@ -93,6 +94,8 @@ def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
     dialogue = _Dialogue(kind, lengths, _words(top.table("words")), pause_ms, "prompt" in frames.data)
     commands = _commands(top.table("commands"), dialogue)
     refusals = tuple(dialogue.template(told, "expect", TOLD, text) for text in told.texts("expect"))
+    if "expect" in told.data and not refusals:
+        raise told.refuse("expect", [], "say how the device refuses, or leave the entry out")
     sending, answers = read_framings(frames, kind, commands, refusals)
     answer_ms = timing.real("answer_ms", above=0.0)
     profile = Profile(
@@ -163,6 +166,9 @@ def _codes(codes: Entries) -> dict[int, str]:
     """Read what the numbers mean that a device refuses by."""
     meanings = {codes.integer(m, 0): m for m in MEANINGS if m in codes.data}
     codes.finish(MEANINGS)
+    for code, meaning in meanings.items():
+        if twice := [m for m in MEANINGS if codes.data.get(m) == code and m != meaning]:
+            raise codes.refuse(twice[0], code, f"another number: {meaning} has it")
     return meanings
 
 
@@ -205,6 +211,8 @@ def _port(port: Entries) -> Port:
         port.real("open_ms", least=0.0, default=0.0) / 1000,
         port.real("byte_ms", least=0.0, default=0.0) / 1000,
     )
+    if made.stop not in (1, 1.5, 2):
+        raise port.refuse("stop", made.stop, "use 1, 1.5 or 2")
     port.finish()
     return made
 
@@ -240,6 +248,11 @@ def _commands(table: Entries, dialogue: _Dialogue) -> dict[str, Command]:
         if name in table.data:
             fields = sendable | {"tag"}
             commands[name] = tuple(_step(entry, table, dialogue, fields) for entry in table.tables(name))
+            sent = [step.send for step in commands[name] if step.send]
+            if not commands[name]:
+                raise table.refuse(name, [], "give its steps, or leave it out")
+            if name == "select" and not any("slot" in template.fields for template in sent):
+                raise InputError(table.place(name), "nothing says which pattern is meant", "send {slot}")
     table.finish({*COMMANDS, "expect"})
     return commands
 
@@ -261,7 +274,7 @@ def _step(entry: Entries, every: Entries, dialogue: _Dialogue, sendable: set[str
             raise waits.refuse(key, key, "name what the answer tells, as in on or on&1")
     waited = {re.split(r"\W", key)[0] for key in until}
     expect, answered = None, entry if "expect" in entry.data else every
-    if answered.data.get("expect"):
+    if answered.text("expect", default=""):
         expect = dialogue.template(answered, "expect", sendable | TOLD | waited)
     asked = set(expect.fields) if expect else set()
     entry.asked.add("expect")

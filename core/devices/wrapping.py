@@ -38,20 +38,20 @@ def _framing(table: Entries, kind: str, side: str, templates: list[Template]) ->
 
     check = read_check(table, key("check"))
     order = "little" if table.text(key("check_order"), default="high", among=("high", "low")) == "low" else "big"
-    prompt = table.text("prompt", default="").encode("ascii") if side or kind == "frame" else b""
+    prompt = _ascii(table, "prompt") if side or kind == "frame" else b""
     table.asked.add("prompt")
     if kind == "text":
-        ending = table.text(key("ending"), default="\r\n")
+        ending = _ascii(table, key("ending"), "\r\n")
         if not ending:
-            raise table.refuse(key("ending"), ending, "give the characters that end a line")
-        start = table.text(key("start"), default="").encode("ascii")
+            raise table.refuse(key("ending"), "", "give the characters that end a line")
+        start = _ascii(table, key("start"))
         over = _parts(table, key("check_over"), ("body",), ("start", "body", "mark"))
-        mark = table.text("check_mark", default="").encode("ascii")
+        mark = _ascii(table, "check_mark")
         return Framing(
             "text",
             ("start", "body", "mark", "check", "end"),
             start,
-            ending.encode("ascii"),
+            ending,
             mark,
             check=check,
             check_over=over,
@@ -119,6 +119,13 @@ def _escapes(table: Entries, key: str, start: bytes, end: bytes) -> dict[bytes, 
     if unescaped := [b for b in (start[:1], end[:1]) if escapes and b and b not in escapes]:
         raise table.refuse(key, dict(given.data), f"say what is sent in place of {unescaped[0].hex().upper()}")
     return escapes
+
+
+def _ascii(table: Entries, key: str, default: str = "") -> bytes:
+    text: str = table.text(key, default=default)
+    if not text.isascii():
+        raise table.refuse(key, text, "use ASCII characters")
+    return text.encode("ascii")
 
 
 def _bytes(table: Entries, key: str) -> bytes:
