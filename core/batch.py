@@ -235,7 +235,7 @@ def _check_own(job: Job) -> None:
 def _ready(job: Job) -> Figures:
     """Figures of the steps whose results are there and made from the inputs as they are."""
     try:
-        kept = json.loads((job.out / "figures.json").read_text())
+        kept = json.loads((job.out / "figures.json").read_bytes())
         inputs = kept["inputs"]
         return {
             step: kept[step]

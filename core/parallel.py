@@ -101,7 +101,7 @@ def can_fork(count: int) -> bool:
     with suppress(OSError):  # no Linux
         for _ in range(20):
             # its number is exact; a list of /proc/self/task lacks threads where one ends meanwhile
-            if re.search(r"^Threads:\s*1$", Path("/proc/self/status").read_text(), re.MULTILINE):
+            if re.search(rb"^Threads:\s*1$", Path("/proc/self/status").read_bytes(), re.MULTILINE):
                 return True
             time.sleep(0.001)  # the kernel takes a moment longer
     return False

@@ -66,7 +66,11 @@ def test_nothing_that_only_posix_has_stands_without_its_counterpart(room: str) -
                 assert any(guard in text for guard in guards), (
                     f"{path}:{node.lineno}: {ast.unparse(node)} without {guards}"
                 )
-            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("open", "Path.open") and len(node.args) < 2:
+            opened = (
+                isinstance(node, ast.Call) and ast.unparse(node.func) in ("open", "Path.open") and len(node.args) < 2
+            )
+            read = isinstance(node, ast.Call) and getattr(node.func, "attr", "") in ("read_text", "write_text")
+            if opened or read:
                 assert any(k.arg in ("encoding", "mode") for k in node.keywords), f"{path}:{node.lineno}: no encoding"
 
 

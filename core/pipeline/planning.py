@@ -164,7 +164,7 @@ def rig_light(project: Project, preflight: Path | None = None) -> RigLight:
             continue
     if preflight is not None:
         try:
-            findings = {f["check"]: f.get("figures", {}) for f in json.loads(preflight.read_text())["findings"]}
+            findings = {f["check"]: f.get("figures", {}) for f in json.loads(preflight.read_bytes())["findings"]}
             settle = findings["settle"]
             light = replace(light, frame_ms=float(settle["settle_ms"]) + float(settle.get("image_ms", 0.0)))
         except (OSError, ValueError, KeyError, TypeError) as error:

@@ -71,7 +71,7 @@ def points_of(folder: ProjectFolder, capture: str, method: Method, pair: tuple[s
         state = graph_of(folder).points(entry.capture, method).state
     else:
         now = reconstructed_from(folder.project, entry.capture, calibration_hashes(folder.project, [method]))
-        then = json.loads(path.with_suffix(".json").read_text())["made_from"]
+        then = json.loads(path.with_suffix(".json").read_bytes())["made_from"]
         state = "outdated" if differences(then, now) else "current"
     return ("current" if state == "current" else "stale"), path
 
