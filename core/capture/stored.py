@@ -30,6 +30,7 @@ Array = NDArray[np.float32]
 GRID = 12_000  # pixels sampled
 SHARE = 0.12  # of the pixels that contradict themselves; sound captures have below 0.05
 FEW = 200  # pixels that nearly always show it: half of that where it is 0.15 comes once in 15,000 captures
+STEADY = 0.1  # share by which the light may change from one square of 2 px to the next where mosaics are looked for
 LEAST_LIT = 150  # sampled pixels without which nothing is told
 DARK = 0.01  # of the image that must be lit
 SATURATED = 0.05  # of the lit pixels
@@ -178,13 +179,24 @@ def _compressed(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
 
 
 def _mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
-    """Four neighbours differ alike wherever there is light; best seen where that is even."""
+    """Four neighbours differ alike wherever there is light; seen where that goes on evenly to the next four."""
     even = [i for f, i in zip(capture.frames, images, strict=True) if level_of(f.pattern)] or images
     rng, share = np.random.default_rng(0), min(GRID / even[0].size, 0.25) ** 0.5
-    v, u = (2 * rng.choice(n // 2, int(share * n), replace=False) for n in even[0].shape)  # a board's dots are even
-    four = [sum(i[np.ix_(v + y, u + x)].astype(float) for i in even) for y, x in product((0, 1), repeat=2)]
-    seen = np.array(four, np.float64).reshape(4, -1)
-    seen = seen[:, seen.max(axis=0) > 0.5 * float(np.quantile(seen.max(axis=0), 0.97))]
+    # at random: a board's dots may be evenly spaced
+    v, u = (2 + 2 * rng.choice(max(n // 2 - 2, 0), max(int(share * n) - 2, 0), replace=False) for n in even[0].shape)
+
+    def four(down: int, right: int) -> NDArray[np.float64]:
+        at = [np.ix_(v + down + y, u + right + x) for y, x in product((0, 1), repeat=2)]
+        return np.array([sum(i[k].astype(float) for i in even) for k in at], np.float64).reshape(4, -1)
+
+    seen = four(0, 0)
+    if seen.shape[1] < LEAST_LIT:
+        return []
+    mean = seen.mean(axis=0)
+    even_there = seen.max(axis=0) > 0.5 * float(np.quantile(seen.max(axis=0), 0.97))
+    for step in ((0, 2), (2, 0), (0, -2), (-2, 0)):
+        even_there &= np.abs(four(*step).mean(axis=0) - mean) < STEADY * mean
+    seen = seen[:, even_there]
     if seen.shape[1] < LEAST_LIT:
         return []
     share = np.median(seen / seen.mean(axis=0), axis=1)

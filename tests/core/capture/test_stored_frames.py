@@ -287,7 +287,7 @@ def test_raw_frames_of_a_colour_camera_and_frames_stretched_one_by_one_are_named
     assert "neighbouring" not in told(patterns, stretched)
 
 
-@pytest.mark.parametrize("spacing_px", [24, 32, 40, 48])
+@pytest.mark.parametrize("spacing_px", [12, 16, 20, 24, 32, 40, 48])
 def test_a_board_whose_dots_are_evenly_spaced_in_pixels_is_no_mosaic(spacing_px: int) -> None:
     """Whatever pixels are looked at, they must not lie on the dots' edges alone."""
     y, x = np.mgrid[:576, :768] % spacing_px
