@@ -134,15 +134,14 @@ def measure_noise(
             whole = np.compress(g_top < saturation, telling, axis=1)
             waves = [told(wave, whole) for wave in bent]
             lit = _lit(waves)
-            unlit = robust_variance(residual[:, _unlit(waves, lit, whole)].ravel())
             residual, level = (each[:, lit] for each in without_harmonics(residual, found, whole, waves, of=lit))
         elif np.count_nonzero(whole := g.min(axis=0) > 0) >= FEWEST:  # what is cut off at 0 shows half its noise
             dim = ~whole & (np.ptp(g, axis=0) < DIM * np.percentile(np.ptp(g, axis=0), 90))
             unlit = robust_variance(residual[:, dim].ravel())
             residual, level = residual[:, whole], level[:, whole]
         if bent or np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
-            crude = estimate_noise(residual.ravel(), level.ravel(), step)
-            return _without_misfit(crude, found, images, saturation, bent, step)._replace(unlit=unlit)
+            crude = estimate_noise(residual.ravel(), level.ravel(), step)._replace(unlit=unlit)
+            return _without_misfit(crude, found, images, saturation, bent, step)
         return estimate_noise(residual.ravel(), level.ravel(), step)._replace(unlit=unlit)
     if lines:
         return _sweep_noise(lines[0], sample, saturation, images)
@@ -207,13 +206,16 @@ def _without_misfit(
     factors = found[:, used].astype(np.float32)
     below = g[np.abs(factors).max(axis=0) > 0].max(axis=0) < saturation
     good = below[:, 1:-1] & below[:, :-2] & below[:, 2:]
-    waves = [told(wave, g) for wave in bent]
-    if bent:
-        good &= _lit(waves)[:, 1:-1]
     if not good.any():  # too narrow an image, or nothing in it below saturation
         return whole
-    residual = spatial_residual(np.einsum("kf,frw->krw", factors, g))[0]
+    residual, waves = spatial_residual(np.einsum("kf,frw->krw", factors, g))[0], [told(wave, g) for wave in bent]
     if bent:
+        lit = _lit(waves)
+        dark = good & _unlit(waves, lit, g)[:, 1:-1]
+        whole = whole._replace(unlit=robust_variance(residual[:, dark].ravel()))
+        good &= lit[:, 1:-1]
+        if not good.any():
+            return whole
         residual, level = without_harmonics(residual, factors, g, waves, spatial_residual, good)
         light = float(np.mean(np.square(np.abs(np.array([wave.seen for wave in waves])))))
     else:
@@ -221,7 +223,7 @@ def _without_misfit(
         level = np.einsum("kf,frw->krw", np.square(factors), g)[..., 1:-1]
     noise = estimate_noise(residual[:, good].ravel(), level[:, good].ravel(), step)
     beyond = float(np.mean(whole.variance(level) - noise.variance(level))) / max(light, 1.0)
-    return noise._replace(misfit=max(beyond, 0.0)) if beyond > 0 or bent else whole
+    return noise._replace(misfit=max(beyond, 0.0), unlit=whole.unlit) if beyond > 0 or bent else whole
 
 
 def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: Sequence[Image]) -> Noise:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from core.decode import Flag, decode
 from core.decode.rim import drop_alone
@@ -32,6 +33,26 @@ def test_a_camera_that_is_noisiest_in_the_dark_sees_nothing_there(preset: str, p
     assert np.isfinite(found.u[lit]).mean() > 0.99
     assert np.count_nonzero(beside) == 0
     assert np.count_nonzero(np.isfinite(found.u[~lit])) <= 2  # of 38,000; 5 sigma of the noise there
+
+
+def test_a_dim_surface_beside_a_bright_one_is_no_noisy_dark() -> None:
+    """What bent waves leave of a dim surface's light is alike in neighbours, and no noise."""
+    draw = np.random.default_rng(3)
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    place = {"x": 10 + 0.71 * columns + 0.02 * rows, "y": 8 + 0.7 * rows}
+    albedo = np.where(columns < 120, 0.06, 1.0)
+    frames, patterns = [], SequenceSpec("gray-inverse", {"period": 16, "steps": 3}).patterns(LINES)
+    for pattern in patterns:
+        axis = getattr(pattern, "axis", None) or "x"
+        lines = gaussian_filter1d(np.repeat(brightness(pattern, np.arange(LINES[axis == "y"])) ** 2.2, 16), 0.8 * 16)
+        light = np.interp(place[axis], (np.arange(len(lines)) + 0.5) / 16 - 0.5, lines)
+        frames.append(np.clip(np.rint(1 + 230 * albedo * light + draw.normal(0, 0.5, SHAPE)), 0, 255).astype(np.uint8))
+    found = decode(patterns, frames, lines=LINES)
+    dim = np.s_[:, 4:116]
+    assert np.isfinite(found.u[dim]).mean() > 0.99
+    assert np.isfinite(found.v[dim]).mean() > 0.99
+    scores = ((found.u - place["x"]) / found.sigma_u)[dim], ((found.v - place["y"]) / found.sigma_v)[dim]
+    assert all(0.85 < np.sqrt(np.nanmean(np.square(score))) < 1.15 for score in scores)
 
 
 def test_a_pixel_without_a_decoded_neighbour_is_dropped_and_others_stay() -> None:
