@@ -177,7 +177,7 @@ def decode(
         part = second_light(arrays, tables[axis], limits, coordinate)
         if part is not None:
             alone = s[taken].copy()
-            widen(s, bent_by(part, float(tables[axis].period[0])))
+            widen(s, bent_by(part, tables[axis], limits, coordinate))
             known = np.isfinite(alone)
             second = second or note_on_second_light(part, s[taken][known] > MUCH * alone[known])
         apart = contradiction(arrays, tables[axis], telling, sequence.image_rows)

@@ -30,7 +30,9 @@ NO_LEVEL = 1.0  # of half the contrast: such a difference is none of levels
 BESIDE, STEP = 2, 12.0  # px to either side; times the usual bend of coordinates that makes a step
 LEAST, LEAST_DIRECT = 1e-3, 0.5  # grey values, of half the contrast; part of the light that comes straight
 ROUNDS = 6
+CELLS = 4.0  # of a code alone, which count as a period
 SHOWN, SLIGHT = 3.5, 0.003  # standard deviations, and part of the light, from which there is anything to tell
+AT_EDGE = 0.25  # cells
 TINY = 1e-30
 
 Groups = NDArray[np.int8]
@@ -53,7 +55,7 @@ def second_light(
     part : float32 (TILES, TILES), optional
         None where the code does not tell, or shows nothing.
     """
-    chosen = _bits(table) if table.start == CODE and len(table.period) == 1 else []
+    chosen = _bits(table) if table.start == CODE and len(table.period) <= 1 else []
     if len(chosen) < 2:
         return None
     few, many = LOOKS
@@ -61,9 +63,25 @@ def second_light(
     return None if nothing else _part(images, table, limits, place, chosen, many)
 
 
-def bent_by(part: Singles, period: float) -> Singles:
-    """Variance (lines²) of coordinates by phases of a period, of light that comes by a second way from anywhere."""
-    return np.asarray(np.square(part * (1 + part * part / 8) * period / (2 * np.pi)) / 2, np.float32)
+def bent_by(part: Singles, table: AxisTable, limits: Limits, place: Singles) -> Singles:
+    """Variance (lines²) of coordinates by light that comes by a second way from anywhere.
+
+    It turns phases. Of a code alone it moves the edges: by half of it over how steeply levels change there, and that
+    shows in the share of the coordinates that lie at an edge, where a bit is unsure.
+    """
+    if len(table.period):
+        moved = part * (1 + part * part / 8) * table.period[0] / np.float32(2 * np.pi * 2**0.5)
+    else:
+        y = (place[np.isfinite(place)] + np.float32(0.5)) / table.cell
+        at_edges = np.mean(np.abs(y - np.rint(y)) < AT_EDGE) if len(y) else 0.0
+        width = table.cell * at_edges / (limits.bit_margin * np.minimum(table.fading[-2:], 1).mean())
+        moved = part / 2 / (1 + part) * width
+    return np.asarray(np.square(moved), np.float32)
+
+
+def _period(table: AxisTable) -> float:
+    """Of the fringes, lines, or what counts as one of a code alone."""
+    return float(table.period[0] if len(table.period) else CELLS * table.cell)
 
 
 def _part(
@@ -157,7 +175,7 @@ def _bits(table: AxisTable) -> list[tuple[int, float]]:
     """The finest bits that stay the same for long enough: numbers, and runs in lines."""
     number = len(table.sign)
     runs = [float(table.cell) * 2.0 ** (number - b - (0 if table.gray else 1)) for b in range(number)]
-    return [(b, run) for b, run in enumerate(runs) if run >= WIDE * table.period[0]][-BITS:]
+    return [(b, run) for b, run in enumerate(runs) if run >= WIDE * _period(table)][-BITS:]
 
 
 def _levels(
@@ -186,7 +204,7 @@ def _levels(
         soft = bits[b] + table.sign[b] * threshold
         levels[n] = soft / contrast
         edge = (place + 0.5) / run - (0.5 if table.gray else 0.0)
-        clear = np.abs(edge - np.rint(edge)) * run > AWAY * table.period[0] + ASIDE
+        clear = np.abs(edge - np.rint(edge)) * run > AWAY * _period(table) + ASIDE
         groups[n] = np.where(fit & clear & (np.abs(1 - np.abs(levels[n])) < NO_LEVEL), soft > 0, -1)
         noise += spread[2 + b] * _variance(limits, threshold + soft) / len(chosen)
     return levels, groups, np.asarray(noise / np.square(contrast), np.float32)
