@@ -40,7 +40,19 @@ from core.decode.sample import (
     take_sample,
 )
 from core.decode.sections import decode_sections, measure_ripple, section_scratch
-from core.decode.tables import CODE, SWEEP, AxisTable, Limits, Rows, Singles, axis_table, image_row, make_rows, no_axis
+from core.decode.tables import (
+    CODE,
+    SWEEP,
+    Array,
+    AxisTable,
+    Limits,
+    Rows,
+    Singles,
+    axis_table,
+    image_row,
+    make_rows,
+    no_axis,
+)
 from core.errors import InputError
 from core.model import PhaseMap
 from core.parallel import run_in_bands
@@ -132,7 +144,7 @@ def decode(
         sequence = _prepare(tuple(patterns), lines)
     except InputError as error:
         raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
-    limits, tables, response, gains, sample = _measure(sequence, patterns, arrays, options, where, noise)
+    limits, tables, response, light, sample = _measure(sequence, patterns, arrays, options, where, noise)
     telling = (
         limits if noise is None else limits._replace(saturation=np.minimum(limits.saturation, np.float32(noise.upto)))
     )
@@ -188,7 +200,7 @@ def decode(
     misfit = None
     if options.estimate and estimable(sequence.frames):
         refined = Planes(place, sigma, width)
-        misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, gains, refined, progress).reshape(
+        misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, light, refined, progress).reshape(
             shape
         )
     cofactor = max((float(t.covariance[0, 0]) for t in tables if len(t.covariance)), default=1.0)
@@ -208,18 +220,18 @@ def _measure(
     options: DecodeOptions,
     where: str,
     known: Noise | None,
-) -> tuple[Limits, tuple[AxisTable, AxisTable], Response | None, dict[int, float], Singles]:
+) -> tuple[Limits, tuple[AxisTable, AxisTable], Response | None, Array | None, Singles]:
     """What a sample of the grey values tells: the thresholds, and how the stripes of both axes are blurred."""
     sample = take_sample(images)
     check_duplicates(sequence.frames, sample, where)
     measured = [n for table in sequence.tables for n in (*table.phase_frames, *table.line_frames)]
     saturation = full_scale(images, tuple(measured), sample, options)
-    tables, gains = steady(sequence.tables, images, saturation)
-    for n, gain in gains.items():
-        sample[n] /= np.float32(gain)
+    tables, light = steady(sequence.tables, images, saturation)
+    if light is not None:
+        sample = np.einsum("fg,gn->fn", light.astype(np.float32), sample)
     response = estimate_response(sequence.waves, patterns, sample, saturation, images)
     bent = sequence.waves if response else ()
-    noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images, bent, gains)
+    noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images, bent, light)
     noise = known._replace(misfit=noise.misfit, unlit=noise.unlit) if known else noise
     tables = straighten(tables, response, sequence.waves) if response else tables
     x, y = (
@@ -232,7 +244,7 @@ def _measure(
         measure_bend(measure_fading(table, sample, noise), squares, sample, across, noise, saturation)
         for table, squares in zip(tables, sequence.squares, strict=True)
     )
-    return limits_of(noise, saturation, options, (x, y)), (x, y), response, gains, sample
+    return limits_of(noise, saturation, options, (x, y)), (x, y), response, light, sample
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ found in the same residuals, tile by tile.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -62,7 +62,7 @@ def refine(
     tables: tuple[AxisTable, AxisTable],
     limits: Limits,
     response: Response | None,
-    gains: Mapping[int, float],
+    steady: Array | None,
     planes: Planes,
     progress: Progress,
 ) -> Singles:
@@ -79,8 +79,8 @@ def refine(
         Noise and full scale.
     response : Response, optional
         Of the projector, which grey patterns go through.
-    gains : dict
-        Of frames that a flickering lamp lit more or less.
+    steady : array (frames, frames), optional
+        Leads to grey values in steady light; what a room's lamp adds stays.
     planes : Planes
         Changed.
 
@@ -92,6 +92,8 @@ def refine(
     curve = b"" if response is None else response.table.tobytes()
     shown = [_shown(frames.axes.get(axis), patterns) for axis in ("x", "y")]
     lines = [int(table.lines) for table in tables]
+    if steady is None or np.count_nonzero(steady) > len(steady):
+        steady = np.eye(len(images))
     light = Light(
         np.array(frames.white, np.int32),
         np.array(frames.black, np.int32),
@@ -99,7 +101,7 @@ def refine(
         limits.shot,
         limits.floor,
         limits.saturation,
-        np.array([1 / gains.get(n, 1.0) for n in range(len(images))], np.float32),
+        steady.diagonal().astype(np.float32),
     )
     addresses = np.array([image.ctypes.data for image in images], np.uint64)
     source = addresses, images[0].itemsize

@@ -2,7 +2,8 @@
 
 Lit once more than the other steps, one step draws the phases to its own. Then the amplitude of fringes as a part of
 their mean depends on the phase, though it is the same for neighbours in truth, and more steps than three contradict
-each other. Both are linear in the gains of the frames, which follow by least squares over a sample of pixels.
+each other. Both are linear in the gains of the frames, which follow by least squares over a sample of pixels. A room's
+lamp adds light instead, of their mean the same part in all pixels; what is left tells which of both it was.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ SLIGHT = 0.003  # of the gain: less is not worth it
 
 def steady(
     tables: tuple[AxisTable, AxisTable], images: Sequence[Image], saturation: float
-) -> tuple[tuple[AxisTable, AxisTable], dict[int, float]]:
-    """Divide the frames of every period by their gains, where these differ.
+) -> tuple[tuple[AxisTable, AxisTable], Array | None]:
+    """Free the frames of every period from what their light differs by.
 
     Parameters
     ----------
@@ -52,8 +53,8 @@ def steady(
     -------
     tables : (AxisTable, AxisTable)
         The same where the light was steady.
-    gains : dict
-        Of the frames, where some differ; 1 in the mean.
+    light : array (frames, frames), optional
+        Leads from the grey values of all frames to those in steady light; diagonal where the projector's lamp flickers.
     """
     waves = [wave for table in tables for wave in _waves(table)]
     step = STEP if images[0].size > SMALL else STEP // 2
@@ -69,18 +70,29 @@ def steady(
         _gains(grey.astype(np.float32), solution, patch, part, saturation)
         for grey, (_, solution) in zip(seen, waves, strict=True)
     ]
-    if all(gains is None for gains in found):
-        return tables, {}
-    each = [np.ones(len(frames)) if g is None else g for (frames, _), g in zip(waves, found, strict=True)]
+    costs = [[cost for _, cost in kinds] for kinds in found if kinds]
+    if not np.any(costs):
+        return tables, None
+    room = bool(np.argmin(np.sum(costs, axis=0)))
+    each = [
+        _to_steady(kinds[room][0] if kinds else np.ones(len(frames)), solution, room)
+        for (frames, solution), kinds in zip(waves, found, strict=True)
+    ]
     lit = np.max([grey.max(axis=0) for grey in seen], axis=0) < saturation
-    means = [(solution[0] / g) @ grey[:, lit] for (_, solution), g, grey in zip(waves, each, seen, strict=True)]
-    usual = np.median(means, axis=0)
-    gains: dict[int, float] = {}
-    for (frames, _), g, mean in zip(waves, each, means, strict=True):
-        level = float(np.median(mean / np.maximum(usual, 1))) if len(usual) else 1.0
-        gains |= dict(zip(frames.tolist(), (g * level).tolist(), strict=True))
-    x, y = (_divided(table, gains) for table in tables)
-    return (x, y), gains
+    means = [solution[0] @ own @ grey[:, lit] for (_, solution), own, grey in zip(waves, each, seen, strict=True)]
+    usual = np.maximum(np.median(means, axis=0), 1)
+    light = np.eye(len(images))
+    for (frames, solution), own, mean in zip(waves, each, means, strict=True):
+        level = float(np.median(mean / usual)) if len(usual) else 1.0
+        whole = np.full(len(frames), 2 - 1 / level if room else level)
+        light[np.ix_(frames, frames)] = _to_steady(whole, solution, room) @ own
+    x, y = (_lit_by(table, light) for table in tables)
+    return (x, y), light
+
+
+def _to_steady(gains: Array, solution: Array, room: bool) -> Array:
+    """Leads from the grey values of a period's frames to those in steady light, shape (frames, frames)."""
+    return np.eye(len(gains)) - np.outer(gains - 1, solution[0]) if room else np.diag(1 / gains)
 
 
 def _places(size: int, step: int) -> NDArray[np.intp]:
@@ -109,21 +121,23 @@ def _waves(table: AxisTable) -> list[tuple[NDArray[np.int32], Array]]:
     return found
 
 
-def _divided(table: AxisTable, gains: dict[int, float]) -> AxisTable:
-    """Divide the frames that are fitted by their gains."""
-    gain = np.array([gains.get(int(n), 1.0) for n in table.fits.frame], np.float32)
-    hat = table.hat.copy()
+def _lit_by(table: AxisTable, light: Array) -> AxisTable:
+    """Fit the frames in steady light."""
+    value, hat = table.fits.value.copy(), table.hat.copy()
     for j in range(len(table.period)):
-        mine = gain[table.fits.first[j] : table.fits.first[j + 1]]
-        hat[j, : len(mine), : len(mine)] *= mine[:, None] / mine
-    fits = Fits(table.fits.first, table.fits.frame, np.ascontiguousarray(table.fits.value / gain))
-    return table._replace(fits=fits, hat=hat)
+        used = np.flatnonzero(hat[j].diagonal() > 0)
+        frames = table.fits.frame[table.fits.first[j] + used]
+        own, block, entries = light[np.ix_(frames, frames)], np.ix_(used, used), table.fits.first[j] + used
+        value[:, entries] = value[:, entries] @ own
+        hat[j][block] = np.linalg.solve(own, hat[j][block]) @ own
+    return table._replace(fits=Fits(table.fits.first, table.fits.frame, value), hat=hat)
 
 
 def _gains(
     grey: Singles, solution: Array, patch: NDArray[np.intp], part: NDArray[np.intp], saturation: float
-) -> NDArray[np.float64] | None:
-    """Gains of the frames of one period, None where they do not differ."""
+) -> list[tuple[Array, float]] | None:
+    """Gains of the frames of one period, by a projector's lamp and by a room's, and the logarithm of the part that each
+    leaves unexplained, 0 where it shows nothing; None where the light does not differ."""
     light = grey.mean(axis=1)
     if np.abs(light / light.mean() - 1).max() < NOTICED:
         return None
@@ -139,16 +153,25 @@ def _gains(
     if good.sum() < FEWEST:
         return None
     grey, patch = grey[:, good], patch[good]
-    total, thinned = np.ones(len(grey)), max(1, grey.shape[1] // PIXELS)
+    return [_by(grey, solution, patch, room) for room in (False, True)]
+
+
+def _by(grey: Singles, solution: Array, patch: NDArray[np.intp], room: bool) -> tuple[Array, float]:
+    """Gains by one of both lamps, and what they leave, see `_gains`."""
+    steady_light, thinned = np.ones(len(grey)), max(1, grey.shape[1] // PIXELS)
+    total, unexplained = steady_light, np.zeros(ROUNDS)
     for k in range(ROUNDS):
         some = slice(None, None, thinned if k == 0 else 1)
-        change, significant = _look((grey[:, some] / total[:, None]).astype(np.float32), solution, patch[some])
+        shown = (_to_steady(total, solution, room) @ grey[:, some]).astype(np.float32)
+        change, significant, unexplained[k] = _look(shown, solution, patch[some], room)
         if k == 0 and not significant:
-            return None
-        total *= 1 + change
-    total /= total.mean()
+            return steady_light, 0.0
+        total = total + change if room else total * (1 + change)
+    total = total + 1 - total.mean() if room else total / total.mean()
+    both = (solution[1] + 1j * solution[2]).astype(np.complex64)
     halves = np.array_split(grey, 2, axis=1)  # upper and lower: a frame that came late in some rows is no flicker
-    return total if np.abs(total - 1).max() > SLIGHT and all(_lit_so(half, both, total) for half in halves) else None
+    told = np.abs(total - 1).max() > SLIGHT and all(_lit_so(half, both, total) for half in halves)
+    return (total, float(unexplained[-1] - unexplained[0])) if told else (steady_light, 0.0)
 
 
 def _lit_so(grey: Singles, both: NDArray[np.complex64], gains: Array) -> bool:
@@ -166,13 +189,14 @@ def _lit_so(grey: Singles, both: NDArray[np.complex64], gains: Array) -> bool:
     return bool(np.std(light / light.mean() - gains) < AGREE * np.std(gains))
 
 
-def _look(grey: Singles, solution: Array, block: NDArray[np.intp]) -> tuple[Array, bool]:
-    """Changes of the gains, and whether they are significant."""
+def _look(grey: Singles, solution: Array, block: NDArray[np.intp], room: bool = False) -> tuple[Array, bool, float]:
+    """Changes of the gains, whether they are significant, and the logarithm of what there was to explain."""
     g, both = grey.astype(float), solution[1] + 1j * solution[2]
     z, m = both @ g, np.maximum(solution[0] @ g, 1)
     turn = z / np.maximum(np.abs(z), 1e-6)
     part = np.abs(z) / m
-    slopes = ((turn.conj() * both[:, None]).real - part * solution[0][:, None]) * g / m
+    light = np.ones_like(g) if room else g / m
+    slopes = ((turn.conj() * both[:, None]).real - part * solution[0][:, None]) * light
     weight = np.minimum(m / np.percentile(m, 90), 1)  # noise is of grey values, not of parts of the mean
     shift = np.linalg.pinv(solution)[:, 1:] @ [1, -1j]
     steps = len(np.unique(shift.round(6)))
@@ -186,11 +210,12 @@ def _look(grey: Singles, solution: Array, block: NDArray[np.intp]) -> tuple[Arra
         shown = weight * g / m
         harmonics = [np.multiply.outer(contrasts @ shift**h, weight * part * turn**h) for h in range(2, steps - 1)]
         aside = np.reshape([each for h in harmonics for each in _both(h)], (-1, len(contrasts) * g.shape[1]))
-        design.append(_beside((contrasts[:, :, None] * shown).transpose(1, 0, 2).reshape(len(g), -1), aside))
+        design.append(_beside((contrasts[:, :, None] * weight * light).transpose(1, 0, 2).reshape(len(g), -1), aside))
         observed.append(_beside((contrasts @ shown).reshape(1, -1), aside)[0])
     free = np.linalg.svd(np.ones((1, len(g))))[2][1:]  # a factor common to all frames shows nowhere
     size = len(free)
     normal, right, prior = np.zeros((size, size)), np.zeros(size), np.eye(size) / PRIOR**2
+    to_explain = 0.0
     for slope, y in zip(design, observed, strict=True):
         a = free @ slope
         keep = np.ones(len(y), bool)
@@ -199,11 +224,13 @@ def _look(grey: Singles, solution: Array, block: NDArray[np.intp]) -> tuple[Arra
             left = y - own @ a
             keep = np.abs(left) < OUTLIER * 1.4826 * np.median(np.abs(left[keep])) + 1e-9
         per = 1 / max(float(np.mean(left[keep] ** 2)), 1e-9)
+        to_explain += len(y) * float(np.log(np.median(np.square(y)) + 1e-9))
         normal += per * a[:, keep] @ a[:, keep].T
         right += per * a[:, keep] @ y[keep]
     own = np.linalg.solve(normal + prior, right)
     change, chance = own @ free, size + SIGNIFICANT * np.sqrt(2 * size)
-    return change, bool(own @ normal @ own > chance and np.abs(change).max() > SLIGHT)
+    significant = bool(own @ normal @ own > chance and np.abs(change).max() > SLIGHT)
+    return change, significant, to_explain / sum(len(y) for y in observed)
 
 
 def _both(values: NDArray[np.complex128]) -> tuple[Array, Array]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,11 +106,11 @@ def measure_noise(
     saturation: float,
     images: Sequence[Image],
     bent: Sequence[Wave] = (),
-    gains: Mapping[int, float] = MappingProxyType({}),
+    light: Array | None = None,
 ) -> Noise:
     """Noise model from the redundancy of the frames, their `contrasts`; without any, from the scene's smoothness.
 
-    What the harmonics of `bent` waves explain of that is none. `gains` are those that `sample` is free of.
+    What the harmonics of `bent` waves explain of that is none. `light` led to `sample`, see `flicker.steady`.
     """
     step = quantum(sample) if images[0].itemsize > 1 else 1.0
     lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
@@ -119,7 +118,7 @@ def measure_noise(
         used = np.abs(found).max(axis=0) > 0
         every = max(1, min(len(found) * sample.shape[1] // RESIDUALS, sample.shape[1] // FEWEST))
         numbers = np.arange(len(used)) if bent else np.flatnonzero(used)
-        telling = _with_more_bright(sample, every, images, gains, numbers)
+        telling = _with_more_bright(sample, every, images, light, numbers)
         g = telling[used[numbers]]
         g_top = g.max(axis=0)
         g = np.compress(g_top < saturation, g, axis=1)  # an index would leave it in a slower order
@@ -170,7 +169,7 @@ def _unlit(waves: Sequence[Told], lit: NDArray[np.bool_], shown: Singles) -> NDA
 
 
 def _with_more_bright(
-    sample: Singles, every: int, images: Sequence[Image], gains: Mapping[int, float], numbers: NDArray[np.intp]
+    sample: Singles, every: int, images: Sequence[Image], light: Array | None, numbers: NDArray[np.intp]
 ) -> Singles:
     """Every so many pixels of some frames' sample; where few are bright, as on black boards, with their neighbours.
 
@@ -190,7 +189,9 @@ def _with_more_bright(
         around.append(np.clip((part.start or 0) + at[:, None] * part.step + np.arange(-reach, reach + 1), 0, size - 1))
     rows, columns = around
     near = (rows[:, :, None], columns[:, None, :])
-    more = np.stack([images[n][near].ravel() / np.float32(gains.get(n, 1.0)) for n in numbers.tolist()])
+    more = np.stack([images[n][near].ravel().astype(np.float32) for n in numbers.tolist()])
+    if light is not None:
+        more = np.einsum("fg,gn->fn", light[np.ix_(numbers, numbers)].astype(np.float32), more)
     return np.concatenate([sample[:, ::every], more[:, more.mean(axis=0) > limit]], axis=1)
 
 

@@ -55,6 +55,23 @@ def test_flicker_is_seen_whatever_the_distance_of_fringes(bench, period: float) 
     assert np.sqrt(np.nanmean((phase.u - b.u) ** 2)) < 1.15 * np.nanstd(steady)
 
 
+@pytest.mark.parametrize("name", SEQUENCES)
+def test_flicker_of_the_room_is_taken_out_of_the_phases(bench, name: str) -> None:
+    """By 20 % of a room's light of a fifth of the projector's: 1.2 to 1.9 times the noise of steady light without.
+
+    What the code's frames show of it still counts for sigma, and makes that cautious.
+    """
+    b, images = frames(bench, name)
+    steady = decode(SEQUENCES[name], images, lines=(N, N)).u - b.u
+    more = np.random.default_rng(1).normal(0, 0.2, len(images))
+    lit = [np.clip(np.rint(i + b.ambient * m), 0, 255).astype(np.uint8) for i, m in zip(images, more, strict=True)]
+    phase = decode(SEQUENCES[name], lit, lines=(N, N))
+    error = phase.u - b.u
+    assert np.isfinite(error).mean() > 0.995
+    assert np.sqrt(np.nanmean(error**2)) < 1.05 * np.nanstd(steady)
+    assert 0.75 < np.sqrt(np.nanmean((error / phase.sigma_u) ** 2)) < 1.1
+
+
 def test_uneven_light_over_wide_fringes_is_no_flicker(bench) -> None:
     """Visibility that changes over the field as the phase does, in steady light."""
     x = np.arange(1000)
@@ -76,6 +93,6 @@ def test_a_curve_is_no_flicker_where_some_phases_are_seen_more_often(lamp: float
     gains = 1 + lamp * np.array([0.5, -1, 0, 1, -0.5])
     grey = gains[:, None] * grey + rng.normal(0, 0.5, grey.shape)
     solution = np.linalg.pinv(np.column_stack([np.ones(5), np.cos(turns), np.sin(turns)]))
-    change, significant = _look(grey.astype(np.float32), solution, np.zeros(1000, int))
+    change, significant, _ = _look(grey.astype(np.float32), solution, np.zeros(1000, int))
     assert significant == (lamp > 0)
     assert np.abs(1 + change - gains).max() < 0.01
