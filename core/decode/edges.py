@@ -28,9 +28,9 @@ def sigma_of_edges(
     a bit may look sure by chance: where few about a pixel tell as much, it claims no more than they.
     """
 
-    def mean(values: NDArray[Any], where: NDArray[np.bool_]) -> NDArray[Any]:
-        sums = (cv2.boxFilter(a.astype(np.float32), -1, AROUND, normalize=False) for a in (values, where))
-        return next(sums) / np.maximum(next(sums), 1)
+    def sums(values: NDArray[Any]) -> NDArray[np.float32]:
+        plain = values.view(np.uint8) if values.dtype == bool else values.astype(np.float32)
+        return np.asarray(cv2.boxFilter(plain, cv2.CV_32F, AROUND, normalize=False))
 
     even = cell / np.sqrt(12)
     cells = np.round(sigma / np.float32(even))
@@ -38,12 +38,15 @@ def sigma_of_edges(
     finite = np.isfinite(place)
     known = finite & (cells <= 2)
     told, rest = np.full(sigma.shape, np.nan, np.float32), np.ones(sigma.shape, np.float32)
-    for edges in (known & (cells == 2), known & (cells < 2) & (np.abs(y - np.round(y)) < 0.25)):
-        share = mean(edges, known)
+    near, number = np.abs(y - np.round(y)) < 0.25, sums(known)
+    for edges in (known & (cells == 2), known & (cells < 2) & near):
+        share = sums(edges) / np.maximum(number, 1)
         np.copyto(told, 2 * np.maximum(share, np.float32(LEAST_REACH)), where=edges)
         rest -= share
     told = np.where(np.isnan(told), np.maximum(rest, np.float32(LEAST_REST)), told)
-    noise = np.sqrt(np.maximum(limits.dark + limits.shot * image, limits.floor))
-    around = np.where(mean(known, finite) < FEW, np.sqrt(mean(np.where(finite, cells, 0) ** 2, finite)), 1)
-    told = np.where(modulation < NOISY * noise, np.maximum(told, around), told)
+    dim = modulation < NOISY * np.sqrt(np.maximum(limits.dark + limits.shot * image, limits.floor))
+    if dim.any():
+        every = np.maximum(sums(finite), 1)
+        around = np.where(number / every < FEW, np.sqrt(sums(np.where(finite, cells, 0) ** 2) / every), 1)
+        told = np.where(dim, np.maximum(told, around), told)
     np.copyto(sigma, told * np.float32(even), where=known)
