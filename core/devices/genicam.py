@@ -138,7 +138,7 @@ class GenicamCamera:
         raise DeviceError(self.name, f"{_MOST} images from the buffer", "set a lower frame rate or a software trigger")
 
     def arm(self, count: int) -> None:
-        self._switch({"TriggerSource": self._line})
+        self._switch({"TriggerSource": self._line}, count)
         self._unfinished = False
 
     def lead(self, count: int) -> None:
@@ -152,7 +152,8 @@ class GenicamCamera:
                 "AcquisitionFrameRate": 1 / self.lead_period_s,
                 "AcquisitionMode": "MultiFrame",
                 "AcquisitionFrameCount": count,
-            }
+            },
+            count,
         )
         self._unfinished = False
 
@@ -172,12 +173,14 @@ class GenicamCamera:
         self._switch({**led, "TriggerSource": "Software"})
         return images
 
-    def _switch(self, nodes: Mapping[str, Any]) -> None:
-        """Take images at other triggers; what was on its way is given up."""
+    def _switch(self, nodes: Mapping[str, Any], count: int = 0) -> None:
+        """Take images at other triggers; what was on its way is given up. With room for `count` that nobody fetches."""
         with self._told("does not change its trigger", "switch the camera off and on"):
             self._acquirer.stop()
             for node, value in nodes.items():
                 self._wanted(node, value)
+            if count:
+                self._acquirer.num_buffers = max(count + 1, self._acquirer.min_num_buffers)
             self._acquirer.start()
         self._last = None
 

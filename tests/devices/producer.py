@@ -17,6 +17,8 @@ class Node(SimpleNamespace):
 class Producer:
     """The part of a Harvester that is used: one camera, software trigger or free running."""
 
+    min_num_buffers = 1
+
     def __init__(self, trigger: bool = True, **nodes: Node) -> None:
         self.light, self.calls, self.dead = 10, [], False
         self.device_info_list = [SimpleNamespace(serial_number="A1")]

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -182,3 +182,15 @@ def test_the_exposure_can_be_set_while_it_is_open_or_is_not_offered(bed: Bed) ->
 def test_closes_twice(bed: Bed) -> None:
     bed.camera.close()
     bed.camera.close()
+
+
+def test_images_of_a_sequence_wait_in_buffers_while_the_host_is_busy() -> None:
+    """By a producer's own buffers, of which there are three where nobody asks for more."""
+    package = pytest.importorskip("genicam")
+    pytest.importorskip("harvesters")
+    camera = open_camera(f"genicam:0?producer={Path(package.__file__).parent / 'viky.cti'}&format=Mono8")
+    with closing(camera):
+        camera._switch({}, 20)
+        time.sleep(0.8)  # 16 images
+        numbers = [camera._fetch(1.0).number for _ in range(12)]
+    assert numbers == list(range(numbers[0], numbers[0] + 12))
