@@ -28,6 +28,7 @@ detours.py    light that reaches a surface by a second way
 agreement.py  how far several periods contradict each other, and what that adds to sigma
 sections.py   light sections: the centroid over a sweep of lines
 likelihood.py words that only a look-up tells apart, by the likelihood of all frames
+shown.py      how words are shown: blur, noise, flicker and whatever bends their light
 book.py       the words of an axis under every blur, and the kernels that find a pixel among them
 edges.py      how surely the edges of a Gray code alone tell the place
 ripple.py     whole lines' ripple on sine fringes

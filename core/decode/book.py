@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ from core.patterns import Axis, Pattern, axis_of, brightness, level_of
 
 PER_LINE = 8  # entries of the tables; between them they are interpolated
 BLURS = np.round(np.concatenate([np.geomspace(0.25, 2.4, 49), np.geomspace(2.64, 12.0, 15)]), 4)  # lines
+WIDE = [int(np.argmin(np.abs(BLURS - lines))) for lines in (1.2, 3.0, 8.0)]  # as light that spreads is blurred
 FEW = 10  # frames: their words are so much alike that places are looked up on quarter lines, else on half lines
 ELSEWHERE = 2.0  # times the blur, at least a line: nearer than this is the same place
 NEAREST = 64  # words elsewhere that are compared one by one, where the rest is known to be unlike
@@ -85,6 +86,28 @@ class Book:
     def places(self, best: NDArray[np.int32]) -> Singles:
         """Give what was looked up in lines."""
         return (best / F(self.grid) - F(0.5)).astype(np.float32)
+
+    def values(self, blur: NDArray[np.int64], place: Singles) -> Singles:
+        """Give the words (n, k) at places (n,) in lines, each under its blur."""
+        x = np.clip((place + 1) * PER_LINE, 0, self.fine.shape[1] - 2)
+        entry, part = x.astype(int), (x % 1)[:, None]
+        return np.asarray((1 - part) * self.fine[blur, entry] + part * self.fine[blur, entry + 1], np.float32)
+
+    def bends(self, blur: NDArray[np.int64], place: Singles) -> list[Singles]:
+        """Give the words (n, k) at places, and what changes if a camera bends grey values, or light spreads widely."""
+        words = self.values(blur, place)
+        wide = (self.values(np.full_like(blur, number), place) - words for number in WIDE)
+        return [words, words**2 - words, words**3 - words, *wide]
+
+    def bent(self, terms: Array, blurs: slice) -> Book:
+        """Give the book of words so changed, under some blurs."""
+        fine = self.fine.copy()
+        some = fine[blurs]
+        more = terms[0] * (some**2 - some) + terms[1] * (some**3 - some)
+        for term, number in zip(terms[2:], WIDE, strict=True):
+            more += term * (self.fine[number] - some)
+        fine[blurs] += more
+        return replace(self, fine=fine, _kept={})
 
     def shelf(self, blur: int) -> Shelf:
         """Give what is looked up under a blur."""

@@ -38,6 +38,20 @@ BLOCK = 5  # pixels of the sample, a side, whose mean shows light below the nois
 TELLING = 0.05  # of the straight light, by a second way: that all around, of scattering rooms, shows up to 0.045
 MUCH = 1.4  # times the sigma by noise: as much variance comes from something else
 MANY = 0.1  # part of the lit pixels that a cause must have to be told
+SECOND_OF_FRINGES = (
+    "In {} of the pixels about {} of the light comes by a second way, by gloss or from a facing wall, or a lamp "
+    "flickers from row to row: sigma holds that. Dull the surface, show shorter periods, or expose for whole cycles of "
+    "the lamp."
+)
+SECOND_OF_WORDS = (
+    "In {} of the pixels about {} of the light comes by a second way, by gloss or from a facing wall: sigma holds "
+    "that. Dull the surface, or turn it away from what faces it."
+)
+ODD_WORDS = (
+    "In {} of the pixels the frames differ from their words by about {} of the light, of which sigma holds most: "
+    "something moved, light changed or spreads within the surface, frames are not those listed, or were sharpened or "
+    "compressed with losses (JPEG). Save frames as they are, and take the capture again."
+)
 
 
 def notes_on(
@@ -174,7 +188,7 @@ def _causes(
     return [(f"in {part:.0%} of them {text}", dim.get(text, False)) for text, part in ordered if part > MANY]
 
 
-def note_on_second_light(part: Singles, bent: NDArray[np.bool_], words: bool = False) -> tuple[str, ...]:
+def note_on_second_light(part: Singles, bent: NDArray[np.bool_], told: str = SECOND_OF_FRINGES) -> tuple[str, ...]:
     """Say that light comes by a second way, where it bends the coordinates of many pixels beyond their noise.
 
     Parameters
@@ -183,20 +197,9 @@ def note_on_second_light(part: Singles, bent: NDArray[np.bool_], words: bool = F
         Of the light that comes straight, in tiles or pixels.
     bent : bool (n,)
         Where it counts for more than noise, of valid pixels.
-    words : bool
-        Whether words tell it, which show motion and flicker alike.
+    told : str
+        The sentence, with places for the parts of pixels and of light.
     """
     if bent.size == 0 or bent.mean() < MANY or not np.any(part > TELLING):
         return ()
-    usual = float(np.median(part[part > TELLING]))
-    if words:
-        return (
-            f"In {bent.mean():.0%} of the pixels about {usual:.0%} of the light comes by a second way, by gloss or "
-            "from a facing wall, or something moved or flickered, or the camera bends its grey values: sigma holds "
-            "that. Dull the surface, switch the camera's gamma off, or take the capture again.",
-        )
-    return (
-        f"In {bent.mean():.0%} of the pixels about {usual:.0%} of the light comes by a second way, by gloss or from a "
-        "facing wall, or a lamp flickers from row to row: sigma holds that. Dull the surface, show shorter periods, or "
-        "expose for whole cycles of the lamp.",
-    )
+    return (told.format(f"{bent.mean():.0%}", f"{float(np.median(part[part > TELLING])):.0%}"),)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -98,6 +99,34 @@ def test_light_that_flickers_costs_no_accuracy(bench, judge, lamp: float, room: 
     assert found.rms < 1.05 * steady.rms
     assert 0.95 < found.sigma_ratio < 1.05
     assert not phase.notes
+
+
+@pytest.mark.parametrize("frames", [8, 14])
+@pytest.mark.parametrize(("gamma", "spread"), [(2.2, 0.0), (0.7, 0.0), (1.0, 3.0), (1.0, 8.0), (1.8, 5.0)])
+def test_a_camera_with_a_gamma_and_surfaces_that_spread_light(bench, judge, frames, gamma, spread) -> None:
+    """All words are bent alike: that is found. It was a second light, with sigma 0.8 to 1 of the error before."""
+    b, patterns, draw = bench(height=80, blur=0.6), dense(frames), np.random.default_rng(3)
+    images, wide = [], replace(b, blur=max(spread, 0.6))
+    for pattern in patterns:
+        light = 15 + 120 * (0.6 * b.light(pattern) + 0.4 * wide.light(pattern))
+        grey = 255 * (light / 255) ** (1 / gamma) + 2.5 * draw.normal(size=light.shape)
+        images.append(np.clip(np.rint(grey), 0, 255).astype(np.uint8))
+    phase = decode(patterns, images, lines=(N, N))
+    found = judge(phase, b.u, 2)
+    assert not phase.notes
+    assert found.gross == 0
+    assert found.valid > 0.99
+    assert 0.93 < found.sigma_ratio < 1.05
+
+
+def test_compressed_frames_are_no_second_light(bench) -> None:
+    patterns = dense(14)
+    images = bench(height=120, blur=0.6, gain=90, dark=3.0).take(patterns)
+    quality = [cv2.IMWRITE_JPEG_QUALITY, 25]
+    images = [cv2.imdecode(cv2.imencode(".jpg", image, quality)[1], cv2.IMREAD_GRAYSCALE) for image in images]
+    (note,) = decode(patterns, images, lines=(N, N)).notes
+    assert "JPEG" in note
+    assert "second way" not in note
 
 
 def test_a_decoded_pixel_without_a_decoded_neighbour_is_none(bench) -> None:
