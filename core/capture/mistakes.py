@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from core.capture.contradictions import PIXELS, Looked, contradicting, looks, unexplained
 from core.capture.lookup import nearest
 from core.capture.plan import Plan
-from core.patterns import Code, Pattern, Phase, describe
+from core.patterns import Code, Pattern, Phase, axis_of, describe
 
 Array = NDArray[np.float32]
 
@@ -85,6 +85,12 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
         left, i, k = min((_exchanged(looked, i, k), i, k) for i, k in alike)
         if left <= most:
             return _exchange(looked, i, k)
+    tries = [(j, i) for j in alone or range(len(looked.shots)) for i in _across(plan, looked, j)]
+    if len(tries) <= MOST_FRAMES**2:
+        left, j, i = min(((_replaced(looked, j, values[i]), j, i) for j, i in tries), default=(1.0, 0, 0))
+        if left <= most:
+            first, second = sorted((looked.shots[j], i))
+            return f": frames {first} and {second} were exchanged", first
     if alone:
         return _one(looked, min(single)[1], "something else, a frame of another capture?")
     return ": frames are of another capture or sequence, something moved, or the patterns are not what was shown", None
@@ -210,6 +216,19 @@ def _exchanged(looked: Looked, i: int, k: int) -> float:
     swapped = looked.values.copy()
     swapped[[i, k]] = swapped[[k, i]]
     return contradicting(swapped, looked.patterns, looked, FEW)
+
+
+def _replaced(looked: Looked, j: int, seen: Array) -> float:
+    """Share of pixels that contradict themselves with other values in a frame's place."""
+    values = looked.values.copy()
+    values[j] = seen
+    return contradicting(values, looked.patterns, looked, FEW)
+
+
+def _across(plan: Plan, looked: Looked, j: int) -> list[int]:
+    """Numbers of the other axis' frames of the kind of one of these: it may stand for one of them."""
+    other = (i for i, p in enumerate(plan.shots) if axis_of(p) not in (looked.axis, None))
+    return [i for i in other if type(plan.shots[i]) is type(looked.patterns[j])]
 
 
 def _exchange(looked: Looked, i: int, k: int) -> tuple[str, int]:

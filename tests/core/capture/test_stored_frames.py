@@ -349,3 +349,10 @@ def test_white_beside_words_of_blurred_lines_is_not_dark() -> None:
     images = [np.uint8(np.round(15 + 150 * row + own)) for row, own in zip(light, noise, strict=True)]
     assert "claims" not in told(patterns, images)
     assert "claims white and is dark" in told(patterns, swapped(images, len(images) - 2, len(images) - 1))
+
+
+def test_frames_exchanged_between_the_axes_are_named() -> None:
+    patterns = list(SEQUENCES["reference"])
+    for mine, other in ((2, 13), (4, 15)):
+        found = told(patterns, swapped(render(patterns, 13), mine, other), "object")
+        assert f"frames {mine} and {other} were exchanged" in found
