@@ -52,7 +52,7 @@ def take_sequence(
         if camera is not lead:
             camera.arm(count)
     if lead is not None and isinstance(projector, Following):
-        projector.follow(check)
+        projector.follow(period_s, check)
         lead.lead(count)
     elif isinstance(projector, SelfRunning):
         projector.run(check)

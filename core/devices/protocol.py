@@ -168,8 +168,8 @@ class Following(Protocol):
 
     can_follow: bool
 
-    def follow(self, check: Check = no_check) -> None:
-        """Wait for triggers: each shows the next pattern, the first one pattern 0."""
+    def follow(self, period_s: float, check: Check = no_check) -> None:
+        """Wait for triggers `period_s` apart: each shows the next pattern, the first one pattern 0."""
         ...
 
 

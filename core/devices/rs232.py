@@ -51,7 +51,7 @@ class SerialProjector:
             self.sequence = tuple(p for p in whole if axis_of(p) in (None, profile.axis))
         self._loaded: tuple[Pattern, ...] = ()
         self._shown, self._open = -1, True
-        self._listed: tuple[str, tuple[Pattern, ...]] = ("", ())  # by which command it goes, and the sequence
+        self._listed: tuple[object, ...] = ()  # by which entries the sequence goes, its period, and the sequence
         self.dialogue = Dialogue(url, profile, note)
         self.name = self.dialogue.name
         try:
@@ -98,25 +98,26 @@ class SerialProjector:
         if not self.profile.stored and "load" not in self.profile.commands:
             self._recovering(lambda: self.dialogue.do(f"show-{pattern.kind}", **described(pattern)), check)
             return
-        self._listed = ("", ())
+        self._listed = ()
         slot = self.profile.stored[pattern] if self.profile.stored else self.profile.first_slot + index
         self._recovering(lambda: self._go(slot), check)
 
     def run(self, check: Check = no_check) -> None:
-        self._begin("run", check)
+        self._begin("run", self.period_s, check)
 
-    def follow(self, check: Check = no_check) -> None:
-        self._begin("follow", check)
+    def follow(self, period_s: float, check: Check = no_check) -> None:
+        self._begin("follow", period_s, check)
 
-    def _begin(self, command: str, check: Check) -> None:
+    def _begin(self, command: str, period_s: float, check: Check) -> None:
         """Let the loaded sequence go by a clock or by triggers; never asked twice, it may have begun."""
         self._check_open()
         self._shown = -1
-        if self.profile.listed and self._listed != (command, self._loaded):
-            self._recovering(lambda: self._list("follow-entry" if command == "follow" else "entry"), check)
-            self._listed = command, self._loaded
+        period_us, entry = round(1e6 * period_s), "follow-entry" if command == "follow" else "entry"
+        if self.profile.listed and self._listed != (entry, period_us, self._loaded):
+            self._recovering(lambda: self._list(entry, period_us), check)
+            self._listed = entry, period_us, self._loaded
         self.dialogue.cancel = check
-        self.dialogue.do(command, once=True, count=len(self._loaded), period_us=round(1e6 * self.period_s))
+        self.dialogue.do(command, once=True, count=len(self._loaded), period_us=period_us)
 
     def close(self) -> None:
         self._open = False
@@ -128,7 +129,7 @@ class SerialProjector:
 
     # -------------------------------------------------------------------------------- what a call is made of
 
-    def _list(self, entry: str) -> None:
+    def _list(self, entry: str, period_us: int) -> None:
         """Write the table of a sequence of stored patterns: images in the order they are needed, then the patterns."""
         profile, images, entries = self.profile, list[int](), list[tuple[int, bool]]()
         for pattern in self._loaded:
@@ -136,7 +137,6 @@ class SerialProjector:
             swap = not images or images[-1] != slot // profile.per_image
             entries.append((slot, swap))
             images += [slot // profile.per_image] * swap
-        period_us = round(1e6 * profile.period_s)
         whole: dict[str, Any] = {
             "count": len(entries),
             "shown": len(entries),

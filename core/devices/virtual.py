@@ -125,7 +125,7 @@ class VirtualProjector:
         self._check_open()
         self.stage.run(self._loaded, self.period_s)
 
-    def follow(self, check: Check = no_check) -> None:
+    def follow(self, period_s: float, check: Check = no_check) -> None:
         self._check_open()
         self.stage.follow(self._loaded)
 

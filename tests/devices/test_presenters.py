@@ -263,7 +263,7 @@ def test_a_dlpc900_shows_and_runs_the_bit_planes_of_its_images(own) -> None:
         projector.run()
         assert device.shown == [(slot // 24, slot % 24) for slot in range(len(projector.sequence))]
         np.testing.assert_array_equal(np.diff(device.pulses), 8333)
-        projector.follow()
+        projector.follow(1 / 120)
         assert device.shown == []
         for pulse in range(len(projector.sequence)):
             device.trigger(9000 * pulse)

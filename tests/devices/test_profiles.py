@@ -1,6 +1,7 @@
 """Profiles against devices that were written from their manuals, over a pseudo-terminal."""
 
 import binascii
+import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -207,8 +208,9 @@ def test_a_dlpc350_runs_a_stored_sequence_with_a_pulse_for_each_pattern(lightcra
 def test_a_dlpc350_follows_triggers_of_a_camera(lightcrafter: tuple) -> None:
     projector, device = lightcrafter
     projector.load(projector.sequence)
-    projector.follow()
+    projector.follow(1 / 125)
     assert device.shown == []
+    assert struct.unpack("<II", device.state[0x1A29]) == (8000 - 230, 8000)  # over before the next trigger
     count = len(projector.sequence)
     for pulse in range(count):
         device.trigger(9000 * pulse)
