@@ -23,6 +23,7 @@ from core.decode.harmonics import SquareWave, measure_bend, square_waves
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.late import late_frames
 from core.decode.likelihood import decode_words, has_words
+from core.decode.mixed import doubt_mixtures
 from core.decode.noise import Noise, contrasts
 from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
@@ -206,6 +207,9 @@ def decode(
     cofactor = max((float(t.covariance[0, 0]) for t in tables if len(t.covariance)), default=1.0)
     x_even, y_even = (t.start == SWEEP or len(t.period) > 0 for t in tables)
     draw_back((place, sigma), (image, modulation), flags, sequence.image_rows, limits, cofactor, (x_even, y_even))
+    for coordinate, s, even in ((u, sigma_u, x_even), (v, sigma_v, y_even)):
+        if even:
+            doubt_mixtures(coordinate, s)
     late = late_frames(patterns, sample, range(*taken[0].indices(height)), (u[taken].ravel(), v[taken].ravel()), limits)
     notes, dim = notes_on(arrays, sample, flags[taken].ravel(), limits, tables, max(refused, default=0.0))
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]

@@ -39,6 +39,7 @@ CLEAR = 5.0  # standard deviations of a change of the light: more is an edge
 FADED = 0.07  # part of an edge's change of the light, 3 px from it: where most have more, it is shading
 SAMPLE = 1500  # places that tell
 BESIDE = F(1)  # px that light has its middle beside the pixel: it comes from its neighbours
+BEYOND = F(0.95)  # the same, squared, in twice a footprint's variance: of light that ends 0.8 sigma before the middle
 BETWEEN = F(2)  # lines that it may draw a coordinate where it jumps: more tells of neither side
 PULLS = 6  # numbers a pixel, see `find_changes`
 
@@ -241,16 +242,27 @@ def find_changes(first, last, light, modulation, place, even, unit, share, least
 
 @fast
 def take_out(footprint, unsure, at, pull, place, sigma, flags):  # type: ignore[no-untyped-def]
-    """Draw pixels `at` back by their `pull` for a footprint (px², its sigma `unsure`); drop those lit from beside."""
-    width = flags.shape[1]
+    """Draw pixels `at` back by their `pull` for a footprint (px², its sigma `unsure`); drop those lit from beside.
+
+    Where there is no surface on the dark side, light that ends before a pixel's middle is not of its ray.
+    """
+    height, width = flags.shape
+    for n in range(len(at)):  # of all before any of them is dropped
+        row, c = at[n] // width, at[n] % width
+        x, y = footprint * pull[n, 4], footprint * pull[n, 5]
+        off = x * x + y * y
+        beside = off > BESIDE * BESIDE or footprint * max(pull[n, 2], pull[n, 3]) > BETWEEN
+        if not beside and off > BEYOND * footprint:
+            far_row, far = row - INT(np.rint(y / np.sqrt(off))), c - INT(np.rint(x / np.sqrt(off)))
+            if 0 <= far_row < height and 0 <= far < width:
+                beside = np.isnan(place[0, far_row, far]) and np.isnan(place[1, far_row, far])
+        pull[n, 4] = F(np.nan) if beside else x
     for n in range(len(at)):
         row, c = at[n] // width, at[n] % width
-        beside = footprint * footprint * (pull[n, 4] * pull[n, 4] + pull[n, 5] * pull[n, 5]) > BESIDE * BESIDE
-        beside = beside or footprint * max(pull[n, 2], pull[n, 3]) > BETWEEN
         for k in range(2):
             if np.isnan(place[k, row, c]):
                 continue
-            if beside:
+            if np.isnan(pull[n, 4]):
                 place[k, row, c] = sigma[k, row, c] = F(np.nan)
                 flags[row, c] |= _NO_U if k == 0 else _NO_V
                 continue

@@ -1,0 +1,76 @@
+"""Pixels that see two surfaces at once, both of them lit.
+
+Where coordinates jump, a pixel's grey values are those of both sides, and its phase is of neither. The noise of grey
+values shows nothing of that, nor does the light where both sides are as bright. But on one side at least the surface
+goes on as it came: a pixel that fits the two before it on neither side is a mixture, and its sigma holds the misfit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.decode.compiled import HALF, F, fast, part
+from core.decode.tables import Singles
+from core.parallel import run_in_bands
+
+TORN, BENT = F(12), HALF  # sigmas, and slopes, by which the continuations of both sides differ where there is a jump
+CLEAR = F(24)  # square of a misfit in units of the variance: of that 6 are the noise of three pixels
+_TWO = F(2)
+EVEN, TORN_APART = np.uint8(0), np.uint8(1)
+
+
+def doubt_mixtures(place: Singles, sigma: Singles) -> None:
+    """Widen, in place, the sigmas of pixels that see two surfaces.
+
+    Parameters
+    ----------
+    place, sigma : float32 (H, W)
+        Coordinate and sigma of one axis in lines, NaN where there is none.
+    """
+
+    def band(first: int, last: int) -> None:
+        widen_mixtures(max(first, 2), min(last, len(place) - 2), place, sigma, np.empty(place.shape[1], np.uint8))
+
+    run_in_bands(band, len(place))
+
+
+@part
+def _misfit(here, s, before, far_before, after, far_after):  # type: ignore[no-untyped-def]
+    """Square of the misfit to the better of both sides, 0 where there is no jump or no side goes on."""
+    ahead, back = _TWO * before - far_before, _TWO * after - far_after
+    limit = TORN * s + BENT * np.fmax(abs(before - far_before), abs(after - far_after))
+    apart = abs(ahead - back)
+    if np.isnan(apart):
+        apart = abs(before - here - here + after)
+    best = np.fmin(abs(here - ahead), abs(here - back))
+    return F(0) if apart <= limit or np.isnan(best) else best * best
+
+
+@fast
+def widen_mixtures(first, last, place, sigma, mask):  # type: ignore[no-untyped-def]
+    """Widen the sigmas of the rows ``first <= row < last``; `mask`, uint8 (W,), is scratch memory."""
+    width = place.shape[1]
+    inner = width - 4
+    for row in range(first, last):
+        here, s = place[row], sigma[row]
+        up, top, down, bottom = place[row - 1], place[row - 2], place[row + 1], place[row + 2]
+        # views from 0 on: an index that may be negative would not compile to vector instructions
+        l2, l1, r1, r2 = here[:inner], here[1 : inner + 1], here[3 : inner + 3], here[4:]
+        t2, t1, b1, b2, own = top[2:], up[2:], down[2:], bottom[2:], s[2:]
+        jumps = EVEN
+        for c in range(inner):
+            across = abs(_TWO * (l1[c] - r1[c]) - (l2[c] - r2[c]))
+            along = abs(_TWO * (t1[c] - b1[c]) - (t2[c] - b2[c]))
+            limit = TORN * own[c]
+            even = (across <= limit) & (along <= limit)
+            mask[c] = EVEN if even | (own[c] != own[c]) else TORN_APART
+            jumps |= mask[c]
+        if jumps == EVEN:
+            continue
+        for c in range(2, width - 2):
+            if mask[c - 2] != EVEN:
+                p, own = here[c], s[c]
+                across = _misfit(p, own, here[c - 1], here[c - 2], here[c + 1], here[c + 2])
+                square = max(across, _misfit(p, own, up[c], top[c], down[c], bottom[c]))
+                if square > CLEAR * own * own:
+                    s[c] = np.sqrt(own * own + square)
