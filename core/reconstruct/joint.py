@@ -8,7 +8,8 @@ point appears in its image, between pixels, and observes them once more:
 
 with the same projection f into the projector. Their noise is independent, so that plain weights hold. Of cameras alone,
 the projector only labels corresponding places: ``r = L(x(q)) - L_own``, and neither the projector's orientation nor its
-drift enters. Newton's step is ``q <- q + Σ w J r / Σ w J²`` with ``J = -dr/dq``.
+drift enters; the noise of L_own is common to the residuals of all other cameras. Newton's step is
+``q <- q + Σ w J r / Σ w J²`` with ``J = -dr/dq``.
 """
 
 from __future__ import annotations
@@ -111,26 +112,27 @@ class Scene:
         other = {v.camera for v in views} - {self.camera}
         lines = {v.projector for v in views} if self.rays == "all" else set()
         seen = {name: self.seen(name, directions, q) for name in other | lines}
-        parts, off, unknown = [], [np.full(len(q), np.nan)], np.full((len(q), 2), np.nan)
+        parts, like, off, unknown = [], [], [np.full(len(q), np.nan)], np.full((len(q), 2), np.nan)
         fastest = np.max([np.zeros(len(q)), *(np.linalg.norm(seen[name][1], axis=1) for name in other)], axis=0)
         for view in views:
             value, variance = own.get(view.projector, (unknown, unknown))
-            by_q = np.zeros((len(q), 2))
-            if self.rays == "all":
-                expected, by_q = seen[view.projector]
-            else:
-                expected, extra = value, variance
+            expected, by_q = seen[view.projector] if self.rays == "all" else (value, np.zeros((len(q), 2)))
             if view.camera != self.camera:
                 place, walk = seen[view.camera]
                 value, variance, gradient = view.labels.between(place)
                 by_q = by_q - np.einsum("nij,nj->ni", gradient, walk)
-                variance = variance if self.rays == "all" else variance + extra
             rest = value - expected
             known = np.isfinite(rest) & np.isfinite(by_q)
             parts.append([np.where(known, x, 0.0) for x in (rest, by_q, 1 / np.maximum(variance, LEAST_VARIANCE))])
+            like.append(view.projector)
             if view.camera != self.camera:
                 away = np.where(known, np.abs(rest) / np.linalg.norm(gradient, axis=2), np.nan)
                 off.append(np.fmax(away[:, 0], away[:, 1]))
+        if self.rays == "cameras":
+            parts += [
+                _in_common([part for part, name in zip(parts, like, strict=True) if name == each], own[each][1])
+                for each in dict.fromkeys(like)
+            ]
         r, J, w = (np.concatenate(column, axis=1) for column in zip(*parts, strict=True))
         return Terms(r, J, w, np.fmax.reduce(off), fastest)
 
@@ -147,7 +149,19 @@ class Scene:
                 terms = self.terms(at, directions, q)
         lost = ~(terms.off_px < REACH_PX) | (np.abs(q - begin) * terms.walk_px > 2 * REACH_PX)
         sight[(sight == Sight.JOINT) & lost] = Sight.HIDDEN  # it walked off what it should see
-        return q, variance, np.sum(terms.w * terms.r**2, axis=1), np.count_nonzero(terms.w, axis=1), sight
+        return q, variance, np.sum(terms.w * terms.r**2, axis=1), np.count_nonzero(terms.w > 0, axis=1), sight
+
+
+def _in_common(parts: Sequence[Sequence[Array]], variance: Array) -> list[Array]:
+    """What allows for the error of the label that residuals r, slopes J, weights w (n, 2) of cameras have in common.
+
+    The inverse of ``diag(1/w) + variance 1 1ᵀ`` is ``diag(w) - w wᵀ / (1/variance + Σ w)``: of any such sum the second
+    part is that of one more residual, the mean of all, of negative weight.
+    """
+    r, J, w = (np.stack(column) for column in zip(*parts, strict=True))
+    total = np.maximum(w.sum(axis=0), np.finfo(float).tiny)
+    label = np.maximum(np.nan_to_num(variance, nan=1.0), LEAST_VARIANCE)
+    return [(w * r).sum(axis=0) / total, (w * J).sum(axis=0) / total, -(total**2) / (1 / label + total)]
 
 
 def intersect_all(

@@ -141,6 +141,29 @@ def test_cameras_alone_do_not_care_where_the_projector_stands() -> None:
     assert np.sqrt(np.mean((error / cameras.sigma_depth_mm[seen]) ** 2)) == pytest.approx(1.0, abs=0.03)
 
 
+@pytest.mark.parametrize("name", ["left", "right", "top"])
+def test_cameras_that_share_a_label_share_its_noise(name: str) -> None:
+    """Of three cameras: 1.25 and 1.13 (left, right) where residuals of two against the third count as independent."""
+    top = Place.looking(CAMERA, 11.8, [120.0, 200.0, 890.0])
+    places, found = {"left": LEFT, "right": RIGHT, "top": top}, calibration()
+    from_left = Pose(top.R @ LEFT.R.T, top.R @ (LEFT.centre - top.centre))
+    more = [n.replace("right", "top") for n in found.parameter_names if n.startswith("right")]
+    found = replace(
+        found,
+        devices={**found.devices, "top": top.device()},
+        cameras=tuple(places),
+        orientations={**found.orientations, "top": Orientation("left", from_left)},
+        parameter_names=(*found.parameter_names, *more),
+        covariance=np.zeros((len(found.covariance) + len(more),) * 2),
+    )
+    seen = [capture(place, LAMP, [plane], each, NOISE, i) for i, (each, place) in enumerate(places.items())]
+    cloud = intersect_all(seen, found, name, rays="cameras")
+    own = cloud.sight == Sight.JOINT
+    assert own.mean() > 0.7
+    error = depth_errors(cloud, places[name], [plane])[own] / cloud.sigma_depth_mm[own]
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(1.0, abs=0.03)
+
+
 def test_hidden_places_are_told_from_rays_that_miss() -> None:
     surfaces = [plane, ball]
     both, found = captures(surfaces), calibration()
