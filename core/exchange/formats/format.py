@@ -13,6 +13,7 @@ import numpy as np
 
 from core.atomic import write_together
 from core.errors import InputError
+from core.fields import LARGEST as FARTHEST
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -87,8 +88,8 @@ def numbers(values: Any, shape: tuple[int, ...]) -> np.ndarray:
         found = found.reshape(shape)
     if found.ndim != len(shape) or any(w not in (-1, s) for w, s in zip(shape, found.shape, strict=True)):
         raise ValueError(f"numbers of shape {found.shape} in place of {shape}")
-    if not np.isfinite(found).all():
-        raise ValueError("a number is not finite")
+    if not (np.abs(found) <= FARTHEST).all():
+        raise ValueError("a number is not finite, or far beyond any of a rig")
     return found
 
 
