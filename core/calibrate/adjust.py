@@ -34,6 +34,7 @@ from core.calibrate.snooping import (
 from core.calibrate.state import State, interior_of, station_orientations
 from core.calibrate.weakness import (
     ORIENTATION,
+    BehindError,
     check_estimable,
     geometry_warnings,
     mirrored_error,
@@ -54,6 +55,7 @@ FITTING = 10.0  # σ0 at most of a network that explains its images
 DOUBTED = 3.0  # σ0 of a solution beyond which another one is looked for
 UNEVEN = 2.0  # its square over that of the bulk of the observations, likewise
 ORIENTED = 3  # times
+SAME = 1e-6  # share by which the variances of one and the same solution differ
 LEAST_FACTOR = 1e-8  # of a variance: simulated observations without noise count as ten thousand times better, no more
 
 
@@ -200,6 +202,8 @@ def _solve_somehow(
         with suppress(AdjustmentError, SingularNormalsError):
             state = oriented_anew(network, problem, robust_state(problem, state))
             found = _solve_despite(network, problem, state, options, progress)
+            if best is not None and abs(found[0].variance / best[0].variance - 1) < SAME:
+                break
             if found[0].variance < (FITTING**2 if best is None else best[0].variance / UNEVEN):
                 best = found
     if best is None:
@@ -214,9 +218,11 @@ def _doubted(solved: Solved) -> bool:
 
 
 def _solve_despite(
-    network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress
+    network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress, passes: int = 3
 ) -> tuple[Solved, int, list[str]]:
     """Solve, where gross errors lead least squares astray from a robust solution or, if rejecting, without them.
+
+    Few points that would have to lie behind a device are left out first, in so many passes.
 
     Returns
     -------
@@ -234,6 +240,11 @@ def _solve_despite(
     try:
         return _solve(network, problem, state, options, progress), 0, []
     except AdjustmentError as failure:
+        if isinstance(failure, BehindError) and passes:
+            bad = np.flatnonzero(np.isin(problem.point, failure.points))
+            smaller, rest, start, warnings = without(network, problem, failure.state, bad)
+            solved, lost, more = _solve_despite(smaller, rest, start, options, progress, passes - 1)
+            return solved, lost, [f"left out, {failure.seen}: {failure.where}", *warnings, *more]
         try:
             robust = robust_state(problem, state)
             bad, misfit = far_off(problem, robust)

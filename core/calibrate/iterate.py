@@ -22,6 +22,8 @@ SHORTEST_WELCOME = 1 / 5  # a step that must be shortened more calls for damping
 LEAST_DAMPING = 1e-8
 MOST_DAMPING = 1e9
 ROUNDING_SHARE = 1e-13  # so is a decrease by this share of it, once it has been added up over all observations
+REFUSED = 5  # steps that no part of lowers vᵀPv
+STUCK = 1e-6  # share of it that as many iterations must win after that
 ROUNDING_STALL = 1e-9  # and this, where no part of the step lowers it
 
 
@@ -75,7 +77,7 @@ def iterate(
     state = aligned(problem, state)
     cost = cost_of(problem, state)
     convergence = [cost]
-    damping, before = 0.0, 0.0
+    damping, before, refused = 0.0, 0.0, 0
     rounding = float(np.sum((ROUNDING * problem.uv * problem.root_weight) ** 2))
     for iteration in range(max_iterations):
         progress(iteration / max_iterations, f"iteration {iteration + 1}")
@@ -103,7 +105,8 @@ def iterate(
         before = step.gain if whole else 0.0
         # where rounding called for damping, a step without any decides
         damping = 0.0 if stalled else next_damping(damping, share)
-        if damping > MOST_DAMPING:
+        refused += share == 0
+        if damping > MOST_DAMPING or (refused > REFUSED and convergence[-REFUSED] - cost < STUCK * cost):
             break
     raise NotConvergedError(state, tuple(convergence))
 

@@ -6,19 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.covariance import point_cofactors
-from core.calibrate.elimination import invert, reduce
-from core.calibrate.equations import Equations, largest_displacements, linearise
+from core.calibrate.elimination import invert, reduce, solve
+from core.calibrate.equations import Equations, largest_displacements, linearise, misclosures
 from core.calibrate.iterate import NotConvergedError
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.problem import Problem
 from core.calibrate.selection import listed
-from core.calibrate.state import State, interior_of
+from core.calibrate.state import State, interior_of, moved
 from core.errors import AdjustmentError
 from core.geometry import LENSES, Lens, regular
 from core.model import Network
 from core.numerics import sigma_by_median
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 LEAST_STRENGTH = 1e-13  # share of a parameter's information that is its own, below which it is rounding
 HOPELESS = 0.2  # sigma of a parameter, as displacement at the image's edge over the image's radius: not estimated
@@ -29,6 +30,7 @@ LEAST_CONVERGENCE_DEG = 20.0  # between the viewing directions of the images tha
 CONVERGENT_DEG = 10.0  # inclination to the mean direction at which an image counts as convergent
 LEAST_CONVERGENT = 3
 LEAST_IMAGES = 6  # fewer leave hardly any redundancy to tell a device's parameters from its stations
+FEW = 0.01  # of all points, which their images may confuse
 CORNER = 0.25  # share of width and of height that makes a corner of the image
 
 ORIENTATION = ("rx", "ry", "rz", "tx", "ty", "tz")
@@ -180,8 +182,31 @@ def _loose_stations(network: Network, problem: Problem, poses: list[int]) -> Adj
     )
 
 
+class BehindError(AdjustmentError):
+    """Few points keep a network from being solved: their numbers, and where its unknowns stood."""
+
+    def __init__(self, network: Network, points: Ints, state: State) -> None:
+        names = listed([network.point_names[i] for i in points])
+        super().__init__(
+            f"point {names}", "rays meet behind a device, not before it", "check identities, or leave it out"
+        )
+        self.points, self.state = points, state
+
+
+def points_behind(problem: Problem, state: State) -> Ints:
+    """Few points, numbered as in the problem, that a step without damping would carry behind a device."""
+    try:
+        trial = moved(problem, state, solve(problem, reduce(problem, state)))
+    except SingularNormalsError:
+        return np.empty(0, np.int64)
+    behind = np.unique(problem.point[np.isinf(misclosures(problem, trial)).any(axis=1)])
+    return behind if len(behind) <= FEW * problem.points else behind[:0]
+
+
 def unsolved_error(network: Network, problem: Problem, error: NotConvergedError) -> AdjustmentError:
     """Why the iterations did not converge: what is not determined where they ended, or else their course."""
+    if len(behind := points_behind(problem, error.state)):
+        return BehindError(network, behind, error.state)
     try:
         inverse = invert(problem, reduce(problem, error.state))
         _poor_parameters(problem, linearise(problem, error.state), inverse, 1.0)

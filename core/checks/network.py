@@ -16,7 +16,7 @@ from core.model import AdjustedDevice, Adjustment, Array, Concern, NetworkScale
 from core.numerics import chi_square_limit, nearest, normal_limit, sigma_by_median
 
 GROSS = "look like gross errors"
-DOUBTS = ("not rigid", GROSS, "left out, fewer than")  # of the adjustment's own warnings
+DOUBTS = ("not rigid", GROSS, "left out, fewer than", "left out, rays meet")  # of the adjustment's own warnings
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0

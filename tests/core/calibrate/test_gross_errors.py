@@ -8,8 +8,10 @@ import pytest
 
 from core.calibrate import AdjustOptions, adjust
 from core.calibrate.resection import resect_despite_errors
+from core.calibrate.selection import selected
+from core.checks import adjustment_concerns
 from core.errors import AdjustmentError
-from core.geometry import Pose, matrix_from_axis_angle
+from core.geometry import Pose, matrix_from_axis_angle, project
 
 
 def spoilt(network, rows, shifts):
@@ -102,8 +104,6 @@ def test_a_capture_that_moved_is_left_out_as_a_whole_and_nothing_else_is(simulat
 
 
 def without_stations(network, names):
-    from core.calibrate.selection import selected
-
     keep = ~np.isin(network.observation_station, [network.station_names.index(name) for name in names])
     return selected(network, keep)
 
@@ -191,3 +191,22 @@ def test_an_image_whose_sigmas_are_too_small_is_no_wrong_one(simulate, seed):
     adjustment = adjust(replace(noisy, observation_sigma=sigma), options=REJECTING)
     assert not any("as a whole" in w for w in adjustment.warnings)
     assert sum(left_out(network, adjustment).values()) < 0.1 * len(rows)
+
+
+def test_a_point_whose_rays_meet_behind_a_camera_is_left_out_and_told(simulate):
+    """Station 9, 300 mm further back than 1, sees it where it would be 5 mm behind that: between the two."""
+    size = {"use": ("camera",), "rows": 10, "cols": 12, "scale": False, "sigma_px": {"camera": 0.5}, "noise": 0.2}
+    views = list(simulate(poses=8, **size).stations)
+    views.append(replace(views[0], translation_mm=views[0].translation_mm + np.array([20.0, 10.0, -300.0])))
+    simulated = simulate(poses=9, camera_poses_given=views, **size)
+    network, spec = simulated.network, simulated.network.devices["camera"].spec
+    seen = simulated.points_mm[[65]] @ views[0].rotation.T + views[0].translation_mm
+    behind = seen * 5.0 / seen[:, 2:] + [20.0, 10.0, -300.0]
+    uv, own = network.observation_uv.copy(), network.observation_point == 65
+    uv[own & (network.observation_station == 8)] = project(spec, simulated.interior["camera"], behind, Pose())
+    keep = ~own | np.isin(network.observation_station, [0, 8])
+    adjustment = adjust(selected(replace(network, observation_uv=uv), keep))
+    expected = adjust(selected(network, ~own))
+    assert "left out, rays meet behind a device, not before it: point P65" in adjustment.warnings
+    assert adjustment.sigma0 == pytest.approx(expected.sigma0, rel=1e-6)
+    assert adjustment_concerns(adjustment)[0].state == "doubtful"
