@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,14 +18,12 @@ from core.decode.frames import Image
 from core.decode.tables import Array, AxisTable, Fits, Singles
 
 ROUNDS = 3
-PATCHES, PATCH, PART = (
-    8,
-    96,
-    24,
-)  # of the image in either direction; px of each, px of parts in which fringes must change
+# of the image in either direction; px of each; px of its parts, in which fringes must change
+PATCHES, PATCH, PART = 8, 96, 24
 STEP, SMALL = 8, 400 * 400  # px of a square of which one pixel is looked at; pixels of an image below which it is half
 COHERENT = 0.5  # mean of exp(i phase) in such a part from which it has less than about half a fringe
 NOTICED = 0.005  # part by which the light of all pixels differs from frame to frame; fringes may do that too
+ROWS = 300  # of an image that tell it
 PIXELS = 1024  # tell if it is worth looking; all then tell how much
 FEWEST, SEVERAL = 300, 9  # pixels in all, in a patch
 DIM = 0.2  # part of the brightest pixels' modulation that one must have
@@ -32,9 +31,8 @@ PRIOR = 0.1  # standard deviation of a frame's gain
 OUTLIER = 4.0  # standard deviations
 SIGNIFICANT = 6.0  # standard deviations of chi squared
 PHASES = 12  # parts of a period
-AGREE = (
-    0.85  # of the gains that the light may leave unexplained: flicker of 1 to 12 % left 0.34 to 0.76, harmonics 0.92
-)
+# of the gains that the light may leave unexplained: flicker of 1 to 12 % left 0.34 to 0.76, harmonics 0.92
+AGREE = 0.85
 SLIGHT = 0.003  # of the gain: less is not worth it
 
 
@@ -57,6 +55,9 @@ def steady(
         Leads from the grey values of all frames to those in steady light; diagonal where the projector's lamp flickers.
     """
     waves = [wave for table in tables for wave in _waves(table)]
+    differs = [_differs([images[n] for n in frames]) for frames, _ in waves]
+    if not any(differs):
+        return tables, None
     step = STEP if images[0].size > SMALL else STEP // 2
     rows, columns = (_places(size, step) for size in images[0].shape)
     patch, part = (_numbers(len(rows), len(columns), each // step) for each in (PATCH, PART))
@@ -67,8 +68,8 @@ def steady(
     )
     seen = [np.stack([images[n][row, column].ravel() for n in frames]) for frames, _ in waves]
     found = [
-        _gains(grey.astype(np.float32), solution, patch, part, saturation)
-        for grey, (_, solution) in zip(seen, waves, strict=True)
+        _gains(grey.astype(np.float32), solution, patch, part, saturation) if look else None
+        for grey, (_, solution), look in zip(seen, waves, differs, strict=True)
     ]
     costs = [[cost for _, cost in kinds] for kinds in found if kinds]
     if not np.any(costs):
@@ -88,6 +89,12 @@ def steady(
         light[np.ix_(frames, frames)] = _to_steady(whole, solution, room) @ own
     x, y = (_lit_by(table, light) for table in tables)
     return (x, y), light
+
+
+def _differs(images: Sequence[Image]) -> bool:
+    """Whether the light of whole images differs from frame to frame; that of a sample does, by fringes."""
+    light = np.array([cv2.mean(image[:: max(1, len(image) // ROWS)])[0] for image in images])
+    return bool(np.ptp(light) > NOTICED * light.mean())
 
 
 def _to_steady(gains: Array, solution: Array, room: bool) -> Array:
@@ -137,10 +144,7 @@ def _gains(
     grey: Singles, solution: Array, patch: NDArray[np.intp], part: NDArray[np.intp], saturation: float
 ) -> list[tuple[Array, float]] | None:
     """Gains of the frames of one period, by a projector's lamp and by a room's, and the logarithm of the part that each
-    leaves unexplained, 0 where it shows nothing; None where the light does not differ."""
-    light = grey.mean(axis=1)
-    if np.abs(light / light.mean() - 1).max() < NOTICED:
-        return None
+    leaves unexplained, 0 where it shows nothing; None where too few pixels tell."""
     both = (solution[1] + 1j * solution[2]).astype(np.complex64)
     z = np.einsum("f,fn->n", both, grey)
     amplitude = np.abs(z)
