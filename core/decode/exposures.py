@@ -21,6 +21,7 @@ from core.decode.options import DecodeOptions
 from core.decode.sample import full_scale, quantum, take_sample
 from core.decode.tables import Array, Singles
 from core.errors import InputError
+from core.numerics import sigma_by_median
 from core.patterns import Axis, Pattern, axis_of, use_of
 
 DEEPEST = 65535
@@ -180,7 +181,7 @@ def _compare(
         if told is not None:
             slope, start, *left = told
             light[c] = light[near] * slope
-            grounds.append(start / (1 - slope))
+            grounds += [start / (1 - slope)] if abs(slope - 1) > OTHER else []  # equal light tells nothing
             found.append(left)
     ground = float(np.median(grounds)) if grounds else 0.0
     residual, level = (np.concatenate([each[k] for each in found]) if found else np.zeros(0) for k in (0, 1))
@@ -202,7 +203,7 @@ def _line(one: Array, other: Array, full: float) -> tuple[float, float, Array, A
         start, square = other.mean() - slope * one.mean(), 1 + slope * slope
         apart = (other - start - slope * one) / np.sqrt(square)
         middle = (one + slope * (other - start)) / square  # of the noise of both
-        most = OUTLIER * 1.4826 * float(np.median(np.abs(apart))) + TINY
+        most = OUTLIER * sigma_by_median(apart) + TINY
         whole = np.minimum(middle, start + slope * middle) > most / 2  # what is cut off at 0 shows half its noise
         level = (start + slope * middle + slope * slope * middle) / square
         left = apart[whole], level[whole]

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from core.decode import decode
+from core.decode.exposures import fuse_exposures
+from core.decode.options import DecodeOptions
 from core.errors import InputError
 from core.patterns import Black, White, gray_and_phase
 
@@ -75,6 +77,20 @@ def test_a_wrong_exposure_is_named_and_does_no_harm(bench, judge) -> None:
         assert said in phase.notes[0]
     with pytest.raises(InputError, match="times the light of frame"):
         decode(patterns, images, lines=(N, N), exposures_ms=[*exposures[:7], 20.0, *exposures[8:]])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_frames_of_equal_light_tell_no_black_level(bench, judge, seed: int) -> None:
+    """As of a camera that ignores its setting: the line through both has a slope of one, and starts anywhere."""
+    b = replace(bench(height=60, blur=1.0), ambient=12.0, gain=90.0, dark=1.0, shot=0.02)
+    images = [image for k in range(2) for image in replace(b, seed=10 * seed + k).take(PATTERNS)]
+    patterns, exposures = [*PATTERNS] * 2, [10.0] * len(PATTERNS) + [20.0] * len(PATTERNS)
+    fused = fuse_exposures(patterns, images, exposures, DecodeOptions(), "capture")
+    assert fused is not None
+    assert 0 <= fused.ground <= 12  # no frame is darker
+    phase = decode(patterns, images, lines=(N, N), exposures_ms=exposures)
+    assert 0.95 < judge(phase, b.u, 8).sigma_ratio < 1.05
+    assert "ms have 1 times the light" in phase.notes[0]
 
 
 def test_grey_values_are_those_of_the_longest_exposure(bench) -> None:
