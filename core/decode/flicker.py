@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from core.decode.frames import Image
 from core.decode.tables import Array, AxisTable, Fits, Singles
+from core.numerics import sigma_by_median
 
 ROUNDS = 3
 # of the image in either direction; px of each; px of its parts, in which fringes must change
@@ -226,7 +227,7 @@ def _look(grey: Singles, solution: Array, block: NDArray[np.intp], room: bool = 
         for _ in range(3):
             own = np.linalg.solve(a[:, keep] @ a[:, keep].T + 1e-6 * prior, a[:, keep] @ y[keep])
             left = y - own @ a
-            keep = np.abs(left) < OUTLIER * 1.4826 * np.median(np.abs(left[keep])) + 1e-9
+            keep = np.abs(left) < OUTLIER * sigma_by_median(left[keep]) + 1e-9
         per = 1 / max(float(np.mean(left[keep] ** 2)), 1e-9)
         to_explain += len(y) * float(np.log(np.median(np.square(y)) + 1e-9))
         normal += per * a[:, keep] @ a[:, keep].T
