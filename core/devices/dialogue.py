@@ -13,7 +13,7 @@ from core.devices.framing import unwrap, wrap
 from core.devices.link import LineDownError, Link
 from core.devices.profile import MEANINGS, Profile, Step
 from core.devices.protocol import Check, Note, no_check, no_note, wait_until
-from core.devices.template import Value, Values, calculated
+from core.devices.template import Value, Values, calculated, takes_anything
 from core.errors import DeviceError
 
 _REOPEN_S = 3.0  # for a line to come back
@@ -147,9 +147,13 @@ class Dialogue:
                 self._buffer += data
                 self.heard += data
                 continue
+            refused = self._refused(body, sent)
+            expect = step.expect
+            if refused is not None and expect is not None and takes_anything(expect):
+                expect = None  # it says no, whatever else it might be
             if echo and step.send is not None and body == step.send.fill(sent):
                 echo = False
-            elif step.expect is not None and (values := step.expect.match(body)) is not None:
+            elif expect is not None and (values := expect.match(body)) is not None:
                 differing = [k for k in values if _base(k) in sent and calculated(k, sent) != values[k]]
                 if not differing:
                     self._await_prompt(until_s)
@@ -158,7 +162,7 @@ class Dialogue:
                     told, meant = (shown(v) for v in (values[differing[0]], calculated(differing[0], sent)))
                     return None, f"the answer says {differing[0]} {told} in place of {meant}"
                 reason = "an answer to another question"
-            elif (refused := self._refused(body, sent)) is not None:
+            elif refused is not None:
                 self._await_prompt(until_s)
                 return None, refused
             else:

@@ -11,13 +11,14 @@ from pathlib import Path
 
 from core.devices.entries import Entries, key_lines
 from core.devices.profile import COMMANDS, MEANINGS, SHOWN, TOLD, Command, Port, Profile, Step
-from core.devices.template import CALCULATED, LineBits, Template, Value, Words, make_template
+from core.devices.template import CALCULATED, LineBits, Template, Value, Words, make_template, takes_anything
 from core.devices.wrapping import read_check, read_framings
 from core.errors import InputError
 from core.patterns import Pattern, parse_sequence, pattern_from_dict
 from core.resources import resource
 
 Lengths = Mapping[str, int | None]  # of fields without a width; None: all that is left
+_NEEDED = {"select": "slot", "entry": "slot", "follow-entry": "slot", "image": "image"}  # without it all mean the same
 
 
 def profile_names() -> list[str]:
@@ -67,6 +68,8 @@ class _Dialogue:
         text = table.text(key) if text is None else text
         if not text.strip() and not table.path.startswith("commands.start"):  # an empty line may wake a device
             raise table.refuse(key, text, "write it out, or leave the entry out")
+        if text.endswith(("\r", "\n")):
+            raise table.refuse(key, text, "leave its end to [framing], which ends every line")
         made = make_template(text, self.kind, self.lengths, table.place(key), self.words)
         for name in made.fields:
             if name not in fields and not (key == "expect" and name.startswith("_")):
@@ -194,6 +197,10 @@ def _check_whole(top: Entries, profile: Profile) -> None:
         raise InputError(f"{where}.load", f"fields {sorted(sent)}", "send the {offset} of every chunk of {lines}")
     if profile.bits.depth == 8 and sent and not profile.by_axis:
         raise InputError(f"{where}.load", "grey values on two plates", "send {axis} and {lines}, or name one plate")
+    for name in {*commands} - {"start", "identify", "stop"}:
+        if not profile.refusals and any(s.expect and not s.until and takes_anything(s.expect) for s in commands[name]):
+            remedy = "write what the device says when it is done, or in [refusal] how it says no"
+            raise InputError(f"{where}.{name}.expect", "any answer counts as done", remedy)
     query = {f for step in commands.get("query", ()) if step.expect for f in step.expect.fields}
     if query and not {"slot", "loaded"} <= query:
         raise InputError(f"{where}.query", "no slot or loaded in the answer", "the state must tell both")
@@ -251,8 +258,9 @@ def _commands(table: Entries, dialogue: _Dialogue) -> dict[str, Command]:
             sent = [step.send for step in commands[name] if step.send]
             if not commands[name]:
                 raise table.refuse(name, [], "give its steps, or leave it out")
-            if name == "select" and not any("slot" in template.fields for template in sent):
-                raise InputError(table.place(name), "nothing says which pattern is meant", "send {slot}")
+            needed = _NEEDED.get(name)
+            if needed and not any(needed in template.fields for template in sent):
+                raise InputError(table.place(name), "nothing says which pattern is meant", f"send {{{needed}}}")
     table.finish({*COMMANDS, "expect"})
     return commands
 
@@ -266,7 +274,9 @@ def _only(table: Entries, sendable: set[str]) -> Mapping[str, Value]:
 
 def _step(entry: Entries, every: Entries, dialogue: _Dialogue, sendable: set[str]) -> Step:
     until: dict[str, tuple[Value, ...]] = {}
-    for key, value in (waits := entry.table("until")).data.items():
+    if not (waits := entry.table("until")).data and "until" in entry.data:
+        raise entry.refuse("until", {}, "say what to wait for, or leave the entry out")
+    for key, value in waits.data.items():
         until[key] = tuple(value) if isinstance(value, list) else (value,)
         if not until[key] or any(not isinstance(each, int | str) for each in until[key]):
             raise waits.refuse(key, value, "give a number or text to wait for, or a list of them")

@@ -294,6 +294,11 @@ def make_template(
     return ByteTemplate(text, lengths, words or {})
 
 
+def takes_anything(template: Template) -> bool:
+    """Tell whether whatever a device says is the answer, its refusals too."""
+    return template.match(b"?!?") is not None
+
+
 @dataclass(frozen=True)
 class LineBits:
     """How the light of lines is written: in bits, or a grey value in a byte each.

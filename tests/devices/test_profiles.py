@@ -366,6 +366,9 @@ def test_frames_are_the_bytes_written_by_hand(own, entries: str, wire: str) -> N
         ("stripe-lines", ('ending = "', 'ending = "ü'), r"line \d+: framing.ending: 'ü.*use ASCII"),
         ("modbus", ('"_warm&1" = 1', '"_cold&1" = 1'), r"commands.start.1.until: '_cold'"),
         ("optoma", ("until = { on = 1 }", "until = { on = [] }"), r"line \d+: commands.start.1.until.on: \[\]"),
+        ("optoma", ("until = { on = 1 }", "until = {}"), r"line \d+: commands.start.1.until: {}; say what to wait for"),
+        ("stripe-lines", ("SHOW {slot}", r"SHOW {slot}\r"), r"line 57: commands.select.send: .*leave its end to"),
+        ("lightcrafter4500", ("{image:u8}", "00"), "commands.image: nothing says which pattern is meant; send {image}"),
         ("optoma", ("until = { on = 1 }", "until = { on = nan }"), r"commands.start.1.until.on: nan; give a number"),
         ("optoma", ("until = { on = 1 }", 'until = { "on&x" = 1 }'), r"line \d+: .*'on&x'; name what the answer"),
         ("lightcrafter4500", ("{slot/24:u8}", "{slot/0:u8}"), r"line \d+: commands.select.5.send: .*slot/0"),
@@ -386,6 +389,19 @@ def test_a_wrong_entry_is_named_with_its_line(own, profile: str, change: tuple[s
     assert change[0] in text
     with pytest.raises(InputError, match=seen):
         read_profile(own(text.replace(*change, 1)))
+
+
+def test_an_answer_that_may_be_anything_is_no_acknowledgement_where_the_device_can_refuse(own) -> None:
+    text = PROMPTING.replace('send = "S{slot:03d}"\nexpect = "A{slot:03d}"', 'send = "S{slot:03d}"\nexpect = "{text}"')
+    with pytest.raises(InputError, match=r"commands\.select\.expect: any answer counts as done"):
+        read_profile(own(text))
+    profile = own(text + '[refusal]\nexpect = "A{code}"')
+    with plugged(Prompting()) as port:
+        projector = open_projector(f"serial:{port}?profile={profile}")
+        projector.load([White()])
+        with pytest.raises(DeviceError, match="select: refused"):
+            projector.step(0)
+        projector.close()
 
 
 @pytest.mark.parametrize("name", DEVICES)
