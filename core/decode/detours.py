@@ -8,6 +8,7 @@ are nearly alike.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import islice
 from typing import Any
 
 import cv2
@@ -16,8 +17,8 @@ from numpy.typing import NDArray
 
 from core.decode.agreement import TILES
 from core.decode.frames import Image
-from core.decode.tables import CODE, Array, AxisTable, Limits, Singles, modulation_of, sums_of
-from core.numerics import row_median
+from core.decode.tables import CODE, Array, AxisTable, Limits, Singles, modulation_of, sum_of, sums_of
+from core.numerics import median_of
 
 LOOKS = 49, 144  # pixels of a tile that are looked at
 FEWEST = 24  # that tell it
@@ -29,6 +30,7 @@ ASIDE = 0.5  # line
 NO_LEVEL = 1.0  # of half the contrast: such a difference is none of levels
 BESIDE, STEP = 2, 12.0  # px to either side; times the usual bend of coordinates that makes a step
 LEAST, LEAST_DIRECT = 1e-3, 0.5  # grey values, of half the contrast; part of the light that comes straight
+SOME = 4  # one column, or row, of so many tells what is usual
 ROUNDS = 6
 CELLS = 4.0  # of a code alone, which count as a period
 SHOWN, SLIGHT = 3.5, 0.003  # standard deviations, and part of the light, from which there is anything to tell
@@ -94,31 +96,33 @@ def _part(
 ) -> NDArray[np.float32] | None:
     """Find it by so many pixels of a tile."""
     rows, columns = (_places(n, pixels) for n in place.shape)
-    at = np.ix_(rows, columns)
-    smooth = _smooth(place, rows, columns)
+    here = place[rows][:, columns]
+    smooth = _smooth(place, here, rows, columns)
     if not smooth.any():
         return None
-    grey = np.zeros((len(images), smooth.size), np.float32)
-    for frame in np.union1d(table.rows.column, table.fits.frame).tolist():
+    told = [0, 1, *(2 + b for b, _ in chosen)] if table.has_contrast else range(len(table.rows.first) - 1)
+    frames = {f for r in told for f in table.rows.column[table.rows.first[r] : table.rows.first[r + 1]].tolist()}
+    grey = np.zeros((len(images), here.size), np.float32)
+    for frame in frames.union(table.fits.frame.tolist() if table.lift != 0 else ()):
         grey[frame] = images[frame][rows][:, columns].ravel()
-    levels, groups, noise = _levels(table, limits, grey, place[at].ravel(), smooth.ravel(), chosen)
-    tile = len(rows) // TILES, len(columns) // TILES
-    down, across = steps = _steps(place[at])
+    levels, groups, noise = _levels(table, limits, grey, here.ravel(), smooth.ravel(), chosen)
+    grid, tile = here.shape, (len(rows) // TILES, len(columns) // TILES)
+    down, across = steps = _steps(here)
     window = _window((down * tile[0], across * tile[1]), chosen[0][1])
 
     def sums(values: NDArray[Any]) -> Array:
-        tiles = values.reshape(TILES, tile[0], TILES, tile[1]).sum(axis=(1, 3), dtype=float)
+        means = cv2.resize(values.reshape(grid).astype(np.float32), (TILES, TILES), interpolation=cv2.INTER_AREA)
+        tiles = means.astype(float) * (tile[0] * tile[1])
         return np.asarray(cv2.boxFilter(tiles, -1, window[::-1], normalize=False, borderType=cv2.BORDER_CONSTANT))
 
-    grid = len(rows), len(columns)
     beside = _beside(steps)
     groups = np.where(groups == beside(groups, grid), groups, -1)
     weight, beyond = 1 / np.square(noise), np.zeros((TILES, TILES), np.float32)
-    freedom = _within(levels, levels, groups)[1]
+    freedom = _freedom(groups)
     total, enough = np.maximum(sums(freedom * weight), TINY), sums(freedom) >= FEWEST
     for _ in range(ROUNDS):  # what is usual is so where light comes straight
         own = _apart(levels, groups, 1 / np.square(noise + np.kron(beyond, np.ones(tile, np.float32)).ravel()))
-        product = _within(own, beside(own, grid), groups)[0] * weight
+        product = _within(own, beside(own, grid), groups) * weight
         chance = np.sqrt(np.maximum(sums(np.square(product)), 0))
         found = np.where(enough, np.maximum(sums(product), 0), 0)
         beyond = (found / total).astype(np.float32)
@@ -137,8 +141,8 @@ def _places(size: int, pixels: int) -> NDArray[np.intp]:
 
 def _steps(place: Singles) -> tuple[float, float]:
     """Lines by which a pixel that is looked at differs from the next down and across."""
-    down, across = (float(row_median(np.abs(np.diff(place, axis=k)).reshape(1, -1))[0]) for k in (0, 1))
-    return down, across
+    some = slice(None, None, SOME)
+    return median_of(np.abs(np.diff(place[:, some], axis=0))), median_of(np.abs(np.diff(place[some], axis=1)))
 
 
 def _window(changes: tuple[float, float], run: float) -> tuple[int, int]:
@@ -160,15 +164,13 @@ def _beside(steps: tuple[float, float]) -> Callable[[NDArray[Any], tuple[int, in
     return of
 
 
-def _smooth(place: Singles, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _smooth(place: Singles, here: Singles, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Where no step is near: a pixel that sees two surfaces has levels between."""
-    bends = []
-    for axis, own in enumerate((rows, columns)):
-        before, after = (np.clip(own + side * BESIDE, 0, place.shape[axis] - 1) for side in (-1, 1))
-        one, two = (np.ix_(i, columns) if axis == 0 else np.ix_(rows, i) for i in (before, after))
-        bends.append(np.abs(place[one] + place[two] - 2 * place[np.ix_(rows, columns)]))
-    bend = np.max(bends, axis=0)
-    return np.asarray(bend <= STEP * row_median(bend.reshape(1, -1)), bool)
+    height, width = place.shape
+    above, below = (place[np.clip(rows + side, 0, height - 1)][:, columns] for side in (-BESIDE, BESIDE))
+    left, right = (place[rows][:, np.clip(columns + side, 0, width - 1)] for side in (-BESIDE, BESIDE))
+    bend = np.maximum(np.abs(above + below - 2 * here), np.abs(left + right - 2 * here))
+    return np.asarray(bend <= STEP * median_of(bend[:, ::SOME]), bool)
 
 
 def _bits(table: AxisTable) -> list[tuple[int, float]]:
@@ -188,11 +190,12 @@ def _levels(
 ) -> tuple[Singles, Groups, Singles]:
     """Bits as parts of half the contrast (k, n), if each is off (0) or on (1), and -1 where edges are near; and the
     variance of one by noise (n,)."""
-    threshold, contrast, *bits = sums_of(table.rows, shown)
+    threshold, contrast = sum_of(table.rows, 0, shown), sum_of(table.rows, 1, shown)
     if table.lift != 0:
         modulation = modulation_of(table, shown)
         threshold, contrast = threshold + table.lift * modulation, contrast + table.contrast_lift * modulation
     if not table.has_contrast:
+        bits = islice(sums_of(table.rows, shown), 2, None)
         contrast = np.max([np.abs(x + s * threshold) for x, s in zip(bits, table.sign, strict=True)], axis=0)
     contrast = np.maximum(contrast, LEAST)
     spread = np.add.reduceat(np.square(table.rows.value), table.rows.first[:-1])
@@ -201,7 +204,7 @@ def _levels(
     levels, groups = np.empty(size, np.float32), np.full(size, -1, np.int8)
     noise = np.zeros(len(place), np.float32)
     for n, (b, run) in enumerate(chosen):
-        soft = bits[b] + table.sign[b] * threshold
+        soft = sum_of(table.rows, 2 + b, shown) + table.sign[b] * threshold
         levels[n] = soft / contrast
         edge = (place + 0.5) / run - (0.5 if table.gray else 0.0)
         clear = np.abs(edge - np.rint(edge)) * run > AWAY * _period(table) + ASIDE
@@ -213,21 +216,27 @@ def _levels(
 def _apart(levels: Singles, groups: Groups, weight: NDArray[np.floating]) -> Singles:
     """Levels in comparison with what is usual where a bit is as bright: the light may change from frame to frame."""
     own = levels.copy()
-    for level, group in zip(own, groups, strict=True):
-        for each in (group == 0, group == 1):
-            level[each] -= (weight[each] @ level[each]) / max(float(weight[each].sum()), TINY)
+    for mine in (groups == 0, groups == 1):
+        weights = weight * mine
+        usual = np.einsum("kn,kn->k", weights, levels) / np.maximum(weights.sum(axis=1), TINY)
+        own -= usual[:, None] * mine
     return own
 
 
-def _within(own: Singles, other: Singles, groups: Groups) -> tuple[Singles, Groups]:
-    """Sums of products (n,) of two pixels' bits about the mean of those as bright, and their degrees of freedom."""
-    product, freedom = np.zeros(own.shape[1], np.float32), np.zeros(own.shape[1], np.int8)
-    for mine in (groups == 0, groups == 1):
-        count = mine.sum(axis=0, dtype=np.int8)
-        mean = (own * mine).sum(axis=0) / np.maximum(count, 1)
+def _freedom(groups: Groups) -> NDArray[np.int8]:
+    """Degrees of freedom (n,) of a pixel's bits about the mean of those as bright."""
+    counts = (np.count_nonzero(groups == side, axis=0) for side in (0, 1))
+    return np.asarray(sum(np.maximum(count - 1, 0) for count in counts), np.int8)
+
+
+def _within(own: Singles, other: Singles, groups: Groups) -> Singles:
+    """Sums of products (n,) of two pixels' bits about the mean of those as bright."""
+    product = np.zeros(own.shape[1], np.float32)
+    for side in (0, 1):
+        mine = groups == side
+        mean = (own * mine).sum(axis=0) / np.maximum(np.count_nonzero(mine, axis=0), 1).astype(np.float32)
         product += ((own - mean) * other * mine).sum(axis=0)
-        freedom += np.maximum(count - 1, 0)
-    return product, freedom
+    return product
 
 
 def _variance(limits: Limits, level: Singles) -> Singles:

@@ -189,16 +189,20 @@ def find_changes(first, last, light, modulation, place, even, unit, share, least
     height, width = light.shape
     dark, shot, floor = least
     count = 0
+    inner = width - 2
     for row in range(first, last):
         here = light[row]
         above, below = light[max(row - 1, 0)], light[min(row + 1, height - 1)]
         lone = row == 0 or row == height - 1
-        for c in range(1, width - 1):
-            g = here[c]
-            noise = max(dark + shot * g, floor)
-            across, down = (here[c + 1] - g) * (g - here[c - 1]), (below[c] - g) * (g - above[c])
-            steep = (below[c] - above[c]) * (below[c] - above[c]) if lone else down
-            mask[c] = (across > noise) | (steep > noise)
+        if inner > 0:
+            # views from 0 on: an index that may be negative would not compile to vector instructions
+            left, middle, right, up, down = here[:inner], here[1:], here[2:], above[1:], below[1:]
+            for c in range(inner):
+                g = middle[c]
+                noise = max(dark + shot * g, floor)
+                across, along = (right[c] - g) * (g - left[c]), (down[c] - g) * (g - up[c])
+                steep = (down[c] - up[c]) * (down[c] - up[c]) if lone else along
+                mask[c + 1] = (across > noise) | (steep > noise)
         mask[0] = mask[width - 1] = 1
         for c in range(width):
             if mask[c] == 0 or (np.isnan(place[0, row, c]) and np.isnan(place[1, row, c])):

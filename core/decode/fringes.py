@@ -85,7 +85,7 @@ def fit_phases(  # type: ignore[no-untyped-def]
                 mended[i], modulation[i] = INT(1), amplitudes[0, i]
             any_mended |= mended[i]
     for j in range(len(table.bend)):
-        _straighten(table.bend, j, count, turns[j], variance[j])
+        _straighten(table.bend[j], count, turns[j], variance[j], scratch.masks)
     return any_mended
 
 
@@ -176,20 +176,23 @@ def _solve(system, count):  # type: ignore[no-untyped-def]
 
 
 @part
-def _straighten(bend, j, count, turn, var):  # type: ignore[no-untyped-def]
-    """Correct the phase (turns) for what the wave shows besides its first harmonic, and its variance."""
-    grid, last = bend.shape[3], bend.shape[1] - 1
+def _straighten(bend, count, turn, var, levels):  # type: ignore[no-untyped-def]
+    """Correct the phase (turns) for what the wave shows besides its first harmonic, and its variance.
+
+    `levels`, int32 (n,), is scratch memory.
+    """
+    grid, most = INT(bend.shape[1] - 1), LEAST_NOISE
+    fill(levels, 0, count, NONE)
+    for _ in range(len(bend) - 1):
+        for i in range(count):
+            levels[i] += INT(var[i] > most)
+        most *= F(4)
     for i in range(count):
-        along = (turn[i] + HALF) * F(grid) - HALF  # entries stand for the middles of their parts
-        before = INT(np.floor(along))
-        part_of = along - F(before)
-        at = before if before >= 0 else INT(grid - 1)
-        behind = INT(before + 1) if before + 1 < grid else NONE
-        level, most = 0, LEAST_NOISE
-        while level < last and var[i] > most:
-            level, most = level + 1, F(4) * most
-        turn[i] += bend[j, level, 0, at] + part_of * (bend[j, level, 0, behind] - bend[j, level, 0, at])
-        var[i] = var[i] * bend[j, level, 1, at] + bend[j, level, 2, at]
+        along = turn[i] * F(grid) + HALF * F(grid + 1)  # entries stand for the middles of their parts
+        before = INT(along)
+        level, at = np.uint32(levels[i]), np.uint32(before)
+        turn[i] += bend[level, at, 0] + (along - F(before)) * bend[level, at, 1]
+        var[i] = var[i] * bend[level, at, 2] + bend[level, at, 3]
 
 
 @part

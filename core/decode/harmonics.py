@@ -45,7 +45,6 @@ FAR = 4.0  # 80th percentiles of how far the amplitude is from the median, beyon
 FEWEST = 100  # lit pixels that tell the blur
 DIM = 0.1  # part of the brightest pixels' modulation that one must have
 SLIGHT = 2e-4  # turns: less is not worth straightening
-STRAIGHT = np.repeat(np.array([[[0.0], [1.0], [0.0]]], np.float32), GRID, axis=2)
 NOISES: Array = 2.0 ** np.arange(-10, -3.0)  # turns, of a phase; pixels take the nearest
 STEEPEST = 4.0  # lines of place by lines of phase, from which a flat stretch of the phase tells nothing more
 
@@ -186,7 +185,7 @@ def measure_bend(
             sight = seen[usual], part[usual], block[lit][usual]
             weight = _weights(wave.family.prior, binned, *sight, absolute)
         bends[wave.number] = _bend(wave.family, weight)
-    return table._replace(bend=bends) if np.abs(bends[:, :, 0]).max() > SLIGHT else table
+    return table._replace(bend=bends) if np.abs(bends[..., 0]).max() > SLIGHT else table
 
 
 def _usual(part: Singles, block: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -253,8 +252,17 @@ def _bend(family: Family, weight: Array) -> Singles:
     unsure = np.where(known, second / np.maximum(total, 1e-12) - straight**2, 1 / GRID)
     slope = 1 + (np.roll(straight, -1, axis=1) - np.roll(straight, 1, axis=1)) * (GRID / 2)
     slope = np.clip(slope, 1 / STEEPEST, STEEPEST)
-    variance = np.maximum(unsure - (NOISES[:, None] * slope) ** 2, 0)
-    return np.stack([straight, slope**2, variance], axis=1).astype(np.float32)
+    return bend_of(straight, slope, np.maximum(unsure - (NOISES[:, None] * slope) ** 2, 0))
+
+
+def bend_of(straight: Array, slope: Array, variance: Array) -> Singles:
+    """Tabulate how phases are straightened, see `AxisTable.bend`: corrections (turns), slopes, variances (turns²)."""
+    ahead = np.roll(straight, -1, axis=-1) - straight
+    rows = np.stack([straight, ahead, np.clip(slope, 1 / STEEPEST, STEEPEST) ** 2, variance], axis=-1)
+    return np.concatenate([rows[..., -1:, :], rows], axis=-2).astype(np.float32)
+
+
+STRAIGHT = bend_of(np.zeros(GRID), np.ones(GRID), np.zeros(GRID))[None]
 
 
 def correction(terms: Terms) -> Array:

@@ -73,7 +73,7 @@ def join(  # type: ignore[no-untyped-def]
             d = gain * gain * (m1 * m1 * wm + r1 * r1 * wa + t1 * t1 * across) + TINY
             shift = (g1 * (means[j, i] - b - s * m) + g2 * (amplitudes[j, i] - s * r)) / d
             h1, h2 = g1 / d, (g1 * m + g2 * r) / d
-            var = ONE / d + h1 * h1 * qbb + F(2) * h1 * h2 * qbs + h2 * h2 * qss + bend[j, 0, 2, at]
+            var = ONE / d + h1 * h1 * qbb + F(2) * h1 * h2 * qbs + h2 * h2 * qss + bend[j, 0, at + 1, 3]
             if abs(shift) < MOST and shift * shift < SIGMAS * SIGMAS * variance[j, i] and var < variance[j, i]:
                 turns[j, i] += shift
                 variance[j, i] = var

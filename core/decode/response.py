@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from core.decode.curves import HIGHEST, LEVELS, PARAMETERS, both_sides, dimming, light_of, waves
 from core.decode.frames import PhaseFrames, SortedFrames
-from core.decode.harmonics import GRID, STEEPEST, STRAIGHT, correction
+from core.decode.harmonics import GRID, STRAIGHT, bend_of, correction
 from core.decode.tables import AxisTable, Singles
 from core.patterns import Axis, grey_reason
 
@@ -110,14 +110,14 @@ def straighten(
         unsure = np.einsum("kg,kl,lg->g", slopes, covariance[np.ix_(values, values)], slopes)
         slope = 1 + np.gradient(np.r_[straight[-1], straight, straight[0]], 1 / GRID)[1:-1]
         bends = table.bend.copy() if len(table.bend) else np.repeat(STRAIGHT[None], len(table.period), axis=0)
-        bends[wave.number, 0] = [straight, np.clip(slope, 1 / STEEPEST, STEEPEST) ** 2, unsure]
+        bends[wave.number, 0] = bend_of(straight, slope, unsure)
         out[wave.axis] = table._replace(bend=bends)
     out = list(shade(out, all_waves, r))
     for axis, table in enumerate(out):
         mine = [wave for wave in all_waves if wave.axis == axis]
         if len(mine) > 0:
             out[axis] = table = table._replace(rest=_rests(mine, table, r))
-        if len(mine) == len(table.period) > 0 and table.bend[:, :, 1].max() > STEEP:
+        if len(mine) == len(table.period) > 0 and table.bend[..., 2].max() > STEEP:
             out[axis] = table._replace(joint=np.array([_shape(wave, r) for wave in mine], np.float32))
     return _lift(out[0], r, all_waves), _lift(out[1], r, all_waves)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from math import pi
 from typing import NamedTuple
 
@@ -79,6 +78,8 @@ class AxisTable(NamedTuple):
     threshold is added, `spread` is its variance per frame's variance, `fading` its contrast relative to the coarse
     bits; `least_contrast` is the least contrast as a part of the threshold. Of a sweep: frames, centres, how far
     around the brightest the light is counted, and the standard deviation (lines) that its discrete lines cause.
+    `bend` (J, levels of noise, 1 + places of a turn, 4) straightens phases: what is added (turns), by how much the next
+    place's differs, the square of the slope, and the variance (turns²); the last place stands before the first, too.
     `joint` (J, 5, places of a turn), where bent waves are worth it, are the mean of the steps and the amplitude of
     their first harmonic over the phase, as parts of full light, the changes of both by the phase (turns), and the
     amplitude times the change of the measured phase; `mean_cofactor` (J,) is the mean's.
@@ -203,9 +204,14 @@ def make_rows(rows: Iterable[dict[int, float]]) -> Rows:
 
 def sums_of(rows: Rows, sample: Singles) -> Iterator[Singles]:
     """Give one row after the other times the frames of a sample, float32 (frames, n); a row without entries gives 0."""
-    for start, stop in pairwise(rows.first.tolist()):
-        # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
-        yield np.einsum("f,fn", rows.value[start:stop], sample[rows.column[start:stop]])
+    return (sum_of(rows, r, sample) for r in range(len(rows.first) - 1))
+
+
+def sum_of(rows: Rows, number: int, sample: Singles) -> Singles:
+    """One of these rows times the frames, float32 (n,)."""
+    entries = slice(rows.first[number], rows.first[number + 1])
+    # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
+    return np.asarray(np.einsum("f,fn", rows.value[entries], sample[rows.column[entries]]))
 
 
 def modulation_of(table: AxisTable, sample: Singles) -> Singles:
@@ -297,7 +303,7 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         contrast_lift=np.float32(0),
         covariance=np.array([fit.cofactors for fit in fits], np.float32).reshape(-1, 3),
         period=np.array([phase.period for phase in axis.phases][: len(fits)], np.float32),
-        bend=np.zeros((0, 1, 3, 1), np.float32),
+        bend=np.zeros((0, 1, 1, 4), np.float32),
         joint=np.zeros((0, 5, 1), np.float32),
         mean_cofactor=np.array([fit.solution[0] @ fit.solution[0] for fit in fits], np.float32),
         hat=_hats(fits),

@@ -16,6 +16,7 @@ from core.numerics.neighbours import nearest
 from core.numerics.robust import (
     MEDIAN_OF_NORMAL,
     inverse_2x2,
+    median_of,
     normal_equations,
     quantiles,
     row_median,
@@ -34,6 +35,7 @@ __all__ = [
     "inverse_2x2",
     "inverse_by",
     "least_squares",
+    "median_of",
     "nearest",
     "normal_equations",
     "normal_limit",

@@ -42,6 +42,18 @@ def quantiles(values: Array | Floats, *shares: float) -> list[Array]:
     return [(1 - at % 1) * ordered[int(at)] + at % 1 * ordered[min(int(at) + 1, last)] for at in places]
 
 
+def median_of(values: Array | Floats) -> float:
+    """Median of the values that are finite; NaN where none is.
+
+    Examples
+    --------
+    >>> median_of(np.array([[3.0, np.nan], [1.0, 2.5]]))
+    2.5
+    """
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else np.nan
+
+
 def row_median(values: Array | Floats) -> Array:
     """Medians (m,) along the last axis of (m, k) that ignore NaN; NaN where a row has nothing else.
 
