@@ -38,6 +38,7 @@ OUTLIER = 4.0  # standard deviations
 CLEAR = 5.0  # standard deviations of a change of the light: more is an edge
 FADED = 0.07  # part of an edge's change of the light, 3 px from it: where most have more, it is shading
 SAMPLE = 1500  # places that tell
+SOME = 4096  # places that are worth a thread
 BESIDE = F(1)  # px that light has its middle beside the pixel: it comes from its neighbours
 BEYOND = F(0.95)  # the same, squared, in twice a footprint's variance: of light that ends 0.8 sigma before the middle
 BETWEEN = F(2)  # lines that it may draw a coordinate where it jumps: more tells of neither side
@@ -103,7 +104,9 @@ def draw_back(
     grey = np.maximum(limits.dark + limits.shot * light.ravel()[there[0]], limits.floor)
     noise = np.sqrt(scale * grey) / (unit * modulation.ravel()[there[0]] + TINY)
     footprint, doubt = _footprint(place, sigma, *there, noise)
-    take_out(F(footprint), F(np.hypot(UNSURE * footprint, doubt)), *there, place, sigma, flags)
+    print_of, unsure = F(footprint), F(np.hypot(UNSURE * footprint, doubt))
+    run_in_bands(lambda a, b: find_beside(a, b, print_of, *there, place), len(there[0]), SOME)
+    run_in_bands(lambda a, b: take_out(a, b, print_of, unsure, *there, place, sigma, flags), len(there[0]), SOME)
 
 
 @part
@@ -245,13 +248,13 @@ def find_changes(first, last, light, modulation, place, even, unit, share, least
 
 
 @fast
-def take_out(footprint, unsure, at, pull, place, sigma, flags):  # type: ignore[no-untyped-def]
-    """Draw pixels `at` back by their `pull` for a footprint (px², its sigma `unsure`); drop those lit from beside.
+def find_beside(first, last, footprint, at, pull, place):  # type: ignore[no-untyped-def]
+    """Mark by NaN the pulls, of the numbers ``first <= n < last``, of pixels that are lit from beside.
 
     Where there is no surface on the dark side, light that ends before a pixel's middle is not of its ray.
     """
-    height, width = flags.shape
-    for n in range(len(at)):  # of all before any of them is dropped
+    height, width = place.shape[1:]
+    for n in range(first, last):
         row, c = at[n] // width, at[n] % width
         x, y = footprint * pull[n, 4], footprint * pull[n, 5]
         off = x * x + y * y
@@ -261,7 +264,13 @@ def take_out(footprint, unsure, at, pull, place, sigma, flags):  # type: ignore[
             if 0 <= far_row < height and 0 <= far < width:
                 beside = np.isnan(place[0, far_row, far]) and np.isnan(place[1, far_row, far])
         pull[n, 4] = F(np.nan) if beside else x
-    for n in range(len(at)):
+
+
+@fast
+def take_out(first, last, footprint, unsure, at, pull, place, sigma, flags):  # type: ignore[no-untyped-def]
+    """Draw pixels `at` back by their `pull` for a footprint (px², its sigma `unsure`); drop those lit from beside."""
+    width = flags.shape[1]
+    for n in range(first, last):
         row, c = at[n] // width, at[n] % width
         for k in range(2):
             if np.isnan(place[k, row, c]):
