@@ -42,33 +42,49 @@ def recognise(
         If the board cannot be recognised.
     """
     kind = kind_of(testfield, capture or "testfield.csv")
-    seen_uv, guesses = kind.guess(phase.image, testfield, camera, (), "back" if side == "back" else "front")
-    seen = f"{len(seen_uv)} {kind.plural} in order, which do not fit the board"
-    seen = seen if len(seen_uv) else f"no {kind.plural} in order"
-    for guess in guesses[:MOST_TRIES]:
-        try:
-            found = measure_targets(
-                phase,
-                testfield,
-                guess,
-                camera,
-                projector=projector,
-                capture=capture,
-                excluded=excluded,
-                side=side,
-            )
-        except InputError:
-            continue
-        if len(found.row) < LEAST:
-            continue
-        cells = [[(seed.row, seed.col) for seed in other] for other in (guess, *guesses)]
-        ways = [w for other in cells[1:] if (w := labelling_between(cells[0], other)) is not None and w != SAME]
-        return found, (SAME, *dict.fromkeys(ways))
+    facing = "back" if side == "back" else "front"
+    seen = 0
+    for image in (phase, _mirrored(phase)):
+        seen_uv, guesses = kind.guess(image.image, testfield, camera, (), facing)
+        seen = len(seen_uv) if image is phase else seen
+        for guess in guesses[:MOST_TRIES]:
+            try:
+                found = measure_targets(
+                    image,
+                    testfield,
+                    guess,
+                    camera,
+                    projector=projector,
+                    capture=capture,
+                    excluded=excluded,
+                    side=side,
+                )
+            except InputError:
+                continue
+            if len(found.row) < LEAST:
+                continue
+            if image is not phase:
+                raise NotRecognisedError(
+                    capture or "image",
+                    "the board is recognised in the image's mirror image only",
+                    "mirror the frames back, or correct the testfield file if its x or y runs the other way",
+                )
+            cells = [[(seed.row, seed.col) for seed in other] for other in (guess, *guesses)]
+            ways = [w for other in cells[1:] if (w := labelling_between(cells[0], other)) is not None and w != SAME]
+            return found, (SAME, *dict.fromkeys(ways))
+    what = f"{seen} {kind.plural} in order, which do not fit the board" if seen else f"no {kind.plural} in order"
     raise NotRecognisedError(
         capture or "image",
-        f"the board is not recognised: {seen}",
+        f"the board is not recognised: {what}",
         "see whether its testfield file is of this board, in mm, or pick 4 targets",
     )
+
+
+def _mirrored(phase: PhaseMap) -> PhaseMap:
+    """The same seen in a mirror."""
+    planes = (phase.u, phase.v, phase.sigma_u, phase.sigma_v, phase.modulation, phase.image)
+    u, v, sigma_u, sigma_v, modulation, image = (np.ascontiguousarray(plane[:, ::-1]) for plane in planes)
+    return PhaseMap(u, v, sigma_u, sigma_v, modulation, image, np.ascontiguousarray(phase.flags[:, ::-1]))
 
 
 def labellings(testfield: Testfield, where: str = "testfield.csv") -> tuple[Labelling, ...]:

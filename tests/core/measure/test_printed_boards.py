@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.errors import InputError
+from core.errors import InputError, NotRecognisedError
 from core.measure import TARGET_KINDS, recognise
 from core.measure.turns import relabelled
 from core.model import Testfield
@@ -33,6 +33,13 @@ def test_a_coded_board_is_told_from_any_part_of_it(kind: str, tilt_deg: float) -
     # targets are 10 px and more apart: not one is another one; fillPoly widens what it draws, 0.04 px here
     assert np.abs(found.camera_uv - truth).max() < 0.5
     assert np.sqrt(np.mean((found.camera_uv - truth) ** 2)) < 0.15
+
+
+@pytest.mark.parametrize("kind", ["rings", "charuco", "aprilgrid", "tags"])
+def test_a_mirrored_image_is_named(kind: str) -> None:
+    image, _ = photograph(board_of(kind), np.random.default_rng(1), 20, hidden=False)
+    with pytest.raises(NotRecognisedError, match="recognised in the image's mirror image only; mirror the frames back"):
+        recognise(phase_of(np.ascontiguousarray(image[:, ::-1])), field_of(kind), SPEC)
 
 
 @pytest.mark.parametrize("kind", ["dots", "chessboard"])
