@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import re
 import signal
 import sys
@@ -13,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import lru_cache
 from itertools import pairwise
+from mmap import mmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+_ALIGNED = 64  # bytes at which arrays begin
 _AT_ONCE = 16_000  # numbers that a pipe holds
 TURNS = 4  # bands of each thread: who meets a busy processor leaves the rest to the others
 
@@ -135,7 +138,7 @@ def on_processes(
     turn, numbers = os.pipe()
     os.write(numbers, b"".join(k.to_bytes(4, "big") for k in range(count)))
     os.close(numbers)
-    pipes = [fork.Pipe(duplex=False) for _ in range(copies_at_once)]
+    pipes = [fork.Pipe() for _ in range(copies_at_once)]
     readers = [reader for reader, _ in pipes]
     copies = [fork.Process(target=_copy, args=(work, turn, sender, readers), daemon=True) for _, sender in pipes]
     done: dict[int, Any] = {}
@@ -149,7 +152,7 @@ def on_processes(
                 progress.check()
                 for reader in cast("list[Connection]", wait_for(readers, 0.05)):
                     try:
-                        number, found = reader.recv()
+                        number, found = _received(reader)
                     except (EOFError, OSError):  # nothing left to do, or killed, maybe in the middle of a word
                         readers.remove(reader)
                         continue
@@ -187,4 +190,41 @@ def _copy(work: Callable[[int, Progress], Any], turn: int, sender: Connection, r
                 found = work(k, said)
             except StripeError as error:
                 found = error
-            sender.send((k, found))
+            _send(sender, k, found)
+
+
+def _send(sender: Connection, number: int, found: Any) -> None:
+    """Send what came of a piece; its arrays in a file in memory, so that nobody waits until they are received."""
+    from multiprocessing.reduction import send_handle
+
+    arrays: list[pickle.PickleBuffer] = []
+    text = pickle.dumps((number, found), 5, buffer_callback=arrays.append)
+    parts = [array.raw() for array in arrays]
+    sizes = [part.nbytes for part in parts]
+    sender.send((text, sizes))
+    if any(sizes):
+        with open(os.memfd_create("piece"), "wb") as file:
+            for part in parts:
+                file.write(part)
+                file.write(bytes(-part.nbytes % _ALIGNED))
+            file.flush()
+            send_handle(sender, file.fileno(), os.getppid())
+
+
+def _received(reader: Connection) -> tuple[int, Any]:
+    """Give what `_send` sent, or what the piece said; arrays stay where they are and go with the last of them."""
+    from multiprocessing.reduction import recv_handle
+
+    text, sizes = reader.recv()
+    if isinstance(sizes, str):
+        return text, sizes
+    views, at = [memoryview(b"")] * len(sizes), 0
+    if any(sizes):
+        handle = recv_handle(reader)
+        whole = memoryview(mmap(handle, 0))
+        os.close(handle)
+        for k, size in enumerate(sizes):
+            views[k] = whole[at : at + size]
+            at += size + -size % _ALIGNED
+    number, found = pickle.loads(text, buffers=views)
+    return number, found

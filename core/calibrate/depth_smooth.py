@@ -106,11 +106,10 @@ def _smooth(
     near = lit & (np.abs(rest) <= DISTURBED_LINES[1])
     plate = even & (np.abs(rest) <= np.clip(DISTURBED_FACTOR * spread, *DISTURBED_LINES))
     weight = np.where(plate, 1 / np.maximum(variance, LEAST_VARIANCE), 0).astype(np.float32)
-    mean, covered = _average(rest, weight, sigma_px)
-    wide, widely = _average(rest, weight, FILL_FACTOR * sigma_px)
+    mean, covered, narrow = _average(rest, weight, sigma_px)
+    wide, widely, broad = _average(rest, weight, FILL_FACTOR * sigma_px)
     elsewhere = np.where(near, np.float32(np.nan), measured)  # disturbed, or not the plate at all
     filled = np.where(covered | plate, trend + mean, np.where(widely, trend + wide, elsewhere))
-    narrow, broad = (_left(weight, reach) for reach in (sigma_px, FILL_FACTOR * sigma_px))
     variance[:] = np.where(covered | plate, narrow, np.where(widely, broad, variance))
     variance[np.isnan(filled)] = np.nan
     return filled.astype(np.float32), np.where(plate | ~near, measured, np.float32(np.nan))
@@ -118,10 +117,9 @@ def _smooth(
 
 def _evenly_bright(modulation: Floats, lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Whether a pixel and its neighbours are about as bright as the plate is around there."""
-    smooth, _ = _average(np.nan_to_num(modulation), lit.astype(np.float32), 1.0)
-    size = 2 * DISTURBED_RIM_PX + 1
+    counts, size = lit.astype(np.float32), 2 * DISTURBED_RIM_PX + 1
     with np.errstate(invalid="ignore", divide="ignore"):
-        level = np.where(lit, np.log(smooth), 0)
+        level = np.where(lit, np.log(_blur(np.nan_to_num(modulation) * counts, 1.0) / _blur(counts, 1.0)), 0)
     around = [
         op(np.where(lit, level, off), np.ones((size, size))) for op, off in ((cv2.dilate, -9e9), (cv2.erode, 9e9))
     ]
@@ -130,18 +128,17 @@ def _evenly_bright(modulation: Floats, lit: NDArray[np.bool_]) -> NDArray[np.boo
     return np.asarray(change <= max(DISTURBED_SHARE, DISTURBED_TIMES * usual))
 
 
-def _average(values: Floats, weight: Floats, sigma_px: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Weighted Gaussian average, and where pixels that count cover enough of the Gaussian."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = _blur(np.where(weight > 0, values, 0).astype(np.float32) * weight, sigma_px) / _blur(weight, sigma_px)
-    return mean, _blur((weight > 0).astype(np.float32), sigma_px) >= COVER
+def _average(values: Floats, weight: Floats, sigma_px: float) -> tuple[Floats, NDArray[np.bool_], Floats]:
+    """Weighted Gaussian average, where pixels that count cover enough of the Gaussian, and the average's variance.
 
-
-def _left(weight: Floats, sigma_px: float) -> Floats:
-    """Variance of that average, the weights being one over the pixels': a Gaussian's square is a narrower one."""
+    The weights are one over the pixels' variances; a Gaussian's square is a narrower one.
+    """
+    counts, total = (weight > 0).astype(np.float32), _blur(weight, sigma_px)
     with np.errstate(invalid="ignore", divide="ignore"):
-        narrow = _blur(weight, sigma_px / np.sqrt(2)) / np.float32(4 * np.pi * sigma_px**2)
-        return np.asarray(np.minimum(narrow / _blur(weight, sigma_px) ** 2, 1 / weight), np.float32)
+        mean = _blur(values * weight, sigma_px) / total
+        squares = _blur(weight, sigma_px / np.sqrt(2)) / np.float32(4 * np.pi * sigma_px**2)
+        left = np.minimum(squares / total**2, 1 / weight)
+    return mean, _blur(counts, sigma_px) >= COVER, left
 
 
 def _blur(image: Floats, sigma_px: float) -> Floats:

@@ -7,7 +7,7 @@ exchanged so that every cell keeps its word: then the coordinate runs backwards 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,21 +37,21 @@ def exchanged_frames(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map
         if len({(p.cell, p.kind) for p in codes}) != 1:
             continue
         cell = codes[0].cell
-        numbers = np.floor((values + 0.5) / cell)  # a tenth of the time of values // cell
-        share = _odd_cells(values, numbers, cell) if codes[0].kind == "gray" else 0.0
+        ways = _both_ways(values, cell)
+        share = _odd_cells(ways, cell) if codes[0].kind == "gray" else 0.0
         if share > ODD:
             text = f"{along} jump to and fro at {share:.0%} of the code's cells: two of its frames were exchanged"
             found.append(Finding("order", "bad", text, {"odd": share}))
-        elif (share := _backwards(values, numbers, cell)) > BACKWARDS:
+        elif (share := _backwards(ways, cell)) > BACKWARDS:
             text = f"{along} run backwards in {share:.0%} of the code's cells: two phase steps were exchanged"
             found.append(Finding("order", "bad", text, {"backwards": share}))
     return found
 
 
-def _both_ways(*maps: Map) -> Iterator[list[Map]]:
-    """Some rows of maps, and some columns as rows."""
-    yield [values[:: -(-len(values) // ROWS)] for values in maps]
-    yield [values.T[:: -(-len(values.T) // ROWS)] for values in maps]
+def _both_ways(values: Map, cell: int) -> list[tuple[Map, Map]]:
+    """Some rows of a map, and some columns as rows, and the code's cells they lie in."""
+    ways = [np.ascontiguousarray(some[:: -(-len(some) // ROWS)]) for some in (values, values.T)]
+    return [(some, np.floor((some + 0.5) / cell)) for some in ways]  # a tenth of the time of some // cell
 
 
 def _usual(steps: Map) -> float:
@@ -61,10 +61,10 @@ def _usual(steps: Map) -> float:
     return float(np.median(some)) if len(some) else 0.0
 
 
-def _odd_cells(values: Map, numbers: Map, cell: int) -> float:
+def _odd_cells(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
     """Share of the cells that are left by jumps to a word of one other bit more often than not."""
     jumps, cells = [np.zeros(0, bool)], [np.zeros(0, np.int64)]
-    for image, those in _both_ways(values, numbers):
+    for image, those in ways:
         a, b = those[:, :-APART], those[:, APART:]
         left = (a != b) & np.isfinite(a) & np.isfinite(b)
         first, second = (np.maximum(each[left], 0).astype(np.int64) for each in (a, b))
@@ -80,10 +80,10 @@ def _odd_cells(values: Map, numbers: Map, cell: int) -> float:
     return number / int(judged.sum()) if number >= ODD_CELLS and judged.sum() >= FEWEST else 0.0
 
 
-def _backwards(values: Map, numbers: Map, cell: int) -> float:
+def _backwards(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
     """Share of neighbours in a cell between which the coordinate falls where it rises over some cells, or reverse."""
     count, against = 0, 0
-    for image, those in _both_ways(values, numbers):
+    for image, those in ways:
         step = np.diff(image)
         usual = _usual(step)
         if usual <= 0:

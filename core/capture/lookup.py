@@ -22,6 +22,7 @@ LEAST = 12  # pixels for a judgement of bright and dark
 ENOUGH = 40  # pixels for a judgement of grey values
 AGREEMENT = 0.9  # share of pixels at which a frame is bright or dark as the others say; wrong frames have 0.5
 UNLIKE = 0.5  # difference from what the others say against the spread of that; a step of a quarter period has 1.4
+_AT_ONCE = 50  # pixels looked up
 _LEAVE_ONE = 1000  # pixels for the search of the wrong frame
 _BANDS = 5  # of image rows: a torn frame is wrong in some of them only
 
@@ -68,13 +69,14 @@ def dictionary(patterns: list[Pattern], count: int) -> tuple[Array, Array]:
 def nearest(values: Array, possible: Array) -> tuple[Array, NDArray[np.intp]]:
     """Find the possible column nearest to each column of values: squared distance (n,) and number (n,)."""
     terms = np.concatenate([-2 * possible, np.sum(possible**2, axis=0, keepdims=True)])
-    cost, best = [], []
-    for part in np.array_split(values, max(1, values.shape[1] // 50), axis=1):  # so many stay in the cache
-        distance = np.concatenate([part, np.ones_like(part[:1])]).T @ terms
-        number = np.argmin(distance, axis=1)
-        best.append(number)
-        cost.append(distance[np.arange(len(number)), number] + np.sum(part**2, axis=0))
-    return np.concatenate(cost), np.concatenate(best)
+    own = np.concatenate([values, np.ones_like(values[:1])]).T
+    cost, best = np.empty(len(own), own.dtype), np.empty(len(own), np.intp)
+    distance = np.empty((_AT_ONCE, terms.shape[1]), np.result_type(own, terms))  # so many pixels stay in the cache
+    for i in range(0, len(own), _AT_ONCE):
+        part = np.matmul(own[i : i + _AT_ONCE], terms, out=distance[: len(own) - i])
+        best[i : i + _AT_ONCE] = number = np.argmin(part, axis=1)
+        cost[i : i + _AT_ONCE] = part[np.arange(len(number)), number]
+    return cost + np.sum(values**2, axis=0), best
 
 
 def some(count: int, frames: int) -> Numbers:

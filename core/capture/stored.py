@@ -367,8 +367,8 @@ def _halves(plan: Plan, images: Sequence[NDArray]) -> list[Finding]:
         return []
     side = int(np.clip(min(even[0].shape) // 64 * 64, 64, 512))  # OpenCV is half a pixel off at odd sizes
     a, b = (np.asarray(cv2.resize(e, (side, side), interpolation=cv2.INTER_AREA), np.float32) for e in even)
-    lit = a > 0.1 * float(np.quantile(a[::4, ::4], 0.98))
-    gain = float(np.median(b[lit][::16]) / max(float(np.median(a[lit][::16])), 1e-9))
+    lit = np.flatnonzero(a > 0.1 * float(np.quantile(a[::4, ::4], 0.98)))[::16]
+    gain = float(np.median(b.ravel()[lit]) / max(float(np.median(a.ravel()[lit])), 1e-9))
     if abs(gain - 1) > DRIFT:
         text = f"the light changed by {gain - 1:+.0%} between the steps of columns and of rows: warm the lamp up"
         return [Finding("lamp", "warning", text, {"drift": gain - 1})]

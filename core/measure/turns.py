@@ -130,11 +130,11 @@ def solve_turns(
     first = max(usable, key=lambda k: (len(tried[k]) == 1, len(images[k].row)))
     best = min(range(len(tried[first])), key=lambda j: _size(seen[first][j]))
     choice, sure = {first: best}, {first: np.inf}
-    size, xy_mm = _common_size(seen), board_from_testfield(field).xyz_mm[:, :2]
+    size = _common_size(seen)
     waiting = [k for k in usable if k != first]
     while waiting:
         shape = _shape_of([seen[k][j] for k, j in choice.items()], len(field.row), size)
-        margins = {k: _best(seen[k], shape, size, xy_mm) for k in waiting}
+        margins = {k: _best(seen[k], shape, size) for k in waiting}
         k = max(waiting, key=lambda i: margins[i][1])
         if margins[k][1] < SURE:
             break
@@ -144,7 +144,7 @@ def solve_turns(
         others = [seen[i][j] for i, j in choice.items() if i != k]
         if k == first or len(choice) < 3:
             continue
-        choice[k] = _best(seen[k], _shape_of(others, len(field.row), size), size, xy_mm)[0]
+        choice[k] = _best(seen[k], _shape_of(others, len(field.row), size), size)[0]
     back = _most_picked([offered[k][tried[k][j][0]] for k, j in choice.items() if picked and picked[k]])
     for k, j in choice.items():
         if len(choice) > 1 or len(tried[k]) == 1:
@@ -170,11 +170,15 @@ def _most_picked(labellings: Sequence[Labelling]) -> Labelling:
 
 @dataclass(frozen=True)
 class _Deviations:
-    """What a smooth view leaves of an image's dots, on the board: targets (n,), offsets (n, 2) mm, variances (n,)."""
+    """What a smooth view leaves of an image's dots, on the board: targets (n,), offsets (n, 2) mm, variances (n,).
+
+    `independent` is how many dots they are worth: those of a lens go on from dot to dot, a board's do not.
+    """
 
     target: Ints
     offset: Array
     variance: Array
+    independent: float
 
 
 def _deviations(targets: TargetSet, field: Testfield) -> _Deviations | None:
@@ -201,7 +205,15 @@ def _deviations(targets: TargetSet, field: Testfield) -> _Deviations | None:
     # px to mm by what neighbours on the board lie apart in the image
     scale = float(np.median(half / (np.abs(targets.camera_uv - targets.camera_uv.mean(axis=0)).max() + 1e-9)))
     variance = np.einsum("nii->n", targets.camera_cov) / 2 * (1.5 * scale) ** 2
-    return _Deviations(at, off - A @ fit, variance)
+    return _Deviations(at, off - A @ fit, variance, _independent(off - A @ fit, xy))
+
+
+def _independent(offset: Array, xy_mm: Array) -> float:
+    near = nearest(xy_mm, NEIGHBOURS)[:, 1:]
+    usual = np.sqrt(np.median(np.sum(offset**2, axis=1)))
+    o = offset / np.maximum(np.hypot(*offset.T) / (3 * usual + 1e-30), 1.0)[:, None]
+    alike = float(np.sum(o[:, None] * o[near]) / (near.shape[1] * np.sum(o**2) + 1e-30))
+    return len(o) * ((1 - max(alike, 0.0)) / (1 + max(alike, 0.0))) ** 2
 
 
 def _size(of: _Deviations | None) -> float:
@@ -227,10 +239,10 @@ def _shape_of(images: Sequence[_Deviations | None], count: int, size: float) -> 
     return total / weight[:, None], 1 / weight
 
 
-def _best(of: Sequence[_Deviations | None], shape: tuple[Array, Array], size: float, xy_mm: Array) -> tuple[int, float]:
+def _best(of: Sequence[_Deviations | None], shape: tuple[Array, Array], size: float) -> tuple[int, float]:
     """Which labelling fits a board's shape best, and by how much in log-likelihood."""
     squares = [None if d is None else _misfits(d, shape, size) for d in of]
-    independent = [_independent(d, xy_mm) for d in of if d is not None]
+    independent = [d.independent for d in of if d is not None]
     unit = min(float(np.median(square)) for square in squares if square is not None) / 1.386 + 1e-30
     likelihood = []
     for square in squares:
@@ -243,14 +255,6 @@ def _best(of: Sequence[_Deviations | None], shape: tuple[Array, Array], size: fl
     order = np.argsort(likelihood)[::-1]
     margin = likelihood[order[0]] - likelihood[order[1]] if len(order) > 1 else np.inf
     return int(order[0]), float(margin)
-
-
-def _independent(d: _Deviations, xy_mm: Array) -> float:
-    """How many independent dots the deviations are worth: those of a lens go on from dot to dot, a board's do not."""
-    near = nearest(xy_mm[d.target], NEIGHBOURS)[:, 1:]
-    o = d.offset / np.maximum(np.hypot(*d.offset.T) / (3 * np.sqrt(_size(d)) + 1e-30), 1.0)[:, None]
-    alike = float(np.sum(o[:, None] * o[near]) / (near.shape[1] * np.sum(o**2) + 1e-30))
-    return len(o) * ((1 - max(alike, 0.0)) / (1 + max(alike, 0.0))) ** 2
 
 
 def _misfits(d: _Deviations, shape: tuple[Array, Array], size: float) -> Array:

@@ -18,6 +18,7 @@ from core.model import (
     Project,
     TargetSet,
 )
+from core.pipeline.decode import taken_together
 from core.pipeline.evidence import Evidence
 from core.pipeline.folders import all_captures
 from core.pipeline.inputs import Record, calibrated_from
@@ -74,24 +75,31 @@ def _calibrate(
     for m, c in captures.items():
         read = {name: record for name in METHODS[m].reads if (record := records.get(name) or _record(project, name))}
         records[m] = calibrated_from(project, METHODS[m], c, options, side_of(c), read=read)
-    for i, (name, used) in enumerate(captures.items()):
+    for name, used in captures.items():
         if measured.issuperset(c.name for c in used) and (kept := _kept(project, name, records[name])) is not None:
             held[name], held_by[name] = kept
             done[name] = held[name][f"{name}.npz"]
-            continue
-        part = progress.part(i / len(captures), (i + 1) / len(captures))
-        reads = METHODS[name].reads
-        there = {**done, **archives, **{k: v for own in held.values() for k, v in own.items()}}
-        earlier = {k: known for m in reads for k, known in _earlier(project, m, there).items()}
-        try:
-            found = METHODS[name].calibrate(project, used, options, part, *([earlier] if reads else []))
-        except AdjustmentError as error:
-            failures[name] = error
-            continue
-        done[name] = archives[f"{name}.npz"] = found.calibration
-        archives |= found.beside
-        targets += found.targets
+    due = [name for name in captures if name not in done]
+    parts = {name: progress.part(i / len(due), (i + 1) / len(due)) for i, name in enumerate(due)}
+    looks = {name: look(project, captures[name]) for name in due if (look := METHODS[name].looks)}
+    with taken_together(project, [*looks.values()], [parts[name].part(0.0, 0.8) for name in looks]) as taken:
+        seen = dict(zip(looks, taken, strict=True))
+        for name in due:
+            reads = METHODS[name].reads
+            there = {**done, **archives, **{k: v for own in held.values() for k, v in own.items()}}
+            earlier = [{k: known for m in reads for k, known in _earlier(project, m, there).items()}] if reads else []
+            given = [seen[name], *earlier] if name in seen else earlier
+            part = parts[name].part(0.8, 1.0) if name in seen else parts[name]
+            try:
+                found = METHODS[name].calibrate(project, captures[name], options, part, *given)
+            except AdjustmentError as error:
+                failures[name] = error
+                continue
+            done[name] = archives[f"{name}.npz"] = found.calibration
+            archives |= found.beside
+            targets += found.targets
     progress.check()
+    done = {name: done[name] for name in captures if name in done}
     for name, failure in failures.items():
         if not done:
             raise failure

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import fields, replace
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
@@ -109,7 +111,7 @@ def phase_maps(
 
 def from_phase_maps(
     project: Project, captures: Iterable[Capture], what: Callable[[Capture, PhaseMap], T], progress: Progress = SILENT
-) -> Iterator[tuple[Capture, T]]:
+) -> Generator[tuple[Capture, T]]:
     """Decode captures as `phase_maps` does and give what is made of each; on processes where that is safe."""
     waiting = [series for capture in captures for series in capture.series]
     if len(waiting) < MANY or not can_fork(len(waiting)):
@@ -123,6 +125,61 @@ def from_phase_maps(
         return what(waiting[k], _decoded(project, waiting[k], said))
 
     yield from zip(waiting, on_processes(work, len(waiting), progress), strict=True)
+
+
+@dataclass(frozen=True)
+class Look:
+    """What some work wants of captures: those that it needs, what is made of each, and what of all in the end.
+
+    `due` are captures by one pair of devices each.
+    """
+
+    due: Sequence[Capture]
+    each: Callable[[Capture, PhaseMap], Any]
+    whole: Callable[[Iterable[tuple[Capture, Any]]], Any]
+
+    def taken(self, project: Project, progress: Progress = SILENT) -> Any:
+        """Decode the captures, and give what is made of them."""
+        return self.whole(from_phase_maps(project, self.due, self.each, progress))
+
+
+@contextmanager
+def taken_together(
+    project: Project, looks: Sequence[Look], parts: Sequence[Progress]
+) -> Iterator[list[Callable[[], Any]]]:
+    """Decode for several works in one stream: while one goes on, processes decode what the next ones want.
+
+    Each of the functions that are given ends one look; they are called in the order of the looks, whose decoding is
+    reported to `parts`.
+    """
+    wanted: dict[tuple[Path, str, str], tuple[Capture, list[int]]] = {}
+    for k, look in enumerate(looks):
+        for one in look.due:
+            wanted.setdefault((one.path, one.camera, one.projector), (one, []))[1].append(k)
+
+    def each(capture: Capture, phase: PhaseMap) -> dict[int, Any]:
+        _, of = wanted[capture.path, capture.camera, capture.projector]
+        return {k: looks[k].each(capture, phase) for k in of}
+
+    def told(fraction: float, text: str) -> None:
+        at = fraction * sum(len(look.due) for look in looks)
+        for look, part in zip(looks, parts, strict=True):
+            if at < len(look.due):
+                part.report(at / len(look.due), text)
+                return
+            at -= len(look.due)
+
+    def own(k: int) -> Iterator[tuple[Capture, Any]]:
+        for one in looks[k].due:
+            while k not in made.get((one.path, one.camera, one.projector), {}):
+                other, found = next(stream)
+                made[other.path, other.camera, other.projector] = found
+            yield one, made[one.path, one.camera, one.projector].pop(k)
+
+    made: dict[tuple[Path, str, str], dict[int, Any]] = {}
+    said = Progress(told, parts[0].cancelled) if parts else SILENT
+    with closing(from_phase_maps(project, [one for one, _ in wanted.values()], each, said)) as stream:
+        yield [partial(look.whole, own(k)) for k, look in enumerate(looks)]
 
 
 def _decoded(project: Project, capture: Capture, progress: Progress) -> PhaseMap:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from core.errors import InputError, NotRecognisedError
 from core.figures import targets_figures
 from core.model import Capture, PhaseMap, Project, Role, TargetSet, Testfield
-from core.pipeline.decode import from_phase_maps
+from core.pipeline.decode import Look
 from core.pipeline.evidence import because_of
 from core.pipeline.folders import all_captures, result_path
 from core.pipeline.inputs import measured_from
@@ -74,43 +74,45 @@ def measured_targets(project: Project, captures: Sequence[Capture], progress: Pr
     InputError
         If picks contradict each other, or not one of the captures can be measured: the first one's reason.
     """
+    targets: list[TargetSet] = look_at_boards(project, captures).taken(project, progress)
+    return targets
+
+
+def look_at_boards(project: Project, captures: Sequence[Capture]) -> Look:
+    """Say what is to be decoded for that, and how targets come of it."""
+    from core.measure import SAME, labellings
+
     sides = sides_of(captures)
     signs = signs_of(project, captures, sides)
     series = [one for capture in captures for one in capture.series]
-    pairs = list(dict.fromkeys((one.camera, one.projector) for one in series))
-    found = []
-    for k, pair in enumerate(pairs):
-        own = [one for one in series if (one.camera, one.projector) == pair]
-        found += _measured_by(project, own, sides, signs, progress.part(k / len(pairs), (k + 1) / len(pairs)))
-    order = {capture.name: k for k, capture in enumerate(captures)}
-    return sorted(turned_together(*zip(*found, strict=True)), key=lambda t: order[t.capture])
+    found = {(t.made_from, t.camera, t.projector): t for t in kept_targets(project) if len(t.row)}
 
+    def key(one: Capture) -> tuple[str, str, str]:
+        return signs[one.path], one.camera, one.projector
 
-def _measured_by(
-    project: Project, captures: list[Capture], sides: Mapping[Role, Side], signs: Mapping[Path, str], progress: Progress
-) -> list[tuple[Capture, TargetSet, Sequence[Labelling]]]:
-    """Targets of captures by one camera and one projector, and the labellings that they allow."""
-    from core.measure import SAME, labellings
-
-    pair = captures[0].camera, captures[0].projector
-    found = {t.made_from: t for t in kept_targets(project) if len(t.row) and (t.camera, t.projector) == pair}
-    due = [c for c in captures if signs[c.path] not in found]
-    ways: dict[Path, Sequence[Labelling]] = {}
-    for c in captures:
-        kept = found.get(signs[c.path])
+    ways: dict[tuple[str, str, str], Sequence[Labelling]] = {}
+    for c in series:
+        kept = found.get(key(c))
         may_be = labellings(c.testfield, str(c.path)) if c.testfield is not None else ()
-        ways[c.path] = (SAME,) if kept is not None and kept.told else may_be
-    failures = []
+        ways[key(c)] = (SAME,) if kept is not None and kept.told else may_be
 
-    def measured(capture: Capture, phase: PhaseMap) -> tuple[TargetSet, Sequence[Labelling], NotRecognisedError | None]:
+    def each(capture: Capture, phase: PhaseMap) -> tuple[TargetSet, Sequence[Labelling], NotRecognisedError | None]:
         return measured_or_why(capture, phase, project, sides[capture.role])
 
-    for capture, (targets, ways[capture.path], failure) in from_phase_maps(project, due, measured, progress):
-        failures += [failure] if failure else []
-        found[signs[capture.path]] = replace(targets, made_from=signs[capture.path])
-    if failures and not any(len(found[signs[c.path]].row) for c in captures):
-        raise failures[0]
-    return [(c, found[signs[c.path]], ways[c.path]) for c in captures]
+    def whole(decoded: Iterable[tuple[Capture, Any]]) -> list[TargetSet]:
+        failures: dict[tuple[str, str], NotRecognisedError] = {}
+        for capture, (targets, ways[key(capture)], failure) in decoded:
+            if failure:
+                failures.setdefault((capture.camera, capture.projector), failure)
+            found[key(capture)] = replace(targets, made_from=signs[capture.path])
+        for pair, failure in failures.items():
+            if not any(len(found[key(c)].row) for c in series if (c.camera, c.projector) == pair):
+                raise failure
+        order = {capture.name: k for k, capture in enumerate(captures)}
+        told = turned_together(series, [found[key(c)] for c in series], [ways[key(c)] for c in series])
+        return sorted(told, key=lambda t: order[t.capture])
+
+    return Look([c for c in series if key(c) not in found], each, whole)
 
 
 def measured_or_why(

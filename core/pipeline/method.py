@@ -19,6 +19,7 @@ from core.model import (
     Role,
     TargetSet,
 )
+from core.pipeline.decode import Look
 from core.pipeline.evidence import Evidence
 from core.progress import Progress
 
@@ -56,8 +57,8 @@ class CalibrationMethod:
     result: type  #: a frozen dataclass with at least the fields of `core.model.Calibration`
     roles: tuple[Role, ...]  #: of the captures that it reads
     none: tuple[str, str]  #: what is missing where there are no such captures, and the remedy
-    #: ``(project, captures, options, progress) -> Calibrated``; where it reads other methods' calibrations, those by
-    #: name come last
+    #: ``(project, captures, options, progress) -> Calibrated``; where it has looks, a function that gives what came of
+    #: them comes next, and where it reads other methods' calibrations, those by name come last
     calibrate: Callable[..., Calibrated]
     #: ``(phase, calibration, extrapolate, progress) -> cloud``, in the frame of the phase map's camera
     reconstruct: Callable[[PhaseMap, Any, bool, Progress], PointCloud]
@@ -78,6 +79,8 @@ class CalibrationMethod:
     #: methods, earlier in `METHODS`, whose calibrations it takes into account where there are any
     reads: tuple[str, ...] = ()
     scaled: bool = False  #: it reads the known lengths
+    #: ``(project, captures) -> Look``: what it wants decoded, which goes on while other methods are at work
+    looks: Callable[[Project, list[Capture]], Look] | None = None
     reused: bool = False  #: its result is taken from an earlier run that was made from the same
     one_pair: bool = False  #: it is of one camera with one projector, those that the rig names first
     joint: bool = False  #: points that several cameras saw may be intersected from the rays of all

@@ -186,7 +186,9 @@ def of_seed(folder: Path, seed: int, count: int) -> tuple[dict[str, Deviations],
         simulate_project(folder, "paper", seed)
     project, truth, method = read_project(folder), experiment("paper", seed), METHODS["photogrammetric"]
     captures = captures_of(project, "testfield")
-    made = method.calibrate(project, captures, CalibrateOptions(), SILENT)
+    assert method.looks
+    look = method.looks(project, captures)
+    made = method.calibrate(project, captures, CalibrateOptions(), SILENT, lambda: look.taken(project))
     found, adjustment, targets = made.calibration, made.beside[ADJUSTMENT], list(made.targets)
     assert isinstance(found, PhotogrammetricCalibration)
     assert isinstance(adjustment, Adjustment)

@@ -51,6 +51,14 @@ assert [k for k, _ in found] == list(range(9)), found
 assert [k for k, here in found if here] == [5], found
 assert "patience" in heard and {f"piece {k}" for k in range(9)} <= {*heard}, heard
 
+def arrays(k, progress):
+    return [np.full(shape, k, kind) for shape, kind in (((0,), "f8"), ((7, 3), "u1"), ((600, 500), "f4"))]
+
+for k, made in enumerate(on_processes(arrays, 4, said)):
+    for one, same in zip(made, arrays(k, said), strict=True):
+        assert one.dtype == same.dtype and np.array_equal(one, same), (k, one)
+        assert one.flags.aligned and one.flags.writeable
+
 def wrong(k, progress):
     if k == 1:
         raise InputError("piece 1", "nothing", "look again")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -21,8 +21,9 @@ from core.model import (
     TargetSet,
     Testfield,
 )
+from core.pipeline.decode import Look
 from core.pipeline.evidence import Evidence, because_of, notes_of
-from core.pipeline.measure import common_testfield, measured_targets
+from core.pipeline.measure import common_testfield, look_at_boards
 from core.pipeline.method import Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
@@ -30,13 +31,24 @@ from core.progress import Progress
 ADJUSTMENT = "adjustment.npz"
 
 
-def _calibrate(project: Project, captures: list[Capture], options: CalibrateOptions, progress: Progress) -> Calibrated:
+def _look(project: Project, captures: list[Capture]) -> Look:
+    common_testfield(captures)  # refused before anything is decoded
+    return look_at_boards(project, captures)
+
+
+def _calibrate(
+    project: Project,
+    captures: list[Capture],
+    options: CalibrateOptions,
+    progress: Progress,
+    measured: Callable[[], list[TargetSet]],
+) -> Calibrated:
     from core.calibrate import CALIBRATION_OPTIONS, calibrate_photogrammetric
     from core.checks import bar_notes
     from core.measure import kind_of
 
     testfield = common_testfield(captures)
-    targets = measured_targets(project, captures, progress.part(0.0, 0.9))
+    targets = measured()
     with because_of({"project.json": bar_notes(project.scale, testfield), **notes_of(targets)}):
         calibration, adjustment = calibrate_photogrammetric(
             project.rig,
@@ -133,6 +145,7 @@ PHOTOGRAMMETRIC = CalibrationMethod(
     roles=("testfield",),
     none=("no capture of a testfield", "capture a moved testfield, named in capture.json"),
     calibrate=_calibrate,
+    looks=_look,
     reconstruct=intersected,
     figures=photogrammetric_figures,
     devices=_devices,

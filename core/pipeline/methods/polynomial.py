@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,9 +22,10 @@ from core.model import (
     PhaseMap,
     PhotogrammetricCalibration,
     Project,
+    TargetSet,
     Testfield,
 )
-from core.pipeline.decode import from_phase_maps
+from core.pipeline.decode import Look
 from core.pipeline.evidence import Evidence, because_of, lengths_of
 from core.pipeline.measure import common_testfield, measured_or_why, side_of, signs_of, turned_together
 from core.pipeline.method import Calibrated, CalibrationMethod, Judgement, intersected
@@ -34,40 +36,58 @@ ADJUSTMENT = "adjustment.npz"  # beside the photogrammetric calibration
 RESIDUAL_RATIO = 2.5  # of the residuals over those that the noise leaves
 
 
-def _calibrate(
-    project: Project,
-    captures: list[Capture],
-    options: CalibrateOptions,
-    progress: Progress,
-    earlier: Mapping[str, Any],
-) -> Calibrated:
-    from core.calibrate import DepthOptions, DepthPlane, calibrate_depth
-    from core.measure import kind_of
+@dataclass(frozen=True)
+class _Plates:
+    """The plate at its positions: captures by one pair of devices, decoded, and the targets of those with a board."""
 
-    side, named = side_of(captures), [c for c in captures if c.testfield is not None]
-    field = common_testfield(named) if named else None
+    captures: Sequence[Capture]
+    phases: Sequence[PhaseMap]
+    boards: Sequence[Capture]
+    targets: Mapping[Path, TargetSet]
+
+
+def _field(captures: Sequence[Capture]) -> Testfield | None:
+    named = [c for c in captures if c.testfield is not None]
+    return common_testfield(named) if named else None
+
+
+def _look(project: Project, captures: list[Capture]) -> Look:
+    side, _ = side_of(captures), _field(captures)  # refused before anything is decoded
     signs = signs_of(project, [c for c in captures if c.testfield is not None or c.seeds], {"depth": side})
     # depth per pixel is a matter of one camera with one projector
     meant = project.rig.camera_name, project.rig.projector_name
     captures = [s for c in captures for s in c.series if len(c.series) == 1 or (s.camera, s.projector) == meant]
     boards = [c for c in captures if c.testfield is not None or c.seeds]
-    phases, seen, ways, notes = [], {}, [], []
 
-    def measured(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap, Any]:
+    def each(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap, Any]:
         return phase, measured_or_why(capture, phase, project, side) if capture in boards else None
 
-    for capture, (phase, found) in from_phase_maps(project, captures, measured, progress.part(0.0, 0.7)):
-        phases.append(phase)
-        if capture.testfield is None:
-            notes += [f"{capture.name}: {note}" for note in phase.notes]
-        if found is not None:
-            targets, allowed, _ = found
-            ways.append(allowed)
-            seen[capture.path] = replace(targets, made_from=signs[capture.path])
-    told = dict(zip(seen, turned_together(boards, list(seen.values()), ways), strict=True))
+    def whole(found: Iterable[tuple[Capture, tuple[PhaseMap, Any]]]) -> _Plates:
+        made = {capture.path: of for capture, of in found}
+        seen = {path: replace(of[0], made_from=signs[path]) for path, (_, of) in made.items() if of is not None}
+        told = turned_together(boards, list(seen.values()), [made[path][1][1] for path in seen])
+        return _Plates(captures, [phase for phase, _ in made.values()], boards, dict(zip(seen, told, strict=True)))
+
+    return Look(captures, each, whole)
+
+
+def _calibrate(
+    project: Project,
+    captures: list[Capture],
+    options: CalibrateOptions,
+    progress: Progress,
+    seen: Callable[[], _Plates],
+    earlier: Mapping[str, Any],
+) -> Calibrated:
+    from core.calibrate import DepthOptions, DepthPlane, calibrate_depth
+    from core.measure import kind_of
+
+    field, plates = _field(captures), seen()
+    told, decoded = plates.targets, [*zip(plates.captures, plates.phases, strict=True)]
+    notes = [f"{c.name}: {note}" for c, phase in decoded if c.testfield is None for note in phase.notes]
     notes += [f"{t.capture}: {note}" for t in told.values() for note in t.notes]
     planes = []
-    for capture, phase in zip(captures, phases, strict=True):
+    for capture, phase in decoded:
         assert capture.z_mm is not None
         own = told.get(capture.path)
         planes.append(DepthPlane(capture.z_mm, phase, own if own is not None and len(own.row) else None))
@@ -83,7 +103,7 @@ def _calibrate(
             interior=interior,
             adjusted=adjusted,
             recentred=kind_of(field).recentred if field is not None else None,
-            progress=progress.part(0.7, 1.0),
+            progress=progress,
         )
     except AdjustmentError as error:
         from core.checks import repeated_targets
@@ -91,10 +111,10 @@ def _calibrate(
         known = interior[0] if interior else nominal(project.camera)
         sets = [t for t in told.values() if len(t.row)]
         scale = None if adjusted is None else project.scale
-        told_of = lengths_of(project.camera, known, boards, {t.capture: t for t in sets}, scale)
+        told_of = lengths_of(project.camera, known, plates.boards, {t.capture: t for t in sets}, scale)
         doubts = repeated_targets(sets) or [concern for concern in told_of if concern.state == "failed"]
         if not doubts:
-            with because_of({c.name: phase.notes for c, phase in zip(captures, phases, strict=True)}):
+            with because_of({c.name: phase.notes for c, phase in decoded}):
                 raise
         raise AdjustmentError(error.where, error.seen, f"{error.remedy}. First see to this: {doubts[0].text}") from None
     return Calibrated(replace(calibration, warnings=(*notes, *warnings, *calibration.warnings)), list(told.values()))
@@ -155,6 +175,7 @@ POLYNOMIAL = CalibrationMethod(
     roles=("depth",),
     none=("no capture of role depth", "capture a plate at known depths"),
     calibrate=_calibrate,
+    looks=_look,
     reconstruct=intersected,
     figures=depth_figures,
     devices=lambda project, depth: [("camera", project.camera, depth.camera_spec)],

@@ -12,7 +12,7 @@ import pytest
 from core.measure.turns import SAME, relabelled, solve_turns, symmetries
 from core.model import Capture, Frame, TargetSet, Testfield
 from core.patterns import White
-from core.pipeline import measure
+from core.pipeline import decode, measure
 from core.project import load_archive, save_archive
 
 ROWS, COLS = 13, 19
@@ -122,6 +122,14 @@ def test_a_square_board_has_three_other_turns(board):
     assert symmetries(mirrored_only) == ()
 
 
+def undecoded(monkeypatch, recognised, kept):
+    """Let captures without frames be measured by a function, those that are kept not again."""
+    monkeypatch.setattr(measure, "measured_or_why", recognised)
+    monkeypatch.setattr(decode, "from_phase_maps", lambda _p, due, what, _: [(c, what(c, None)) for c in due])
+    monkeypatch.setattr(measure, "signs_of", lambda _project, captures, _sides: {c.path: c.name for c in captures})
+    monkeypatch.setattr(measure, "kept_targets", lambda _project: tuple(kept))
+
+
 def test_all_cameras_name_a_board_alike(board, monkeypatch):
     """Two cameras see the same board, and nobody picked: one whole turn for both, not one for each."""
     rng = np.random.default_rng(6)
@@ -130,17 +138,13 @@ def test_all_cameras_name_a_board_alike(board, monkeypatch):
     captures = [Capture(Path(f"b{k}"), "testfield", frames, testfield=board) for k in range(5)]
     truth = {}
 
-    def measured_by(_project, own, *_):
-        found = []
-        for k, capture in enumerate(own):
-            image = replace(image_of(made, board, rng), capture=capture.name, camera=capture.camera)
-            truth[capture.name, capture.camera] = image
-            turned = (k % 2 == 0) == (capture.camera == "left")
-            found.append((capture, relabelled(image, HALF, board) if turned else image, (SAME, HALF)))
-        return found
+    def recognised(capture, *_):
+        image = replace(image_of(made, board, rng), capture=capture.name, camera=capture.camera)
+        truth[capture.name, capture.camera] = image
+        turned = (int(capture.name[1:]) % 2 == 0) == (capture.camera == "left")
+        return relabelled(image, HALF, board) if turned else image, (SAME, HALF), None
 
-    monkeypatch.setattr(measure, "_measured_by", measured_by)
-    monkeypatch.setattr(measure, "signs_of", lambda *_: {})
+    undecoded(monkeypatch, recognised, ())
     told = measure.measured_targets(None, captures)
     assert len(told) == 10
     right = {np.array_equal(t.row, truth[t.capture, t.camera].row) for t in told}
@@ -160,10 +164,7 @@ def test_a_turn_that_the_image_tells_is_kept(board, monkeypatch, tmp_path):
         image = replace(image_of(board.xyz_mm, board, rng), told=True)  # as regular as its drawing
         return replace(image, capture=capture.name), (SAME,), None
 
-    monkeypatch.setattr(measure, "measured_or_why", recognised)
-    monkeypatch.setattr(measure, "from_phase_maps", lambda _p, due, what, _: [(c, what(c, None)) for c in due])
-    monkeypatch.setattr(measure, "signs_of", lambda _project, captures, _sides: {c.path: c.name for c in captures})
-    monkeypatch.setattr(measure, "kept_targets", lambda _project: tuple(kept))
+    undecoded(monkeypatch, recognised, kept)
     counts = []
     for _ in range(3):
         archive = tmp_path / "targets.npz"
