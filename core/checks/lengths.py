@@ -293,19 +293,20 @@ def _odd_one(lengths: list[Length], scale: ScaleBar | None, board: Testfield | N
         np.abs(factors / f - 1) <= np.hypot(TOLERANCE, SIGNIFICANT * np.hypot(sigma, s))
         for f, s in zip(factors, sigma, strict=True)
     ]
-    # what is known poorly itself may agree with two that differ: it does not decide
-    certain = SIGNIFICANT * sigma <= TOLERANCE
-    voters = np.flatnonzero(certain) if certain.sum() >= 2 else np.arange(len(lengths))
-    votes = np.array([agreeing[k][voters].sum() for k in voters])
-    most = voters[votes == votes.max()]
-    if votes.min() == len(voters) and all(agreeing[most[0]]):
-        return []
-    clear = votes.max() >= 2 and all((agreeing[k] == agreeing[most[0]])[voters].all() for k in most)
-    if clear:
-        true = float(np.median(factors[[k for k in voters if agreeing[most[0]][k]]]))
-        odd = [k for k in range(len(lengths)) if not agreeing[most[0]][k]]
-        others = " and ".join(lengths[k].name for k in np.flatnonzero(agreeing[most[0]]))
-        return [_told(lengths[k], factors[k] / true, others, scale, board) for k in odd]
+    # what is known poorly itself may agree with two that differ: it decides only where the others do not
+    certain, everyone = np.flatnonzero(SIGNIFICANT * sigma <= TOLERANCE), np.arange(len(lengths))
+    rounds = (certain, everyone) if len(certain) >= 2 else (everyone,)
+    for voters in rounds:
+        votes = np.array([agreeing[k][voters].sum() for k in voters])
+        most = voters[votes == votes.max()]
+        like = agreeing[most[0]]
+        clear = votes.max() >= 2 and all((agreeing[k] == like)[voters].all() for k in most)
+        if all(like) and (votes.min() == len(voters) or (clear and voters is rounds[0])):
+            return []
+        if clear and not all(like):
+            true = float(np.median(factors[[k for k in voters if like[k]]]))
+            others = " and ".join(lengths[k].name for k in np.flatnonzero(like))
+            return [_told(lengths[k], factors[k] / true, others, scale, board) for k in np.flatnonzero(~like)]
     worst = float(factors.max() / factors.min())
     told = "; ".join(f"{entry.name} ({entry.key}) says {entry.factor / factors[0]:.4f}" for entry in lengths)
     hint = unit_hint(worst, 1 / worst)

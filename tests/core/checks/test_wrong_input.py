@@ -141,6 +141,7 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
     "bar +3 %": (lambda p: bar(p, 1.03), f"{BAR}.*1.03"),
     "bar +10 %": (lambda p: bar(p, 1.1), rf"{BAR}.*1\.(1|09)"),
     "bar in cm": (lambda p: bar(p, 0.1), f"{BAR}.*cm"),
+    "bar in m": (lambda p: bar(p, 0.001), f"{BAR}.* m instead"),
     "bar in inches": (lambda p: bar(p, 1 / 25.4), f"{BAR}.*inches"),
     "bar's sigma in um": (lambda p: replace(p, scale=replace(p.scale, sigma_mm=5.0)), "scale: sigma_mm is 5, .*µm"),
     "board's z in um": (
