@@ -10,7 +10,7 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
-from core.measure import measured_view, predicted_view
+from core.measure import kind_of, measured_view, predicted_view
 from core.measure.view import View
 from core.model import Array, DeviceSpec, TargetSet
 from core.report import Number, Table
@@ -22,6 +22,7 @@ from stripe_gui.presenters.told import sentence, told
 translate = QCoreApplication.translate
 NOTHING = np.zeros((0, 2))
 NO_VALUES: tuple[Cell, ...] = (None,) * 5
+CORNER = 0.3  # of a square's side, circle about its corner
 VECTOR_SHARE = 1 / 40  # of the image's width that an average residual vector covers
 
 
@@ -81,6 +82,7 @@ def picking_view(model: Picking, camera: DeviceSpec) -> PickingView:
             view = view or predicted_view(model.field, camera, seeds, model.capture.name)
             grid = view.project(model.field.xyz_mm)
             sizes = _diameters(view, model.field.xyz_mm, model.field.diameter_mm)
+            sizes = sizes if kind_of(model.field).round else CORNER * sizes
             places = {t: (float(u), float(v)) for t, (u, v) in zip(model.field.index(), grid, strict=True) if u == u}
         except InputError as error:
             problem = f"{error.seen}; {error.remedy}"
