@@ -78,7 +78,7 @@ def draw_back(
     place, sigma = (a.reshape(2, *shape) for a in coordinates)
     modulation = lit[1].reshape(shape)
     light = lit[0].reshape(shape) if len(rows.value) else modulation
-    scale = float(rows.value @ rows.value) if len(rows.value) else ONE
+    scale = float(rows.value @ rows.value) if len(rows.value) else cofactor
     some = slice(None, None, max(1, light.size // SAMPLE))
     known = np.isfinite(coordinates[0][:, some]).any(axis=0) & (lit[1][some] > TINY)
     if not known.any():
@@ -87,7 +87,8 @@ def draw_back(
     if not len(rows.value):  # it undulates with the patterns
         seen = np.where(np.isfinite(place).any(axis=0), light, np.nan)
         bends = [b[np.isfinite(b)] for b in (np.abs(np.diff(seen, 2, axis=k)) for k in (0, 1))]
-        limits = limits._replace(dark=limits.dark + F(max(np.median(b) if len(b) else 0 for b in bends) ** 2 / 0.45))
+        bent = max(np.median(b) if len(b) else 0 for b in bends) ** 2 / 0.45
+        limits = limits._replace(dark=limits.dark + F(bent / scale))
     fields, share = (light, modulation, place), F(cofactor / (NOTICED**2 * scale))
     least = tuple(F(NOTICED**2 * scale * n) for n in (limits.dark, limits.shot, limits.floor))
     at, pull = np.empty(light.size, INT), np.empty((light.size, PULLS), F)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.book import BLURS, Book, Found, Shelf, adjust, book_of
+from core.decode.footprint import draw_back
 from core.decode.frames import Image
 from core.decode.noise import TINY, Noise
 from core.decode.notes import MUCH, ODD_WORDS, SECOND_OF_WORDS, note_on_second_light, notes_on
@@ -24,7 +25,7 @@ from core.decode.options import DecodeOptions, Flag
 from core.decode.rim import drop_alone
 from core.decode.sample import limits_of, spread, take_sample
 from core.decode.shown import measure_words
-from core.decode.tables import WORDS, Singles, no_axis
+from core.decode.tables import WORDS, Singles, make_rows, no_axis
 from core.model import PhaseMap
 from core.parallel import run_in_bands
 from core.patterns import Axis, Pattern, axis_of, use_of
@@ -79,36 +80,42 @@ def decode_words(
     if any(axis_of(patterns[i]) for i in rest):
         result = others(rest)
     first = len(worded) == 2 or not any(axis_of(patterns[i]) for i in rest)
+    drawn, none = np.full((2, 2, height, width), np.nan, np.float32), no_axis()
     for number, axis in enumerate(worded):
         part = progress.part(number / len(worded), (number + 1) / len(worded))
         book = book_of(tuple(patterns), axis, lines[axis == "y"] if lines else None, where)
-        place, sigma, modulation, image, bad, noise, second = _decode_axis(book, images, options, part)
+        place, sigma, modulation, image, bad, noise, word, second = _decode_axis(book, images, options, part)
         u, lack = axis == "x", Flag.NO_U if axis == "x" else Flag.NO_V
         alone = first and number == 0
-        measured: dict[str, Any] = {"u": place, "sigma_u": sigma} if u else {"v": place, "sigma_v": sigma}
         seen = [images[i] for i in book.frames]
         lost = bad | np.where(np.isnan(place), np.uint8(lack), np.uint8(0))
         drop_alone(place, sigma, lost, lack, Flag.UNSURE)
+        drawn[:, 0 if u else 1] = place, sigma
         limits = limits_of(noise, options.saturation or float(np.iinfo(images[0].dtype).max), options)
-        words, none = no_axis()._replace(start=WORDS), no_axis()
+        words = none._replace(start=WORDS)
         of_sample = lost[spread(place.shape)].ravel()
         notes, dim = notes_on(seen, take_sample(seen), of_sample, limits, (words, none) if u else (none, words))
         result = replace(
             result,
-            **measured,
             notes=tuple(dict.fromkeys((*result.notes, *(notes or second)))),
             dim_notes=(*result.dim_notes, *notes) if dim else result.dim_notes,
             modulation=modulation if alone else np.minimum(result.modulation, modulation),
             image=image if alone else (result.image + image) / F(2) if len(worded) == 2 else result.image,
             flags=(result.flags & np.uint8(255 - lack)) | lost,
         )
-    return result
+    pixels = drawn.reshape(2, 2, -1)
+    lit, cofactor = (result.image.ravel(), result.modulation.ravel()), 1 / (4 * len(book.frames) * word**2)
+    draw_back((pixels[0], pixels[1]), lit, result.flags, make_rows([{}]), limits, cofactor, (True, True))
+    (u, v), (sigma_u, sigma_v) = drawn
+    if "x" in worded:
+        result = replace(result, u=u, sigma_u=sigma_u)
+    return replace(result, v=v, sigma_v=sigma_v) if "y" in worded else result
 
 
 def _decode_axis(
     book: Book, images: Sequence[Image], options: DecodeOptions, progress: Progress
-) -> tuple[Singles, Singles, Singles, Singles, NDArray[np.uint8], Noise, tuple[str, ...]]:
-    """Give place, sigma, modulation, evenly lit image and flags, each (H, W), the noise, and what to say."""
+) -> tuple[Singles, Singles, Singles, Singles, NDArray[np.uint8], Noise, float, tuple[str, ...]]:
+    """Give place, sigma, modulation, evenly lit image and flags, each (H, W), noise, contrast of words, what to say."""
     shape, k = images[0].shape, len(book.frames)
     full = options.saturation or float(np.iinfo(images[0].dtype).max)
     progress(0.0, "reading blur and noise")
@@ -200,6 +207,7 @@ def _decode_axis(
         np.clip(even, 0, full).astype(np.float32),
         flags,
         noise,
+        word,
         second_notes,
     )
 

@@ -15,7 +15,7 @@ from scipy.special import erf
 
 from core.decode import DecodeOptions, Flag, decode
 from core.model import PhaseMap
-from core.patterns import Pattern, brightness, gray_and_phase, reference_sequence
+from core.patterns import Pattern, brightness, gray_and_phase, parse_sequence, reference_sequence
 from core.pipeline import decode_capture
 
 N = 640
@@ -53,12 +53,13 @@ def dots(
     dark: float = 0.2,
     ambient: float = 10.0,
     noise: float = 1.5,
+    sequence: str = "paper",
 ) -> tuple[list, list, np.ndarray]:
     """A slanted board of white dots, seen by pixels of a Gaussian footprint: patterns, images, true u."""
     y, x = (np.mgrid[: size * fine, : size * fine] - (fine - 1) / 2) / fine
     u, v = 4 + 0.71 * x + 0.06 * y, 4.3 + 0.73 * y - 0.04 * x
     albedo = np.where(np.hypot((x + 3) % 20 - 10, (y + 1) % 20 - 10) < 6, 0.85, dark)
-    return pictures(u, v, albedo, lines, fine, footprint_px, ambient, noise)
+    return pictures(u, v, albedo, lines, fine, footprint_px, ambient, noise, sequence)
 
 
 def pictures(
@@ -70,9 +71,10 @@ def pictures(
     footprint: float,
     ambient: float,
     noise: float,
+    sequence: str = "paper",
 ) -> tuple[list, list, np.ndarray]:
     """Patterns, images and true u, v, albedo of a scene drawn with `fine` x `fine` samples a pixel."""
-    patterns, rng = reference_sequence(lines, lines), np.random.default_rng(4)
+    patterns, rng = list(parse_sequence(sequence).patterns((lines, lines))), np.random.default_rng(4)
     images, at = [], slice(fine // 2, None, fine)
     for pattern in patterns:
         shown = brightness(pattern, np.arange(lines))
@@ -101,6 +103,19 @@ def test_edges_of_dots_are_not_drawn_to_the_brighter_side(monkeypatch) -> None:
             assert abs(np.nanmean(after * np.sign(slope[edge]))) < 0.02  # of a line, the bound that was asked for
             assert np.nanstd(after) < 0.75 * np.nanstd(was)
             assert np.sqrt(np.nanmean((after / getattr(phase, f"sigma_{axis}")[edge]) ** 2)) < 1.3
+
+
+def test_words_are_not_drawn_to_the_brighter_side_either() -> None:
+    patterns, images, (u, v, albedo) = dots(sequence="dense")
+    phase = decode(patterns, images, lines=(128, 128))
+    for axis, truth, along in (("u", u, 1), ("v", v, 0)):
+        slope = np.gradient(albedo, axis=along) / albedo
+        edge = np.abs(slope) > 0.2
+        edge[:3] = edge[-3:] = edge[:, :3] = edge[:, -3:] = False
+        error = (getattr(phase, axis) - truth)[edge]
+        assert np.isfinite(error).mean() > 0.99
+        assert abs(np.nanmean(error * np.sign(slope[edge]))) < 0.02
+        assert np.sqrt(np.nanmean((error / getattr(phase, f"sigma_{axis}")[edge]) ** 2)) < 1.3
 
 
 def test_light_beyond_a_rim_is_no_measurement() -> None:
