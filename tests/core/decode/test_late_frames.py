@@ -41,3 +41,14 @@ def test_a_whole_frame_that_came_late_is_named() -> None:
 
 def test_no_frame_of_a_good_capture_is_late() -> None:
     assert decode(PATTERNS, seen(), lines=(256, 160)).notes == ()
+
+
+def test_stripes_too_fine_to_be_seen_are_not_late() -> None:
+    """Gray code of cell 1 on pixels of four lines: the finest bit and its inverse are one grey, darker by gamma."""
+    patterns = [*gray_and_phase("x", 512, cell=1, periods=[], inverse=True), White(), Black()]
+    rng, (y, x) = np.random.default_rng(4), np.mgrid[:120, :110]
+    u = 20 + 4.1 * x + 0.06 * y
+    lines = u[..., None] + np.linspace(-2, 2, 33)
+    light = [brightness(p, np.rint(lines)).mean(axis=-1) ** 2.2 for p in patterns]
+    images = [np.uint8(np.rint(15 + 120 * each + rng.normal(0, 2.0, u.shape))) for each in light]
+    assert decode(patterns, images, lines=(512, 160)).notes == ()
