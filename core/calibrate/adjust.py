@@ -20,7 +20,7 @@ from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
 from core.calibrate.problem import Problem, problem_of, weighted_problem
 from core.calibrate.robust import misfits, robust_state
-from core.calibrate.selection import adjustable, check_network
+from core.calibrate.selection import Warnings, adjustable, check_network
 from core.calibrate.snooping import (
     far_off,
     far_off_error,
@@ -44,7 +44,7 @@ from core.calibrate.weakness import (
 )
 from core.errors import AdjustmentError
 from core.geometry import LENSES, Pose
-from core.model import AdjustedDevice, Adjustment, Network
+from core.model import AdjustedDevice, Adjustment, Concern, Network
 from core.progress import SILENT, Progress
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Prog
     return result_of(solved, warnings)
 
 
-def solve_network(network: Network, options: AdjustOptions, progress: Progress = SILENT) -> tuple[Solved, list[str]]:
+def solve_network(network: Network, options: AdjustOptions, progress: Progress = SILENT) -> tuple[Solved, Warnings]:
     """Adjust a network, reject gross errors where the options say so, and collect what weakens it.
 
     Where that fails and would not with mirrored images, the error says so.
@@ -135,7 +135,7 @@ def _mirrored(network: Network, devices: Collection[str]) -> Network:
     return replace(network, observation_uv=uv)
 
 
-def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tuple[Solved, list[str]]:
+def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tuple[Solved, Warnings]:
     network, warnings = adjustable(network)
     network, more = without_unobservable(network)
     warnings += more
@@ -183,12 +183,12 @@ def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tup
 
 def _solve_somehow(
     network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress
-) -> tuple[Solved, int, list[str]]:
+) -> tuple[Solved, int, Warnings]:
     """As `_solve_despite`; where that does not fit, from stations oriented anew on what the bulk of them agrees on.
 
     Of a flat field seen with little perspective, rough approximate points choose the second solution of some stations.
     """
-    best: tuple[Solved, int, list[str]] | None = None
+    best: tuple[Solved, int, Warnings] | None = None
     failure: AdjustmentError | None = None
     try:
         best = _solve_despite(network, problem, state, options, progress)
@@ -219,7 +219,7 @@ def _doubted(solved: Solved) -> bool:
 
 def _solve_despite(
     network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress, passes: int = 3
-) -> tuple[Solved, int, list[str]]:
+) -> tuple[Solved, int, Warnings]:
     """Solve, where gross errors lead least squares astray from a robust solution or, if rejecting, without them.
 
     Few points that would have to lie behind a device are left out first, in so many passes.
@@ -229,7 +229,7 @@ def _solve_despite(
     solved : Solved
     lost : int
         Number of observations left out.
-    warnings : list of str
+    warnings : Warnings
         Points and stations left out with them.
 
     Raises
@@ -244,7 +244,8 @@ def _solve_despite(
             bad = np.flatnonzero(np.isin(problem.point, failure.points))
             smaller, rest, start, warnings = without(network, problem, failure.state, bad)
             solved, lost, more = _solve_despite(smaller, rest, start, options, progress, passes - 1)
-            return solved, lost, [f"left out, {failure.seen}: {failure.where}", *warnings, *more]
+            told = Concern("doubtful", f"left out, {failure.seen}: {failure.where}")
+            return solved, lost, [told, *warnings, *more]
         try:
             robust = robust_state(problem, state)
             bad, misfit = far_off(problem, robust)
@@ -321,7 +322,7 @@ def _solve(network: Network, problem: Problem, state: State, options: AdjustOpti
     return replace(solved, weaknesses=tuple(weaknesses))
 
 
-def result_of(solved: Solved, warnings: list[str]) -> Adjustment:
+def result_of(solved: Solved, warnings: Warnings) -> Adjustment:
     """Put a solution into the order and units of its network."""
     problem, network = solved.problem, solved.network
     back = np.argsort(problem.order)
@@ -367,5 +368,6 @@ def result_of(solved: Solved, warnings: list[str]) -> Adjustment:
         variance_factors=solved.factors,
         parameter_names=tuple(names),
         parameter_cov=cov,
-        warnings=tuple(warnings),
+        warnings=tuple(w.text if isinstance(w, Concern) else w for w in warnings),
+        doubts=tuple(w for w in warnings if isinstance(w, Concern)),
     )

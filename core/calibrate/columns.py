@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.problem import RELATIVE, Problem, estimated, never_observed
+from core.calibrate.selection import Warnings
 from core.geometry import Pose, lens_of
 from core.model import Network
 
@@ -22,9 +23,10 @@ PLAUSIBLE = 1.5  # ratio to the nominal focal length up to which that of the res
 UNOBSERVABLE = {"v": "y0", "u": "x0"}  # with the affine parameters, where that coordinate was never observed
 
 
-def without_unobservable(network: Network) -> tuple[Network, list[str]]:
+def without_unobservable(network: Network) -> tuple[Network, Warnings]:
     """Hold what a device with one observed coordinate cannot tell, and say so."""
-    devices, warnings = dict(network.devices), []
+    devices = dict(network.devices)
+    warnings: Warnings = []
     for name, coordinate in never_observed(network).items():
         device = devices[name]
         free = estimated(device)

@@ -17,7 +17,7 @@ from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import SingularNormalsError
 from core.calibrate.problem import Problem, problem_of, weighted_problem
 from core.calibrate.robust import misfits, robust_state
-from core.calibrate.selection import adjustable, selected
+from core.calibrate.selection import Warnings, adjustable, selected
 from core.calibrate.state import State
 from core.errors import AdjustmentError
 from core.model import Network
@@ -156,7 +156,7 @@ def _part(
     return None
 
 
-def without(network: Network, problem: Problem, state: State, bad: Ints) -> tuple[Network, Problem, State, list[str]]:
+def without(network: Network, problem: Problem, state: State, bad: Ints) -> tuple[Network, Problem, State, Warnings]:
     """Leave out observations, numbered as in the problem, and what cannot be adjusted without them."""
     keep = np.ones(len(problem.point), bool)
     keep[problem.order[bad]] = False

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from core.calibrate.columns import resect_columns
 from core.calibrate.equations import misclosures
 from core.calibrate.problem import Problem, problem_of
-from core.calibrate.selection import known_points
+from core.calibrate.selection import Warnings, known_points
 from core.calibrate.state import State, interior_of
 from core.calibrate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable
 from core.errors import AdjustmentError
@@ -103,7 +103,7 @@ def _intersected(problem: Problem, state: State, known: NDArray[np.bool_]) -> St
     return replace(state, xyz=xyz)
 
 
-def misplaced(network: Network, problem: Problem, state: State) -> tuple[Network, Problem, State, list[str]]:
+def misplaced(network: Network, problem: Problem, state: State) -> tuple[Network, Problem, State, Warnings]:
     """Put approximate points that their images contradict where these intersect, with a warning that names them.
 
     They might lie behind a device, where nothing is projected, and would draw stations and datum. What stations they

@@ -12,11 +12,13 @@ from core.calibrate.network import network_from_targets
 from core.calibrate.options import AdjustOptions
 from core.calibrate.problem import estimated
 from core.calibrate.rigid import mean_relative_poses, rigidity_of
+from core.calibrate.selection import Warnings
 from core.calibrate.shared import with_shared_errors
 from core.errors import AdjustmentError, InputError
 from core.geometry.pairs import names_of, orientation_names
 from core.model import (
     Adjustment,
+    Concern,
     Network,
     Orientation,
     PhotogrammetricCalibration,
@@ -74,7 +76,7 @@ def calibrate_photogrammetric(
         As `core.calibrate.adjust`; also if no captures tie the devices to each other.
     """
 
-    def solved_by(targets: Sequence[TargetSet], progress: Progress) -> tuple[Solved, list[str], dict[str, int]]:
+    def solved_by(targets: Sequence[TargetSet], progress: Progress) -> tuple[Solved, Warnings, dict[str, int]]:
         network = network_from_targets(rig, testfield, targets, scale=scale, lengths=lengths, rigid=True)
         network = _holding(network, hold)
         groups = dict(zip(network.station_names, network.station_pose, strict=True))
@@ -121,7 +123,7 @@ def calibrate_photogrammetric(
     return calibration, adjustment
 
 
-def _rigidity(solved: Solved, kept: Sequence[int], rigid: bool, progress: Progress) -> list[str]:
+def _rigidity(solved: Solved, kept: Sequence[int], rigid: bool, progress: Progress) -> Warnings:
     """Warn of a rig that was not rigid, or of which that cannot be told."""
     try:
         test = rigidity_of(solved, kept, progress)
@@ -129,7 +131,8 @@ def _rigidity(solved: Solved, kept: Sequence[int], rigid: bool, progress: Progre
         return [f"whether the rig was rigid cannot be tested: {error.where}: {error.seen}"]
     if test.rigid:
         return []
-    return [f"{test}; adjust with free stations, and mount the devices firmly" if rigid else str(test)]
+    text = f"{test}; adjust with free stations, and mount the devices firmly" if rigid else str(test)
+    return [Concern("doubtful", text)]
 
 
 def _check_tied(bases: dict[str, str]) -> None:

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from core.errors import AdjustmentError, InputError
 from core.geometry import lens_of
-from core.model import Network, NetworkScale
+from core.model import Concern, Network, NetworkScale
 
 Bools = NDArray[np.bool_]
+Warnings = list[Concern | str]  # of an adjustment; concerns put its result in doubt
 
 LEAST_POINTS = 4  # that a free station must see: three leave up to four solutions
 
@@ -113,13 +114,13 @@ def _observation(network: Network, row: int) -> str:
     return f"station {network.station_names[station]}, point {network.point_names[point]}"
 
 
-def adjustable(network: Network) -> tuple[Network, list[str]]:
+def adjustable(network: Network) -> tuple[Network, Warnings]:
     """Leave out points seen from one place only and stations with too few points, until all can be adjusted.
 
     Returns
     -------
     network : Network
-    warnings : list of str
+    warnings : Warnings
         Names of what was left out.
 
     Raises
@@ -127,7 +128,7 @@ def adjustable(network: Network) -> tuple[Network, list[str]]:
     AdjustmentError
         If too little is left, or the rest falls into parts that share no points.
     """
-    warnings = []
+    warnings: Warnings = []
     if len(np.unique(network.observation_station)) < len(network.station_names):
         unused = np.setdiff1d(np.arange(len(network.station_names)), network.observation_station)
         warnings.append(f"left out, no observations: station {listed([network.station_names[s] for s in unused])}")
@@ -136,7 +137,8 @@ def adjustable(network: Network) -> tuple[Network, list[str]]:
         keep = ~np.isin(network.observation_station, few)
         if len(few):
             names = listed([network.station_names[s] for s in few if s in network.observation_station])
-            warnings += [f"left out, fewer than {LEAST_POINTS} usable points: station {names}"] * bool(names)
+            text = f"left out, fewer than {LEAST_POINTS} usable points: station {names}"
+            warnings += [Concern("doubtful", text)] * bool(names)
         else:
             single = _single_ray_points(network)
             keep = ~np.isin(network.observation_point, single)

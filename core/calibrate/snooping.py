@@ -10,7 +10,7 @@ from core.calibrate.problem import Problem
 from core.calibrate.robust import misfits
 from core.calibrate.state import State
 from core.errors import AdjustmentError
-from core.model import Network
+from core.model import Concern, Network
 from core.numerics import normal_limit, sigma_by_median
 
 Array = NDArray[np.float64]
@@ -109,14 +109,15 @@ def masked(problem: Problem, size: Array) -> bool:
     return bool(size.max(initial=0.0) > FAR * _limit(problem))
 
 
-def outlier_warning(network: Network, problem: Problem, size: Array) -> list[str]:
+def outlier_warning(network: Network, problem: Problem, size: Array) -> list[Concern]:
     """Name the observations whose normalised residuals, shape (m,), exceed the critical value, the worst first."""
     limit = _limit(problem)
     bad = np.flatnonzero(size > limit)
     if not len(bad):
         return []
     listed = named(network, problem, bad, size)
-    return [f"{len(bad)} observations look like gross errors (normalised residual above {limit:.1f}): {listed}"]
+    text = f"{len(bad)} observations look like gross errors (normalised residual above {limit:.1f}): {listed}"
+    return [Concern("doubtful", text, about="blunders")]
 
 
 def named(network: Network, problem: Problem, bad: Ints, size: Array, most: int = 5) -> str:

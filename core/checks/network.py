@@ -15,8 +15,6 @@ from core.geometry.lens import lens_of
 from core.model import AdjustedDevice, Adjustment, Array, Concern, NetworkScale
 from core.numerics import chi_square_limit, nearest, normal_limit, sigma_by_median
 
-GROSS = "look like gross errors"
-DOUBTS = ("not rigid", GROSS, "left out, fewer than", "left out, rays meet")  # of the adjustment's own warnings
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
@@ -35,22 +33,21 @@ OFF_CENTRE = 0.2  # a camera's principal point, as a share of half its image
 
 
 def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int, int]] | None = None) -> list[Concern]:
-    """Test the residuals of a bundle adjustment, and heed those of its warnings that put it in doubt.
+    """Test the residuals of a bundle adjustment, beside what put it in doubt while it was adjusted.
 
     Parameters
     ----------
     rejected : mapping, optional
         By station, how many of how many observations were left out as gross errors.
     """
-    own = [Concern("doubtful", text) for text in adjustment.warnings if any(doubt in text for doubt in DOUBTS)]
     known = [concern for name, device in adjustment.devices.items() for concern in _known_before(name, device)]
     squares = _chi_square(adjustment)
     normalised = adjustment.residuals / adjustment.network.observation_sigma
     if np.nanmean(normalised**2) > TAILS**2 * sigma_by_median(normalised) ** 2:  # gross errors are the cause: first
         failed = any(c.state == "failed" for c in squares)
-        own = [replace(c, state="failed") if failed and GROSS in c.text else c for c in own]
-        return [*known, *own, *squares, *_systematic(adjustment), *_rejected(rejected or {})]
-    return [*known, *squares, *_systematic(adjustment), *_rejected(rejected or {}), *own]
+        gross = [replace(c, state="failed") if failed and c.about == "blunders" else c for c in adjustment.doubts]
+        return [*known, *gross, *squares, *_systematic(adjustment), *_rejected(rejected or {})]
+    return [*known, *squares, *_systematic(adjustment), *_rejected(rejected or {}), *adjustment.doubts]
 
 
 def sound_words(adjustment: Adjustment) -> tuple[str, ...]:

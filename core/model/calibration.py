@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 from core.model.arrays import Array, Floats
 from core.model.network import Network
 from core.model.rig import DeviceSpec, Interior
-from core.model.verdict import LeftOut, Verdict
+from core.model.verdict import Concern, LeftOut, Verdict
 
 if TYPE_CHECKING:
     from core.geometry.rotation import Pose
@@ -48,6 +48,7 @@ class Adjustment:
     parameter_names: tuple[str, ...]  # of `parameter_cov`: "cam.c" ..., "proj.A6", "proj.rx" ... "proj.tz"
     parameter_cov: Array  # interior orientations and relative orientations, posterior sigma0 applied
     warnings: tuple[str, ...] = ()
+    doubts: tuple[Concern, ...] = ()  # those of the warnings that put the result in doubt
     verdict: Verdict | None = None  # None where nobody judged it
 
 

@@ -29,7 +29,6 @@ report/words report/numbers report/chapters report/sign_off model/finding patter
 # calls that show no reason
 REFUSED = re.compile(r"Error$|^(_refuse|progress|picked|re\.compile|getLogger)|warning$|\.over$|\.part$")
 NOT_TOLD = {
-    *("not rigid", "look like gross errors", "left out, fewer than"),  # are looked for in what others say
     *("{} is {}: {}", "{}: line {}", "{} corner{}"),  # of every stage, of one and several, on its own
     # by the command alone
     "no capture shows both projector coordinates of enough pixels",
