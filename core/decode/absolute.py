@@ -28,10 +28,11 @@ from core.decode.noise import Noise, contrasts
 from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
-from core.decode.response import Response, Wave, shade, sine_waves, straighten
+from core.decode.response import Response, Wave, shade, straighten, waves_of
 from core.decode.rim import drop_alone, drop_rim
 from core.decode.ripple import take_ripple_out
 from core.decode.sample import (
+    bent_squares,
     check_duplicates,
     full_scale,
     limits_of,
@@ -234,8 +235,9 @@ def _measure(
     if light is not None:
         sample = np.einsum("fg,gn->fn", light.astype(np.float32), sample)
     response = estimate_response(sequence.waves, patterns, sample, saturation, images)
-    bent = sequence.waves if response else ()
-    noise = measure_noise(sequence.frames, sequence.contrasts, sample, saturation, images, bent, light)
+    found = sequence.contrasts
+    bent = sequence.waves if response else bent_squares(sequence.sharp, found, sample, saturation)
+    noise = measure_noise(sequence.frames, found, sample, saturation, images, bent, light)
     noise = known._replace(misfit=noise.misfit, unlit=noise.unlit) if known else noise
     tables = straighten(tables, response, sequence.waves) if response else tables
     x, y = (
@@ -258,6 +260,7 @@ class _Prepared:
     frames: SortedFrames
     tables: tuple[AxisTable, AxisTable]
     waves: tuple[Wave, ...]
+    sharp: tuple[Wave, ...]
     squares: tuple[tuple[SquareWave, ...], tuple[SquareWave, ...]]
     image_rows: Rows
     contrasts: NDArray[np.float64]
@@ -274,12 +277,13 @@ def _prepare(patterns: tuple[Pattern, ...], lines: tuple[int, int] | None) -> _P
         mine = frames.axes.get(axis)
         plan = plan_axis(mine, lines[number] if lines else None, "") if mine else None
         tables.append(axis_table(plan, mine, frames) if plan and mine else no_axis())
-    waves = sine_waves(frames)
-    x, y = shade(tables, waves)
+    sines, squares = waves_of(frames)
+    x, y = shade(tables, sines)
     return _Prepared(
         frames,
         (x, y),
-        waves,
+        sines,
+        squares,
         (square_waves(patterns, x), square_waves(patterns, y)),
         make_rows([image_row(frames)]),
         contrasts(frames, len(patterns)),

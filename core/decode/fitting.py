@@ -140,7 +140,7 @@ def estimate_response(
     Parameters
     ----------
     all_waves : tuple of Wave
-        Of `sine_waves`.
+        Of sine fringes.
     patterns : sequence of Pattern
         Of all frames.
     sample : float32 (frames, n)

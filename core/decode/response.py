@@ -28,7 +28,7 @@ STEEP = 1.5  # squared slope of the straightening from which all periods are fit
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """Sine fringes of one period: which axis' how manieth, its frames, and their sum to cosine plus i sine part."""
+    """Fringes of one period: which axis' how manieth, its frames, and their sum to cosine plus i sine part."""
 
     axis: int
     number: int
@@ -80,18 +80,19 @@ class Response:
         return Response(values, self.normal)
 
 
-def sine_waves(frames: SortedFrames) -> tuple[Wave, ...]:
-    """All periods of sine fringes, of which a response makes something else."""
+def waves_of(frames: SortedFrames) -> tuple[tuple[Wave, ...], tuple[Wave, ...]]:
+    """All periods of sine fringes, of which a response makes something else, and of square ones."""
     axes: tuple[Axis, Axis] = ("x", "y")
-    found = []
+    sines: list[Wave] = []
+    squares: list[Wave] = []
     for a, axis in enumerate(axes):
         for j, phase in enumerate(frames.axes[axis].phases if axis in frames.axes else ()):
             shift = np.array([p.shift_rad for p in phase.patterns])
             design = np.column_stack([np.ones(len(shift)), np.cos(shift), np.sin(shift)])
-            if grey_reason(phase.patterns[0]) and np.linalg.matrix_rank(design, tol=1e-6) == 3:
+            if np.linalg.matrix_rank(design, tol=1e-6) == 3:
                 _, c, s = np.linalg.pinv(design)
-                found.append(Wave(a, j, phase, c + 1j * s))
-    return tuple(found)
+                (sines if grey_reason(phase.patterns[0]) else squares).append(Wave(a, j, phase, c + 1j * s))
+    return tuple(sines), tuple(squares)
 
 
 def straighten(

@@ -33,7 +33,8 @@ BY_LEVEL = 8, 0.01  # the same where bright places tell noise that dark ones do 
 FEW_ROWS = 8192  # pixels in rows of the image that tell the noise of bent waves
 LIT = 0.1  # part of the brightest pixels' amplitude that one must have to tell it
 DIM = 0.5  # part of the brightest pixels' range of grey values, less of which is no light
-ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit
+ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit; also
+# part of its squares that harmonics explain: sigma is 8 % too large by as much
 OWN = 0.7  # part of the contrast of white and black that that of bits and their inverses should have
 SEVERAL = 0.03  # part of the lit pixels in which it is less, from which the bits themselves tell the contrast
 USUAL = 0.6  # part of the usual contrast that a code alone must have
@@ -110,7 +111,8 @@ def measure_noise(
 ) -> Noise:
     """Noise model from the redundancy of the frames, their `contrasts`; without any, from the scene's smoothness.
 
-    What the harmonics of `bent` waves explain of that is none. `light` led to `sample`, see `flicker.steady`.
+    What the harmonics of `bent` waves explain of that is none: of sine waves by a response, of square ones by
+    `bent_squares`. `light` led to `sample`, see `flicker.steady`.
     """
     step = quantum(sample) if images[0].itemsize > 1 else 1.0
     lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
@@ -146,6 +148,21 @@ def measure_noise(
         return _sweep_noise(lines[0], sample, saturation, images)
     residual, level = _smoothness(frames, images, saturation, bent)
     return estimate_noise(residual.ravel(), level.ravel(), step)
+
+
+def bent_squares(waves: Sequence[Wave], found: Array, sample: Singles, saturation: float) -> tuple[Wave, ...]:
+    """Square waves, if their second harmonic explains much of what should be noise: a camera's gamma makes it."""
+    if not waves or not len(found):
+        return ()
+    g = sample[:, :: max(1, sample.shape[1] // FEWEST)]
+    g = np.compress((g.max(axis=0) < saturation) & (g.min(axis=0) > 0), g, axis=1)
+    residual, explained = np.einsum("kf,fn->kn", found.astype(np.float32), g), 0.0
+    for wave in waves:
+        seen = wave.seen(g)
+        twice = np.square(seen) / np.maximum(np.abs(seen), 1e-6)
+        both = np.square(np.abs(np.einsum("kn,n->k", residual, twice)))  # cosine and sine part
+        explained += 2 * float(both.sum() / max(np.sum(np.square(np.abs(twice))), 1e-6))
+    return tuple(waves) if explained > ALIKE * float(np.sum(np.square(residual))) else ()
 
 
 def told(wave: Wave, shown: Singles) -> Told:

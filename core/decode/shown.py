@@ -165,7 +165,9 @@ def _bends(seen: _Seen, here: _Explained, steady: Singles, noise: Noise, most: f
 
     They count by what place, offset and contrast cannot take up.
     """
-    some = np.flatnonzero(here.squares <= 4 * np.median(here.squares) + 1)
+    lines = seen.book.lines
+    within = np.abs(here.place - (lines - 1) / 2) < lines / 2  # beyond the last line words end
+    some = np.flatnonzero((here.squares <= 4 * np.median(here.squares) + 1) & within)
     some = some[:: max(1, len(some) // FEW)]
     blur, place = seen.blur[some], here.place[some]
     words, *others = seen.book.bends(blur, place)

@@ -255,3 +255,20 @@ def test_what_neighbours_foretell_is_what_all_words_tell(bench, frames: int, gai
     lit = np.arange(grey.shape[1]) % 999 >= 80
     assert np.all((found.rival <= np.maximum(found.top, 0) + near)[lit])
     assert (~found.known).mean() > (0.6 if gain == 90.0 and frames == 14 else -1)
+
+
+def test_pixels_beyond_the_last_line_do_not_tell_what_bends_words(bench, judge) -> None:
+    """Words end there: neither place nor contrast follows, and decoding ended with "Singular matrix"."""
+    within, patterns, draw = bench(height=80, blur=0.6), dense(14), np.random.default_rng(3)
+    beyond = np.zeros(within.u.shape, bool)
+    beyond[:, :150] = True  # so bright that the last line's blur lights it like the rest
+    b, images = replace(within, u=np.where(beyond, N + 0.6, within.u)), []
+    gain, wide = np.where(beyond, 2500, 120), replace(b, blur=3.0)
+    for pattern in patterns:
+        light = 15 + gain * (0.7 * b.light(pattern) + 0.3 * ~beyond * wide.light(pattern))
+        images.append(np.clip(np.rint(light + 4 * draw.normal(size=light.shape)), 0, 255).astype(np.uint8))
+    phase = decode(patterns, images, lines=(N, N))
+    inside = judge(replace(phase, u=np.where(beyond, np.nan, phase.u)), b.u, 2)
+    assert inside.gross == 0
+    assert inside.valid > 0.99 * np.mean(~beyond)
+    assert 0.93 < inside.sigma_ratio < 1.05
