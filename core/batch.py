@@ -22,7 +22,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Literal
 
 from core.errors import InputError, StripeError
-from core.fields import kept_object
+from core.fields import kept_object, text_of
 from core.figures import evaluation_figures, phase_figures
 from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
 from core.parallel import limit_threads, on_processes
@@ -235,7 +235,7 @@ def _check_own(job: Job) -> None:
 def _ready(job: Job) -> Figures:
     """Figures of the steps whose results are there and made from the inputs as they are."""
     try:
-        kept = json.loads((job.out / "figures.json").read_bytes())
+        kept = json.loads(text_of(job.out / "figures.json"))
         inputs = kept["inputs"]
         return {
             step: kept[step]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+LONGEST = 800  # characters of what was seen that a message repeats
 MANY = 12  # names are not listed in a message: the likeliest are
 
 
@@ -42,9 +43,17 @@ class StripeError(Exception):
         super().__init__(self.where, seen, remedy)
 
     def __str__(self) -> str:
-        text = f"{self.where}: {self.seen}; {self.remedy}".replace("\n", " ")
-        # a name or value from a file may hold anything: nothing of it may move the cursor or colour the screen
-        return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+        return f"{_printable(self.where)}: {_shortened(_printable(self.seen))}; {_printable(self.remedy)}"
+
+
+def _printable(text: str) -> str:
+    """A name or value from a file may hold anything: nothing of it may move the cursor or colour the screen."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text.replace("\n", " "))
+
+
+def _shortened(text: str) -> str:
+    """A file's value may be of any length."""
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 100]} ... {text[-95:]}"
 
 
 class InputError(StripeError):

@@ -20,6 +20,7 @@ _ABSENT: Any = object()
 LARGEST = 1e12  # no length, angle or pixel of a rig comes near these; the squares of what lies between can be summed
 SMALLEST = 1e-12
 VERSIONS = (1, 2)  # of the interchange format
+DOCUMENT_BYTES, TABLE_BYTES = 64 << 20, 512 << 20  # far beyond any project's; a table of 10 million observations
 
 
 @dataclass(frozen=True)
@@ -147,10 +148,25 @@ def regular(path: Path) -> Path:
     return path
 
 
+def text_of(path: Path, most_bytes: int = DOCUMENT_BYTES) -> str:
+    """Read a file of UTF-8 text, whose beginning may be marked.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read, is a pipe or a device, or has more than `most_bytes`; before any of it is read.
+    UnicodeDecodeError
+        If it is not UTF-8.
+    """
+    if (size := regular(path).stat().st_size) > most_bytes:
+        raise OSError(errno.EFBIG, f"{size} bytes, more than {most_bytes >> 20} MiB", str(path))
+    return path.read_text(encoding="utf-8-sig")
+
+
 def kept_object(path: Path) -> dict[str, Any]:
     """Read a JSON object that the program keeps for itself; an empty one where none is that can be read."""
     try:
-        found = json.loads(regular(path).read_text(encoding="utf-8"))
+        found = json.loads(text_of(path))
     except (OSError, ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
@@ -174,7 +190,7 @@ def read_document(path: Path, kind: str) -> Fields:
         return found
 
     try:
-        data = json.loads(regular(path).read_text(encoding="utf-8-sig"), object_pairs_hook=once)
+        data = json.loads(text_of(path), object_pairs_hook=once)
     except OSError as error:
         raise InputError(path, f"cannot be read ({error.strerror})", f"give a folder that holds {path.name}") from error
     except UnicodeDecodeError as error:
@@ -205,7 +221,7 @@ def read_table(
         If a column is missing, a row is too short or too long, or the table is empty.
     """
     try:
-        lines = regular(path).read_text(encoding="utf-8-sig").splitlines()
+        lines = text_of(path, TABLE_BYTES).splitlines()
     except (OSError, ValueError) as error:
         undecoded = isinstance(error, UnicodeDecodeError)
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text" if undecoded else "no file name"

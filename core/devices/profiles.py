@@ -14,6 +14,7 @@ from core.devices.profile import COMMANDS, MEANINGS, SHOWN, TOLD, Command, Port,
 from core.devices.template import CALCULATED, LineBits, Template, Value, Words, make_template, takes_anything
 from core.devices.wrapping import read_check, read_framings
 from core.errors import InputError
+from core.fields import text_of
 from core.patterns import Pattern, parse_sequence, pattern_from_dict
 from core.resources import resource
 
@@ -37,7 +38,7 @@ def read_profile(name: str, columns: int = 0, rows: int = 0) -> Profile:
     if name.endswith(".toml"):
         path, where = Path(name), name
         try:
-            text = path.read_text(encoding="utf-8-sig")  # some editors of Windows mark the beginning
+            text = text_of(path)
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
             raise InputError(path, f"cannot be read ({reason})", "give the path of a command profile") from error

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from core.errors import InputError
-from core.fields import Fields, regular
+from core.fields import Fields, text_of
 from core.patterns.kinds import Lines, Pattern
 from core.patterns.pattern import describe, grey_reason, pattern_from_dict, pattern_to_dict
 from core.patterns.presets import PRESETS, Size
@@ -176,7 +176,7 @@ def read_sequence_file(path: Path) -> SequenceSpec:
     if path.is_dir():
         path = path / "capture.json"
     try:
-        data = _json(regular(path).read_text(encoding="utf-8-sig"), str(path))
+        data = _json(text_of(path), str(path))
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not UTF-8 text"
         raise InputError(

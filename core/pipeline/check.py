@@ -18,7 +18,7 @@ from typing import Any
 
 from core.atomic import is_leftover, sweep
 from core.errors import StripeError
-from core.fields import kept_object, read_document
+from core.fields import kept_object, read_document, text_of
 from core.model import Capture, Method, PlaneEvaluation, Project, TargetSet
 from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.runs import DELETED, SIGN_OFF, list_runs, read_run, run_folder
@@ -228,7 +228,7 @@ def _pointer(folder: Path, progress: Progress) -> Iterator[Finding]:
     if not path.exists():
         return
     try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
+        stored = json.loads(text_of(path))
         numbers = {m: int(stored[m]) for m in METHODS if m in stored}
     except (OSError, ValueError, TypeError, OverflowError, RecursionError):
         seen = "the pointer to the runs in use cannot be read"
@@ -284,7 +284,7 @@ def _results(folder: Path, progress: Progress) -> Iterator[Finding]:
         if not path.exists():
             continue
         try:
-            if not isinstance(json.loads(path.read_text(encoding="utf-8")), dict):
+            if not isinstance(json.loads(text_of(path)), dict):
                 raise ValueError("no object")
         except (OSError, ValueError, RecursionError) as error:
             seen = f"damaged ({error})"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from core.errors import StripeError
-from core.fields import kept_object
+from core.fields import kept_object, text_of
 from core.model import Capture, Method, Project
 from core.pipeline.folders import result_path
 from core.pipeline.inputs import Record, reported_from
@@ -141,7 +141,7 @@ def reported_now(project: Project, contents: Look | None = None) -> Record:
 def stored_record(path: Path, files: Mapping[str, str | None]) -> Record | str:
     """Read a record that lies beside its files; in words what is wrong if it does not fit them."""
     try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
+        stored = json.loads(text_of(path))
         record, written = stored["made_from"], stored["files"]
         for name, value in files.items():
             if value != written[name]:

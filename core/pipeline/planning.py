@@ -21,6 +21,7 @@ from scipy.special import erf
 from core.decode import decode
 from core.decode.noise import spatial_residual
 from core.errors import InputError
+from core.fields import text_of
 from core.model import Array, Capture, Project
 from core.patterns import (
     Axis,
@@ -164,7 +165,7 @@ def rig_light(project: Project, preflight: Path | None = None) -> RigLight:
             continue
     if preflight is not None:
         try:
-            findings = {f["check"]: f.get("figures", {}) for f in json.loads(preflight.read_bytes())["findings"]}
+            findings = {f["check"]: f.get("figures", {}) for f in json.loads(text_of(preflight))["findings"]}
             settle = findings["settle"]
             light = replace(light, frame_ms=float(settle["settle_ms"]) + float(settle.get("image_ms", 0.0)))
         except (OSError, ValueError, KeyError, TypeError) as error:

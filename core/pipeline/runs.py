@@ -25,7 +25,7 @@ import numpy as np
 
 from core.atomic import flush_folder, make_folder, part_prefix
 from core.errors import InputError, StripeError
-from core.fields import kept_object
+from core.fields import kept_object, text_of
 from core.geometry import LENSES, rotation_vector_from_matrix
 from core.model import Figures, Method, Project
 from core.pipeline.folders import result_path
@@ -143,7 +143,7 @@ def list_runs(project: Project) -> tuple[Run, ...]:
 def read_run(folder: Path) -> Run | None:
     """Read a kept run; None where there is none that can be read."""
     try:
-        run = _from_dict(json.loads((folder / "run.json").read_text(encoding="utf-8")))
+        run = _from_dict(json.loads(text_of(folder / "run.json")))
     except _UNREADABLE:
         return None
     name = kept_object(folder / NAME).get("name")

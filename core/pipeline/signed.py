@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.errors import InputError
-from core.fields import Fields, regular
+from core.fields import Fields, text_of
 from core.figures import evaluation_figures
 from core.model import PlaneEvaluation, Project
 from core.pipeline.folders import result_path
@@ -61,7 +61,7 @@ def _signed(project: Project, planes: list[Any]) -> Fields | None:
         if not path.exists():
             continue
         try:
-            fields = Fields.of(json.loads(regular(path).read_text(encoding="utf-8")), str(path))
+            fields = Fields.of(json.loads(text_of(path)), str(path))
         except (OSError, ValueError) as error:
             raise InputError(path, f"damaged ({error})", "delete it and sign again") from error
         if _figures(fields.items("signed"), path) == _figures(planes, path):

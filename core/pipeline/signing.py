@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.errors import InputError
+from core.fields import text_of
 from core.figures import evaluation_figures
 from core.model import PlaneEvaluation, Project
 from core.pipeline.calibrate import load_calibrations
@@ -83,7 +84,7 @@ def save_sign_off(project: Project, sign_off: SignOff, evaluations: tuple[PlaneE
     document = {"format": "stripe-sign-off", "version": 1, **asdict(sign_off), "signed": signed}
     path = folder / SIGN_OFF
     try:
-        same = json.loads(path.read_text(encoding="utf-8")) == json.loads(json.dumps(document))
+        same = json.loads(text_of(path)) == json.loads(json.dumps(document))
     except (OSError, ValueError):
         same = False
     if not same:

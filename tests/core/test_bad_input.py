@@ -312,6 +312,44 @@ def test_a_pipe_or_a_device_in_place_of_a_file(
         assert Path(file).name in refused(command, calibrated)
 
 
+@pytest.mark.parametrize(
+    "file",
+    ["project.json", "testfield.csv", "captures/testfield-01/capture.json", "captures/testfield-01/picks.json"],
+)
+def test_a_file_of_gigabytes_is_not_read(quick: Path, capsys: pytest.CaptureFixture[str], file: str) -> None:
+    """A gap of 8 GB takes no place on the disk, and more memory than there may be."""
+    os.truncate(quick / file, 8 << 30)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert main(["measure", str(quick)]) == 2
+    told = capsys.readouterr().err
+    assert Path(file).name in told
+    assert str(8 << 30) in told
+    assert len(told.splitlines()) == 1
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 500_000  # kB: a sixteenth of the file
+
+
+def test_a_long_value_is_told_in_part(quick: Path, refused: Callable[..., str]) -> None:
+    (quick / "testfield.csv").write_text("row" + "\0" * 100_000)
+    assert len(refused("measure", quick)) < 2000
+
+
+@pytest.mark.timeout(60)
+def test_a_pipe_in_place_of_what_is_brought_or_kept(
+    calibrated: Path, refused: Callable[..., str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for form in ("opencv", "ros", "agisoft"):
+        os.mkfifo(calibrated / form)
+        assert form in refused("import", calibrated / form, "--from", form, calibrated)
+        (calibrated / form).unlink()
+    for file in ("current.json", "runs/0001/run.json", "evaluation.json"):
+        path = calibrated / "results" / file
+        path.unlink(missing_ok=True)
+        os.mkfifo(path)
+        assert main(["check", str(calibrated)]) in (0, 1)
+        path.unlink()
+    capsys.readouterr()
+
+
 @contextmanager
 def files_up_to(size: int) -> Iterator[None]:
     """Let no file grow beyond a size, as on a disk that becomes full."""

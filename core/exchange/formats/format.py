@@ -14,6 +14,7 @@ import numpy as np
 from core.atomic import write_together
 from core.errors import InputError
 from core.fields import LARGEST as FARTHEST
+from core.fields import regular
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -59,7 +60,7 @@ def read_text(path: Path) -> str:
 def read_bytes(path: Path) -> bytes:
     """Read a file of sensible size."""
     try:
-        if path.stat().st_size > LARGEST:
+        if regular(path).stat().st_size > LARGEST:
             raise InputError(path, f"{path.stat().st_size} bytes", "give the file of a calibration")
         return path.read_bytes()
     except OSError as error:
