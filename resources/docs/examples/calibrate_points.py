@@ -1,10 +1,10 @@
 """
-Calibrating from points that anyone detected
-============================================
+Calibrating from points of any detector
+=======================================
 
-Corners, markers, centres of dots: where a camera and a projector see the points of a board in several positions is
-enough for the interior orientation of both, how they stand to each other, and the covariance of all of it. Then any
-pair of coordinates is a point in space with its covariance.
+The coordinates of a board's points (corners, markers, centres of dots) in camera and projector, for several positions
+of the board, give the interior orientation of both devices, their relative orientation, and the covariance of it all.
+Any pair of coordinates then gives a point in space with its covariance.
 """
 
 import matplotlib.pyplot as plt
@@ -40,7 +40,7 @@ found = calibrate_points(
 )
 
 # %%
-# What was found against the truth, in standard deviations.
+# The difference from the truth, in standard deviations.
 c, sigma = found.camera.interior.c_mm, found.camera.sigma[0]
 print(f"camera: c = {c:.4f} ± {sigma:.4f} mm, true {true_camera.c_mm}")
 points = np.array([0.0, 0.0, -640.0]) + board

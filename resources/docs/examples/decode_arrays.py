@@ -2,8 +2,8 @@
 Frames to projector coordinates, from arrays
 ============================================
 
-A camera looks at a screen that shows Gray code and four steps of a sine along columns and rows. Decoding gives each
-pixel the projector line that lit it, with its standard deviation. Nothing is read from a file.
+A camera looks at a screen that shows Gray code and four sine steps along columns and rows. Decoding gives each pixel
+the projector line that lit it, with its standard deviation. No file is read.
 """
 
 import matplotlib.pyplot as plt
@@ -17,7 +17,7 @@ lines = (128, 96)  # columns and rows of the projector
 patterns = SequenceSpec("gray-sine", {"period": 8}).patterns(lines)
 
 # %%
-# What the camera sees: the screen a little larger and skew, grey values of noise 1.5.
+# What the camera sees: the screen, slightly enlarged and skewed, with noise of 1.5 grey values.
 v, u = np.mgrid[0:120, 0:160].astype(float)
 true_u, true_v = 4 + 0.7 * u + 0.02 * v, 5 + 0.65 * v - 0.01 * u
 rng = np.random.default_rng(1)
@@ -33,7 +33,7 @@ images = [photograph(pattern) for pattern in patterns]
 phase = decode_frames(patterns, images, projector_size=lines)
 
 # %%
-# The error against the truth, beside the standard deviation that was predicted.
+# The error against the truth, beside the predicted standard deviation.
 error = phase.u - true_u
 observed, predicted = float(np.nanstd(error)), float(np.sqrt(np.nanmean(phase.sigma_u**2)))
 print(f"{np.isfinite(phase.u).mean():.1%} of the pixels, error {observed:.4f} lines, predicted {predicted:.4f}")

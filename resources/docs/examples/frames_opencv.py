@@ -1,10 +1,10 @@
 """
-The frame of a device, and OpenCV's
+A device's frame here and in OpenCV
 ===================================
 
-Pixels are the same: u right, v down, the centre of the first is (0, 0). The frames differ. Here X is right, Y *up*,
-and the device looks along *-Z*; in OpenCV Y is down and Z forward. ``X_opencv = diag(1, -1, -1) X`` leads from one to
-the other and back; angles of rotation about X keep their sign, those about Y and Z change it.
+Pixel coordinates are the same: u right, v down, the centre of the first pixel is (0, 0). The frames differ. Here X is
+right, Y *up*, and the device looks along *-Z*; in OpenCV Y is down and Z forward. ``X_opencv = diag(1, -1, -1) X``
+converts either way. Rotation angles about X keep their sign, those about Y and Z change it.
 """
 
 import cv2
@@ -18,7 +18,7 @@ spec, interior = DeviceSpec(640, 480, (0.01, 0.01), 8.0), Interior(8.0)
 points = np.array([[120.0, 60.0, -700.0], [-80.0, -90.0, -650.0]])  # one right and up, one left and down
 
 # %%
-# The same points, the same pixels, by both.
+# Both give the same pixels for the same points.
 ours = project_points((spec, interior), points).uv
 f = interior.c_mm / spec.pitch_mm[0]
 K = np.array([[f, 0, (spec.width - 1) / 2], [0, f, (spec.height - 1) / 2], [0, 0, 1]])
@@ -27,7 +27,7 @@ print("ours", ours.tolist(), "OpenCV", theirs.tolist())
 assert np.abs(ours - theirs).max() < 1e-6
 
 # %%
-# Both frames at a device that looks to the right.
+# Both frames of a device that looks to the right.
 figure = plt.figure(figsize=(9, 4), layout="constrained")
 for k, (title, turn) in enumerate((("here", np.eye(3)), ("OpenCV", OPENCV_FROM_OURS.rotation))):
     axes = figure.add_subplot(1, 2, k + 1, projection="3d")

@@ -2,8 +2,8 @@
 A project folder, from the virtual bench to points
 ==================================================
 
-The virtual bench records a small project as a rig would; calibrating and reconstructing are then one call each. The
-same calls work on a project recorded by anybody.
+The virtual bench records a small project as a rig would. Calibration and reconstruction are then one call each. The
+same calls work on any recorded project.
 """
 
 import tempfile

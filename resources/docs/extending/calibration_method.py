@@ -1,9 +1,10 @@
 """
-A method of calibration
-=======================
+A calibration method
+====================
 
-The depth as one polynomial of pixel and projector column, for the whole image: few would calibrate so, but it goes
-the whole road. ``calibrate --method``, kept runs, states, evaluation and report know it by its record.
+This method describes depth by one polynomial of pixel and projector column for the whole image. Few would calibrate
+this way, but it takes part in every stage. Its record makes it known to ``calibrate --method``, kept runs, states,
+evaluation and report.
 """
 
 import tempfile
@@ -28,7 +29,7 @@ from core.pipeline import (
 
 @dataclass(frozen=True)
 class PlaneLookup:
-    """The result; the last three fields every calibration has."""
+    """The result; every calibration has the last three fields."""
 
     spec: DeviceSpec
     coefficients: np.ndarray
@@ -77,7 +78,7 @@ METHODS["lookup"] = CalibrationMethod(
 )
 
 # %%
-# The whole road on a project of the virtual bench.
+# All stages on a project of the virtual bench.
 project = simulate_project(Path(tempfile.mkdtemp()) / "quick", "quick")
 found = calibrate_project(project, "lookup")["lookup"]
 print(f"r.m.s. at the plates {found.rms_mm:.2f} mm; verdict: {found.verdict.state}")

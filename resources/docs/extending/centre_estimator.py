@@ -1,10 +1,9 @@
 """
-An estimator of dots' centres
-=============================
+A centre estimator
+==================
 
-How the centre of a dot follows from its pixels is one function, named by ``# estimator:`` in the testfield's file.
-This one takes the middle of the contour that was fitted before, where the built-in one takes the centroid of grey
-values.
+One function finds the centre of a dot from its pixels; ``# estimator:`` in the testfield's file names it. This one uses
+the centre of the contour that was fitted before. The built-in one uses the centroid of the grey values.
 """
 
 import tempfile
@@ -27,7 +26,7 @@ def middle_of_contour(image, rays, profile, light, noise):
 ESTIMATORS["contour"] = middle_of_contour
 
 # %%
-# Both on one image of the virtual bench.
+# Both estimators on one image of the virtual bench.
 project = simulate_project(Path(tempfile.mkdtemp()) / "quick", "quick")
 capture = captures_of(project, "testfield")[0]
 phase = decode_capture(capture.path)

@@ -2,8 +2,8 @@
 A camera
 ========
 
-URLs that begin with its name open a device: in ``capture --camera``, in ``preflight`` and in the capture wizard. A
-projector is added in the same way to ``PROJECTOR_KINDS``; what both must promise stands in `core.devices`.
+URLs that begin with the name of a kind open a device: in ``capture --camera``, ``preflight`` and the capture wizard.
+Projectors are added to ``PROJECTOR_KINDS`` in the same way. `core.devices` documents the protocols of both.
 """
 
 import time
@@ -15,7 +15,7 @@ from core.devices import CAMERA_KINDS, DeviceKind, Image, open_camera
 
 
 class StripedCamera:
-    """Sees stripes of a fixed width, whatever stands before it."""
+    """Sees stripes of a fixed width, whatever is in front of it."""
 
     bits, name = 8, "striped"
 
@@ -23,12 +23,12 @@ class StripedCamera:
         self.size, self.width = (96, 64), width
 
     def grab(self, timeout_s=5.0, check=lambda: None):
-        """Take an image; `check` is to be called while waiting, and may end it."""
+        """Take an image; call `check` while waiting: it may raise to end the wait."""
         stripes = np.arange(self.size[0]) // self.width % 2
         return Image(np.tile(np.uint8(40 + 160 * stripes), (self.size[1], 1)), self.bits, time.monotonic())
 
     def close(self):
-        """Let the device go; a second call does nothing."""
+        """Release the device; a second call does nothing."""
 
 
 def open_striped(address, note, check):

@@ -1,8 +1,8 @@
 """
-A file of points for another program
-====================================
+A point file for another program
+================================
 
-The ending of a file's name chooses how points are written: in ``reconstruct --out``, in the window, and in ``batch``.
+The ending of the file's name selects the format of points: in ``reconstruct --out``, in the window and in ``batch``.
 """
 
 import tempfile
@@ -16,7 +16,7 @@ from core.reconstruct.export import Exporter
 
 
 def write_csv(file, cloud, image):
-    """Write a line of X, Y, Z for every point; give their number."""
+    """Write a line of X, Y, Z for every point; give the number of points."""
     points = cloud.xyz_mm[np.isfinite(cloud.xyz_mm).all(axis=-1)]
     file.write(b"x_mm,y_mm,z_mm\n")
     np.savetxt(file, points, "%.4f", delimiter=",")

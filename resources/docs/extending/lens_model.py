@@ -2,9 +2,9 @@
 A lens model
 ============
 
-The division model with one parameter, ``x / (1 + q r²)``. A record says how the collinearity image is bent and how
-that depends on all parameters; the inverse comes by Newton's method, and calibration, reconstruction and exchange use
-it as any other: a device names it in ``project.json`` by ``"interior": {"model": "division"}``.
+The division model with one parameter, ``x / (1 + q r²)``. A record gives the distortion of the collinearity image and
+its derivatives by all parameters; the inverse follows by Newton's method. Calibration, reconstruction and exchange use
+it like any other model. A device selects it in ``project.json`` by ``"interior": {"model": "division"}``.
 """
 
 import matplotlib.pyplot as plt
@@ -23,7 +23,7 @@ def bend(interior, xy):
 
 
 def derivatives(interior, xy):
-    """Give those by the collinearity image (..., 2, 2) and by c, x0, y0 and q (..., 2, 4)."""
+    """Give derivatives by the collinearity image (..., 2, 2) and by c, x0, y0 and q (..., 2, 4)."""
     q, r2 = interior.a[0], np.sum(xy**2, axis=-1)[..., None, None]
     by_xy = np.eye(2) / (1 + q * r2) - 2 * q * xy[..., :, None] * xy[..., None, :] / (1 + q * r2) ** 2
     by_c = by_xy @ xy[..., None] / interior.c_mm
@@ -36,7 +36,7 @@ LENSES["division"] = Lens(
 )
 
 # %%
-# A grid of points before a device with such a lens.
+# A grid of points in front of a device with such a lens.
 spec, interior = DeviceSpec(640, 480, (0.01, 0.01), 5.0), Interior(5.0, a=(0.02,), model="division")
 grid = np.stack(np.meshgrid(np.linspace(-300, 300, 13), np.linspace(-220, 220, 10), [-500.0]), axis=-1).reshape(-1, 3)
 bent = project_points((spec, interior), grid).uv

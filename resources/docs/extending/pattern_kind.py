@@ -2,8 +2,8 @@
 A kind of pattern
 =================
 
-A ramp of light over all lines. One record makes it readable in ``capture.json``, shown, described, and refused by a
-projector of black and white with the reason.
+A ramp of light over all lines. With one record it can be read from ``capture.json``, shown and described, and a
+black-and-white projector refuses it with the reason.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Ramp:
 
 
 KINDS["ramp"] = Kind(
-    "word",  # what a decoder can do with it: only a look-up tells its lines apart
+    "word",  # how a decoder uses it: only a look-up can identify its lines
     lambda fields: Ramp(fields.text("axis", among=("x", "y")), fields.integer("lines", 2)),
     lambda pattern, i: np.clip(i / (pattern.lines - 1), 0.0, 1.0),
     lambda pattern, along: f"ramp over {pattern.lines} {along}",
@@ -33,7 +33,7 @@ KINDS["ramp"] = Kind(
 )
 
 # %%
-# As capture.json would give it.
+# As capture.json would contain it.
 ramp = pattern_from_dict({"kind": "ramp", "axis": "x", "lines": 64}, "here")
 assert pattern_to_dict(ramp) == {"kind": "ramp", "axis": "x", "lines": 64}
 plt.figure(figsize=(4, 2))

@@ -1,9 +1,9 @@
 """
-A section of the report
-=======================
+A report section
+================
 
-Tables and pictures, set in HTML and PDF alike and written as CSV by ``stripe-core tables``; a section that has
-nothing to say is left out.
+Tables and pictures, used for both HTML and PDF and written as CSV by ``stripe-core tables``. A section without content
+is left out.
 """
 
 import tempfile
@@ -16,7 +16,7 @@ from core.report import CHAPTERS, Chapter, Number, ReportData, Table
 
 
 def weather(data):
-    """Give the section's tables, from all that a report is made of."""
+    """Give the section's tables from the contents of a report."""
     rows = (("air [°C]", Number(20.5, ".1f")), ("pressure [hPa]", Number(1013.2, ".1f")))
     return [Table(f"Weather over {data.project.name}", ("quantity", "value"), rows)]
 
@@ -24,7 +24,7 @@ def weather(data):
 CHAPTERS["weather"] = Chapter("Weather of the day", weather)
 
 # %%
-# What it will say of a project.
+# What it says about a project.
 project = simulate_project(Path(tempfile.mkdtemp()) / "quick", "quick")
 (table,) = CHAPTERS["weather"].tables(ReportData(project))
 figure, axes = plt.subplots(figsize=(5, 1.6))

@@ -3,8 +3,8 @@ A kind of target
 ================
 
 Single bright pixels, on a board whose file says ``# kind: sparks``. A kind finds its targets in an evenly lit image,
-guesses which is which, and gives each its place with a covariance; projector coordinates, the edge of the light and
-the turns of all images are the same for every kind.
+guesses which is which, and measures the position of each with a covariance. Projector coordinates, the edge of the
+light and the orientation of the board in all images are handled alike for every kind.
 """
 
 import matplotlib.pyplot as plt
@@ -15,7 +15,7 @@ from core.model import DeviceSpec, PhaseMap, Seed, Testfield
 
 
 def guess(image, field, camera, known, side):
-    """Tell what is seen, and the picks that may be meant: four corners straight on, row 0 at the top."""
+    """Give what is seen and possible picks: four corners seen from the front, row 0 at the top."""
     v, u = np.nonzero(image > image.max() / 2)
     last = field.row.max(), field.col.max()
     corners = [(0, 0, u.min(), v.min()), (0, last[1], u.max(), v.min())]
@@ -24,7 +24,7 @@ def guess(image, field, camera, known, side):
 
 
 def measure(sight, picks):
-    """Take the brightest pixel near each target's place, which follows from the picks."""
+    """Take the brightest pixel near each target's position, which follows from the picks."""
     field = sight.testfield
     index = field.index()
     A = np.column_stack([field.xyz_mm[[index[p.row, p.col] for p in picks]][:, :2], np.ones(len(picks))])
@@ -41,7 +41,7 @@ def measure(sight, picks):
 TARGET_KINDS["sparks"] = TargetKind("sparks", guess, measure, lambda image, field, uv, reach: uv, coded=True)
 
 # %%
-# A board of such targets in an image, with the projector's coordinates as decoding would give them.
+# An image of a board with such targets, and the projector coordinates as decoding would give them.
 row, col = (a.ravel() for a in np.mgrid[0:4, 0:5])
 field = Testfield(row, col, np.column_stack([30.0 * col, -30.0 * row, 0.0 * row]), np.full(20, 4.0), kind="sparks")
 image = np.full((160, 200), 5, np.float32)
