@@ -79,8 +79,8 @@ class Commands:
 
 def add_devices(parser: Parser) -> None:
     """Declare the choice of a camera and a projector."""
-    parser.add_argument("--camera", default="", metavar="NAME", help="of this one, where a capture has several cameras")
-    parser.add_argument("--projector", default="", metavar="NAME", help="the same of several projectors")
+    parser.add_argument("--camera", default="", metavar="NAME", help="which camera, if a capture has several")
+    parser.add_argument("--projector", default="", metavar="NAME", help="which projector, if a capture has several")
 
 
 def add_subject(parser: Parser) -> None:
@@ -117,7 +117,7 @@ def method_or_all(name: str) -> str:
 
 def sequence_argument(parser: Parser) -> None:
     """Declare the choice of a sequence."""
-    words = "a preset, as gray-sine or gray-sine:period=24,steps=8, or a JSON file of patterns"
+    words = "a preset, such as gray-sine or gray-sine:period=24,steps=8, or a JSON file of patterns"
     parser.add_argument("--sequence", metavar="S", help=words)
 
 

@@ -13,13 +13,13 @@ from core.progress import Progress
 def add(commands: Commands) -> None:
     """Declare the commands of this group."""
     known = "opencv, ros, kalibr, colmap, matlab, mrcal or agisoft"
-    sub = commands.add_on_project("export", _export, "write the calibration for another program")
+    sub = commands.add_on_project("export", _export, "export the calibration to another program")
     sub.add_argument("--to", required=True, metavar="FORMAT", help=known)
     sub.add_argument("out", type=Path, metavar="FILE")
     sub.set_defaults(beside=True)  # some formats take several files
     add_devices(sub)
 
-    sub = commands.add("import", _import, "take another program's calibration of the project's devices")
+    sub = commands.add("import", _import, "import another program's calibration of the project's devices")
     sub.add_argument("file", type=Path, metavar="FILE")
     sub.add_argument("--from", required=True, metavar="FORMAT", dest="form", help=known)
     sub.add_argument("project", type=Path, metavar="PROJECT")

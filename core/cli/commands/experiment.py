@@ -13,7 +13,7 @@ from core.progress import Progress
 def add(commands: Commands) -> None:
     """Declare the commands of this group."""
     sub = commands.add(
-        "demo", _demo, "simulate the whole experiment, calibrate both ways, judge the plane-table, report"
+        "demo", _demo, "simulate the whole experiment, calibrate by both methods, evaluate, write the report"
     )
     sub.add_argument("folder", nargs="?", type=Path, default=Path("demo"), metavar="OUT")
     _scenario(sub)
@@ -22,7 +22,7 @@ def add(commands: Commands) -> None:
     sub.add_argument("folder", type=Path, metavar="OUT")
     _scenario(sub)
 
-    sub = commands.add("testfield", _testfield, "a testfield to print at true size")
+    sub = commands.add("testfield", _testfield, "make a testfield to print at true size")
     sub.add_argument("testfield", type=Path, metavar="PROJECT|TESTFIELD.csv")
     sub.add_argument("--out", type=Path, required=True, metavar="FILE.pdf|FILE.svg")
 

@@ -18,41 +18,47 @@ def add(commands: Commands) -> None:
     sub = commands.add_on_folder("capture", _capture, "run one sequence on real or virtual devices")
     add_subject(sub)
     sub.add_argument("--projector", metavar="URL", help="virtual, serial, screen, ...")
-    words = "virtual, folder, replay, uvc, ...; several take each pattern together: NAME=URL, given for each"
+    words = "virtual, folder, replay, uvc, ...; for several cameras repeat it with NAME=URL"
     sub.add_argument("--camera", metavar="URL", action="append", default=[], help=words)
-    sub.add_argument("--png", action="store_true", help="store PNG: a third of the room, ten times the time")
+    sub.add_argument("--png", action="store_true", help="store PNG: a third of the space, ten times the time")
 
     sub = commands.add(
-        "probe", _probe, "try every command of a profile once, with all bytes; or find the latency of a projector"
+        "probe", _probe, "send every command of a profile once and show all bytes, or measure a projector's latency"
     )
-    sub.add_argument("profile", metavar="PROFILE|URL", help="a profile's name or .toml file; with --camera a projector")
+    sub.add_argument(
+        "profile", metavar="PROFILE|URL", help="name or .toml file of a profile; with --camera a projector"
+    )
     sub.add_argument("port", metavar="PORT", nargs="?", help="/dev/ttyUSB0, COM3, socket://host:port, /dev/hidraw0")
-    sub.add_argument("--camera", metavar="URL", help="sees flashes of the projector URL: latency, jitter, linearity")
+    sub.add_argument(
+        "--camera", metavar="URL", help="camera that sees the projector: measures latency, jitter, linearity"
+    )
 
     sub = commands.add_on_folder("preflight", _preflight, "check a rig before its first calibration")
     sub.add_argument("--projector", metavar="URL")
     sub.add_argument("--camera", metavar="URL")
-    sub.add_argument("--depth", type=float, action="append", default=[], metavar="Z_MM", help="put a plate here too")
-    sub.add_argument("--out", type=Path, metavar="DIR", help="write preflight.html, with a picture of every check")
+    sub.add_argument("--depth", type=float, action="append", default=[], metavar="Z_MM", help="also put a plate here")
+    sub.add_argument("--out", type=Path, metavar="DIR", help="write preflight.html with a picture for every check")
 
-    sub = commands.add_on_folder("patterns", _patterns, "the sequence as images of the projector's size")
+    sub = commands.add_on_folder("patterns", _patterns, "write the sequence as images of the projector's size")
     sub.add_argument("--out", type=Path, required=True, metavar="DIR")
-    sub.add_argument("--linearise", action="store_true", help="undo the projector's response that project.json gives")
+    sub.add_argument("--linearise", action="store_true", help="compensate the projector's response in project.json")
     sequence_argument(sub)
 
-    sub = commands.add("import-frames", _import, "a capture from frames that came from elsewhere")
+    sub = commands.add("import-frames", _import, "make a capture from frames recorded elsewhere")
     sub.add_argument("folder", type=Path, metavar="FOLDER")
     sub.add_argument("project", type=Path, metavar="PROJECT")
     add_subject(sub)
-    orders = "by the files' names, by the list that names them, or found from the images"
+    orders = "order of the frames: by file name, by a list that names them, or found from the images"
     sub.add_argument("--order", choices=("name", "list", "content"), help=orders)
-    sub.add_argument("--camera", default="", metavar="NAME", help="whose frames they are, in a rig of several")
-    sub.add_argument("--projector", default="", metavar="NAME", help="what was shown by which, in a rig of several")
+    sub.add_argument("--camera", default="", metavar="NAME", help="which camera took the frames, in a rig of several")
+    sub.add_argument(
+        "--projector", default="", metavar="NAME", help="which projector showed the patterns, in a rig of several"
+    )
 
-    sub = commands.add_on_folder("plan-sequence", _plan, "sequences compared: noise, gross errors and time")
-    sub.add_argument("--frames", type=int, metavar="N", help="how many there may be (28 if unsaid)")
-    sub.add_argument("--sigma", type=float, metavar="LINES", help="the standard deviation wanted")
-    sub.add_argument("--preflight", type=Path, metavar="FILE", help="what preflight --json wrote")
+    sub = commands.add_on_folder("plan-sequence", _plan, "compare sequences by noise, gross errors and time")
+    sub.add_argument("--frames", type=int, metavar="N", help="largest number of frames (default 28)")
+    sub.add_argument("--sigma", type=float, metavar="LINES", help="required standard deviation")
+    sub.add_argument("--preflight", type=Path, metavar="FILE", help="file that preflight --json wrote")
 
 
 def _capture(options: Options, progress: Progress) -> dict[str, Any]:

@@ -18,55 +18,65 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Declare the commands of this group."""
     sub = commands.add_on_project("guess-picks", _guess, "guess four targets in each image of a board")
-    sub.add_argument("captures", nargs="*", metavar="CAPTURE", help="names; all boards without picks if unsaid")
-    sub.add_argument("--accept", type=int, nargs="?", const=1, metavar="N", help="keep the Nth guess as picks (1st)")
+    sub.add_argument("captures", nargs="*", metavar="CAPTURE", help="names (default: all boards without picks)")
+    sub.add_argument(
+        "--accept", type=int, nargs="?", const=1, metavar="N", help="keep the Nth guess as picks (default: the 1st)"
+    )
 
-    sub = commands.add_on_project("runs", _runs, "kept calibrations: list, compare, name, use or delete them")
-    sub.add_argument("--use", type=int, metavar="N", help="put this run's calibrations in use")
-    sub.add_argument("--compare", type=int, nargs=2, metavar=("A", "B"), help="set two runs side by side")
+    sub = commands.add_on_project("runs", _runs, "list, compare, name, use or delete kept calibrations")
+    sub.add_argument("--use", type=int, metavar="N", help="use the calibrations of this run")
+    sub.add_argument("--compare", type=int, nargs=2, metavar=("A", "B"), help="compare two runs")
     sub.add_argument("--name", nargs=2, metavar=("N", "TEXT"), help="name a run")
     sub.add_argument("--delete", type=int, metavar="N", help="delete a run that is not in use")
 
-    sub = commands.add_on_project("uncertainty", _uncertainty, "how sure a calibration is, over the working volume")
+    sub = commands.add_on_project(
+        "uncertainty", _uncertainty, "show how certain a calibration is over the working volume"
+    )
     _add_volume(sub)
-    sub = commands.add_on_project("compare", _compare, "two calibrations of a rig, over the working volume")
+    sub = commands.add_on_project("compare", _compare, "compare two calibrations of a rig over the working volume")
     sub.add_argument("other", metavar="OTHER", help="another project, or the number of a kept run")
     _add_volume(sub)
 
-    sub = commands.add_on_project("cross-validate", _cross_validate, "each capture left out: do the others foresee it")
+    sub = commands.add_on_project(
+        "cross-validate", _cross_validate, "leave each capture out and test whether the others predict it"
+    )
     _add_run(sub)
-    sub = commands.add_on_project("next-pose", _next_pose, "what one more capture of the board would bring, and which")
+    sub = commands.add_on_project("next-pose", _next_pose, "find the best pose of the board for one more capture")
     _add_run(sub)
 
-    sub = commands.add_on_project("profile", _profile, "deviations of a plane along a line, by every calibration")
+    sub = commands.add_on_project("profile", _profile, "give deviations of a plane along a line, by every calibration")
     sub.add_argument("capture", metavar="CAPTURE")
     _add_line(sub)
     add_devices(sub)
-    sub.add_argument("--out", type=Path, metavar="F.csv", help="the whole profile, about a value a pixel")
+    sub.add_argument("--out", type=Path, metavar="F.csv", help="the whole profile, about one value per pixel")
 
-    sub = commands.add_on_project("tables", _tables, "the tables of all results as CSV, with targets and profiles")
+    sub = commands.add_on_project(
+        "tables", _tables, "write the tables of all results as CSV, with targets and profiles"
+    )
     sub.add_argument("--out", type=Path, required=True, metavar="DIR")
-    sub.add_argument("--deviations", action="store_true", help="every pixel of every plane too")
-    sub.add_argument("--report", action="store_true", help="the HTML and PDF report that is written, too")
+    sub.add_argument("--deviations", action="store_true", help="also the deviations of every pixel")
+    sub.add_argument("--report", action="store_true", help="also the HTML and PDF report")
     _add_line(sub)
 
-    sub = commands.add_on_project("sign", _sign, "sign the evaluation off; it lapses when other figures take its place")
+    sub = commands.add_on_project("sign", _sign, "sign off the evaluation; the sign-off lapses when the figures change")
     sub.add_argument("--operator", default="", metavar="NAME")
     sub.add_argument("--instrument", default="", metavar="TEXT")
     sub.add_argument("--date", default="", metavar="YYYY-MM-DD", help="default: today")
     sub.add_argument("--remark", default="", metavar="TEXT")
     sub.add_argument("--tolerance", type=float, metavar="MM", help="judge every plane against it")
-    sub.add_argument("--of", choices=("rms", "max"), default="rms", help="what the tolerance limits (default rms)")
-    sub.add_argument("--despite", default="", metavar="TEXT", help="why it is signed where a verdict failed")
-    sub.add_argument("--withdraw", action="store_true", help="take the sign-off back")
+    sub.add_argument(
+        "--of", choices=("rms", "max"), default="rms", help="figure that the tolerance limits (default rms)"
+    )
+    sub.add_argument("--despite", default="", metavar="TEXT", help="why you sign although a verdict failed")
+    sub.add_argument("--withdraw", action="store_true", help="withdraw the sign-off")
 
-    sub = commands.add("verify-report", _verify, "is the signed report as it was signed")
+    sub = commands.add("verify-report", _verify, "check that a signed report has not changed")
     sub.add_argument("file", type=Path, metavar="FILE", help="report.html or report.pdf")
 
 
 def _add_run(parser: Any) -> None:
     parser.add_argument(
-        "--run", type=int, metavar="N", dest="kept", help="a kept run in place of the calibration in use"
+        "--run", type=int, metavar="N", dest="kept", help="a kept run instead of the calibration in use"
     )
 
 

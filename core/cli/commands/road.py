@@ -16,68 +16,81 @@ from core.progress import Progress
 
 def add(commands: Commands) -> None:
     """Declare the commands of this group."""
-    sub = commands.add("decode", _decode, "projector coordinates of every camera pixel")
+    sub = commands.add("decode", _decode, "find the projector coordinates of every camera pixel")
     sub.add_argument("capture", type=Path, metavar="CAPTURE")
-    sub.add_argument("--estimate", action="store_true", help="refine by all frames: less noise, takes longer")
+    sub.add_argument("--estimate", action="store_true", help="adjust to all frames: less noise, takes longer")
     sub.add_argument("--out", type=Path, required=True, metavar="F.npz")
     add_devices(sub)
 
-    commands.add_on_project("measure", _measure, "targets of all captures that have picks")
+    commands.add_on_project("measure", _measure, "measure the targets of all boards, picked or recognised")
 
-    sub = commands.add_on_project("calibrate", _calibrate, "calibrate camera and projector; the project keeps it")
-    words = "photogrammetric, polynomial, or all that there are captures for (default)"
+    sub = commands.add_on_project(
+        "calibrate", _calibrate, "calibrate camera and projector, and keep the result in the project"
+    )
+    words = "photogrammetric, polynomial, or all that have captures (default)"
     sub.add_argument("--method", type=method_or_all, default="all", metavar="METHOD", help=words)
-    sub.add_argument("--free-stations", action="store_true", help="no rigid rig: orient every station on its own")
+    sub.add_argument(
+        "--free-stations", action="store_true", help="orient every station on its own: the rig is not rigid"
+    )
     sub.add_argument("--degree", type=int, default=3, help="degree of the depth polynomial (default 3)")
     sub.add_argument("--table", action="store_true", help="piecewise-linear depth table instead of the polynomial")
     sub.add_argument("--low-pass", type=float, default=2.0, metavar="PX", help="smooth the plate (default 2; 0: off)")
     sub.add_argument("--without", action="append", default=[], metavar="NAME", help="leave this capture out")
-    sub.add_argument("--hold", action="append", default=[], metavar="P", help="do not estimate, such as projector.A3")
     sub.add_argument(
-        "--reject", type=float, default=5.0, metavar="SIGMAS", help="gross errors (default 5; 0: keep all)"
+        "--hold", action="append", default=[], metavar="P", help="do not estimate this parameter, such as projector.A3"
+    )
+    sub.add_argument(
+        "--reject", type=float, default=5.0, metavar="SIGMAS", help="limit for gross errors (default 5; 0: keep all)"
     )
 
-    sub = commands.add("adjust", _adjust, "the bundle adjustment of a network alone")
+    sub = commands.add("adjust", _adjust, "run the bundle adjustment of a network alone")
     sub.add_argument("network", type=Path, metavar="NETWORK")
 
-    sub = commands.add_on_project("reconstruct", _reconstruct, "points in the camera's frame")
+    sub = commands.add_on_project("reconstruct", _reconstruct, "make points in the camera's frame")
     sub.add_argument("capture", metavar="CAPTURE")
     sub.add_argument(
         "--method", type=method_name, metavar="METHOD", help="photogrammetric (default, if any) or polynomial"
     )
-    sub.add_argument("--orient", action="store_true", help="with the orientation that `orient --correct` kept")
+    sub.add_argument("--orient", action="store_true", help="use the orientation that `orient --correct` kept")
     sub.add_argument(
         "--rays",
         choices=("all", "cameras", "pair"),
-        help="what points are intersected from: every device that saw them (the default where"
-        " there are several), cameras alone, or one camera and one projector",
+        help="intersect points from every device that saw them (the default if there are several),"
+        " from cameras alone, or from one camera and one projector",
     )
     sub.add_argument(
         "--fill",
         choices=("texture",),
-        help="where the code fails, match the texture that two cameras see",
+        help="where the code fails, match the texture seen by two cameras",
     )
-    sub.add_argument("--extrapolate", action="store_true", help="polynomial: beyond the calibrated depths too")
+    sub.add_argument("--extrapolate", action="store_true", help="polynomial: also beyond the calibrated depths")
     add_devices(sub)
     sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="npz ply stl obj glb pcd xyz e57 las")
 
-    sub = commands.add_on_project("merge", _merge, "captures of one object from several stations, as one cloud")
-    sub.add_argument("captures", nargs="+", metavar="CAPTURE", help="the first one's camera gives the frame")
-    words = "what tells how the rig stood: targets of a testfield that captures name, the surface, or both (default)"
+    sub = commands.add_on_project("merge", _merge, "join captures of one object from several stations")
+    sub.add_argument("captures", nargs="+", metavar="CAPTURE", help="the camera of the first one gives the frame")
+    words = "find the poses from targets of a testfield that captures name, from the surface, or both (default)"
     sub.add_argument("--by", choices=("both", "targets", "surface"), default="both", help=words)
     sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="npz ply pcd xyz e57 las")
 
-    commands.add_on_project("evaluate", _evaluate, "deviations of every plane capture, by every calibration")
+    commands.add_on_project("evaluate", _evaluate, "compare every plane capture with its plane, by every calibration")
 
-    sub = commands.add_on_project("report", _report, "the HTML and PDF report")
+    sub = commands.add_on_project("report", _report, "write the HTML and PDF report")
     sub.add_argument("--out", type=Path, metavar="DIR")
 
     sub = commands.add_on_project("batch", _batch, "decode, reconstruct and evaluate many captures on all cores")
-    sub.add_argument("captures", nargs="*", metavar="CAPTURE", help="names or folders; all of the project if unsaid")
-    sub.add_argument("--out", type=Path, required=True, metavar="DIR", help="a second run leaves what is up to date")
-    sub.add_argument("--do", default="decode,reconstruct,evaluate", metavar="STEPS", help="of these (default: all)")
-    sub.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler that is running; default: this machine")
-    sub.add_argument("--workers", type=int, metavar="N", help="processes to work on (default: one per processor)")
+    sub.add_argument("captures", nargs="*", metavar="CAPTURE", help="names or folders (default: all of the project)")
+    sub.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="a second run skips captures that are current"
+    )
+    sub.add_argument(
+        "--do",
+        default="decode,reconstruct,evaluate",
+        metavar="STEPS",
+        help="decode,reconstruct,evaluate or some of them (default: all)",
+    )
+    sub.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask scheduler (default: this machine)")
+    sub.add_argument("--workers", type=int, metavar="N", help="number of processes (default: one per processor)")
 
 
 def _decode(options: Options, progress: Progress) -> dict[str, Any] | None:

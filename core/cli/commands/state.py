@@ -13,9 +13,9 @@ from core.progress import Progress
 
 def add(commands: Commands) -> None:
     """Declare the commands of this group."""
-    commands.add_on_project("status", _status, "every stage of every capture: absent, current, outdated or failed")
-    commands.add_on_project("update", _update, "do what is outdated or absent, in order")
-    sub = commands.add_on_folder("check", _check, "every inconsistency of a project, explained")
+    commands.add_on_project("status", _status, "show every stage of every capture: absent, current, outdated or failed")
+    commands.add_on_project("update", _update, "run outdated and absent stages, in order")
+    sub = commands.add_on_folder("check", _check, "explain every inconsistency of a project")
     sub.add_argument("--repair", action="store_true", help="mend what can be mended without loss")
 
 

@@ -13,8 +13,8 @@ from core.progress import Progress
 
 def add(commands: Commands) -> None:
     """Declare the commands of this group."""
-    sub = commands.add_on_project("orient", _orient, "has the rig moved since its calibration, by any one capture")
-    words = "without it all captures, each held against those before it"
+    sub = commands.add_on_project("orient", _orient, "test whether the rig has moved since its calibration")
+    words = "default: all captures, each tested against those before it"
     sub.add_argument("capture", metavar="CAPTURE", nargs="?", help=words)
     sub.add_argument("--correct", action="store_true", help="keep the corrected orientation for `reconstruct --orient`")
     sub.add_argument(
@@ -23,31 +23,33 @@ def add(commands: Commands) -> None:
     form = ("KIND", "FROM", "TO", "MM", "SIGMA")
     words = "a known length in the scene: points, balls or planes U,V,RADIUS U,V,RADIUS, or targets ROW,COL ROW,COL"
     sub.add_argument("--length", nargs=5, action="append", default=[], metavar=form, help=words)
-    words = "points measured before: a table, or without FILE the testfield as calibrated"
+    words = "points measured before: a table; without FILE the testfield as calibrated"
     sub.add_argument("--points", nargs="?", const="testfield", metavar="FILE", help=words)
     add_devices(sub)
 
     sub = commands.add_on_project(
         "features",
         _features,
-        "holes, marks and edges of a capture, in space; all that is round unless places are given",
+        "measure holes, marks and edges in space; without a place, everything round",
     )
     sub.add_argument("capture", metavar="CAPTURE")
     for kind, place in (("circle", "U,V,RADIUS"), ("line", "U,V,U,V")):
-        words = f"a {kind} near here, px; may be given again"
+        words = f"a {kind} near this place, px; repeat it for more"
         sub.add_argument(f"--{kind}", action="append", default=[], metavar=place, help=words)
     sub.add_argument("--orient", action="store_true", help="use the orientation that `orient --correct` has kept")
     add_devices(sub)
 
-    sub = commands.add_on_folder("live", _live, "continuous capture to points; Ctrl+C ends it")
-    sub.add_argument("--projector", metavar="URL", help="as `capture` takes it")
+    sub = commands.add_on_folder("live", _live, "capture and reconstruct repeatedly, until Ctrl+C")
+    sub.add_argument("--projector", metavar="URL", help="as for `capture`")
     sub.add_argument("--camera", metavar="URL")
     sub.add_argument(
         "--method", type=method_name, metavar="METHOD", help="photogrammetric (default, if any) or polynomial"
     )
     sub.add_argument("--count", type=int, default=0, metavar="N", help="end after N sequences")
     sub.add_argument("--out", type=Path, metavar="DIR", help="write the points of every sequence")
-    sub.add_argument("--format", default="ply", metavar="ENDING", help="of these files: ply (default), npz, las, ...")
+    sub.add_argument(
+        "--format", default="ply", metavar="ENDING", help="format of the points: ply (default), npz, las, ..."
+    )
     sequence_argument(sub)
 
 
