@@ -32,6 +32,7 @@ from core.decode.response import Response, Wave, shade, straighten, waves_of
 from core.decode.rim import drop_alone, drop_rim
 from core.decode.ripple import take_ripple_out
 from core.decode.sample import (
+    balance,
     bent_squares,
     check_duplicates,
     full_scale,
@@ -247,7 +248,9 @@ def _measure(
     tables = (x, y)
     across = len(range(*spread(images[0].shape)[1].indices(images[0].shape[1])))
     x, y = (
-        measure_bend(measure_fading(table, sample, noise), squares, sample, across, noise, saturation)
+        measure_bend(
+            measure_fading(balance(table, sample, noise), sample, noise), squares, sample, across, noise, saturation
+        )
         for table, squares in zip(tables, sequence.squares, strict=True)
     )
     return limits_of(noise, saturation, options, (x, y)), (x, y), response, light, sample

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,7 +21,7 @@ from core.decode.noise import (
 )
 from core.decode.options import DecodeOptions
 from core.decode.response import Wave
-from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, modulation_of, sums_of
+from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, make_rows, modulation_of, sums_of
 from core.decode.words import BLURRED
 from core.errors import InputError
 from core.parallel import run_in_bands
@@ -40,6 +41,9 @@ SEVERAL = 0.03  # part of the lit pixels in which it is less, from which the bit
 USUAL = 0.6  # part of the usual contrast that a code alone must have
 RESOLVED = 0.15  # part of the whole contrast that a fine bit must have in the mean for its sign to tell anything
 LEAST_CONTRAST = np.float32(1e-6)  # that divides
+AROUND = 0.03  # part of the pixels to either side of the median that tell the middle between on and off
+HALF_SHOWN = 0.5  # part of half the contrast that bits have in the mean
+OFF = 0.1  # of half the contrast: nearer to the middle a threshold stays
 BRIGHT = 0.6  # part of the range of mean grey values beyond which a pixel is bright
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
 
@@ -315,6 +319,34 @@ def limits_of(noise: Noise, saturation: float, options: DecodeOptions, tables: S
     dimmest = max(options.min_modulation, options.min_snr * float(np.sqrt(cofactor * noise.unlit)))
     values = (*noise[:3], options.min_snr, dimmest, saturation, options.bit_margin, noise.misfit)
     return Limits(*(np.float32(value) for value in values))
+
+
+def balance(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
+    """Move the threshold of a Gray code without phases or inverse bits to where the finest bits are on in half the
+    pixels: light halfway between black and white is not halfway between their grey values if the camera has a gamma."""
+    if len(table.period) or not (table.gray and table.has_threshold and table.has_contrast and table.sign.all()):
+        return table
+    threshold, contrast, *bits = sums_of(table.rows, sample)
+    lit = contrast > 5 * np.sqrt(noise.variance(threshold))
+    if lit.sum() < FEWEST:
+        return table
+    for bit, sign in zip(bits[::-1], table.sign[::-1], strict=True):
+        level = (bit + sign * threshold)[lit] / contrast[lit]
+        if np.mean(np.abs(level)) > HALF_SHOWN:
+            break
+    else:
+        return table
+    # of sharp stripes the median may be anywhere between the levels
+    middle = -table.sign[-1] * float(np.mean(np.quantile(level, (0.5 - AROUND, 0.5 + AROUND))))
+    if abs(middle) < OFF:
+        return table
+    rows = [
+        {f: float(v) for f, v in zip(table.rows.column[a:b].tolist(), table.rows.value[a:b], strict=True)}
+        for a, b in itertools.pairwise(table.rows.first.tolist())
+    ]
+    for frame, value in rows[1].items():
+        rows[0][frame] = rows[0].get(frame, 0.0) + middle * value
+    return table._replace(rows=make_rows(rows))
 
 
 def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
