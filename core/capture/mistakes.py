@@ -164,10 +164,10 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
     if phases:
         yield "they fit if the phase steps run the other way: the sign of shift_rad", own, _phases(patterns, sign=-1)
         for sign, way in ((1, ""), (-1, " and run the other way")):
-            for quarter in (1, -1, 2):
-                when = f"{abs(quarter) * 90}° {'later' if quarter > 0 else 'earlier'}"
+            for turn in _turns(phases):
+                when = f"{abs(turn):g}° {'later' if turn > 0 else 'earlier'}"
                 words = f"they fit if the phase steps begin {when}{way}"
-                yield f"{words}: shift_rad", own, _phases(patterns, sign=sign, shift=quarter * pi / 2)
+                yield f"{words}: shift_rad", own, _phases(patterns, sign=sign, shift=turn * pi / 180)
     for period in sorted({p.period for p in phases}):
         for other in _other_periods(period, codes):
             changed = [replace(p, period=other) if isinstance(p, Phase) and p.period == period else p for p in patterns]
@@ -201,6 +201,12 @@ def _other_periods(period: float, codes: Sequence[Code]) -> list[float]:
     """Periods that sequences usually have beside a code, near ones first."""
     usual = {c.cell * n for c in codes for n in (1, 2, 4, 8)} | {period / 2, period * 2, round(period)}
     return sorted((p for p in usual if p >= 2 and abs(p / period - 1) > 1e-6), key=lambda p: abs(np.log(p / period)))
+
+
+def _turns(phases: Sequence[Phase]) -> list[float]:
+    """Degrees by which steps may begin wrongly: one of them, sine taken for cosine, or the other half of a period."""
+    own = {round(360 / p.steps, 1) for p in phases}
+    return [sign * turn for turn in sorted({*own, 90.0}) for sign in (1, -1)] + [180.0]
 
 
 def _phases(patterns: Sequence[Pattern], sign: int = 1, shift: float = 0.0) -> list[Pattern]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import permutations, product
+from itertools import permutations
 
 import cv2
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from core.capture.contradictions import PIXELS, Looked
 from core.capture.exchanged import exchanged_frames
 from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines
+from core.capture.pixels import GRID, LEAST_LIT, bytes_exchanged, compressed, mosaic
 from core.capture.plan import Plan
 from core.capture.quality import BRIGHT, Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
@@ -27,11 +28,8 @@ from core.patterns import Axis, Code, axis_of, level_of
 
 Array = NDArray[np.float32]
 
-GRID = 12_000  # pixels sampled
 SHARE = 0.12  # of the pixels that contradict themselves; sound captures have below 0.05
 FEW = 200  # pixels that nearly always show it: half of that where it is 0.15 comes once in 15,000 captures
-STEADY = 0.1  # share by which the light may change from one square of 2 px to the next where mosaics are looked for
-LEAST_LIT = 150  # sampled pixels without which nothing is told
 DARK = 0.01  # of the image that must be lit
 SATURATED = 0.05  # of the lit pixels
 SATURATED_DOTS = 0.25  # of the bright pixels, on a board
@@ -44,12 +42,6 @@ MOVED_PX = 0.5
 MOVED_RESPONSE = 0.45  # of the correlation's peak: bare boards show 0.35 by chance, what moved 0.55 and more
 DRIFT = 0.15
 LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts them
-BESIDE = 4  # grey values to either side that tell how often one is expected
-FILLED = 40  # times
-LEAST_VALUES = 16
-BLOCK, BLOCKS = 8, 20  # px of a JPEG's blocks along a side; fewer of them tell nothing
-UNEVEN = 1.2  # of four neighbours, each with its own all over: taps of one sensor differ by a few hundredths
-AT_EDGES = 0.35  # of them differ most at an edge, by chance an eighth; of 20 along both sides once in 70,000 captures
 
 
 def check_stored(
@@ -73,6 +65,8 @@ def check_stored(
     """
     if len({(f.camera, f.projector) for f in capture.frames}) > 1:
         return []  # frames of several devices are no one sequence
+    if told := bytes_exchanged(images):
+        return told
     exposures = sorted({f.exposure_ms for f in capture.frames if f.exposure_ms is not None})
     if len(exposures) > 1:
         found = _mislabelled(capture, images)
@@ -103,7 +97,7 @@ def check_stored(
             found = [f for f in found if f.check != "lines"]  # exchanged bits name lines that are not there
         if jumping or not bad:
             found += [*_hand(phase), *(jumping or (_planes(capture, phase) if capture.role != "object" else []))]
-    return [*found, *_compressed(capture, images), *_mosaic(capture, images)]
+    return [*found, *compressed(capture, images), *mosaic(capture, images)]
 
 
 def _mislabelled(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
@@ -140,74 +134,6 @@ def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
     found = summarise(plan, grey, at, (height, width), full)
     # a frame that only claims to be white is no measure of brightness
     return replace(found, white=np.maximum(found.white, *quantiles(grey, 0.9)))
-
-
-def gaps_among(images: Sequence[NDArray]) -> float:
-    """Share of grey values that no frame takes, of those that have well-filled values just below and above.
-
-    A camera's own values fill up: one that is expected `FILLED` times is never empty by chance. Frames that were
-    brightened, given another gamma or cut to fewer bits after the camera leave values out.
-    """
-    height, width = images[0].shape
-    stride = max(1, round((height * width / GRID) ** 0.5))
-    grey = np.concatenate([image[stride // 2 :: stride, stride // 2 :: stride].ravel() for image in images])
-    count = np.pad(np.bincount(grey), BESIDE)
-    beside = range(1, BESIDE + 1)
-    own = len(count) - 2 * BESIDE
-    below, above = (np.max([count[BESIDE + sign * k :][:own] for k in beside], axis=0) for sign in (-1, 1))
-    told = np.minimum(below, above) >= FILLED
-    return float(np.mean(count[BESIDE : BESIDE + own][told] == 0)) if np.count_nonzero(told) >= LEAST_VALUES else 0.0
-
-
-def _compressed(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
-    """Neighbours differ most at the edges of blocks, all over a frame, along both sides; best seen in even light."""
-    share = 0.0
-    even = [i for f, i in zip(capture.frames, images, strict=True) if level_of(f.pattern) is not None]
-    for image in {id(i): i for i in [*even[:3], images[0]]}.values():
-        sides = []
-        for axis in (0, 1):
-            apart = cv2.absdiff(image[1:], image[:-1]) if axis == 0 else cv2.absdiff(image[:, 1:], image[:, :-1])
-            off = cv2.reduce(apart, 1 - axis, cv2.REDUCE_AVG, dtype=cv2.CV_32F).ravel()
-            blocks = off[BLOCK // 2 :][: (len(off) - BLOCK // 2) // BLOCK * BLOCK].reshape(-1, BLOCK)
-            at_edge = blocks.argmax(axis=1) == BLOCK // 2 - 1
-            sides.append(float(at_edge.mean()) if len(blocks) >= BLOCKS else 0.0)
-        share = max(share, min(sides))
-    if share <= AT_EDGES:
-        return []
-    text = f"frames were compressed with losses, in blocks of {BLOCK} px as JPEG makes them: record without compression"
-    return [Finding("compression", "warning", text, {"at_edges": share})]
-
-
-def _mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
-    """Four neighbours differ alike wherever there is light; seen where that goes on evenly to the next four."""
-    even = [i for f, i in zip(capture.frames, images, strict=True) if level_of(f.pattern)] or images
-    rng, share = np.random.default_rng(0), min(GRID / even[0].size, 0.25) ** 0.5
-    # at random: a board's dots may be evenly spaced
-    v, u = (2 + 2 * rng.choice(max(n // 2 - 2, 0), max(int(share * n) - 2, 0), replace=False) for n in even[0].shape)
-
-    def four(down: int, right: int) -> NDArray[np.float64]:
-        at = [np.ix_(v + down + y, u + right + x) for y, x in product((0, 1), repeat=2)]
-        return np.array([sum(i[k].astype(float) for i in even) for k in at], np.float64).reshape(4, -1)
-
-    seen = four(0, 0)
-    if seen.shape[1] < LEAST_LIT:
-        return []
-    mean = seen.mean(axis=0)
-    even_there = seen.max(axis=0) > 0.5 * float(np.quantile(seen.max(axis=0), 0.97))
-    for step in ((0, 2), (2, 0), (0, -2), (-2, 0)):
-        even_there &= np.abs(four(*step).mean(axis=0) - mean) < STEADY * mean
-    seen = seen[:, even_there]
-    if seen.shape[1] < LEAST_LIT:
-        return []
-    share = np.median(seen / seen.mean(axis=0), axis=1)
-    ratio = float(share.max() / max(float(share.min()), 0.01))
-    if ratio < UNEVEN:
-        return []
-    text = (
-        f"neighbouring pixels differ by {ratio - 1:.0%} in squares of 2 px, as in raw frames of a colour camera: have "
-        "its colours interpolated, or record grey values"
-    )
-    return [Finding("mosaic", "bad", text, {"ratio": ratio})]
 
 
 def _light(sampled: Sampled, board: bool) -> list[Finding]:

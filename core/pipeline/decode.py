@@ -80,7 +80,8 @@ def decode_images(
     phase = replace(phase, camera=capture.camera, projector=capture.projector)
     if lines is None or not images:
         return phase
-    from core.capture.stored import check_stored, gaps_among
+    from core.capture.pixels import gaps_among
+    from core.capture.stored import check_stored
 
     progress.check()
     told = [finding.text for finding in check_stored(capture, images, phase, lines)]

@@ -10,7 +10,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 
 import cv2
@@ -23,7 +23,18 @@ from core.capture.plan import Plan
 from core.capture.stored import check_stored
 from core.decode import decode
 from core.model import Capture, Frame, Subject
-from core.patterns import PRESETS, Black, Code, Pattern, Phase, White, brightness, gray_and_phase, reference_sequence
+from core.patterns import (
+    PRESETS,
+    Axis,
+    Black,
+    Code,
+    Pattern,
+    Phase,
+    White,
+    brightness,
+    gray_and_phase,
+    reference_sequence,
+)
 
 LINES = (160, 160)
 SHAPE = (180, 240)
@@ -285,6 +296,30 @@ def test_raw_frames_of_a_colour_camera_and_frames_stretched_one_by_one_are_named
     stretched = [np.round((i - float(i.min())) * 255 / np.ptp(i)).astype(np.uint8) for i in images]
     assert "claims black and is bright: exchanged or inverted, or, as all frames" in told(patterns, stretched)
     assert "neighbouring" not in told(patterns, stretched)
+
+
+@pytest.mark.parametrize(("bits", "shift"), [(8, 0), (8, 8), (10, 0), (12, 0), (12, 4), (16, 0)])
+@pytest.mark.parametrize("level", [1.0, 0.02])
+def test_exchanged_bytes_are_named(bits: int, shift: int, level: float, taken: tuple[list[Pattern], Frames]) -> None:
+    """Values of `bits` in 16, at the lower end or shifted up; in good light, and where noise is most of it."""
+    patterns, images = taken
+    rng = np.random.default_rng(bits)
+    top = 2**bits - 1
+    seen = [level * (i + rng.normal(0, 0.3, SHAPE)) / 255 + rng.normal(0, 0.002, SHAPE) + 0.03 for i in images]
+    right = [np.clip(np.round(i * top), 0, top).astype(np.uint16) << shift for i in seen]
+    assert "bytes" not in told(patterns, right)
+    if bits > 8 and level == 1.0:  # of 8 bits exchanged bytes are a factor of 256
+        assert told(patterns, [i.byteswap() for i in right]).startswith(
+            "the two bytes of each grey value are exchanged"
+        )
+
+
+def test_phase_steps_that_begin_one_of_six_late_are_named() -> None:
+    axes: tuple[Axis, ...] = ("x", "y")
+    each = (gray_and_phase(a, 160, cell=10, periods=[20], steps=6, first_shift_rad=0.3) for a in axes)
+    patterns = [*chain(*each), White(), Black()]
+    moved = [replace(p, shift_rad=p.shift_rad + np.pi / 3) if isinstance(p, Phase) else p for p in patterns]
+    assert "they fit if the phase steps begin 60° earlier: shift_rad" in told(moved, render(patterns, 3))
 
 
 @pytest.mark.parametrize("spacing_px", [12, 16, 20, 24, 32, 40, 48])

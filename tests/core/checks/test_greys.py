@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.capture.stored import gaps_among
+from core.capture.pixels import gaps_among
 from core.checks import grey_concerns, repeated_frames
 from core.model import Capture, Frame, TargetSet
 from core.patterns import Code

@@ -1,0 +1,108 @@
+"""How frames were stored, told from their grey values alone: bytes, missing values, blocks, mosaics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core.model import Capture
+from core.model.finding import Finding
+from core.patterns import level_of
+
+GRID = 12_000  # pixels sampled
+LEAST_LIT = 150  # sampled pixels without which nothing is told
+STEADY = 0.1  # share by which the light may change from one square of 2 px to the next where mosaics are looked for
+BESIDE = 4  # grey values to either side that tell how often one is expected
+FILLED = 40  # times
+LEAST_VALUES = 16
+BLOCK, BLOCKS = 8, 20  # px of a JPEG's blocks along a side; fewer of them tell nothing
+UNEVEN = 1.2  # of four neighbours, each with its own all over: taps of one sensor differ by a few hundredths
+AT_EDGES = 0.35  # of them differ most at an edge, by chance an eighth; of 20 along both sides once in 70,000 captures
+ROUGHER = 2.0  # sound frames of 8 to 12 bits have at most 1; exchanged ones 3.2 to 50, on three captures of one rig
+
+
+def bytes_exchanged(images: Sequence[NDArray]) -> list[Finding]:
+    """Neighbours differ far less, for what the image varies in all, once the bytes of each value are exchanged."""
+    if images[0].dtype != np.uint16:
+        return []
+    image = max((i[::4] for i in images), key=lambda i: float(i.std()))
+    own, other = (
+        float(np.abs(np.diff(i.astype(np.float32), axis=1)).mean() / max(i.std(), 1e-9))
+        for i in (image, image.byteswap())
+    )
+    if not own > ROUGHER * other:
+        return []
+    text = "the two bytes of each grey value are exchanged: write 16-bit frames in the byte order of their format"
+    return [Finding("bytes", "bad", text, {"ratio": own / other})]
+
+
+def gaps_among(images: Sequence[NDArray]) -> float:
+    """Share of grey values that no frame takes, of those that have well-filled values just below and above.
+
+    A camera's own values fill up: one that is expected `FILLED` times is never empty by chance. Frames that were
+    brightened, given another gamma or cut to fewer bits after the camera leave values out.
+    """
+    height, width = images[0].shape
+    stride = max(1, round((height * width / GRID) ** 0.5))
+    grey = np.concatenate([image[stride // 2 :: stride, stride // 2 :: stride].ravel() for image in images])
+    count = np.pad(np.bincount(grey), BESIDE)
+    beside = range(1, BESIDE + 1)
+    own = len(count) - 2 * BESIDE
+    below, above = (np.max([count[BESIDE + sign * k :][:own] for k in beside], axis=0) for sign in (-1, 1))
+    told = np.minimum(below, above) >= FILLED
+    return float(np.mean(count[BESIDE : BESIDE + own][told] == 0)) if np.count_nonzero(told) >= LEAST_VALUES else 0.0
+
+
+def compressed(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
+    """Neighbours differ most at the edges of blocks, all over a frame, along both sides; best seen in even light."""
+    share = 0.0
+    even = [i for f, i in zip(capture.frames, images, strict=True) if level_of(f.pattern) is not None]
+    for image in {id(i): i for i in [*even[:3], images[0]]}.values():
+        sides = []
+        for axis in (0, 1):
+            apart = cv2.absdiff(image[1:], image[:-1]) if axis == 0 else cv2.absdiff(image[:, 1:], image[:, :-1])
+            off = cv2.reduce(apart, 1 - axis, cv2.REDUCE_AVG, dtype=cv2.CV_32F).ravel()
+            blocks = off[BLOCK // 2 :][: (len(off) - BLOCK // 2) // BLOCK * BLOCK].reshape(-1, BLOCK)
+            at_edge = blocks.argmax(axis=1) == BLOCK // 2 - 1
+            sides.append(float(at_edge.mean()) if len(blocks) >= BLOCKS else 0.0)
+        share = max(share, min(sides))
+    if share <= AT_EDGES:
+        return []
+    text = f"frames were compressed with losses, in blocks of {BLOCK} px as JPEG makes them: record without compression"
+    return [Finding("compression", "warning", text, {"at_edges": share})]
+
+
+def mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
+    """Four neighbours differ alike wherever there is light; seen where that goes on evenly to the next four."""
+    even = [i for f, i in zip(capture.frames, images, strict=True) if level_of(f.pattern)] or images
+    rng, share = np.random.default_rng(0), min(GRID / even[0].size, 0.25) ** 0.5
+    # at random: a board's dots may be evenly spaced
+    v, u = (2 + 2 * rng.choice(max(n // 2 - 2, 0), max(int(share * n) - 2, 0), replace=False) for n in even[0].shape)
+
+    def four(down: int, right: int) -> NDArray[np.float64]:
+        at = [np.ix_(v + down + y, u + right + x) for y, x in product((0, 1), repeat=2)]
+        return np.array([sum(i[k].astype(float) for i in even) for k in at], np.float64).reshape(4, -1)
+
+    seen = four(0, 0)
+    if seen.shape[1] < LEAST_LIT:
+        return []
+    mean = seen.mean(axis=0)
+    even_there = seen.max(axis=0) > 0.5 * float(np.quantile(seen.max(axis=0), 0.97))
+    for step in ((0, 2), (2, 0), (0, -2), (-2, 0)):
+        even_there &= np.abs(four(*step).mean(axis=0) - mean) < STEADY * mean
+    seen = seen[:, even_there]
+    if seen.shape[1] < LEAST_LIT:
+        return []
+    share = np.median(seen / seen.mean(axis=0), axis=1)
+    ratio = float(share.max() / max(float(share.min()), 0.01))
+    if ratio < UNEVEN:
+        return []
+    text = (
+        f"neighbouring pixels differ by {ratio - 1:.0%} in squares of 2 px, as in raw frames of a colour camera: have "
+        "its colours interpolated, or record grey values"
+    )
+    return [Finding("mosaic", "bad", text, {"ratio": ratio})]
