@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -180,6 +181,11 @@ class _Deviations:
     variance: Array
     independent: float
 
+    @cached_property
+    def size(self) -> float:
+        """How far a dot usually lies off, mm² in both axes."""
+        return float(np.median(np.sum(self.offset**2, axis=1)))
+
 
 def _deviations(targets: TargetSet, field: Testfield) -> _Deviations | None:
     index = field.index()
@@ -217,7 +223,7 @@ def _independent(offset: Array, xy_mm: Array) -> float:
 
 
 def _size(of: _Deviations | None) -> float:
-    return np.inf if of is None else float(np.median(np.sum(of.offset**2, axis=1)))
+    return np.inf if of is None else of.size
 
 
 def _common_size(seen: Sequence[Sequence[_Deviations | None]]) -> float:
@@ -234,8 +240,8 @@ def _shape_of(images: Sequence[_Deviations | None], count: int, size: float) -> 
     total, weight = np.zeros((count, 2)), np.full(count, 1 / max(size, 1e-12))
     for d in images:
         if d is not None:
-            np.add.at(total, d.target, d.offset / d.variance[:, None])
-            np.add.at(weight, d.target, 1 / d.variance)
+            total[d.target] += d.offset / d.variance[:, None]  # an image has a target once
+            weight[d.target] += 1 / d.variance
     return total / weight[:, None], 1 / weight
 
 
@@ -261,7 +267,7 @@ def _misfits(d: _Deviations, shape: tuple[Array, Array], size: float) -> Array:
     """Weighted squares (n,) that the board's shape, by as much of it as the image shows, leaves of its deviations."""
     there, spread = shape[0][d.target], shape[1][d.target]
     weight = 1 / (spread + d.variance + 0.1 * size)
-    near = weight / np.maximum(np.sum(d.offset**2, axis=1) / (9 * _size(d) + 1e-30), 1.0)
+    near = weight / np.maximum(np.sum(d.offset**2, axis=1) / (9 * d.size + 1e-30), 1.0)
     gain = (near @ np.sum(d.offset * there, axis=1)) / (near @ np.sum(there**2, axis=1) + 1e-30)
     return weight * np.sum((d.offset - np.clip(gain, 0, 1) * there) ** 2, axis=1)
 
