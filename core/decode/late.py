@@ -15,7 +15,8 @@ ALIKE = 1.6  # times the noise of their difference, by which frames of one patte
 LEAST = 3  # rows of the sample
 CLEAR = 8.0  # times the noise, range of grey values of a lit pixel
 CHANGED = 0.5  # part of full light by which the two patterns differ in a pixel that can tell
-PLACES = (-1, -0.5, 0, 0.5, 1)  # doubts by which the place may be off: the change must be the same in all
+# doubts by which the place may be off: the change must be the same in all, and mostly the first tells that it is not
+PLACES = (0, -1, -0.5, 0.5, 1)
 SEEN = 0.4  # part of that which it may still do
 KNOWN = 0.25  # part of full light by which all other frames may be off where a place is taken as known
 WITNESSES = 30  # pixels that can tell, at the least
@@ -81,12 +82,17 @@ def late_frames(
 
 def _unchanged(n: int, patterns: Sequence[Pattern], seen: Array, place: Sequence[_Surface]) -> bool:
     """Whether enough pixels that should have changed from the frame before have not."""
-    before, after = np.stack([_light(patterns[n - 1 : n + 1], place, doubts) for doubts in PLACES], axis=1)
-    expected = np.maximum((after - before).min(axis=0), (before - after).min(axis=0))
-    shown = np.abs(before - seen[n - 1]).max(axis=0) < KNOWN  # stripes that are too fine may be one grey in both
-    telling = shown & (expected > CHANGED)
-    if np.count_nonzero(telling) < WITNESSES:
-        return False
+    rising = falling = np.full(seen.shape[1], np.inf)
+    telling = np.ones(seen.shape[1], bool)
+    for doubts in PLACES:
+        before, after = _light(patterns[n - 1 : n + 1], place, doubts)
+        change = after - before
+        rising, falling = np.minimum(rising, change), np.minimum(falling, -change)
+        expected = np.maximum(rising, falling)
+        # stripes that are too fine may be one grey in both
+        telling &= (np.abs(before - seen[n - 1]) < KNOWN) & (expected > CHANGED)
+        if np.count_nonzero(telling) < WITNESSES:
+            return False
     others = [k for k in range(len(patterns)) if k not in (n - 1, n)]
     off = np.abs(_light([patterns[k] for k in others], place) - seen[others])
     telling &= np.nansum(off, axis=0) < KNOWN * np.isfinite(off).sum(axis=0)
