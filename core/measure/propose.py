@@ -206,7 +206,7 @@ def _in_order(uv: Array) -> tuple[Ints, Ints]:
         if steps is not None:
             found = _walk(uv, tree, start, *steps)
             best = found if len(found[1]) > len(best[1]) else best
-    return best
+    return _square(best[0], uv[best[1]]), best[1]
 
 
 def _first_steps(uv: Array, tree: Any, start: int) -> tuple[Array, Array] | None:
@@ -220,6 +220,17 @@ def _first_steps(uv: Array, tree: Any, start: int) -> tuple[Array, Array] | None
         return None
     second = near[int(np.argmin(np.where(sine > 0.5, length / np.maximum(sine, 0.5), np.inf)))]
     return first, second if first[0] * second[1] - first[1] * second[0] > 0 else -second
+
+
+def _square(cell: Ints, uv: Array) -> Ints:
+    """Number dots anew where a step went along a diagonal, as it does where dots in the middle are covered."""
+    while len(cell):
+        a, b = np.linalg.lstsq(np.column_stack([cell, np.ones(len(cell))]), uv, rcond=None)[0][:2]
+        along = np.array([np.rint(a @ b / (a @ a)), np.rint(a @ b / (b @ b))]).astype(np.int64)
+        if not along.any():
+            break
+        cell = cell + np.outer(cell[:, 1], (along[0], 0)) if along[0] else cell + np.outer(cell[:, 0], (0, along[1]))
+    return cell
 
 
 def _walk(uv: Array, tree: Any, start: int, a: Array, b: Array) -> tuple[Ints, Ints]:

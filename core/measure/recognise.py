@@ -44,7 +44,7 @@ def recognise(
     kind = kind_of(testfield, capture or "testfield.csv")
     facing = "back" if side == "back" else "front"
     seen = 0
-    for image in (phase, _mirrored(phase)):
+    for image in (phase, _mirrored(phase)) if kind.coded else (phase,):  # what is not coded has no mirror image
         seen_uv, guesses = kind.guess(image.image, testfield, camera, (), facing)
         seen = len(seen_uv) if image is phase else seen
         for guess in guesses[:MOST_TRIES]:

@@ -26,8 +26,9 @@ from core.measure.rows import row_shift
 from core.measure.single import dot_at
 from core.measure.view import fit_both_tilts
 from core.model import Array, DeviceSpec, Floats, Seed, Testfield
-from core.numerics import row_median
+from core.numerics import inverse_2x2, row_median
 
+ASTRAY = 0.5  # radii that a dot's centroid may lie off its spot
 SHADOW = 0.5  # of the usual share of the projector's light in all light: below, the projector does not reach a dot
 
 
@@ -85,6 +86,10 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice) -> tuple[Marks,
     moment = rays.ellipse @ np.swapaxes(rays.ellipse, 1, 2) / 4  # what a change of the light moves a dot by
     cov = cov + moment @ unsure @ moment
     profile = _recentred(profile, rays.ellipse, uv - moved, light)
+    away = np.linalg.norm(inverse_2x2(rays.ellipse) @ (uv - centre)[..., None], axis=(1, 2))  # drawn to its neighbour
+    profile = replace(
+        profile, off_centre=np.where(away > ASTRAY, np.linalg.norm(uv - centre, axis=1), profile.off_centre)
+    )
     fault = shape_faults(image, Rays(uv, rays.ellipse), profile, size, noise, cut)
     scale = profile.contour[:, 0]
     ellipse = rays.ellipse * scale[:, None, None]

@@ -49,12 +49,13 @@ class Layout:
 
     `families` are the dictionaries and black frames, in cells, that are tried; `places` gives the corners (n, 2) in
     sides of a tag's square, the middles (k, 2) of the tags by number for each way that such a board is printed, and the
-    side, mm.
+    side, mm. `step_px` is how much larger each window is whose mean tells dark from bright, of 3 to 23 px.
     """
 
     families: tuple[tuple[str, int], ...]
     places: Callable[[Testfield], tuple[Array, tuple[Array, ...], float]]
     shape: CornerShape
+    step_px: int = 10
 
 
 def _on_squares(testfield: Testfield) -> tuple[Array, tuple[Array, ...], float]:
@@ -88,7 +89,9 @@ CHARUCO_LAYOUT = Layout(
     _on_squares,
     CornerShape(lambda board: 2 * TAGGED * board.radius_mm, rough=0.12),
 )
-APRILGRID_LAYOUT = Layout((("APRILTAG_36h11", 2), ("APRILTAG_36h11", 1)), _in_rows, CornerShape(_framed_mm))
+APRILGRID_LAYOUT = Layout(  # blur joins its tags by their corners, and few windows part them
+    (("APRILTAG_36h11", 2), ("APRILTAG_36h11", 1)), _in_rows, CornerShape(_framed_mm), step_px=2
+)
 TAGS_LAYOUT = Layout(
     (("APRILTAG_36h11", 1), *((family, 1) for family in FAMILIES[:-1])), _in_rows, CornerShape(_framed_mm, single=True)
 )
@@ -105,7 +108,7 @@ def _guess(
     for family, frame in layout.families:
         if best is not None and best[0] >= ENOUGH_TAGS:
             break
-        tags, ids, _ = _detector(_dictionary(family, len(ways[0])), frame).detectMarkers(grey)
+        tags, ids, _ = _detector(_dictionary(family, len(ways[0])), frame, layout.step_px).detectMarkers(grey)
         if ids is None or len(ids) < max(LEAST_TAGS, 0 if best is None else best[0]):
             continue
         centres = np.array([_crossing(tag.reshape(4, 2)) for tag in tags])
@@ -152,9 +155,10 @@ def _dictionary(family: str, tags: int) -> str:
 
 
 @cache
-def _detector(name: str, frame: int) -> Any:
+def _detector(name: str, frame: int, step_px: int) -> Any:
     parameters = cv2.aruco.DetectorParameters()
     parameters.markerBorderBits = frame
+    parameters.adaptiveThreshWinSizeStep = step_px
     return cv2.aruco.ArucoDetector(_marks(name), parameters)
 
 
