@@ -33,6 +33,7 @@ WHOLE = 1, 0.25  # steps of the grey values, part of a frame that must lie in on
 BY_LEVEL = 8, 0.01  # the same where bright places tell noise that dark ones do not
 FEW_ROWS = 8192  # pixels in rows of the image that tell the noise of bent waves
 LIT = 0.1  # part of the brightest pixels' amplitude that one must have to tell it
+CLEAR = 2.0  # standard deviations above 0 from which hardly any noise is cut off
 DIM = 0.5  # part of the brightest pixels' range of grey values, less of which is no light
 ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit; also
 # part of its squares that harmonics explain: sigma is 8 % too large by as much
@@ -143,6 +144,10 @@ def measure_noise(
         elif np.count_nonzero(whole := g.min(axis=0) > 0) >= FEWEST:  # what is cut off at 0 shows half its noise
             dim = ~whole & (np.ptp(g, axis=0) < DIM * np.percentile(np.ptp(g, axis=0), 90))
             unlit = robust_variance(residual[:, dim].ravel())
+            # near 0, pixels of which no value is cut off are quiet by chance; the noise itself must not choose
+            darkest = (g - np.einsum("kf,kn->fn", found[:, used].astype(np.float32), residual)).min(axis=0)
+            clear = whole & (darkest > CLEAR * robust_variance(residual[:, whole].ravel()) ** 0.5)
+            whole = clear if np.count_nonzero(clear) >= FEWEST else whole
             residual, level = residual[:, whole], level[:, whole]
         if bent or np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
             crude = estimate_noise(residual.ravel(), level.ravel(), step)._replace(unlit=unlit)

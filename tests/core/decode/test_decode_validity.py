@@ -73,11 +73,14 @@ def test_what_is_cut_off_at_0_does_not_tell_the_noise(bench) -> None:
     frames = sort_frames(patterns)
     v, u = np.mgrid[0:288, 0:372]
     plate = (np.abs(u - 186) < 100) & (np.abs(v - 144) < 80)
-    scene = replace(bench(), u=1.2 * u + 20, gain=np.where(plate, 80.0, 0.0), ambient=np.where(plate, 12.0, 0.0))
-    images = replace(scene, dark=1.0, shot=0.0).take(patterns)
-    noise = measure_noise(frames, contrasts(frames, len(patterns)), take_sample(images), 255.0, images)
-    # some 1,300 residuals: 4 %; quantisation adds 1/12
-    assert noise.variance(np.array([2.0]))[0] == pytest.approx(1.0 + 1 / 12, rel=0.15)
+    variances = []
+    for seed in range(24):
+        scene = replace(bench(seed=seed), u=1.2 * u + 20, gain=np.where(plate, 80.0, 0.0), dark=1.0, shot=0.0)
+        images = replace(scene, ambient=np.where(plate, 12.0, 0.0)).take(patterns)
+        noise = measure_noise(frames, contrasts(frames, len(patterns)), take_sample(images), 255.0, images)
+        variances.append(float(noise.variance(np.array([2.0]))[0]))
+    # from some 1,300 residuals each: 4 %; a slope by chance, of 2.3 % of them, halves one. Quantisation adds 1/12
+    assert np.mean(variances) == pytest.approx(1.0 + 1 / 12, rel=0.06)
 
 
 def test_three_steps_and_nothing_else_have_no_redundancy() -> None:
