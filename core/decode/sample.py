@@ -33,7 +33,7 @@ WHOLE = 1, 0.25  # steps of the grey values, part of a frame that must lie in on
 BY_LEVEL = 8, 0.01  # the same where bright places tell noise that dark ones do not
 FEW_ROWS = 8192  # pixels in rows of the image that tell the noise of bent waves
 LIT = 0.1  # part of the brightest pixels' amplitude that one must have to tell it
-CLEAR = 2.0  # standard deviations above 0 from which hardly any noise is cut off
+CLEAR = 1.0  # standard deviations above 0 from which no more than a sixth of the noise is cut off
 DIM = 0.5  # part of the brightest pixels' range of grey values, less of which is no light
 ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit; also
 # part of its squares that harmonics explain: sigma is 8 % too large by as much
