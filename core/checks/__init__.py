@@ -4,6 +4,7 @@ Every check gives concerns (`core.model.Concern`): a state and one sentence with
 remedy. The state of a verdict is that of its worst concern.
 
 network.py   the bundle adjustment: chi-square test, systematic residuals, gross errors, nominal values
+lens.py      parameters of a lens that were not estimated, though the residuals ask for them
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
 plates.py    ... where the plates stood, seen by camera and projector
 volume.py    how sure a calibration is over the working volume, and how far two differ in it
@@ -16,6 +17,7 @@ left_out.py  points and captures that had no part, with the reasons
 from core.checks.captures import grey_concerns, repeated_frames, repeated_targets, size_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
+from core.checks.lens import lens_concerns
 from core.checks.network import adjustment_concerns, given_concerns, nominal_concerns, sound_words
 from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
@@ -34,6 +36,7 @@ __all__ = [
     "is_noise",
     "left_out_of",
     "length_concerns",
+    "lens_concerns",
     "light_end",
     "nominal_concerns",
     "pair_concerns",

@@ -1,0 +1,47 @@
+"""Lens parameters that are not estimated, though the images ask for them; images by OpenCV, which shares no code."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from core.calibrate import adjust
+from core.checks import lens_concerns
+from core.model import Interior
+from tests.core.calibrate.conftest import CAMERA
+from tests.core.calibrate.test_networks_of_many import free_network, through_opencv
+
+MAIN = ("c", "x0", "y0")
+
+
+def told(k1: float, seed: int, estimate: tuple[str, ...] = MAIN, known: Interior | None = None) -> list[str]:
+    """What is said of the lens where it bends images by k1."""
+    lens = Interior(12.1, -0.08, 0.11, (k1, *(0.0,) * 8), 0.0, "brown")
+    spec = replace(CAMERA, interior=known)
+    network, _ = free_network(lambda p, pose: through_opencv(lens, CAMERA, p, pose), spec, seed, estimate=estimate)
+    return [c.text for c in lens_concerns(adjust(network))]
+
+
+@pytest.mark.parametrize("k1", [-0.02, 0.02])
+def test_distortion_that_is_not_estimated_is_named(k1: float) -> None:
+    """k1 of 0.02 moves the corners by 2 px, of which c takes up most: a few sigmas of 0.02 px remain."""
+    (text,) = told(k1, seed=1)
+    assert text.startswith("cam: ")
+    assert "what A1, A2, A3, A4, A5, A6 would explain" in text
+
+
+def test_estimated_in_part_only_the_others_are_named() -> None:
+    (text,) = told(0.02, 1, (*MAIN, "A3", "A4"))
+    assert "what A1, A2, A5, A6 would explain" in text
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_lens_without_distortion_needs_no_more(seed: int) -> None:
+    """By chance six parameters explain 6 of some 2,500 squares; a tenth of them never."""
+    assert told(0.0, seed) == []
+
+
+def test_nothing_is_asked_for_where_all_is_estimated_or_known_before() -> None:
+    assert told(0.02, 1, (*MAIN, "A1", "A2", "A3", "A4", "A5", "A6")) == []
+    assert told(0.02, 1, known=Interior(12.1)) == []
