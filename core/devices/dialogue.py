@@ -154,7 +154,7 @@ class Dialogue:
             if echo and step.send is not None and body == step.send.fill(sent):
                 echo = False
             elif expect is not None and (values := expect.match(body)) is not None:
-                differing = [k for k in values if _base(k) in sent and calculated(k, sent) != values[k]]
+                differing = [k for k in values if _base(k) in sent and not _same(calculated(k, sent), values[k])]
                 if not differing:
                     self._await_prompt(until_s)
                     return values, ""
@@ -253,6 +253,11 @@ class Dialogue:
 def shown(value: Value) -> str:
     """Write a value down, bytes in hexadecimal."""
     return value[:_SHOWN_BYTES].hex(" ") if isinstance(value, bytes) else str(value)
+
+
+def _same(sent: Value, told: Value) -> bool:
+    """Tell whether a field came back as it was sent; a number may come back as text."""
+    return sent == told or str(sent) == str(told)
 
 
 def _base(name: str) -> str:

@@ -169,19 +169,20 @@ class Emulator:
         slot, profile = int(values["slot"]), self.profile
         if not 0 <= slot - profile.first_slot < profile.slots:
             return "range"
-        plates = {"x": "column_lines", "y": "row_lines"}
+        sent = {"x": "column_lines", "y": "row_lines"}
         if not profile.both_plates:
             axis = values.get("axis") or profile.axis
             if not profile.by_axis:
-                if values["plate"] not in profile.plates:
+                plates, plate = [*map(str, profile.plates)], str(values["plate"])
+                if plate not in plates:
                     return "range"
-                axis = "xy"[profile.plates.index(str(values["plate"]))]
-            plates = {str(axis): "lines"}
+                axis = "xy"[plates.index(plate)]
+            sent = {str(axis): "lines"}
         held = dict(zip("xy", self._slots.get(slot, self._dark), strict=True))
         if profile.by_axis:
             held = dict(zip("xy", self._dark, strict=True))
-        check = profile.lines_check.of(b"".join(_bytes(values[n]) for n in plates.values()))
-        for axis, name in plates.items():
+        check = profile.lines_check.of(b"".join(_bytes(values[n]) for n in sent.values()))
+        for axis, name in sent.items():
             count, data = {"x": profile.columns, "y": profile.rows}[axis], _bytes(values[name])
             size = -(-count * profile.bits.depth // 8)
             if profile.chunk:

@@ -63,7 +63,7 @@ class Entries(Fields):
         if not isinstance(value, Mapping):
             raise self.refuse(key, value, "write it as a table")
         path = f"{self.path}.{key}" if self.path else key
-        return Entries(value, f"{self.file}: {path}", self.lines, path, self.file)
+        return Entries(value, self.place(key), self.lines, path, self.file)
 
     def finish(self, known: Iterable[str] = ()) -> None:
         """Refuse what nobody asked for, with the nearest key that exists."""
@@ -81,7 +81,7 @@ def key_lines(text: str) -> dict[str, int]:
     Examples
     --------
     >>> key_lines("[a.b]\\nc = 1\\n[[d]]\\ne = 2")
-    {'a.b': 1, 'a.b.c': 2, 'd.0': 3, 'd.0.e': 4}
+    {'a.b': 1, 'a.b.c': 2, 'd.0': 3, 'd': 3, 'd.0.e': 4}
     """
     lines: dict[str, int] = {}
     counts: dict[str, int] = {}
@@ -91,6 +91,7 @@ def key_lines(text: str) -> dict[str, int]:
             counts[m[1]] = counts.get(m[1], -1) + 1
             table = f"{m[1]}.{counts[m[1]]}"
             lines[table] = number
+            lines.setdefault(m[1], number)
         elif m := re.match(r"\s*\[\s*([^]]+?)\s*\]", line):
             table = m[1]
             lines[table] = number

@@ -36,7 +36,7 @@ class CheckSum:
     @property
     def width(self) -> int:
         """Bytes of the value."""
-        return self.bits // 8
+        return -(-self.bits // 8)
 
     def of(self, data: bytes) -> int:
         """Compute the value.
@@ -53,7 +53,7 @@ class CheckSum:
             value = self.init + sum(data)
             return (-value if self.kind == "lrc" else value) & mask ^ self.xor
         if self.kind in ("or", "xor"):
-            return reduce(int.__or__ if self.kind == "or" else int.__xor__, data, self.init) ^ self.xor
+            return reduce(int.__or__ if self.kind == "or" else int.__xor__, data, self.init) & mask ^ self.xor
         value, top = self.init, 1 << (self.bits - 1) if self.bits else 0
         poly = int(f"{self.poly:0{self.bits}b}"[::-1], 2) if self.reflect else self.poly
         for byte in data if self.bits else b"":
@@ -208,7 +208,7 @@ def _whole_sizes(framing: Framing, buffer: bytearray, at: int) -> Iterator[int |
     """Give the sizes that the frame that starts at a place can have; None: it cannot be told yet."""
     fixed = framing.fixed
     around = sum(fixed[p] for p in framing.parts if p != "body")
-    if framing.length:
+    if framing.length and not framing.escapes:  # bytes that were escaped are not counted; the end tells where it is
         head = sum(fixed[p] for p in framing.parts[: framing.parts.index("length")])
         field = buffer[at + head : at + head + framing.length]
         if len(field) < framing.length:

@@ -88,7 +88,7 @@ class Profile:
     rows: int
     slots: int
     first_slot: int
-    plates: tuple[str, ...]
+    plates: tuple[int | str, ...]
     axis: str
     bits: LineBits
     chunk: int  # bytes that one command loads at most; 0: all

@@ -137,12 +137,13 @@ def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
     return profile
 
 
-def _plates(device: Entries) -> tuple[tuple[str, ...], str]:
+def _plates(device: Entries) -> tuple[tuple[int | str, ...], str]:
     """Read the plates, and the axis of the only one."""
-    plates = tuple(device.items("plates")) if "plates" in device.data else ("C", "R")
-    if not 1 <= len(plates) <= 2 or len(set(plates)) != len(plates):
+    plates = tuple(device.items("plates", ["C", "R"]))
+    plain = all(isinstance(plate, str | int) and not isinstance(plate, bool) for plate in plates)
+    if not plain or not 1 <= len(plates) <= 2 or len({*map(str, plates)}) != len(plates):
         raise device.refuse("plates", list(plates), "name the column plate and the row plate, or the only one")
-    return tuple(map(str, plates)), device.text("axis", default="x", among=("x", "y"))
+    return plates, device.text("axis", default="x", among=("x", "y"))
 
 
 def _line_bits(lines: Entries) -> LineBits:
@@ -153,7 +154,7 @@ def _line_bits(lines: Entries) -> LineBits:
     return LineBits(first, bits, lines.integer("lit", 0, 1, default=1), lines.flag("backward"))
 
 
-def _lengths(size: tuple[int, int], bits: int, plates: tuple[str, ...], axis: str, chunk: int) -> Lengths:
+def _lengths(size: tuple[int, int], bits: int, plates: tuple[int | str, ...], axis: str, chunk: int) -> Lengths:
     """Give how many bytes the lines of a pattern are, by the field that carries them."""
     column, row = (-(-count * bits // 8) for count in size)
     lengths: dict[str, int | None] = {"column_lines": column, "row_lines": row}
@@ -178,7 +179,8 @@ def _codes(codes: Entries) -> dict[int, str]:
 
 def _check_whole(top: Entries, profile: Profile) -> None:
     """See that patterns can be shown by what there is."""
-    where, commands = f"{top.where}: commands", profile.commands
+    table, commands = top.table("commands"), profile.commands
+    where, load = table.where, table.place("load")
     selects = "select" in commands or {"rewind", "step"} <= commands.keys()
     if "load" in commands and not selects:
         raise InputError(where, "neither select nor rewind with step", "say how a stored pattern is shown")
@@ -190,21 +192,23 @@ def _check_whole(top: Entries, profile: Profile) -> None:
     plain = {"slot", "lines"} <= sent and (profile.by_axis or "plate" in sent)
     if sent and not (plain or {"slot", "column_lines", "row_lines"} <= sent):
         raise InputError(
-            f"{where}.load",
+            load,
             f"fields {sorted(sent)}",
             "use slot, plate and lines, or slot, column_lines and row_lines",
         )
     if profile.chunk and not {"lines", "offset"} <= sent:
-        raise InputError(f"{where}.load", f"fields {sorted(sent)}", "send the {offset} of every chunk of {lines}")
+        raise InputError(load, f"fields {sorted(sent)}", "send the {offset} of every chunk of {lines}")
     if profile.bits.depth == 8 and sent and not profile.by_axis:
-        raise InputError(f"{where}.load", "grey values on two plates", "send {axis} and {lines}, or name one plate")
+        raise InputError(load, "grey values on two plates", "send {axis} and {lines}, or name one plate")
     for name in {*commands} - {"start", "identify", "stop"}:
         if not profile.refusals and any(s.expect and not s.until and takes_anything(s.expect) for s in commands[name]):
             remedy = "write what the device says when it is done, or in [refusal] how it says no"
-            raise InputError(f"{where}.{name}.expect", "any answer counts as done", remedy)
+            raise InputError(f"{table.place(name)}.expect", "any answer counts as done", remedy)
     query = {f for step in commands.get("query", ()) if step.expect for f in step.expect.fields}
-    if query and not {"slot", "loaded"} <= query:
-        raise InputError(f"{where}.query", "no slot or loaded in the answer", "the state must tell both")
+    needed = {"loaded"} if "load" in commands else set[str]()
+    needed |= {"slot"} if "step" in commands else set()
+    if "query" in commands and (missing := sorted(needed - query)):
+        raise InputError(table.place("query"), f"the answer tells no {missing[0]}", f"expect {{{missing[0]}}} in it")
 
 
 def _port(port: Entries) -> Port:

@@ -206,7 +206,7 @@ class SerialProjector:
                     raise
                 return None
             state = self.dialogue.do("query")
-            if _whole(state["loaded"]) < len(self._loaded):
+            if "loaded" in state and _whole(state["loaded"]) < len(self._loaded):
                 raise EmptyError(self.name, "has lost its sequence", "check its supply") from None
             return _whole(state["slot"]) if _whole(state["slot"]) == expected else None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 from core.devices.entries import Entries
@@ -10,6 +11,7 @@ from core.devices.profile import Command
 from core.devices.template import Template
 from core.errors import InputError
 
+FRAME_PARTS = tuple(p for p in PARTS if p != "mark")
 LENGTHS = {
     "none": (0, "big"),
     "u8": (1, "big"),
@@ -66,9 +68,10 @@ def _framing(table: Entries, kind: str, side: str, templates: list[Template]) ->
     given = [
         p for p, there in zip(PARTS, (start, heads != {0}, length, True, False, check.bits, end), strict=True) if there
     ]
-    parts = _parts(table, key("layout"), tuple(given), tuple(given))
-    if set(parts) != set(given):
-        raise table.refuse(key("layout"), " ".join(parts), f"name each of {', '.join(given)} once")
+    layout = _parts(table, key("layout"), tuple(given), FRAME_PARTS)
+    parts = tuple(p for p in layout if p in given)  # the others are empty
+    if sorted(parts) != sorted(given):
+        raise table.refuse(key("layout"), " ".join(layout), f"name each of {', '.join(given)} once")
     sizes = {t.sizes[1] for t in templates}
     if not length and not end and (None in sizes or (not check.bits and not _told_apart(templates))):
         remedy = "give a length, an end or a check value, and a fixed length to every field"
@@ -82,10 +85,10 @@ def _framing(table: Entries, kind: str, side: str, templates: list[Template]) ->
         next(iter(heads)) or 0,
         length,
         byte_order,  # type: ignore[arg-type]
-        _parts(table, key("length_over"), ("body",), PARTS),
+        _parts(table, key("length_over"), ("body",), FRAME_PARTS),
         table.integer(key("length_add"), default=0),
         check,
-        _parts(table, key("check_over"), tuple(p for p in ("head", "body") if p in parts), PARTS),
+        _parts(table, key("check_over"), tuple(p for p in ("head", "body") if p in parts), FRAME_PARTS),
         order,  # type: ignore[arg-type]
         table.text("check_as", default="bytes", among=("bytes", "hex")) == "hex",
         table.integer(key("pad"), 0, default=0),
@@ -108,7 +111,11 @@ def _told_apart(templates: list[Template]) -> bool:
 
 
 def _escapes(table: Entries, key: str, start: bytes, end: bytes) -> dict[bytes, bytes]:
-    """Read what is sent in place of which bytes."""
+    """Read what is sent in place of which bytes; "hex": two digits in place of each."""
+    if table.data.get(key) == "hex":
+        if not end:
+            raise table.refuse(key, "hex", "say which bytes end a frame")
+        return {bytes([byte]): b"%02X" % byte for byte in range(256)}
     given = table.table(key)
     try:
         escapes = {bytes.fromhex(byte): bytes.fromhex(given.text(byte)) for byte in given.data}
@@ -130,9 +137,9 @@ def _ascii(table: Entries, key: str, default: str = "") -> bytes:
 
 def _bytes(table: Entries, key: str) -> bytes:
     try:
-        return bytes.fromhex(table.text(key, default=""))
+        return bytes.fromhex(re.sub("'([ -&(-~]*)'", lambda m: m[1].encode().hex(), table.text(key, default="")))
     except ValueError as error:
-        raise table.refuse(key, table.data[key], "write bytes as two hexadecimal digits") from error
+        raise table.refuse(key, table.data[key], "write bytes as two hexadecimal digits, or 'text'") from error
 
 
 def read_check(table: Entries, key: str, default: str = "none") -> CheckSum:
@@ -140,11 +147,11 @@ def read_check(table: Entries, key: str, default: str = "none") -> CheckSum:
     if not isinstance(table.data.get(key), Mapping):
         return CHECKS[table.text(key, default=default, among=tuple(CHECKS))]
     crc = table.table(key)
-    bits = crc.integer("bits", 8, 32)
-    if bits % 8:
-        raise crc.refuse("bits", bits, "use 8, 16, 24 or 32")
+    kind, bits = crc.text("kind", default="crc", among=KINDS), crc.integer("bits", 1, 32)
+    if kind == "crc" and bits % 8:
+        raise crc.refuse("bits", bits, "use 8, 16, 24 or 32 for a CRC")
     most = (1 << bits) - 1
     poly, init, xor = (crc.integer(k, 0, most, default=0) for k in ("poly", "init", "xor"))
-    made = CheckSum(crc.text("kind", default="crc", among=KINDS), bits, poly, init, crc.flag("reflect"), xor)
+    made = CheckSum(kind, bits, poly, init, crc.flag("reflect"), xor)
     crc.finish()
     return made

@@ -93,6 +93,64 @@ def test_a_crc_by_its_parameters_is_the_one_of_binascii() -> None:
     data = bytes(range(200))
     assert CheckSum("crc", 16, 0x1021, 0xFFFF).of(data) == binascii.crc_hqx(data, 0xFFFF)
     assert CheckSum("crc", 32, 0x04C11DB7, 0xFFFFFFFF, True, 0xFFFFFFFF).of(data) == binascii.crc32(data)
+    assert CheckSum("crc", 16, 0x1021, 0xFFFF, True, 0xFFFF).of(b"123456789") == 0x906E  # X.25 in the catalogue
+
+
+@pytest.mark.parametrize(("kind", "value"), [("sum", 0x5E), ("lrc", 0x22), ("xor", 0x60), ("or", 0x7F)])  # by hand
+def test_a_sum_of_seven_bits_takes_one_byte_without_its_highest_bit(kind: str, value: int) -> None:
+    check = CheckSum(kind, 7)
+    assert (check.width, check.of(bytes([0xF0, 0x3D, 0x0F, 0xA2]))) == (1, value)
+
+
+def test_modbus_ascii_is_written_as_in_its_examples(own) -> None:
+    text = FRAMED.format("start = \"':'\"\nend = '0D 0A'\nescapes = 'hex'\ncheck = 'lrc'")
+    framing = read_profile(own(text)).framing
+    body = bytes.fromhex("11 03 00 6B 00 03")  # read three registers from 108 of device 17; its LRC is 7E
+    assert wrap(framing, body) == b":1103006B00037E\r\n"
+    assert unwrap(framing, bytearray(b"?:1103006B00037E\r\n")) == body
+    assert unwrap(framing, bytearray(b":1103006B00047E\r\n")) is None
+
+
+def test_escapes_as_hex_need_an_end(own) -> None:
+    with pytest.raises(InputError, match=r"line \d+: framing.escapes: 'hex'; say which bytes end a frame"):
+        read_profile(own(FRAMED.format("start = '3A'\nlength = 'u8'\nescapes = 'hex'")))
+
+
+@pytest.mark.parametrize(("told", "missing"), [("{loaded}", ""), ("{slot}", "loaded"), ("ready", "loaded")])
+def test_a_query_tells_what_is_needed(own, told: str, missing: str) -> None:
+    text = own(f'{PROMPTING}[commands.query]\nsend = "Q"\nexpect = "N{told}"\n')
+    if not missing:
+        assert "query" in read_profile(text).commands
+        return
+    with pytest.raises(InputError, match=rf"line 28: commands.query: the answer tells no {missing}"):
+        read_profile(text)
+
+
+def test_a_query_of_stored_patterns_needs_neither(own) -> None:
+    text = resource("profiles", "modbus.toml").read_text()
+    query = '[commands.query]\nsend = "01"\nexpect = "01 {on:u8}"\n'
+    assert "[commands.query]" not in text
+    assert "query" in read_profile(own(text + query)).commands
+
+
+@pytest.mark.parametrize("plates", ['[1, "1"]', "[true, 2]", "[1.5, 2]", "[1, 1]"])
+def test_plates_are_two_texts_or_numbers(own, plates: str) -> None:
+    with pytest.raises(InputError, match=r"line 9: device.plates"):
+        read_profile(own(PROMPTING.replace('["X"]', plates)))
+
+
+def test_plates_may_be_numbers(own) -> None:
+    text = resource("profiles", "stripe-lines.toml").read_text().replace('"even"', '"none"')
+    assert 'plates = ["C", "R"]' in text
+    text = text.replace('plates = ["C", "R"]', "plates = [16, 17]").replace("{plate}", "{plate:03d}")
+    line = EmulatedLine(Emulator(read_profile(own(text)), Stage(FlatScene(projector_size=(640, 640)))))
+    try:
+        projector = open_projector(f"serial:{line.url}?profile={own(text)}")
+        projector.load([Line("x", 8, 16), Line("y", 8, 16)])
+        projector.step(1)
+        projector.close()
+    finally:
+        line.close()
 
 
 def test_an_optoma_is_switched_on_and_waited_for_before_the_first_picture(own) -> None:
@@ -330,6 +388,17 @@ FRAMED += "expect = '4C {{slot:u16le}}'\n[commands.select]\nsend = '53 {{slot:u1
         ),
         ("check = {{ bits = 16, poly = 0x8005, init = 0xFFFF, reflect = true }}\ncheck_order = 'low'", MODBUS_WIRE),
         ("start = '02'\nlength = 'u8'\nlength_add = 1\npad = 8", "02 04 53 02 01 00 00 00"),
+        (
+            "start = '02'\nend = '03'\nlength = 'u8'\ncheck = 'sum8'\n"
+            "escapes = {{ 02 = '1B 82', 03 = '1B 83', 1B = '1B 9B' }}",
+            "02 1B 83 53 1B 82 01 56 03",
+        ),
+        ("start = \"':'\"\nend = '0D 0A'\nescapes = 'hex'\ncheck = 'lrc'", "3A 35 33 30 32 30 31 41 41 0D 0A"),
+        (
+            "start = \"'$' 02\"\nlength = 'u8'\ncheck = 'sum8'\nlayout = 'start head length body check end'",
+            "24 02 03 53 02 01 56",
+        ),
+        ("start = '02'\nlength = 'u8'\ncheck = {{ kind = 'sum', bits = 7, init = 64 }}", "02 03 53 02 01 16"),
     ],
 )
 def test_frames_are_the_bytes_written_by_hand(own, entries: str, wire: str) -> None:
