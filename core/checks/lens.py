@@ -61,12 +61,12 @@ def _explained(
         xyz, pose = adjustment.points_mm[point[here]], adjustment.station_from_object[s]
         found = project_with_derivatives(device.spec, device.interior, xyz, pose)
         by_pose[here], by_point[here], inner[here] = found.by_pose, found.by_point, found.by_interior
-    inner *= weight[..., None] / np.maximum(np.sqrt(np.sum((inner * weight[..., None]) ** 2, axis=(0, 1))), 1e-300)
-    blocks = [(by_pose, station), (by_point, point), (inner[..., free], np.zeros_like(point))]
+    by_pose, by_point, inner = (np.nan_to_num(each) * weight[..., None] for each in (by_pose, by_point, inner))
+    inner /= np.maximum(np.sqrt(np.sum(inner**2, axis=(0, 1))), 1e-300)
     rest = inner[..., left]
     for _ in range(ROUNDS):
-        for block, group in blocks:
-            rest = _cleared(rest, block * weight[..., None], group)
+        for block, group in ((by_pose, station), (by_point, point), (inner[..., free], np.zeros_like(point))):
+            rest = _cleared(rest, block, group)
     rest = rest.reshape(-1, len(left))
     return float(np.sum((rest @ np.linalg.lstsq(rest, w.ravel(), rcond=1e-6)[0]) ** 2))
 
