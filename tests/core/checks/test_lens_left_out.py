@@ -19,7 +19,7 @@ MAIN = ("c", "x0", "y0")
 def told(
     k1: float, seed: int, estimate: tuple[str, ...] = MAIN, known: Interior | None = None, uneven: float = 0.0
 ) -> list[str]:
-    """What is said of the lens where it bends images by k1; of `uneven` sigmas, a power of e, are as many worse."""
+    """What is said of a lens that bends images by k1; sigmas vary by up to e to the power of `uneven`."""
     lens = Interior(12.1, -0.08, 0.11, (k1, *(0.0,) * 8), 0.0, "brown")
     spec = replace(CAMERA, interior=known)
     network, _ = free_network(lambda p, pose: through_opencv(lens, CAMERA, p, pose), spec, seed, estimate=estimate)
