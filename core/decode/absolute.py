@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, reduce
+from operator import or_
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,76 +149,154 @@ def decode(
         sequence = _prepare(tuple(patterns), lines)
     except InputError as error:
         raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
-    limits, tables, response, light, sample = _measure(sequence, patterns, arrays, options, where, noise)
-    telling = (
-        limits if noise is None else limits._replace(saturation=np.minimum(limits.saturation, np.float32(noise.upto)))
-    )
-    height, width = arrays[0].shape
-    planes = np.empty((6, height * width), np.float32)  # one block, large enough for large pages
-    place, sigma, modulation, image = planes[:2], planes[2:4], planes[4], planes[5]
-    flags = np.empty(height * width, np.uint8)
-    swept = {n for table in tables for n in table.line_frames}
-    plain = np.array([n for n in range(len(arrays)) if n not in swept], np.int32)
-    addresses = np.array([array.ctypes.data for array in arrays], np.uint64)
+    seen = _measure(sequence, patterns, arrays, options, where, noise)
+    found = _Found.of_nothing(arrays[0].shape)
+    at_rim = _decode_pixels(found, sequence, arrays, seen, progress)
+    telling = seen.limits
+    if noise is not None:
+        telling = telling._replace(saturation=np.minimum(telling.saturation, np.float32(noise.upto)))
+    doubts = [_mend(found, k, sequence, arrays, seen, telling, bool(at_rim >> k & 1)) for k in range(len(AXES))]
+    misfit = None
+    if options.estimate and estimable(sequence.frames):
+        refined, (limits, tables, response, light, _) = Planes(found.place, found.sigma, found.shape[1]), seen
+        misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, light, refined, progress)
+        misfit = misfit.reshape(found.shape)
+    _draw_and_doubt(found, sequence, seen)
+    return _phase_map(found, misfit, doubts, patterns, arrays, seen)
 
-    taken = spread(arrays[0].shape)
-    second: tuple[str, ...] = ()
+
+class _Seen(NamedTuple):
+    """What a sample of the grey values (frames, pixels) tells before any pixel is decoded."""
+
+    limits: Limits
+    tables: tuple[AxisTable, AxisTable]
+    response: Response | None
+    light: Array | None
+    sample: Singles
+
+
+class _Doubt(NamedTuple):
+    """What mending an axis tells of the capture."""
+
+    second: tuple[str, ...]  # sentences on a second light
+    refused: float  # share of the pixels whose order stays open
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Of every pixel, flat: coordinates and sigmas (2, pixels) in lines, modulation, evenly lit image, flags."""
+
+    place: Singles
+    sigma: Singles
+    modulation: Singles
+    image: Singles
+    flags: NDArray[np.uint8]
+    shape: tuple[int, int]
+
+    @classmethod
+    def of_nothing(cls, shape: tuple[int, int]) -> _Found:
+        """Give memory that is not set yet, in one block large enough for large pages."""
+        planes = np.empty((6, shape[0] * shape[1]), np.float32)
+        return cls(planes[:2], planes[2:4], planes[4], planes[5], np.empty(planes.shape[1], np.uint8), shape)
+
+    def over_image(self, *planes: Singles) -> list[Singles]:
+        """Give planes their rows and columns."""
+        return [plane.reshape(self.shape) for plane in planes]
+
+
+def _decode_pixels(found: _Found, sequence: _Prepared, images: Sequence[Image], seen: _Seen, progress: Progress) -> int:
+    """Decode pixel by pixel, in bands of rows; the bits of the answer say which axes' rim is in the image."""
+    height, width = found.shape
+    swept = {n for table in seen.tables for n in table.line_frames}
+    plain = np.array([n for n in range(len(images)) if n not in swept], np.int32)
+    addresses = np.array([image.ctypes.data for image in images], np.uint64)
+    out = (found.place, found.sigma, found.modulation, found.image, found.flags)
     at_rim: list[int] = []
-    refused: list[float] = []
-    block = max(16, BLOCK // (width * len(arrays)))
+    block = max(16, BLOCK // (width * len(images)))
     for top in progress.over(range(0, height, block), "decoding from row {}"):
 
         def band(first: int, last: int, top: int = top) -> None:
-            common = ((top + first) * width, (top + last) * width, addresses, arrays[0].itemsize, limits)
-            out = (place, sigma, modulation, image, flags)
-            met = decode_pixels(*common, sequence.image_rows, plain, tables, scratch_for(tables), out)
+            common = ((top + first) * width, (top + last) * width, addresses, images[0].itemsize, seen.limits)
+            met = decode_pixels(*common, sequence.image_rows, plain, seen.tables, scratch_for(seen.tables), out)
             at_rim.append(met)
-            for axis, table in enumerate(tables):
+            for axis, table in enumerate(seen.tables):
                 if table.start == SWEEP:
                     decode_sections(*common, table, section_scratch(table), axis, out)
 
         run_in_bands(band, min(block, height - top))
-    shape = (height, width)
-    sines = {wave.axis for wave in sequence.waves} - {a for a, squares in enumerate(sequence.squares) if squares}
-    u, v, sigma_u, sigma_v = (a.reshape(shape) for a in (*place, *sigma))
-    flags = flags.reshape(shape)
-    for axis, coordinate, s, missing in ((0, u, sigma_u, Flag.NO_U), (1, v, sigma_v, Flag.NO_V)):
-        if any(met >> axis & 1 for met in at_rim):
-            drop_rim(coordinate, s, flags, float(tables[axis].lines), float(tables[axis].rim), missing)
-        drop_alone(coordinate, s, flags, missing)
-        if axis in sines:
-            take_ripple_out(coordinate, s)
-        if tables[axis].start == CODE and tables[axis].gray and not len(tables[axis].period):
-            contrast, even = modulation.reshape(shape), image.reshape(shape)
-            sigma_of_edges(coordinate, s, float(tables[axis].cell), contrast, even, limits)
-        part = second_light(arrays, tables[axis], limits, coordinate)
-        if part is not None:
-            alone = s[taken].copy()
-            widen(s, bent_by(part, tables[axis], limits, coordinate))
-            known = np.isfinite(alone)
-            second = second or note_on_second_light(part, s[taken][known] > MUCH * alone[known])
-        apart = contradiction(arrays, tables[axis], telling, sequence.image_rows)
-        if apart is not None:
-            widen(s, apart.lines)
-            mine = coordinate, s, flags, missing
-            refused.append(refuse_open_orders(arrays, tables[axis], telling, sequence.image_rows, apart.turns, mine))
-    misfit = None
-    if options.estimate and estimable(sequence.frames):
-        refined = Planes(place, sigma, width)
-        misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, light, refined, progress).reshape(
-            shape
-        )
-    cofactor = max((float(t.covariance[0, 0]) for t in tables if len(t.covariance)), default=1.0)
-    x_even, y_even = (t.start == SWEEP or len(t.period) > 0 for t in tables)
-    draw_back((place, sigma), (image, modulation), flags, sequence.image_rows, limits, cofactor, (x_even, y_even))
-    for coordinate, s, even in ((u, sigma_u, x_even), (v, sigma_v, y_even)):
+    return reduce(or_, at_rim, 0)
+
+
+def _mend(
+    found: _Found,
+    axis: int,
+    sequence: _Prepared,
+    images: Sequence[Image],
+    seen: _Seen,
+    telling: Limits,
+    at_rim: bool,
+) -> _Doubt:
+    """Drop or widen, in place, what a pixel alone could not know of an axis's coordinates."""
+    table, missing, limits = seen.tables[axis], (Flag.NO_U, Flag.NO_V)[axis], seen.limits
+    u, sigma, contrast, even = found.over_image(found.place[axis], found.sigma[axis], found.modulation, found.image)
+    flags = found.flags.reshape(found.shape)
+    if at_rim:
+        drop_rim(u, sigma, flags, float(table.lines), float(table.rim), missing)
+    drop_alone(u, sigma, flags, missing)
+    if any(wave.axis == axis for wave in sequence.waves) and not sequence.squares[axis]:
+        take_ripple_out(u, sigma)
+    if table.start == CODE and table.gray and not len(table.period):
+        sigma_of_edges(u, sigma, float(table.cell), contrast, even, limits)
+    told: tuple[str, ...] = ()
+    part = second_light(images, table, limits, u)
+    if part is not None:
+        taken = spread(found.shape)
+        alone = sigma[taken].copy()
+        widen(sigma, bent_by(part, table, limits, u))
+        known = np.isfinite(alone)
+        told = note_on_second_light(part, sigma[taken][known] > MUCH * alone[known])
+    apart = contradiction(images, table, telling, sequence.image_rows)
+    if apart is None:
+        return _Doubt(told, 0.0)
+    widen(sigma, apart.lines)
+    mine = u, sigma, flags, missing
+    return _Doubt(told, refuse_open_orders(images, table, telling, sequence.image_rows, apart.turns, mine))
+
+
+def _draw_and_doubt(found: _Found, sequence: _Prepared, seen: _Seen) -> None:
+    """Take out, in place, what texture does to coordinates, and doubt those of two surfaces."""
+    cofactor = max((float(t.covariance[0, 0]) for t in seen.tables if len(t.covariance)), default=1.0)
+    x_even, y_even = (t.start == SWEEP or len(t.period) > 0 for t in seen.tables)
+    flags = found.flags.reshape(found.shape)
+    lit = found.image, found.modulation
+    draw_back((found.place, found.sigma), lit, flags, sequence.image_rows, seen.limits, cofactor, (x_even, y_even))
+    for place, sigma, even in zip(found.place, found.sigma, (x_even, y_even), strict=True):
         if even:
-            doubt_mixtures(coordinate, s)
-    late = late_frames(patterns, sample, range(*taken[0].indices(height)), (u[taken].ravel(), v[taken].ravel()), limits)
-    notes, dim = notes_on(arrays, sample, flags[taken].ravel(), limits, tables, max(refused, default=0.0))
+            doubt_mixtures(*found.over_image(place, sigma))
+
+
+def _phase_map(
+    found: _Found,
+    misfit: Singles | None,
+    doubts: Sequence[_Doubt],
+    patterns: Sequence[Pattern],
+    images: Sequence[Image],
+    seen: _Seen,
+) -> PhaseMap:
+    """Put a phase map together, with what is to be said of the capture."""
+    u, v, sigma_u, sigma_v, modulation, image = found.over_image(
+        *found.place, *found.sigma, found.modulation, found.image
+    )
+    flags, taken = found.flags.reshape(found.shape), spread(found.shape)
+    rows = range(*taken[0].indices(found.shape[0]))
+    late = late_frames(patterns, seen.sample, rows, (u[taken].ravel(), v[taken].ravel()), seen.limits)
+    most = max(doubt.refused for doubt in doubts)
+    notes, dim = notes_on(images, seen.sample, flags[taken].ravel(), seen.limits, seen.tables, most)
+    second = next((doubt.second for doubt in doubts if doubt.second), ())
+    response = seen.response
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]
-    planes_seen = (u, v, sigma_u, sigma_v, modulation.reshape(shape), image.reshape(shape))
-    return PhaseMap(*planes_seen, flags, curve, misfit, (*late, *notes, *second), dim_notes=notes if dim else ())
+    planes = (u, v, sigma_u, sigma_v, modulation, image)
+    return PhaseMap(*planes, flags, curve, misfit, (*late, *notes, *second), dim_notes=notes if dim else ())
 
 
 def _measure(
@@ -226,7 +306,7 @@ def _measure(
     options: DecodeOptions,
     where: str,
     known: Noise | None,
-) -> tuple[Limits, tuple[AxisTable, AxisTable], Response | None, Array | None, Singles]:
+) -> _Seen:
     """What a sample of the grey values tells: the thresholds, and how the stripes of both axes are blurred."""
     sample = take_sample(images)
     check_duplicates(sequence.frames, sample, where)
@@ -253,7 +333,7 @@ def _measure(
         )
         for table, squares in zip(tables, sequence.squares, strict=True)
     )
-    return limits_of(noise, saturation, options, (x, y)), (x, y), response, light, sample
+    return _Seen(limits_of(noise, saturation, options, (x, y)), (x, y), response, light, sample)
 
 
 @dataclass(frozen=True)
