@@ -93,7 +93,7 @@ def import_frames(
     patterns = spec.patterns(lines)
     plans = [make_plan(project, whose, [patterns[k] for k in own or range(len(patterns))]) for whose, own in parts]
     if target.exists():
-        raise _taken(target)
+        raise _taken(target) if target in project.captures else _unlisted(target, project)
     files = frames_in(folder)
     if by == "list":
         files = _listed(folder, files, spec)
@@ -351,6 +351,12 @@ def _write(target: Path, series: Sequence[_Series], source: str) -> int:
 
 def _taken(target: Path) -> InputError:
     return InputError(target, "is there already", "choose another name, or remove that capture")
+
+
+def _unlisted(target: Path, project: Project) -> InputError:
+    """Refuse the folder that an import leaves which is killed before its capture is listed."""
+    remedy = f"list it with `stripe-core check {project.path} --repair`, choose another name, or remove that folder"
+    return InputError(target, "is there already, but project.json does not list it", remedy)
 
 
 def _is_grey(path: Path) -> bool:

@@ -211,6 +211,24 @@ def test_a_full_disk_leaves_no_half_capture(project: Path, tmp_path: Path, monke
     assert main(order) == 0
 
 
+def test_an_import_killed_before_its_capture_was_listed_is_mended_as_said(
+    project: Path, tmp_path: Path, capsys
+) -> None:
+    take(tmp_path / "in", "gray-sine")
+    order = [*command(project, tmp_path), "--sequence", "gray-sine"]
+    before = (project / "project.json").read_bytes()
+    assert main(order) == 0
+    (project / "project.json").write_bytes(before)  # the listing comes last
+    assert main(order) == 2
+    told = capsys.readouterr().err
+    assert (
+        f"captures/a: is there already, but project.json does not list it; list it with `stripe-core check {project} -"
+        in told
+    )
+    main(["check", str(project), "--repair"])
+    assert read_project(project).captures == (project / "captures" / "a",)
+
+
 def test_the_later_of_two_imports_to_one_name_is_told_so(project: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     take(tmp_path / "in", "gray-sine")
 
