@@ -25,7 +25,7 @@ from core.decode.harmonics import SquareWave, measure_bend, square_waves
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.late import late_frames
 from core.decode.likelihood import decode_words, has_words
-from core.decode.mixed import doubt_mixtures
+from core.decode.mixed import doubt_mixtures, drop_vague
 from core.decode.noise import Noise, contrasts
 from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
@@ -270,9 +270,12 @@ def _draw_and_doubt(found: _Found, sequence: _Prepared, seen: _Seen) -> None:
     flags = found.flags.reshape(found.shape)
     lit = found.image, found.modulation
     draw_back((found.place, found.sigma), lit, flags, sequence.image_rows, seen.limits, cofactor, (x_even, y_even))
-    for place, sigma, even in zip(found.place, found.sigma, (x_even, y_even), strict=True):
-        if even:
-            doubt_mixtures(*found.over_image(place, sigma))
+    for k, table in enumerate(seen.tables):
+        u, sigma = found.over_image(found.place[k], found.sigma[k])
+        if (x_even, y_even)[k]:
+            doubt_mixtures(u, sigma)
+        if len(table.period):
+            drop_vague(u, sigma, flags, float(table.period.min()), (Flag.NO_U, Flag.NO_V)[k])
 
 
 def _phase_map(

@@ -10,10 +10,12 @@ from __future__ import annotations
 import numpy as np
 
 from core.decode.compiled import HALF, F, fast, part
+from core.decode.options import Flag
 from core.decode.tables import Singles
 from core.parallel import run_in_bands
 
 TORN, BENT = F(12), HALF  # sigmas, and slopes, by which the continuations of both sides differ where there is a jump
+VAGUE = 0.25  # of a period
 CLEAR = F(24)  # square of a misfit in units of the variance: of that 6 are the noise of three pixels
 _TWO = F(2)
 EVEN, TORN_APART = np.uint8(0), np.uint8(1)
@@ -32,6 +34,26 @@ def doubt_mixtures(place: Singles, sigma: Singles) -> None:
         widen_mixtures(max(first, 2), min(last, len(place) - 2), place, sigma, np.empty(place.shape[1], np.uint8))
 
     run_in_bands(band, len(place))
+
+
+def drop_vague(place: Singles, sigma: Singles, flags: np.ndarray, period: float, missing: Flag) -> None:
+    """Invalidate, in place, coordinates whose sigma leaves the order of their fringe open.
+
+    At two sigmas to either side such a pixel may lie a period away: its phase is measured, its place is not.
+
+    Parameters
+    ----------
+    place, sigma : float32 (H, W)
+        Coordinate and sigma of one axis in lines, NaN where there is none.
+    flags : uint8 (H, W)
+    period : float
+        Of the axis's finest fringes, in lines.
+    missing : Flag
+        `Flag.NO_U` or `Flag.NO_V`.
+    """
+    vague = sigma > VAGUE * period
+    place[vague] = sigma[vague] = np.nan
+    flags[vague] |= np.uint8(Flag.UNSURE | missing)
 
 
 @part
