@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.problem import RELATIVE, Problem, estimated, never_observed
+from core.calibrate.problem import RELATIVE, Problem, never_observed
 from core.calibrate.selection import Warnings
-from core.geometry import Pose, lens_of
+from core.geometry import Pose, estimated, lens_of
 from core.model import Network
 
 Array = NDArray[np.float64]

@@ -10,11 +10,11 @@ import numpy as np
 from core.calibrate.adjust import Solved, result_of, solve_network
 from core.calibrate.network import network_from_targets
 from core.calibrate.options import AdjustOptions
-from core.calibrate.problem import estimated
 from core.calibrate.rigid import mean_relative_poses, rigidity_of
 from core.calibrate.selection import Warnings
 from core.calibrate.shared import with_shared_errors
 from core.errors import AdjustmentError, InputError
+from core.geometry import estimated
 from core.geometry.pairs import names_of, orientation_names
 from core.model import (
     Adjustment,

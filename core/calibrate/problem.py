@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.geometry import LENSES, lens_of, nominal
-from core.model import DeviceSpec, Network, NetworkDevice, NetworkScale
+from core.geometry import LENSES, estimated, lens_of, nominal
+from core.model import DeviceSpec, Network, NetworkScale
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -250,14 +250,6 @@ def _known_interior(network: Network) -> tuple[Array, Array]:
 def most_parameters(network: Network) -> int:
     """K: the number of interior parameters of the device that has most."""
     return max(len(lens_of(device.spec).names) for device in network.devices.values())
-
-
-def estimated(device: NetworkDevice) -> tuple[str, ...]:
-    """Names of a device's parameters that are estimated, in its lens's order."""
-    lens = lens_of(device.spec)
-    wanted = lens.usual if device.estimate is None else device.estimate
-    sigma = device.spec.interior_sigma or (1.0,) * len(lens.names)
-    return tuple(name for name, s in zip(lens.names, sigma, strict=True) if name in wanted and s > 0)
 
 
 def _columns(network: Network, base: Ints, used: set[int]) -> Ints:

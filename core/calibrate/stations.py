@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from core.calibrate.elimination import reduce, solve
 from core.calibrate.equations import cost_of, misclosures
 from core.calibrate.normals import SingularNormalsError, assemble
-from core.calibrate.problem import COMPILED, RELATIVE, Problem, estimated, most_parameters, problem_of, reweighted
+from core.calibrate.problem import COMPILED, RELATIVE, Problem, most_parameters, problem_of, reweighted
 from core.calibrate.refinement import refined, robust_factors
 from core.calibrate.resection import resect_despite_errors
 from core.calibrate.state import State, moved
 from core.errors import AdjustmentError
-from core.geometry import LENSES, fitted, lens_of
+from core.geometry import LENSES, estimated, fitted, lens_of
 from core.model import DeviceSpec, Interior, Network, NetworkDevice
 
 Array = NDArray[np.float64]

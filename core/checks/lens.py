@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from core.checks.network import AGREEING, DOUBTFUL_RATIO, LEVEL
-from core.geometry import project_with_derivatives
+from core.geometry import estimated, project_with_derivatives
 from core.geometry.lens import MAIN, lens_of
 from core.model import Adjustment, Array, Concern, Ints
 from core.numerics import chi_square_limit
@@ -25,7 +25,7 @@ def _left_at_zero(adjustment: Adjustment, name: str) -> list[Concern]:
     """H0: the usual parameters that are not estimated explain nothing of the residuals; a score test."""
     network, device = adjustment.network, adjustment.network.devices[name]
     lens = lens_of(device.spec)
-    wanted = lens.usual if device.estimate is None else device.estimate
+    wanted = estimated(device)
     left = [k for k, p in enumerate(lens.names) if p in lens.usual and p not in wanted and k >= len(MAIN)]
     own = np.flatnonzero(np.array(network.station_device)[network.observation_station] == name)
     if not left or device.spec.interior is not None or not len(own):

@@ -8,7 +8,7 @@ Conventions, told once for the whole program:
 * a `Pose` named ``a_from_b`` takes coordinates in frame b to frame a: ``X_a = R X_b + t``.
 """
 
-from core.geometry.device import image_to_pixel, pixel_to_image, project, ray_directions
+from core.geometry.device import estimated, image_to_pixel, pixel_to_image, project, ray_directions
 from core.geometry.lens import LENSES, Lens, at_radius, distort, fitted, lens_of, nominal, regular, undistort
 from core.geometry.pairs import calibration_of_pair, pair_derivatives, pair_for, pair_of, perturbed
 from core.geometry.projection import Projection, project_with_derivatives
@@ -30,6 +30,7 @@ __all__ = [
     "calibration_of_pair",
     "cross_matrix",
     "distort",
+    "estimated",
     "fitted",
     "image_to_pixel",
     "lens_of",

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from core.geometry.lens import distort, undistort
+from core.geometry.lens import distort, lens_of, undistort
 from core.geometry.rotation import Pose
-from core.model import Array, DeviceSpec, Interior
+from core.model import Array, DeviceSpec, Interior, NetworkDevice
 
 
 def pixel_to_image(spec: DeviceSpec, uv: ArrayLike) -> Array:
@@ -51,3 +51,11 @@ def ray_directions(spec: DeviceSpec, interior: Interior, uv: ArrayLike) -> Array
     """Directions in the device frame, shape (..., 3), with Z = -1, in which pixels (u, v), shape (..., 2), look."""
     xy = undistort(interior, pixel_to_image(spec, uv)) / interior.c_mm
     return np.concatenate([xy, np.full((*xy.shape[:-1], 1), -1.0)], axis=-1)
+
+
+def estimated(device: NetworkDevice) -> tuple[str, ...]:
+    """Names of a device's parameters that are estimated, in its lens's order."""
+    lens = lens_of(device.spec)
+    wanted = lens.usual if device.estimate is None else device.estimate
+    sigma = device.spec.interior_sigma or (1.0,) * len(lens.names)
+    return tuple(name for name, s in zip(lens.names, sigma, strict=True) if name in wanted and s > 0)

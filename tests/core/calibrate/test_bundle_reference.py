@@ -13,9 +13,9 @@ from core.calibrate.elimination import invert
 from core.calibrate.equations import linearise
 from core.calibrate.initial import initial_state
 from core.calibrate.iterate import iterate
-from core.calibrate.problem import estimated as names_estimated
 from core.calibrate.problem import problem_of
 from core.geometry import LENSES, Pose, matrix_from_rotation_vector, project, rotation_vector_from_matrix
+from core.geometry import estimated as names_estimated
 from core.model import Interior
 
 # units in which the unknowns of the reference are of size one, for the differences
