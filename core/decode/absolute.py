@@ -67,6 +67,7 @@ from core.progress import SILENT, Progress
 DEFAULT = DecodeOptions()
 CURVE = 4  # of the levels at which a response is tabulated, so manieth is told
 AXES: tuple[Axis, Axis] = ("x", "y")
+MISSING = Flag.NO_U, Flag.NO_V  # by axis
 BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
 
 
@@ -237,7 +238,7 @@ def _mend(
     at_rim: bool,
 ) -> _Doubt:
     """Drop or widen, in place, what a pixel alone could not know of an axis's coordinates."""
-    table, missing, limits = seen.tables[axis], (Flag.NO_U, Flag.NO_V)[axis], seen.limits
+    table, missing, limits = seen.tables[axis], MISSING[axis], seen.limits
     u, sigma, contrast, even = found.over_image(found.place[axis], found.sigma[axis], found.modulation, found.image)
     flags = found.flags.reshape(found.shape)
     if at_rim:
@@ -275,7 +276,7 @@ def _draw_and_doubt(found: _Found, sequence: _Prepared, seen: _Seen) -> None:
         if (x_even, y_even)[k]:
             doubt_mixtures(u, sigma)
         if len(table.period):
-            drop_vague(u, sigma, flags, float(table.period.min()), (Flag.NO_U, Flag.NO_V)[k])
+            drop_vague(u, sigma, flags, float(table.period.min()), MISSING[k])
 
 
 def _phase_map(

@@ -51,7 +51,7 @@ def drop_vague(place: Singles, sigma: Singles, flags: np.ndarray, period: float,
     missing : Flag
         `Flag.NO_U` or `Flag.NO_V`.
     """
-    vague = sigma > VAGUE * period
+    vague = np.nonzero(sigma > VAGUE * period)  # few
     place[vague] = sigma[vague] = np.nan
     flags[vague] |= np.uint8(Flag.UNSURE | missing)
 
