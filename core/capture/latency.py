@@ -54,10 +54,13 @@ class Latency:
 
 
 def probe_light(projector_url: str, camera_url: str, progress: Progress = SILENT) -> tuple[Finding, ...]:
-    """Measure the latency of a projector, and by a ramp of its levels whether anything bends them on their way."""
+    """Measure the latency of a projector, and by a ramp of its levels whether anything bends them on their way.
+
+    Nothing checks the images of the ramp, so they wait until the light is certainly steady.
+    """
     with open_devices(projector_url, camera_url, check=progress.check) as (projector, camera):
         latency = measure_latency(projector, camera, check=progress.check)
-        return latency.finding, linearity(projector, camera, latency.enough_s, progress.check)
+        return latency.finding, linearity(projector, camera, max(latency.enough_s, REST_S), progress.check)
 
 
 def measure_latency(projector: Projector, camera: Camera, flashes: int = 20, check: Check = no_check) -> Latency:
