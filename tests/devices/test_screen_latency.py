@@ -102,6 +102,11 @@ def test_a_screen_that_the_camera_does_not_see_is_told(clock: Clock) -> None:
 # ------------------------------------------------------------------------------------ a window of its own program
 
 
+@pytest.fixture(autouse=True)
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
+
+
 @pytest.fixture
 def xvfb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A virtual screen of 128 x 96; the file that holds what it shows."""
