@@ -41,10 +41,10 @@ def exchanged_frames(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map
         share = _odd_cells(ways, cell) if codes[0].kind == "gray" else 0.0
         if share > ODD:
             text = f"{along} jump to and fro at {share:.0%} of the code's cells: two of its frames were exchanged"
-            found.append(Finding("order", "bad", text, {"odd": share}))
+            found.append(Finding("order", "bad", text, {"odd": share}, names="mistake"))
         elif (share := _backwards(ways, cell)) > BACKWARDS:
             text = f"{along} run backwards in {share:.0%} of the code's cells: two phase steps were exchanged"
-            found.append(Finding("order", "bad", text, {"backwards": share}))
+            found.append(Finding("order", "bad", text, {"backwards": share}, names="mistake"))
     return found
 
 

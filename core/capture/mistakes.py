@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from core.capture.contradictions import PIXELS, Looked, contradicting, looks, unexplained
 from core.capture.lookup import nearest
 from core.capture.plan import Plan
+from core.model import Note
 from core.patterns import Code, Pattern, Phase, axis_of, describe
 
 Array = NDArray[np.float32]
@@ -31,7 +32,7 @@ MOST_BEYOND = 0.3  # of the pixels may lie beyond the declared lines: more lines
 MOST_FRAMES = 16  # beyond that pairs of frames are not tried
 
 
-def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tuple[str, int | None]:
+def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tuple[Note, int | None]:
     """Name the mistake that explains the contradictions, if one does, and the frame that is wrong, if it is one.
 
     Parameters
@@ -63,37 +64,36 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
     if wider <= most and wider + ALIKE < least:  # more lines allow for more
         word = "width" if looked.axis == "x" else "height"
         why = f": they fit if the projector has more than {looked.lines} lines: {word} in project.json"
-        return why + (
-            "; they fit if columns and rows are exchanged: axis" if looked.lines < looked.across else ""
-        ), None
+        also = "; they fit if columns and rows are exchanged: axis" if looked.lines < looked.across else ""
+        return Note(why + also, "mistake"), None
     if least <= most:  # several may fit: of those that change the same the plain ones come first
         plainest: dict[tuple[str, ...], str] = {}
         for left, text, described in tried:
             changed = {type(p).__name__ for p, own in zip(described, looked.patterns, strict=True) if p != own}
             if left <= least + ALIKE:
                 plainest.setdefault(tuple(sorted(changed)), text)
-        return f": {'; '.join(plainest.values())}", None
+        return Note(f": {'; '.join(plainest.values())}", "mistake"), None
     if shown:
         _, name, j = min(shown)
         twins = [k for k, p in enumerate(looked.patterns) if describe(p) == name]
         if taken := [k for k in twins if _exchanged(looked, j, k) <= most]:
-            return _exchange(looked, j, taken[0])
+            return _exchange(looked.shots[j], looked.shots[taken[0]])
         return _one(looked, j, name)
     if len(looked.shots) <= MOST_FRAMES:
         kinds = [type(p) for p in looked.patterns]
         alike = [(i, k) for i, k in combinations(range(len(looked.shots)), 2) if kinds[i] == kinds[k]]
         left, i, k = min((_exchanged(looked, i, k), i, k) for i, k in alike)
         if left <= most:
-            return _exchange(looked, i, k)
+            return _exchange(looked.shots[i], looked.shots[k])
     tries = [(j, i) for j in alone or range(len(looked.shots)) for i in _across(plan, looked, j)]
     if len(tries) <= MOST_FRAMES**2:
         left, j, i = min(((_replaced(looked, j, values[i]), j, i) for j, i in tries), default=(1.0, 0, 0))
         if left <= most:
-            first, second = sorted((looked.shots[j], i))
-            return f": frames {first} and {second} were exchanged", first
+            return _exchange(looked.shots[j], i)
     if alone:
         return _one(looked, min(single)[1], "something else, a frame of another capture?")
-    return ": frames are of another capture or sequence, something moved, or the patterns are not what was shown", None
+    why = "frames are of another capture or sequence, something moved, or the patterns are not what was shown"
+    return Note(f": {why}"), None
 
 
 def left_unexplained(looked: Looked, few: int = PIXELS) -> tuple[float, float]:
@@ -237,14 +237,14 @@ def _across(plan: Plan, looked: Looked, j: int) -> list[int]:
     return [i for i in other if type(plan.shots[i]) is type(looked.patterns[j])]
 
 
-def _exchange(looked: Looked, i: int, k: int) -> tuple[str, int]:
-    first, second = sorted((looked.shots[i], looked.shots[k]))
-    return f": frames {first} and {second} were exchanged", first
+def _exchange(*shots: int) -> tuple[Note, int]:
+    first, second = sorted(shots)
+    return Note(f": frames {first} and {second} were exchanged", "mistake"), first
 
 
-def _one(looked: Looked, j: int, shows: str) -> tuple[str, int]:
+def _one(looked: Looked, j: int, shows: str) -> tuple[Note, int]:
     shot = looked.shots[j]
-    return f": frame {shot} claims {describe(looked.patterns[j])} and shows {shows}", shot
+    return Note(f": frame {shot} claims {describe(looked.patterns[j])} and shows {shows}", "value"), shot
 
 
 def _shown(looked: Looked, j: int) -> tuple[float, float, str]:

@@ -37,7 +37,7 @@ def bytes_exchanged(images: Sequence[NDArray]) -> list[Finding]:
     if not own > ROUGHER * other:
         return []
     text = "the two bytes of each grey value are exchanged: write 16-bit frames in the byte order of their format"
-    return [Finding("bytes", "bad", text, {"ratio": own / other})]
+    return [Finding("bytes", "bad", text, {"ratio": own / other}, names="mistake")]
 
 
 def gaps_among(images: Sequence[NDArray]) -> float:
@@ -105,4 +105,4 @@ def mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
         f"neighbouring pixels differ by {ratio - 1:.0%} in squares of 2 px, as in raw frames of a colour camera: have "
         "its colours interpolated, or record grey values"
     )
-    return [Finding("mosaic", "bad", text, {"ratio": ratio})]
+    return [Finding("mosaic", "bad", text, {"ratio": ratio}, names="mistake")]

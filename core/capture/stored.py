@@ -169,7 +169,8 @@ def _plain(plan: Plan, sampled: Sampled) -> list[Finding]:
             value = float(np.median(((sampled.grey[i] - dark) / np.maximum(contrast, 1e-9))[chosen]))
             if (level - value if level else value) > 0.6:  # beside blurred stripes white is brighter, and black darker
                 wrong.append((i, f"claims {'white' if level else 'black'} and is {'dark' if level else 'bright'}"))
-    return [Finding("identity", "bad", f"frame {i} {text}: exchanged or inverted", shots=(i,)) for i, text in wrong]
+    told = [(i, f"frame {i} {text}: exchanged or inverted") for i, text in wrong]
+    return [Finding("identity", "bad", text, shots=(i,), names="value") for i, text in told]
 
 
 def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
@@ -189,19 +190,20 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
         own = list(shots)
         looked = Looked.of(shots, [plan.shots[i] for i in shots], values[own], inverted[own], lines)
         if told := degrees(looked):
-            found.append(Finding("identity", "bad", told, shots=shots))
+            found.append(Finding("identity", "bad", told, shots=shots, names="mistake"))
             continue
         share, left = left_unexplained(looked, FEW)
         if share > SHARE / 2 or share - left > BEYOND / 2:
             share, left = left_unexplained(looked)
         if told := more_lines(looked, share, left):
-            found.append(Finding("lines", "bad", told, {"contradicting": share}))
+            found.append(Finding("lines", "bad", told, {"contradicting": share}, names="mistake"))
         elif share > SHARE:
             along = "columns" if axis == "x" else "rows"
             text = f"frames across {along} contradict each other in {share:.0%} of the pixels"
             cause, shot = explanation(plan, values, looked, share)
             shown = () if shot is None else (shot,)
-            found.append(Finding("identity", "bad", text + cause, {"contradicting": share}, shown))
+            figures = {"contradicting": share}
+            found.append(Finding("identity", "bad", text + cause, figures, shown, names=cause.names))
     return found
 
 
@@ -226,7 +228,7 @@ def _hand(phase: PhaseMap) -> list[Finding]:
         "columns and rows of the projector are exchanged, or one of them is reversed: the camera's image is mirrored "
         "against the projector's; correct axis in the patterns, or mirror the frames back"
     )
-    return [Finding("axes", "bad", text, {"mirrored": share})]
+    return [Finding("axes", "bad", text, {"mirrored": share}, names="mistake")]
 
 
 def _planes(capture: Capture, phase: PhaseMap) -> list[Finding]:
@@ -255,7 +257,7 @@ def _planes(capture: Capture, phase: PhaseMap) -> list[Finding]:
                 f"{along} do not rise steadily over the plane ({share:.0%} of the pixels are off): code frames were "
                 "exchanged, or cell, bits or period of the patterns are wrong"
             )
-            found.append(Finding("order", "bad", text, {f"off_{axis}": share}))
+            found.append(Finding("order", "bad", text, {f"off_{axis}": share}, names="mistake"))
     return found
 
 

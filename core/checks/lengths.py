@@ -14,7 +14,7 @@ import numpy as np
 from core.checks.network import LEVEL, unit_hint
 from core.checks.plates import Plates
 from core.geometry import similarity
-from core.model import Adjustment, Array, Concern, ScaleBar, Testfield
+from core.model import Adjustment, Array, Concern, Note, ScaleBar, Testfield
 from core.numerics import chi_square_limit
 
 TOLERANCE = 0.002  # boards are made to about 0.1 %
@@ -326,13 +326,14 @@ def _told(entry: Length, factor: float, others: str, scale: ScaleBar | None, boa
     return Concern("failed" if off > FAILED else "doubtful", text, entry.about)
 
 
-def bar_notes(scale: ScaleBar | None, board: Testfield) -> tuple[str, ...]:
+def bar_notes(scale: ScaleBar | None, board: Testfield) -> tuple[Note, ...]:
     """Say how far a scale bar is off the nominal board: where nothing can be adjusted, that may be why."""
     own = _nominal_length(scale, board)
     if scale is None or own is None or abs(scale.length_mm / own - 1) <= FAILED:
         return ()
     hint = unit_hint(scale.length_mm / own)
-    return (f"the scale bar has length_mm {scale.length_mm:g}, the nominal testfield {own:g} mm there{hint}",)
+    text = f"the scale bar has length_mm {scale.length_mm:g}, the nominal testfield {own:g} mm there{hint}"
+    return (Note(text, "value"),)
 
 
 def _nominal_length(scale: ScaleBar | None, board: Testfield) -> float | None:

@@ -295,12 +295,12 @@ def _phase_map(
     rows = range(*taken[0].indices(found.shape[0]))
     late = late_frames(patterns, seen.sample, rows, (u[taken].ravel(), v[taken].ravel()), seen.limits)
     most = max(doubt.refused for doubt in doubts)
-    notes, dim = notes_on(images, seen.sample, flags[taken].ravel(), seen.limits, seen.tables, most)
+    notes = notes_on(images, seen.sample, flags[taken].ravel(), seen.limits, seen.tables, most)
     second = next((doubt.second for doubt in doubts if doubt.second), ())
     response = seen.response
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]
     planes = (u, v, sigma_u, sigma_v, modulation, image)
-    return PhaseMap(*planes, flags, curve, misfit, (*late, *notes, *second), dim_notes=notes if dim else ())
+    return PhaseMap(*planes, flags, curve, misfit, (*late, *notes, *second))
 
 
 def _measure(

@@ -93,11 +93,10 @@ def decode_words(
         limits = limits_of(noise, options.saturation or float(np.iinfo(images[0].dtype).max), options)
         words = none._replace(start=WORDS)
         of_sample = lost[spread(place.shape)].ravel()
-        notes, dim = notes_on(seen, take_sample(seen), of_sample, limits, (words, none) if u else (none, words))
+        notes = notes_on(seen, take_sample(seen), of_sample, limits, (words, none) if u else (none, words))
         result = replace(
             result,
             notes=tuple(dict.fromkeys((*result.notes, *(notes or second)))),
-            dim_notes=(*result.dim_notes, *notes) if dim else result.dim_notes,
             modulation=modulation if alone else np.minimum(result.modulation, modulation),
             image=image if alone else (result.image + image) / F(2) if len(worded) == 2 else result.image,
             flags=(result.flags & np.uint8(255 - lack)) | lost,

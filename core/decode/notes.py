@@ -12,6 +12,7 @@ from core.decode.noise import MEDIAN_OF_SQUARE, spatial_residual
 from core.decode.options import Flag
 from core.decode.sample import spread
 from core.decode.tables import NOTHING, PHASES, WORDS, Array, AxisTable, Limits, Singles
+from core.model import Names, Note
 
 LIT = 12.0  # standard deviations of a grey value that the frames of a lit pixel differ by: noise alone reaches 6
 NOWHERE = 0.005  # part of the image: less light is none
@@ -61,10 +62,8 @@ def notes_on(
     limits: Limits,
     tables: tuple[AxisTable, AxisTable],
     refused: float = 0.0,
-) -> tuple[tuple[str, ...], bool]:
+) -> tuple[Note, ...]:
     """Say in sentences why far fewer pixels of a capture decode than are lit; nothing where all is well.
-
-    Also tell whether it is nothing but too little light for the noise.
 
     Parameters
     ----------
@@ -84,12 +83,12 @@ def notes_on(
     wanted = [flag for flag, table in zip((Flag.NO_U, Flag.NO_V), tables, strict=True) if table.start != NOTHING]
     missing = flags & np.uint8(sum(int(flag) for flag in wanted)) != 0
     if missing.mean() <= MANY:
-        return (), False
+        return ()
     contrast = sample.max(axis=0) - sample.min(axis=0)
     noise = np.sqrt(_variance(limits, contrast))
     lit = contrast > LIT * noise
     if lit.mean() > NOWHERE and missing[lit].mean() <= 1 - PROMISED:
-        return (), False
+        return ()
     excess = _excess(images, limits)  # what was taken for noise may be none
     lit = contrast > LIT * noise / excess
     if lit.mean() < NOWHERE:
@@ -97,10 +96,10 @@ def notes_on(
     if lit.mean() < NOWHERE:
         level = f"their frames differ by {np.median(contrast):.0f} grey values in the median"
         remedy = "See that the projector reaches the object, that its frames are those shown, and expose longer"
-        return (f"The projector lights no pixel visibly: {level}. {remedy}.",), False
+        return (Note(f"The projector lights no pixel visibly: {level}. {remedy}."),)
     seen, lost = flags[lit], missing[lit]
     if lost.mean() <= 1 - PROMISED:
-        return (), False
+        return ()
     waves = any(len(table.period) or table.start == WORDS for table in tables)  # a code is told at full scale, too
     clipped = (sample.max(axis=0)[lit] >= limits.saturation) & (seen & np.uint8(ORDER) != 0) & waves
     seen = np.where(clipped, np.uint8(Flag.SATURATED), seen)
@@ -108,9 +107,13 @@ def notes_on(
     usual = float(np.median(noise[lit]))
     causes = _causes(seen[lost], len(seen), limits, (usual, usual / excess), tables, refused > HALF)
     if not causes:
-        return (f"{head}.",), False
-    (first, *others), dim = zip(*causes, strict=True)
-    return (f"{head}: {first}", *(f"{text[0].upper()}{text[1:]}" for text in others)), all(dim)
+        return (Note(f"{head}."),)
+    first, *others = (text for text, _ in causes)
+    told = [f"{head}: {first}", *(f"{text[0].upper()}{text[1:]}" for text in others)]
+    named = [names for _, names in causes]
+    if set(named) != {"light"}:  # which excuses what is missing only where nothing else does
+        named = ["capture" if names == "light" else names for names in named]
+    return tuple(map(Note, told, named))
 
 
 def _lit_by_means(images: Sequence[Image], sample: Singles, noise: Array) -> NDArray[np.bool_]:
@@ -151,8 +154,8 @@ def _causes(
     noises: tuple[float, float],
     tables: tuple[AxisTable, AxisTable],
     detour: bool,
-) -> list[tuple[str, bool]]:
-    """The causes, the most frequent first, and whether each is too little light for the noise.
+) -> list[tuple[str, Names]]:
+    """The causes, the most frequent first, and what each names.
 
     Given flags of the pixels that are lost, and how many are lit.
 
@@ -184,8 +187,9 @@ def _causes(
     }
     parts = {text: float(np.count_nonzero(lost & bits)) / lit for bits, text in kinds.items()}
     ordered = sorted(parts.items(), key=lambda part: -part[1])
-    dim = {weak: grainy, contrary: bool(open_order)}
-    return [(f"in {part:.0%} of them {text}", dim.get(text, False)) for text, part in ordered if part > MANY]
+    names: dict[str, Names] = {kinds[int(Flag.OUTSIDE)]: "projector"}
+    names |= {text: "light" for text, dim in ((weak, grainy), (contrary, open_order)) if dim}
+    return [(f"in {part:.0%} of them {text}", names.get(text, "capture")) for text, part in ordered if part > MANY]
 
 
 def note_on_second_light(part: Singles, bent: NDArray[np.bool_], told: str = SECOND_OF_FRINGES) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from core.measure.board import Board
 from core.measure.grow import Lattice, grow, predict, prune
 from core.measure.picks import FEWEST, Picks
 from core.measure.view import View, first_view, no_view
-from core.model import Array, DeviceSpec, Ints
+from core.model import Array, DeviceSpec, Ints, Note
 from core.numerics import inverse_2x2, nearest
 
 LEFT_OVER = 0.15  # share of dots among the identified ones that may belong to no target (reflections, other boards)
@@ -25,7 +25,7 @@ ANOTHER = 0.7  # beyond which such a pick is another target: what foretells it m
 
 def identify(
     board: Board, camera: DeviceSpec, blobs: Blobs, picks: Picks, spots: Ints, coded: bool = False
-) -> tuple[Lattice, tuple[str, ...]]:
+) -> tuple[Lattice, tuple[Note, ...]]:
     """Grow the lattice from one pick and demand that it meets all others with the identities they were given.
 
     Picks that dots do not lead to, on a part without light, need not be met; what was not used is told beside it.
@@ -51,7 +51,7 @@ def identify(
     middle = np.array([camera.width - 1, camera.height - 1]) / 2
     starts = np.argsort(np.hypot(*(blobs.uv[spots] - middle).T))
     tried: dict[int, Lattice] = {}
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     for start in starts.tolist():
         lattice = _grown_from(board, blobs, view, picks, spots, [start])
         tried[start] = lattice
@@ -93,7 +93,7 @@ def _grown_from(board: Board, blobs: Blobs, view: View, picks: Picks, spots: Int
     return lattice
 
 
-def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> tuple[Lattice, tuple[str, ...]]:
+def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> tuple[Lattice, tuple[Note, ...]]:
     """Join what grew apart, where the larger part foretells the other picks; else say which pick contradicts.
 
     A pick without light that is foretold badly, but as no other target, is not used.
@@ -107,7 +107,7 @@ def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> tuple[Latt
         seen = f"no lattice of dots continues {picks.name(board, start)} as the rows and columns of the picks say"
         raise InputError(picks.where, seen, "correct the rows and columns of the picks")
     joined = _grown_from(board, lattice.blobs, lattice.view, picks, spots, np.flatnonzero(met).tolist())
-    notes: list[str] = []
+    notes: list[Note] = []
     agreeing = np.count_nonzero(met)
     for k in np.flatnonzero(~met).tolist():
         uv, jacobian, _ = predict(lattice, picks.target[k : k + 1])
@@ -125,7 +125,8 @@ def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> tuple[Latt
         if off < REACHED:
             joined.blob[picks.target[k]] = spots[k]
         else:
-            notes.append(f"{picks.name(board, k)} is on a dot that no lit dots lead to: not used, the other picks tell")
+            seen = f"{picks.name(board, k)} is on a dot that no lit dots lead to"
+            notes.append(Note(f"{seen}: not used, the other picks tell", "pick"))
     if agreeing < FEWEST:
         seen = f"only {agreeing} picks are on dots that lead to each other"
         raise InputError(picks.where, seen, "pick targets with dots between them")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from core.errors import InputError, NotRecognisedError
 from core.measure.blobs import Blobs
 from core.measure.board import Board
-from core.model import Array, Seed
+from core.model import Array, Note, Seed
 
 Side = Literal["front", "back", "either"]  # of the board, that the camera sees
 FEWEST = 3  # picks on dots that identification needs
@@ -109,7 +109,7 @@ def snap(board: Board, picks: Picks, blobs: Blobs, size: tuple[int, int]) -> tup
         One spot for two picks.
     """
     chosen: list[int] = []
-    notes: list[str] = []
+    notes: list[Note] = []
     for k, (best, reach) in enumerate(_spots(board, picks, blobs, picks.uv)):
         if best < 0:
             seen = f"{picks.name(board, k)} has no dot of the expected size within {reach:.0f} px"
@@ -121,7 +121,7 @@ def snap(board: Board, picks: Picks, blobs: Blobs, size: tuple[int, int]) -> tup
                         "all have one if the image is turned by 180°: were its frames turned? Pick again, or turn back"
                     )
                 raise NotRecognisedError(picks.where, seen, remedy)
-            notes.append(f"{seen}: not used, the other picks tell")
+            notes.append(Note(f"{seen}: not used, the other picks tell", "pick"))
             chosen.append(-1)
             continue
         if best in chosen:

@@ -136,8 +136,7 @@ def _target_set(sight: Sight, marks: Marks, capture: str, projector: DeviceSpec 
         eccentricity_px=marks.shift[keep],
         diameter_px=2 * np.sqrt(np.abs(np.linalg.det(marks.ellipse[keep]))),
         missing=tuple(MissingTarget(int(board.row[i]), int(board.col[i]), why) for i, why in missing.items()),
-        notes=(*marks.notes, *marks.unused),
-        unused=marks.unused,
+        notes=marks.notes,
         row_shift_px=marks.row_shift_px,
         height_px=2 * np.linalg.norm(marks.ellipse[keep, 1], axis=1),
     )

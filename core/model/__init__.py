@@ -23,6 +23,7 @@ from core.model.features import Feature
 from core.model.finding import Finding
 from core.model.ids import StationId, TargetId
 from core.model.network import Network, NetworkDevice, NetworkScale
+from core.model.note import Names, Note, bluntness, named_by, points_at_a_cause
 from core.model.orientation import DriftPoint, KnownLength, KnownPoints, RigMotion
 from core.model.phase import PhaseMap
 from core.model.points import PlaneEvaluation, PointCloud
@@ -53,9 +54,11 @@ __all__ = [
     "LeftOut",
     "Method",
     "MissingTarget",
+    "Names",
     "Network",
     "NetworkDevice",
     "NetworkScale",
+    "Note",
     "Orientation",
     "Overlap",
     "Pair",
@@ -76,5 +79,8 @@ __all__ = [
     "TargetSet",
     "Testfield",
     "Verdict",
+    "bluntness",
+    "named_by",
+    "points_at_a_cause",
     "verdict_of",
 ]

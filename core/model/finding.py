@@ -9,6 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from core.model.note import Names
+
 Level = Literal["good", "warning", "bad"]
 LEVELS: dict[Level, str] = {"bad": "wrong", "warning": "could be better", "good": "good"}  # the worst first
 TITLES = {
@@ -46,7 +48,8 @@ class Finding:
     `level` good: nothing to do; warning: the capture is right but could be better; bad: frames do not show what they
     claim. `shots` are the numbers of the shots concerned, to be taken again where the level is bad. `picture` shows the
     matter over the image, NaN where there is nothing to show; `curve` is a list of points (x, y); `check` says of what.
-    In words: `title`, `level_words`, what the picture shows, and the curve's `axes`.
+    `names` is what the text names, see `Note`. In words: `title`, `level_words`, what the picture shows, and the
+    curve's `axes`.
     """
 
     check: str
@@ -56,6 +59,7 @@ class Finding:
     shots: tuple[int, ...] = ()
     picture: NDArray[np.float64] | None = field(default=None, compare=False, repr=False)
     curve: tuple[tuple[float, float], ...] = ()
+    names: Names = "capture"
 
     @property
     def title(self) -> str:

@@ -21,8 +21,7 @@ class PhaseMap:
     `response` (k, 2) is the curve of level and light (0 to 1) that sine fringes were found to be projected with, None
     where they are as good as straight. `misfit`, where coordinates were refined by all frames, is the mean squared
     residual of a pixel's frames over its expectation: far above 1 where it sees motion, two surfaces, or light by
-    detours. `notes` say in sentences what is wrong with the capture, and the remedy; `dim_notes` are those of them that
-    tell of nothing but too little light for the noise, which is no fault of a board between its measured targets.
+    detours. `notes` (`Note`) say in sentences what is wrong with the capture, and the remedy.
     `gaps` is the share of grey values that no frame takes although frames take values just below and above; None where
     nobody asked.
     """
@@ -39,5 +38,4 @@ class PhaseMap:
     notes: tuple[str, ...] = ()
     camera: str = "camera"
     projector: str = "projector"
-    dim_notes: tuple[str, ...] = ()
     gaps: float | None = None

@@ -73,8 +73,7 @@ class TargetSet:
     the image is shifted along u as a whole, by `row_shift_px` (standard deviation; part of `camera_cov`): targets that
     share rows, `height_px` (n,) high, share that error. `made_from` signs what they were measured from, empty where
     nobody asked; `notes` are those of the decoded capture, and of picks and turns; `response` (k, 2) and `gaps` are
-    those of its `PhaseMap`. `unused` are the notes of picks without
-    which the others tell as well. `told`: nobody picked, and the image alone tells how the board is turned.
+    those of its `PhaseMap`. `told`: nobody picked, and the image alone tells how the board is turned.
     """
 
     capture: str
@@ -97,7 +96,6 @@ class TargetSet:
     response: Array | None = None
     gaps: float | None = None
     told: bool = False
-    unused: tuple[str, ...] = ()
 
     @property
     def row_cov(self) -> Array:

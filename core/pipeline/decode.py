@@ -8,19 +8,19 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from importlib import import_module
+from itertools import starmap, zip_longest
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from core.errors import InputError
-from core.model import Capture, PhaseMap, Project
+from core.model import Capture, Note, PhaseMap, Project, named_by
 from core.parallel import can_fork, on_processes
 from core.progress import SILENT, Progress
 from core.project import atomic_write, find_project, iterate_images, read_capture, read_project
 
 T = TypeVar("T")
-NOTES = "notes", "dim_notes"  # of a phase map
 MANY = 8  # captures that are worth processes, each of which works out for itself what all captures share
 
 
@@ -84,7 +84,7 @@ def decode_images(
     from core.capture.stored import check_stored
 
     progress.check()
-    told = [finding.text for finding in check_stored(capture, images, phase, lines)]
+    told = [Note(finding.text, finding.names) for finding in check_stored(capture, images, phase, lines)]
     return replace(phase, notes=(*told, *phase.notes), gaps=gaps_among(images))
 
 
@@ -194,7 +194,8 @@ def _decoded(project: Project, capture: Capture, progress: Progress) -> PhaseMap
 def write_phase(out: Path, phase: PhaseMap) -> None:
     """Write a phase map as NPZ, one array for each of its fields; no response, no array."""
     arrays = {f.name: getattr(phase, f.name) for f in fields(PhaseMap)}
-    arrays |= {name: np.array(arrays[name], dtype=np.str_) for name in NOTES}
+    names = [named_by(note) for note in phase.notes]
+    arrays |= {"notes": np.array(phase.notes, np.str_), "notes_name": np.array(names, np.str_)}
     with atomic_write(out) as file:
         np.savez(file, **{name: array for name, array in arrays.items() if array is not None})
 
@@ -203,7 +204,9 @@ def read_phase(path: Path) -> PhaseMap:
     """Read what `write_phase` wrote."""
     with np.load(path, allow_pickle=False) as stored:
         arrays = {f.name: stored[f.name] for f in fields(PhaseMap) if f.name in stored}
-    values: dict[str, Any] = {**arrays, **{name: tuple(arrays.get(name, np.zeros(0)).tolist()) for name in NOTES}}
+        names = stored["notes_name"].tolist() if "notes_name" in stored else []
+    notes = starmap(Note, zip_longest(arrays.get("notes", np.zeros(0)).tolist(), names, fillvalue="capture"))
+    values: dict[str, Any] = {**arrays, "notes": tuple(notes)}
     values |= {name: str(arrays[name]) for name in ("camera", "projector") if name in arrays}
     values |= {name: float(arrays[name]) for name in ("gaps",) if name in arrays}
     return PhaseMap(**values)

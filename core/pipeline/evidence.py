@@ -31,6 +31,9 @@ from core.model import (
     ScaleBar,
     TargetSet,
     Testfield,
+    bluntness,
+    named_by,
+    points_at_a_cause,
 )
 from core.pipeline.folders import all_captures
 from core.pipeline.options import CalibrateOptions
@@ -39,20 +42,14 @@ if TYPE_CHECKING:
     from core.checks import Plates
 
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
-# notes that name the mistake, those that name a frame or a value, and those that name what must be looked at
-SHARP = (
-    re.compile("they fit|were exchanged|earlier|later|mirrored|neighbouring"),
-    re.compile("claims|scale bar"),
-    re.compile("projector's lines"),
-)
 
 
-def notes_of(sets: Sequence[TargetSet], unused: bool = True) -> dict[str, list[str]]:
-    """What captures say of themselves, by name, of unused picks too, and why none of their targets was measured."""
+def notes_of(sets: Sequence[TargetSet]) -> dict[str, list[str]]:
+    """What captures say of themselves, by name, and why none of their targets was measured."""
     notes: dict[str, list[str]] = {}
     for t in sets:
         own = notes.setdefault(t.capture, [])
-        own += [note for note in t.notes if note not in own and (unused or note not in t.unused)]
+        own += [note for note in t.notes if note not in own]
         if not len(t.row) and t.missing:
             why = t.missing[0].reason
             # dots of another size are cut in the middle, or reach into each other
@@ -62,21 +59,17 @@ def notes_of(sets: Sequence[TargetSet], unused: bool = True) -> dict[str, list[s
 
 
 def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:
-    """What captures say of themselves, alike ones together, those that name a mistake first."""
+    """What captures say of themselves, alike ones together, those that point at a cause first."""
     by_text: dict[str, list[tuple[str, str]]] = {}
     for name, texts in notes.items():
         for text in texts:
             by_text.setdefault(FIGURE.sub("", text), []).append((name, text))
     concerns = []
-    for entries in by_text.values():
+    for entries in sorted(by_text.values(), key=lambda entries: bluntness(entries[0][1])):
         names = list(dict.fromkeys(name for name, _ in entries))
         told = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
         concerns.append(Concern("doubtful", f"{told}: {entries[0][1]}"))
-    return sorted(concerns, key=lambda concern: _blunt(concern.text))
-
-
-def _blunt(text: str) -> int:
-    return next((k for k, sharp in enumerate(SHARP) if sharp.search(text)), len(SHARP))
+    return concerns
 
 
 @contextmanager
@@ -86,9 +79,9 @@ def because_of(notes: Mapping[str, Sequence[str]]) -> Iterator[None]:
         yield
     except StripeError as error:
         told = [c.text for c in noted(notes)]
-        refused = isinstance(error, InputError)
+        sharp = any(points_at_a_cause(note) for texts in notes.values() for note in texts)
         known = type(error) in (StripeError, AdjustmentError, InputError, NotRecognisedError)
-        if not known or not told or (refused and _blunt(told[0]) == len(SHARP)):
+        if not known or not told or (isinstance(error, InputError) and not sharp):
             raise
         raise type(error)(error.where, error.seen, f"{error.remedy}. First see to this: {told[0]}") from None
 
@@ -149,7 +142,8 @@ class Evidence:
         from core.checks import size_concerns
 
         sets = self.targets(method)
-        told = noted(notes_of(sets, unused=False))  # picks are approximate, and more than are needed: nothing in doubt
+        notes = {name: [n for n in own if named_by(n) != "pick"] for name, own in notes_of(sets).items()}
+        told = noted(notes)  # picks are approximate, and more than are needed: nothing in doubt
         return [*told, *size_concerns(sets, {c.name: c.testfield for c in self.used[method]})]
 
     def left_out(self, method: Method, rejected: Mapping[str, tuple[int, int]] | None = None) -> tuple[LeftOut, ...]:

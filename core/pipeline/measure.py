@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from core.errors import InputError, NotRecognisedError
 from core.figures import targets_figures
-from core.model import Capture, PhaseMap, Project, Role, TargetSet, Testfield
+from core.model import Capture, PhaseMap, Project, Role, TargetSet, Testfield, named_by
 from core.pipeline.decode import Look
 from core.pipeline.evidence import because_of
 from core.pipeline.folders import all_captures, result_path
@@ -152,8 +152,8 @@ def measured_capture(
         targets, ways = recognise(phase, field, camera, **how)
         targets = replace(targets, told=len(ways) == 1)
     lacking = sum(target.reason != OUTSIDE for target in targets.missing)
-    dim = phase.dim_notes if len(targets.row) > lacking else ()  # a black board between dots that decode
-    said = (note for note in phase.notes if note not in dim)
+    dark = len(targets.row) > lacking  # a black board between dots that decode
+    said = (note for note in phase.notes if not (dark and named_by(note) == "light"))
     told = replace(targets, notes=(*said, *targets.notes), response=phase.response, gaps=phase.gaps)
     return _named(told, capture), ways
 

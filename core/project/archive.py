@@ -34,6 +34,7 @@ DAMAGE = (
 )
 _CLASSES: dict[str, type] = {
     "Pose": Pose,
+    "Note": model.Note,
     **{name: c for name, c in vars(model).items() if isinstance(c, type) and dataclasses.is_dataclass(c)},
 }
 
@@ -96,6 +97,8 @@ def _pack(value: Any, arrays: dict[str, Any]) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {f.name: _pack(getattr(value, f.name), arrays) for f in dataclasses.fields(value)}
         return {"class": type(value).__name__, "fields": fields}
+    if isinstance(value, model.Note):
+        return {"class": "Note", "fields": {"text": str(value), "names": value.names}}
     if isinstance(value, np.ndarray):
         name = f"a{len(arrays)}"
         arrays[name] = value
@@ -126,5 +129,6 @@ def _unpack(tree: Any, arrays: dict[str, Any], classes: Mapping[str, type]) -> A
     if tree["class"] == "PhotogrammetricCalibration" and "camera" in fields:
         return calibration_of_pair(**fields)  # as it was written before there were rigs of more than two
     made = classes[tree["class"]](**fields)
-    check_fields(made)
+    if dataclasses.is_dataclass(made):
+        check_fields(made)
     return made

@@ -49,7 +49,7 @@ def measure_dots(sight: Sight, seeds: Sequence[Seed], coded: bool = False) -> Ma
     progress(0.6, "measuring centroids")
     dots, fault = _measure_dots(sight, image, lattice)
     fault = [EXCLUDED if t in sight.unwanted else f for t, f in zip(dots.target.tolist(), fault, strict=True)]
-    return replace(_centred(sight, lattice, dots, fault), unused=(*astray, *unlit))
+    return replace(_centred(sight, lattice, dots, fault), notes=(*astray, *unlit))
 
 
 def _diameters(board: Board, affine: Array) -> tuple[float, float]:

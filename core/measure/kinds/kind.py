@@ -53,7 +53,6 @@ class Marks:
     #: standard deviation of the shift that all of an image row has in common, which is not in `cov`
     row_shift_px: float = 0.0
     code: float = np.inf  #: radius, in that unit disc, from which something else is printed round the targets
-    unused: tuple[str, ...] = ()  #: which picks were not used, and why; the others tell as well
 
 
 @dataclass(frozen=True)
