@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from core.model import (
     Network,
     NetworkDevice,
     NetworkScale,
+    Note,
     PhaseMap,
     ScaleBar,
     Seed,
@@ -26,6 +28,7 @@ from core.model import (
     Testfield,
 )
 from core.patterns import reference_sequence
+from core.pipeline import read_phase, write_phase
 from core.project import (
     add_capture,
     atomic_write,
@@ -349,10 +352,15 @@ def test_results_come_back(tmp_path: Path) -> None:
     targets = TargetSet(
         "tf", np.arange(2), np.arange(2), rng.normal(size=(2, 2)), np.ones((2, 2, 2)), ones, ones, ones, ones[0]
     )
+    targets = replace(targets, notes=(Note("two", "mistake"), Note("one")))
     save_archive(tmp_path / "t.npz", (targets, targets))
     back = load_archive(tmp_path / "t.npz", tuple)
     assert len(back) == 2
     np.testing.assert_array_equal(back[1].camera_uv, targets.camera_uv)
+    assert [(note, note.names) for note in back[1].notes] == [("two", "mistake"), ("one", "capture")]
+    whole = PhaseMap(*(np.ones((2, 2), np.float32) for _ in range(6)), np.ones((2, 2), np.uint8), notes=targets.notes)
+    write_phase(tmp_path / "p.npz", whole)
+    assert [note.names for note in read_phase(tmp_path / "p.npz").notes] == ["mistake", "capture"]
     with pytest.raises(InputError, match="holds tuple"):
         load_archive(tmp_path / "t.npz", TargetSet)
     (tmp_path / "t.npz").write_bytes((tmp_path / "t.npz").read_bytes()[:200])
