@@ -71,6 +71,7 @@ class RigMotion:
     lengths: tuple[KnownLength, ...] = ()
     lengths_mm: tuple[tuple[float, float], ...] = ()  # of those: as calibrated, and as corrected
     points: int = 0  # known ones
+    stretch: float = 1.0  # times the usual drifts of shift and interior orientation: how much was allowed for
     camera: str = "camera"
     projector: str = "projector"
 

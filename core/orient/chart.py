@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.model import Array, DriftPoint, Pair, RigMotion
-from core.orient.motion import DEFAULT, OrientOptions, orientation_freedom, significance_of
+from core.orient.chance import significance_of
+from core.orient.motion import DEFAULT, OrientOptions, orientation_freedom
 
 WARNING = 0.05
 

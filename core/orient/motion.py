@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from core.errors import AdjustmentError, InputError, TooLittleSeenError
 from core.geometry import cross_matrix, pair_for, perturbed
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
-from core.numerics import fisher_above, sigma_by_median
+from core.numerics import sigma_by_median
+from core.orient.chance import significance_of, stretch_of
 from core.orient.known import Observed, measured_length, observed_length, observed_points
 from core.orient.residuals import Residuals, Sight, blocks_of, epipolar_residuals, of_middles
 from core.progress import SILENT, Progress
@@ -38,6 +39,7 @@ class OrientOptions:
     rotation_prior_rad: float = 2e-3
     shift_prior_mm: float = 0.5
     interior_prior: float = 5e-4
+    stretch: float = 1.0  #: times as much of shift and interior; a capture that contradicts it stretches it further
     most_places: int = 4_000  #: pixels are averaged over blocks down to about so many
     rounds: int = 4  #: of the linearised estimate, at the most
 
@@ -240,6 +242,18 @@ def find_motion(
     gain = estimate.carried
     missed = gain @ every.directions - free.moves.T @ every.moves
     spread = estimate.noise + gain @ C @ gain.T + missed @ np.diag(every.drift**2) @ missed.T
+    by_drift, by_rest = gain @ every.directions * every.drift, estimate.noise + gain @ C @ gain.T
+    stretch = stretch_of(estimate.x, by_rest, by_drift, free.drift)
+    if stretch > 1:
+        return find_motion(
+            phase,
+            calibration,
+            lengths=lengths,
+            points=points,
+            capture=capture,
+            options=replace(options, stretch=options.stretch * stretch),
+            progress=progress,
+        )
     by_depth = -np.median(now.by_xyz[:, 2], axis=0)
     return RigMotion(
         capture=capture,
@@ -264,6 +278,7 @@ def find_motion(
             (measured_length(known, phase, pair)[0], measured_length(known, phase, corrected)[0]) for known in lengths
         ),
         points=0 if points is None else len(points.xyz_mm),
+        stretch=options.stretch,
         camera=phase.camera,
         projector=phase.projector,
         **({} if free is five else {"unobserved": _unobserved(pair, corrected, options)}),
@@ -322,7 +337,7 @@ def orientation_freedom(pair: Pair, options: OrientOptions) -> Freedom:
     across = np.linalg.svd(base[None])[2][1:]
     moves = np.zeros((6, 5))
     moves[:3, :3], moves[3:, 3:] = np.eye(3), across.T
-    drift = np.repeat([options.rotation_prior_rad, options.shift_prior_mm], [3, 2])
+    drift = np.repeat([options.rotation_prior_rad, options.stretch * options.shift_prior_mm], [3, 2])
     return Freedom(_moves(pair) @ moves, moves, drift)
 
 
@@ -332,9 +347,9 @@ def _everything(pair: Pair, options: OrientOptions) -> Freedom:
     inner = np.zeros((k, 6))
     inner[[0, 1, 2, i, i + 1, i + 2], range(6)] = 1.0
     c = np.repeat([pair.camera.interior.c_mm, pair.projector.interior.c_mm], 3)
-    drift = np.repeat([options.rotation_prior_rad, options.shift_prior_mm], 3)
+    drift = np.repeat([options.rotation_prior_rad, options.stretch * options.shift_prior_mm], 3)
     directions = np.column_stack([_moves(pair), inner])
-    return Freedom(directions, np.eye(6, 12), np.concatenate([drift, options.interior_prior * c]))
+    return Freedom(directions, np.eye(6, 12), np.concatenate([drift, options.stretch * options.interior_prior * c]))
 
 
 def _moves(pair: Pair) -> Array:
@@ -390,10 +405,3 @@ def _unobserved(pair: Pair, corrected: Pair, options: OrientOptions) -> tuple[st
         ("c of the projector", sigma[i], options.interior_prior * pair.projector.interior.c_mm),
     )
     return tuple(name for name, left, drift in named if left > SHRUNK * drift)
-
-
-def significance_of(x: Array, covariance: Array, scatter: int) -> float:
-    """Probability of an estimate this far from zero by chance: Hotelling's test, `scatter` degrees of freedom."""
-    t2 = float(x @ np.linalg.solve(covariance, x))
-    rank, freedom = len(x), max(scatter, 2 * len(x))
-    return fisher_above(rank, freedom - rank + 1, t2 * (freedom - rank + 1) / (freedom * rank))

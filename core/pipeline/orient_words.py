@@ -37,7 +37,8 @@ def motion_figures(motion: RigMotion) -> Figures:
         "sigma_urad": [float(x) for x in 1e6 * sigma[:3]],
         "shift_mm": [float(x) for x in motion.shift_mm],
         "sigma_mm": [float(x) for x in sigma[3:]],
-        **picked(motion, "unobserved depth_change_mm depth_sigma_mm pixels points residual_rms corrected_rms"),
+        **picked(motion, "unobserved depth_change_mm depth_sigma_mm pixels points stretch"),
+        **picked(motion, "residual_rms corrected_rms"),
         "lengths": [
             {
                 "kind": known.kind,
@@ -75,6 +76,8 @@ def motion_words(motion: RigMotion) -> list[str]:
         f"shifted{'' if known else ' across the base'}, µm: {three('shift_mm', 'sigma_mm', 1e3)}",
         f"depth changes by {motion.depth_change_mm:+.3f} mm (median); its sigma is then {motion.depth_sigma_mm:.3f} mm",
     ]
+    if motion.stretch > 1:
+        lines.append(f"more has drifted than rigs usually do: {motion.stretch:.1f} times as much was allowed for")
     if not known:
         return [*lines, f"shape corrected, scale and distance not: {' and '.join(motion.unobserved)} cannot be seen"]
     for device, values in figures["interior_change"].items():
