@@ -24,6 +24,7 @@ kernel.py     the one compiled pass over the pixels; its steps:
 estimate.py   on demand: every pixel adjusted to all its frames, the blur found tile by tile
   refined.py    its kernels
 footprint.py  coordinates that edges have drawn to the brighter side, and light from beside
+islands.py    coordinates that nothing around vouches for
 mixed.py      pixels that see two surfaces at once
 detours.py    light that reaches a surface by a second way
 agreement.py  how far several periods contradict each other, and what that adds to sigma

@@ -22,6 +22,7 @@ from core.decode.flicker import steady
 from core.decode.footprint import draw_back
 from core.decode.frames import Image, SortedFrames, check_images, sort_frames
 from core.decode.harmonics import SquareWave, measure_bend, square_waves
+from core.decode.islands import drop_islands, farthest
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.late import late_frames
 from core.decode.likelihood import decode_words, has_words
@@ -31,7 +32,7 @@ from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
 from core.decode.response import Response, Wave, shade, straighten, waves_of
-from core.decode.rim import drop_alone, drop_rim
+from core.decode.rim import drop_rim
 from core.decode.ripple import take_ripple_out
 from core.decode.sample import (
     balance,
@@ -243,7 +244,7 @@ def _mend(
     flags = found.flags.reshape(found.shape)
     if at_rim:
         drop_rim(u, sigma, flags, float(table.lines), float(table.rim), missing)
-    drop_alone(u, sigma, flags, missing)
+    drop_islands(u, sigma, flags, missing, farthest(table))
     if any(wave.axis == axis for wave in sequence.waves) and not sequence.squares[axis]:
         take_ripple_out(u, sigma)
     if table.start == CODE and table.gray and not len(table.period):

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from core.decode.book import BLURS, Book, Found, Shelf, adjust, book_of
 from core.decode.footprint import draw_back
 from core.decode.frames import Image
+from core.decode.islands import drop_islands
 from core.decode.noise import TINY, Noise
 from core.decode.notes import MUCH, ODD_WORDS, SECOND_OF_WORDS, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
-from core.decode.rim import drop_alone
 from core.decode.sample import limits_of, spread, take_sample
 from core.decode.shown import measure_words
 from core.decode.tables import WORDS, Singles, make_rows, no_axis
@@ -88,7 +88,7 @@ def decode_words(
         alone = first and number == 0
         seen = [images[i] for i in book.frames]
         lost = bad | np.where(np.isnan(place), np.uint8(lack), np.uint8(0))
-        drop_alone(place, sigma, lost, lack, Flag.UNSURE)
+        drop_islands(place, sigma, lost, lack, ALIKE, Flag.UNSURE)
         drawn[:, 0 if u else 1] = place, sigma
         limits = limits_of(noise, options.saturation or float(np.iinfo(images[0].dtype).max), options)
         words = none._replace(start=WORDS)

@@ -44,17 +44,3 @@ def drop_rim(u: Singles, sigma: Singles, flags: np.ndarray, lines: float, width:
     row, column = row[lost], column[lost]
     u[row, column] = sigma[row, column] = np.nan
     flags[row, column] |= int(Flag.OUTSIDE | missing)
-
-
-def drop_alone(u: Singles, sigma: Singles, flags: np.ndarray, missing: Flag, as_good: int = 0) -> None:
-    """Invalidate, in place, pixels none of whose eight neighbours has a coordinate, or lacks it for a reason as good.
-
-    Most lie where the light ends: a little of its blur is all that they see, and nothing else vouches for their code.
-    """
-    known = flags & np.uint8(missing) == 0
-    if known.size == 1 or known.all():
-        return
-    vouching = (known | (flags & np.uint8(as_good) != 0)).view(np.uint8)
-    alone = known & (cv2.boxFilter(vouching, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT) == 1)
-    u[alone] = sigma[alone] = np.nan
-    flags[alone] |= np.uint8(Flag.UNSURE | missing)

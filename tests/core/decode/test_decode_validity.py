@@ -266,6 +266,7 @@ def test_a_time_stamp_burnt_into_the_frames_gives_few_coordinates(preset: str, o
         image[:] = np.round(image + (full - image.astype(float)) * (ink / 255))
     found = decode(patterns, images, lines=(512, 384))
     wrong = np.abs(found.u - u) > 8
-    # some 900 pixels are stamped; 110 to 210 were wrong while a sigma beyond the period passed
-    assert np.count_nonzero(wrong) < 80
+    # some 900 pixels are stamped; 110 to 210 were wrong while a sigma beyond the period passed, 31 and more while small
+    # groups of pixels far from all others did
+    assert np.count_nonzero(wrong) < 25
     assert np.isfinite(found.u[30:]).all()

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from core.decode import Flag, decode
-from core.decode.rim import drop_alone
+from core.decode.islands import drop_islands
 from core.patterns import SequenceSpec, brightness
 
 LINES, SHAPE = (256, 192), (240, 320)
@@ -63,12 +63,12 @@ def test_a_pixel_without_a_decoded_neighbour_is_dropped_and_others_stay() -> Non
     sigma, flags = u / 1000, np.where(np.isnan(u), np.uint8(Flag.LOW_MODULATION | Flag.NO_U), np.uint8(0))
     kept = np.isfinite(u)
     kept[0, 11] = False
-    drop_alone(u, sigma, flags, Flag.NO_U)
+    drop_islands(u, sigma, flags, Flag.NO_U, 8.0)
     assert np.array_equal(np.isfinite(u), kept)
     assert np.array_equal(np.isfinite(sigma), kept)
     assert flags[0, 11] == Flag.UNSURE | Flag.NO_U
     single, all_there = np.ones((1, 1), np.float32), np.zeros((1, 1), np.uint8)
-    drop_alone(single, single, all_there, Flag.NO_U)
+    drop_islands(single, single, all_there, Flag.NO_U, 8.0)
     assert single[0, 0] == 1.0  # an image of one pixel has no neighbours to ask
 
 
