@@ -8,8 +8,8 @@ import json
 import math
 import os
 import stat
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,16 @@ _ABSENT: Any = object()
 LARGEST = 1e12  # no length, angle or pixel of a rig comes near these; the squares of what lies between can be summed
 SMALLEST = 1e-12
 VERSIONS = (1, 2)  # of the interchange format
+LIKE = 0.7  # of difflib's ratio: "angle" for "angle_deg" has 0.71
 DOCUMENT_BYTES, TABLE_BYTES = 64 << 20, 512 << 20  # far beyond any project's; a table of 10 million observations
+
+
+@dataclass(frozen=True)
+class Read:
+    """What was asked for of an object, and the objects in it that were read."""
+
+    asked: set[str] = field(default_factory=set)
+    parts: list[Fields] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -41,6 +50,7 @@ class Fields:
 
     data: Mapping[str, Any]
     where: str
+    read: Read | None = field(default=None, compare=False, repr=False)  # of documents
 
     @staticmethod
     def of(value: object, where: str) -> Fields:
@@ -49,8 +59,36 @@ class Fields:
             raise InputError(where, f"found {_short(value)}", "give an object with named fields")
         return Fields(value, where)
 
+    def tracked(self) -> Fields:
+        """Give the same, noting what is asked for."""
+        return replace(self, read=Read())
+
+    def get(self, key: str) -> Any:
+        """Give a field's value unchecked; None where it is missing."""
+        if self.read is not None:
+            self.read.asked.add(key)
+        return self.data.get(key)
+
+    def misspelt(self) -> Iterator[tuple[str, str, str]]:
+        """Name fields of a document that nobody asked for beside a like one that is missing: where, it, that."""
+        if self.read is None:
+            return
+        for key in sorted(self.data.keys() - self.read.asked):
+            from difflib import get_close_matches
+
+            if like := get_close_matches(key, sorted(self.read.asked - self.data.keys()), 1, LIKE):
+                yield self.where, key, like[0]
+        for part in self.read.parts:
+            yield from part.misspelt()
+
+    def _part(self, value: object, where: str) -> Fields:
+        part = Fields.of(value, where)
+        if self.read is not None:
+            self.read.parts.append(part := part.tracked())
+        return part
+
     def _get(self, key: str, default: Any) -> Any:
-        value = self.data.get(key)
+        value = self.get(key)
         if value is None:
             if default is _ABSENT:
                 raise InputError(self.where, f"field {key!r} is missing", f"add {key!r}")
@@ -63,15 +101,15 @@ class Fields:
 
     def nested(self, key: str) -> Fields:
         """Read a nested object."""
-        return Fields.of(self._get(key, _ABSENT), f"{self.where}: {key}")
+        return self._part(self._get(key, _ABSENT), f"{self.where}: {key}")
 
     def optional(self, key: str) -> Fields | None:
         """Read a nested object; None where there is none."""
-        return None if self.data.get(key) is None else self.nested(key)
+        return None if self.get(key) is None else self.nested(key)
 
     def objects(self, key: str, one: str, default: Any = _ABSENT) -> list[Fields]:
         """Read a list of objects; `one` is what messages call each, before its number."""
-        return [Fields.of(item, f"{self.where}: {one} {i}") for i, item in enumerate(self.items(key, default))]
+        return [self._part(item, f"{self.where}: {one} {i}") for i, item in enumerate(self.items(key, default))]
 
     def items(self, key: str, default: Any = _ABSENT) -> list[Any]:
         """Read a list."""
@@ -197,7 +235,7 @@ def read_document(path: Path, kind: str) -> Fields:
         raise InputError(path, f"byte {error.start} is not UTF-8 text", "store the file as UTF-8") from error
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is a ValueError too
         raise InputError(path, f"not JSON ({error})", "mend or restore the file") from error
-    fields = Fields.of(data, str(path))
+    fields = Fields.of(data, str(path)).tracked()
     fields.text("format", among=(kind,))
     version = fields.integer("version")
     if version not in VERSIONS:

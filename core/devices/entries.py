@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from core.errors import InputError
-from core.fields import Fields
+from core.fields import LIKE, Fields, Read
 
 
 @dataclass(frozen=True)
@@ -19,14 +19,13 @@ class Entries(Fields):
     lines: Mapping[str, int] = field(default_factory=dict)
     path: str = ""
     file: str = ""
-    asked: set[str] = field(default_factory=set)
+    read: Read = field(default_factory=Read, compare=False, repr=False)
 
     def _get(self, key: str, default: Any) -> Any:
-        self.asked.add(key)
         try:
             return super()._get(key, default)
         except InputError:
-            if near := get_close_matches(key, set(self.data) - self.asked, 1, 0.7):
+            if near := get_close_matches(key, set(self.data) - self.read.asked, 1, LIKE):
                 raise InputError(self.place(near[0]), "no such key", f"write {key}") from None
             raise
 
@@ -63,14 +62,14 @@ class Entries(Fields):
         if not isinstance(value, Mapping):
             raise self.refuse(key, value, "write it as a table")
         path = f"{self.path}.{key}" if self.path else key
-        return Entries(value, self.place(key), self.lines, path, self.file)
+        return Entries(value, self.place(key), lines=self.lines, path=path, file=self.file)
 
     def finish(self, known: Iterable[str] = ()) -> None:
         """Refuse what nobody asked for, with the nearest key that exists."""
-        allowed = self.asked | set(known)
+        allowed = self.read.asked | set(known)
         for key in self.data:
             if key not in allowed:
-                near = get_close_matches(key, allowed, 1, 0.7)
+                near = get_close_matches(key, allowed, 1, LIKE)
                 remedy = f"write {near[0]}" if near else f"use {', '.join(sorted(allowed))}"
                 raise InputError(self.place(key), "no such key", remedy)
 

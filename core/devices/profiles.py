@@ -51,7 +51,7 @@ def read_profile(name: str, columns: int = 0, rows: int = 0) -> Profile:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(where, f"not TOML ({error})", "mend the file") from error
-    return _profile(Entries(data, where, key_lines(text), "", where), Path(where).stem, columns, rows)
+    return _profile(Entries(data, where, lines=key_lines(text), file=where), Path(where).stem, columns, rows)
 
 
 @dataclass(frozen=True)
@@ -272,7 +272,7 @@ def _commands(table: Entries, dialogue: _Dialogue) -> dict[str, Command]:
 
 def _only(table: Entries, sendable: set[str]) -> Mapping[str, Value]:
     """Read what a device takes for granted of the patterns that a command describes."""
-    table.asked.update(sendable)
+    table.read.asked.update(sendable)
     table.finish()
     return table.data
 
@@ -292,7 +292,7 @@ def _step(entry: Entries, every: Entries, dialogue: _Dialogue, sendable: set[str
     if answered.text("expect", default=""):
         expect = dialogue.template(answered, "expect", sendable | TOLD | waited)
     asked = set(expect.fields) if expect else set()
-    entry.asked.add("expect")
+    entry.read.asked.add("expect")
     if missing := sorted(waited - asked):
         raise InputError(entry.place("until"), f"{missing[0]!r}", "wait for what the answer tells")
     for name in waited:  # without a format these are what the device says, letter by letter

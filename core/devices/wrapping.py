@@ -35,13 +35,13 @@ def _framing(table: Entries, kind: str, side: str, templates: list[Template]) ->
     """Read one direction: entries of the answers stand in for those of both where they are given."""
 
     def key(name: str) -> str:
-        table.asked.update((name, f"answer_{name}"))
+        table.read.asked.update((name, f"answer_{name}"))
         return side + name if side + name in table.data else name
 
     check = read_check(table, key("check"))
     order = "little" if table.text(key("check_order"), default="high", among=("high", "low")) == "low" else "big"
     prompt = _ascii(table, "prompt") if side or kind == "frame" else b""
-    table.asked.add("prompt")
+    table.read.asked.add("prompt")
     if kind == "text":
         ending = _ascii(table, key("ending"), "\r\n")
         if not ending:

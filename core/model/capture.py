@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from core.model.note import Note
 from core.model.targets import Seed, Testfield
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ class Capture:
     angle_deg: float | None = None
     seeds: tuple[Seed, ...] = ()
     excluded: tuple[tuple[int, int], ...] = ()  # (row, col) of targets that the operator does not want used
+    notes: tuple[Note, ...] = ()  # on capture.json and picks.json
 
     @property
     def name(self) -> str:

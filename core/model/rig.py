@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from core.model.arrays import Array
+from core.model.note import Note
 
 if TYPE_CHECKING:
     from core.patterns import SequenceSpec
@@ -130,6 +131,7 @@ class Project:
     lengths: tuple[ScaleBar, ...] = ()  # further measured distances
     sequence: SequenceSpec | None = None  # what is captured unless something else is asked for
     estimate: bool = False  # coordinates are refined by all frames wherever captures are decoded
+    notes: tuple[Note, ...] = ()  # on project.json
 
     @property
     def camera(self) -> DeviceSpec:

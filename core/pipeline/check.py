@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -19,7 +19,7 @@ from typing import Any
 from core.atomic import is_leftover, sweep
 from core.errors import StripeError
 from core.fields import kept_object, read_document, text_of
-from core.model import Capture, Method, PlaneEvaluation, Project, TargetSet
+from core.model import Capture, Method, Note, PlaneEvaluation, Project, TargetSet
 from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.runs import DELETED, SIGN_OFF, list_runs, read_run, run_folder
 from core.progress import SILENT, Progress
@@ -173,6 +173,7 @@ def _captures(folder: Path, progress: Progress) -> Iterator[Finding]:
     except StripeError as error:
         yield Path(error.where), error.seen, error.remedy, None
         return
+    yield from _ignored(folder, project.notes)
     for name, count in Counter(path.name for path in project.captures).items():
         if count > 1:
             yield folder / "project.json", f"{count} captures are called {name!r}", "rename one of the folders", None
@@ -183,8 +184,15 @@ def _captures(folder: Path, progress: Progress) -> Iterator[Finding]:
             for frame in capture.frames:
                 check_frame(frame.path, shapes.get(frame.camera))
             _see_picks(project, capture)
+            yield from _ignored(path, capture.notes)
         except StripeError as error:
             yield Path(error.where.partition(".json: ")[0]), error.seen, error.remedy, None
+
+
+def _ignored(place: Path, notes: Sequence[Note]) -> Iterator[Finding]:
+    for note in notes:
+        seen, _, remedy = note.partition("; ")
+        yield place, seen, remedy, None
 
 
 def _see_picks(project: Project, capture: Capture) -> None:

@@ -150,7 +150,7 @@ def _by_itself(capture: Capture, phase: PhaseMap, name: Method, calibration: Cal
     """Judge a plane by one pair of devices."""
     progress.check()
     cloud = METHODS[name].reconstruct(phase, calibration, False, progress.quiet())
-    said = (*phase.notes, *_moved(phase, calibration, capture.name))
+    said = (*capture.notes, *phase.notes, *_moved(phase, calibration, capture.name))
     return _judged(capture, phase, name, calibration, cloud, said, phase.projector)
 
 

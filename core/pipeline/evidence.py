@@ -143,6 +143,9 @@ class Evidence:
 
         sets = self.targets(method)
         notes = {name: [n for n in own if named_by(n) != "pick"] for name, own in notes_of(sets).items()}
+        for capture in self.used[method]:
+            notes.setdefault(capture.name, []).extend(capture.notes)
+        notes["project"] = list(self.project.notes)
         told = noted(notes)  # picks are approximate, and more than are needed: nothing in doubt
         return [*told, *size_concerns(sets, {c.name: c.testfield for c in self.used[method]})]
 

@@ -34,7 +34,7 @@ Record = dict[str, Any]
 # raise a number with every change after which the same frames give other figures; results of before are then outdated
 METHOD_VERSIONS = {"decode": 40, "measure": 25, "calibrate": 17, "reconstruct": 8, "evaluate": 4, "report": 1}
 
-_NOT_THE_RIG = ("path", "name", "rig", "captures", "reference", "sequence")  # fields of a project
+_NOT_THE_RIG = ("path", "name", "rig", "captures", "reference", "sequence", "notes")  # fields of a project
 _NOT_IN_FRAMES = (
     "pitch_mm",
     "nominal_c_mm",
@@ -42,7 +42,7 @@ _NOT_IN_FRAMES = (
     "interior",
     "interior_sigma",
 )  # what decoding need not know of a device
-_READ_APART = ("path", "frames", "testfield", "seeds", "excluded", "role", "angle_deg", "z_mm")  # fields of a capture
+_READ_APART = ("path", "frames", "testfield", "seeds", "excluded", "role", "angle_deg", "z_mm", "notes")  # of a capture
 
 
 def versions(*stages: str) -> dict[str, int]:

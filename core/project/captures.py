@@ -6,6 +6,7 @@ import marshal
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 from core.atomic import atomic_write, write_json
 from core.errors import InputError
 from core.fields import VERSIONS, Fields, read_document, read_table
-from core.model import Capture, DeviceSpec, Frame, Project, Rig, ScaleBar, Seed, Subject, Testfield
+from core.model import Capture, DeviceSpec, Frame, Note, Project, Rig, ScaleBar, Seed, Subject, Testfield
 from core.patterns import (
     Pattern,
     SequenceSpec,
@@ -34,7 +35,7 @@ VERSION = 1  # written wherever nothing of a later one is used
 PATIENCE_S = 30.0  # for another program that is writing project.json
 ROLES = ("testfield", "depth", "plane", "object")
 _UNKNOWN: tuple[tuple[str, Mapping[str, DeviceSpec]], ...] = (("camera", {}), ("projector", {}))  # no project: any name
-_KNOWN_FRAMES: dict[bytes, tuple[Frame, ...]] = {}
+_KNOWN_FRAMES: dict[bytes, tuple[tuple[Frame, ...], tuple[Note, ...]]] = {}
 _MANY_LINES = 4096, 4096  # where the projector is not known
 _MOST_KNOWN = 64
 _COLUMNS = ("row", "col", "x_mm", "y_mm", "z_mm", "diameter_mm")
@@ -63,9 +64,9 @@ def read_project(folder: Path) -> Project:
         if folder / name in captures:
             raise fields.refuse("captures", name, "list every capture once")
         captures[folder / name] = None
-    reference = fields.data.get("reference")  # other programs may mean something else by it
-    scale, decode, shown = fields.optional("scale"), fields.optional("decode"), fields.data.get("sequence")
-    return Project(
+    reference = fields.get("reference")  # other programs may mean something else by it
+    scale, decode, shown = fields.optional("scale"), fields.optional("decode"), fields.get("sequence")
+    project = Project(
         folder,
         fields.text("name", default=folder.resolve().name),
         read_rig(fields),
@@ -75,6 +76,20 @@ def read_project(folder: Path) -> Project:
         tuple(map(read_bar, fields.objects("lengths", "lengths, entry", []))),
         None if shown is None else read_sequence(shown, f"{fields.where}: sequence"),
         decode.flag("estimate") if decode else False,
+    )
+    return replace(project, notes=_misspelt(fields))
+
+
+def _misspelt(*read: Fields) -> tuple[Note, ...]:
+    """Say once what was ignored and may be a slip; it is no error, for other programs may add fields of their own."""
+    found: dict[tuple[str, str], str] = {}
+    for fields in read:
+        for where, key, like in fields.misspelt():
+            found.setdefault((key, like), where)
+    told = ((*slip, Path(where.partition(": ")[0]).name, where.partition(": ")[2]) for slip, where in found.items())
+    return tuple(
+        Note(f"{file}{', ' if part else ''}{part}: {key!r} is not known and was ignored; is {like!r} meant?", "value")
+        for key, like, file, part in told
     )
 
 
@@ -98,13 +113,14 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
     path = folder / "capture.json"
     fields = read_document(path, "stripe-capture")
     role = fields.text("role", among=ROLES)
-    if fields.data.get("state") == "taking":
+    if fields.get("state") == "taking":
         status = unfinished_status(folder, len(fields.items("planned")))
         raise InputError(path, str(status), "start the same capture again: it goes on where it stopped")
     frames, here = [], str(folder)
     with os.scandir(folder) as entries:  # one look at the folder is quicker than one at each frame
         there = {entry.name for entry in entries if not entry.is_symlink() and entry.is_file()}
-    for frame in _frames(fields, project):
+    listed, slips = _frames(fields, project)
+    for frame in listed:
         place = f"{here}{os.sep}{frame.place}"
         if frame.place not in there and not os.path.isfile(place := os.path.join(here, frame.place)):
             raise InputError(place, "the frame is not there", "record it again, or take it out of capture.json")
@@ -116,20 +132,14 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
         root = project.path if project else find_project(folder) or folder
         testfield = read_testfield(root / name)
     seeds, excluded = read_picks(folder / "picks.json") if (folder / "picks.json").exists() else ((), ())
-    return Capture(
-        folder,
-        role,
-        tuple(frames),
-        testfield,
-        fields.real("z_mm") if role == "depth" else None,
-        fields.real("angle_deg", default=None),
-        seeds,
-        excluded,
-    )
+    z_mm = fields.real("z_mm") if role == "depth" else None
+    angle_deg = fields.real("angle_deg", default=None)
+    notes = (*_misspelt(fields), *slips)
+    return Capture(folder, role, tuple(frames), testfield, z_mm, angle_deg, seeds, excluded, notes)
 
 
-def _frames(fields: Fields, project: Project | None) -> tuple[Frame, ...]:
-    """Read the list of frames, their places from the capture's folder; many captures of a project have the same."""
+def _frames(fields: Fields, project: Project | None) -> tuple[tuple[Frame, ...], tuple[Note, ...]]:
+    """Read the list of frames, places from the capture's folder, and notes on it; many captures have the same."""
     items = fields.items("frames")
     devices = (("camera", project.rig.cameras), ("projector", project.rig.projectors)) if project else _UNKNOWN
     try:  # tells 1, 1.0 and true apart, as equality does not
@@ -139,7 +149,8 @@ def _frames(fields: Fields, project: Project | None) -> tuple[Frame, ...]:
     if key in _KNOWN_FRAMES:
         return _KNOWN_FRAMES[key]
     frames = []
-    for entry in fields.objects("frames", "frame"):
+    entries = Fields({"frames": items}, fields.where).tracked().objects("frames", "frame")
+    for entry in entries:
         name = str(Path(entry.text("file")))
         pattern = pattern_from_dict(entry.nested("pattern").data, f"{entry.where} ({name})")
         camera, projector = (_device_of(entry, kind, known) for kind, known in devices)
@@ -147,7 +158,8 @@ def _frames(fields: Fields, project: Project | None) -> tuple[Frame, ...]:
     _check_twice(fields, frames, project)
     if len(_KNOWN_FRAMES) >= _MOST_KNOWN:
         _KNOWN_FRAMES.clear()
-    return _KNOWN_FRAMES.setdefault(key, tuple(frames)) if key else tuple(frames)
+    found = tuple(frames), _misspelt(*entries)
+    return _KNOWN_FRAMES.setdefault(key, found) if key else found
 
 
 def _check_twice(fields: Fields, frames: Sequence[Frame], project: Project | None) -> None:
@@ -163,7 +175,7 @@ def _check_twice(fields: Fields, frames: Sequence[Frame], project: Project | Non
 
 def _device_of(entry: Fields, kind: str, known: Mapping[str, DeviceSpec]) -> str:
     """Name of a frame's camera or projector: that given, else the only one, else the one named after its kind."""
-    given = entry.data.get(kind)
+    given = entry.get(kind)
     if given is None:
         if kind in known or not known:
             return kind

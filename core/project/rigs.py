@@ -50,8 +50,8 @@ def _interior(fields: Fields, spec: DeviceSpec) -> tuple[Interior, tuple[float, 
     usual = lens.interior(spec.nominal_c_mm).vector
     values, sigmas = [], []
     for name, key, start in zip(lens.names, lens.keys, usual.tolist(), strict=True):
-        field = key if fields.data.get(key) is not None else name
-        entry = fields.data.get(field)
+        field = key if fields.get(key) is not None else name
+        entry = fields.get(field)
         if isinstance(entry, Mapping):  # {"value": ..., "sigma": ...}, as `calibrate --json` writes it
             one = fields.nested(field)
             values.append(one.real("value"))
@@ -59,7 +59,7 @@ def _interior(fields: Fields, spec: DeviceSpec) -> tuple[Interior, tuple[float, 
         else:
             values.append(fields.real(field, above=0.0 if name == "c" else None, default=start))
             sigma = math.inf
-        told = key if given.data.get(key) is not None else name
+        told = key if given.get(key) is not None else name
         sigma = given.real(told, least=0.0, default=sigma)
         sigmas.append(0.0 if hold else sigma)
     if unknown := [k for k in given.data if k not in (*lens.names, *lens.keys)]:
@@ -98,7 +98,7 @@ def read_rig(fields: Fields) -> Rig:
                 if not name or any(c in name for c in "/.:\\") or name.strip() != name:
                     raise InputError(devices.where, f"a device is named {name!r}", "use letters, digits, - and _")
                 own[name] = read_device(devices.nested(name))
-        if fields.data.get(kind) is not None or not own:
+        if fields.get(kind) is not None or not own:
             if kind in own:
                 raise fields.refuse(kind, "given twice", f"keep it under {many!r} only")
             own[kind] = read_device(fields.nested(kind))

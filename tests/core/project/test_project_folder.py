@@ -105,6 +105,25 @@ def test_a_capture_is_listed_once_and_unknown_keys_stay(folder: Path) -> None:
     assert (data["captures"], data["operator"]) == (["captures/tf-01", "captures/tf-02"], "Ute")
 
 
+def test_a_slip_in_a_key_is_told_and_another_programs_key_is_not(folder: Path) -> None:
+    """Unknown keys are no error: the format allows them. One beside a missing key that is like it may be meant."""
+    whole = read_project(folder)
+    assert not whole.notes
+    assert not read_capture(whole.captures[0], whole).notes
+    device = json.loads((folder / "project.json").read_text())["camera"]
+    edit(folder / "project.json", operator="Ute", scale=None, scales=1, camera={**device, "intereor": {}})
+    assert read_project(folder).notes == (
+        "project.json: 'scales' is not known and was ignored; is 'scale' meant?",
+        "project.json, camera: 'intereor' is not known and was ignored; is 'interior' meant?",
+    )
+    frames = json.loads((folder / "captures/tf-01/capture.json").read_text())["frames"]
+    edit(folder / "captures/tf-01/capture.json", frames=[{**frame, "exposure": 5} for frame in frames], angle=3)
+    for _ in range(2):  # frames that were read before are told, too
+        first, second = read_capture(folder / "captures/tf-01", read_project(folder)).notes
+        assert first == "capture.json: 'angle' is not known and was ignored; is 'angle_deg' meant?"
+        assert second.startswith("capture.json, frame 0: 'exposure' is not known")
+
+
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
