@@ -22,6 +22,7 @@ eccentricity.py   the middle of an ellipse is not the image of the circle's cent
 projector.py      projector coordinates from the phase maps
 single.py         what an operator sees while picking: the dot at hand, the predicted grid
 propose.py        a guess of the picks: the dots in order, laid onto the testfield
+places.py         what an image shows where dots could be: faint ones, bare ground
 recognise.py      an image that nobody picked
 turns.py          which way round the board was held, told for all images together
 missing.py        why a target was not measured, in words
@@ -38,7 +39,7 @@ from core.measure.propose import find_dots, propose_picks
 from core.measure.recognise import labellings, recognise, unmeasured
 from core.measure.single import dot_at, measured_view, predicted_view
 from core.measure.targets import measure_targets
-from core.measure.turns import SAME, Labelling, Turned, solve_turns, symmetries
+from core.measure.turns import SAME, Labelling, Turned, placed, solve_turns, symmetries
 from core.measure.view import View
 
 __all__ = [
@@ -61,6 +62,7 @@ __all__ = [
     "measure_feature",
     "measure_targets",
     "measured_view",
+    "placed",
     "predicted_view",
     "propose_picks",
     "recentred",

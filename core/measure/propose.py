@@ -1,8 +1,9 @@
 """A guess of the picks: the dots of an image put in order, and the order laid onto the testfield.
 
-A regular testfield looks the same half a turn round, and where light or image end inside it, also some rows or columns
-further. The board's edges decide where they are seen: a target that should be there and has no dot, not even a faint
-one beside the light, speaks against a guess. Among guesses that are equally good the one nearest to an image picked
+A regular testfield looks the same half a turn round, and where its outermost lines are hidden, or lie beyond the light
+or the image, also some rows or columns further. The board's edges decide where they are seen: a dot where no target
+should be, even a faint one beside the light, speaks against a guess, and so does bare ground where a target should be.
+What is neither may be covered, and says nothing. Among guesses that are equally good the one nearest to an image picked
 before comes first. An operator looks at each of them.
 """
 
@@ -13,12 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.measure.blobs import SMALLEST_PX, Blobs, find_blobs
+from core.measure.blobs import Blobs, find_blobs
+from core.measure.places import bare_ground, dots_at, reduced, reduced_to
 from core.measure.single import predicted_view
 from core.measure.view import View, first_view, fit_both_tilts
 from core.model import Array, DeviceSpec, Floats, Ints, Seed, Testfield
@@ -31,7 +32,6 @@ FEWEST = 9  # dots in order that a guess needs
 OFF = 0.15  # how far dots may lie off the view of a regular field, in spacings (root mean square)
 STRAY = 0.2  # of the dots that lines usually have: fewer on an outermost line beyond the field are no dots of it
 DOUBT = 0.1  # share of dots that may speak against the best guess
-STANDS_OUT = 6.0  # a faint dot stands out from its surroundings by so many sigmas
 TURNS = ([[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]])
 
 
@@ -49,7 +49,8 @@ class _Laid:
     """An order laid onto a testfield: targets (n,) as indices, and what speaks against it."""
 
     target: Ints
-    against: int  # targets without a dot and dots without a target
+    against: int  # dots without a target, and targets where the board's bare ground is seen
+    absent: int  # targets without a dot within the image, whatever hides them
     moved_px: float
 
 
@@ -78,7 +79,7 @@ def find_dots(image: NDArray, *, dark: bool) -> Order:
 
 def bright_spots(grey: Floats) -> Blobs:
     """Find spots of all sizes that dots may have, in an image that nothing is known of."""
-    small = _reduced(grey, _factor(grey))
+    small = reduced(grey, _factor(grey))
     height, width = small.shape
     across, down = np.linspace(0.1, 0.9, 7) * width, np.linspace(0.1, 0.9, 7) * height
     places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
@@ -141,7 +142,7 @@ def propose_picks(
     # where most of the field is in the dark, nothing tells how far it reaches
     telling = least <= 2 + DOUBT * len(order.cell)
     laid = [guess for guess in laid if guess.against <= least + 2 or not telling]
-    laid.sort(key=lambda guess: (guess.against if telling else 0, guess.moved_px))
+    laid.sort(key=lambda guess: (guess.against if telling else 0, guess.moved_px, guess.absent))
     corners = _corners(order)
     return tuple(
         tuple(
@@ -166,12 +167,6 @@ def _without_strays(order: Order, field: Testfield) -> Order:
             break
         keep = keep[~weakest]
     return Order(order.cell[keep], order.uv[keep], order.area_px[keep])
-
-
-def _reduced(grey: Floats, factor: int) -> Floats:
-    """Means over factor × factor pixels."""
-    size = (max(1, grey.shape[1] // factor), max(1, grey.shape[0] // factor))
-    return grey if factor == 1 else np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
 def _alike(blobs: Blobs, least: float) -> Ints:
@@ -298,11 +293,17 @@ def _placements(
     room = (last - first) - (high - low)
     if np.any(room < 0):
         return []
-    top, index = low - room, field.index()  # the field, and as much round it as it could be shifted
-    shape = tuple((high + room - top + 1).tolist())
-    around = np.stack(np.unravel_index(np.arange(shape[0] * shape[1]), shape), axis=-1) + top
-    there, told = (x.reshape(shape) for x in _dots_at(grey, view, _xyz(steps, around - _middle(cells, field)), field))
+    top, index, middle = low - room, field.index(), _middle(cells, field)
+    shape = tuple((high + room - top + 1).tolist())  # the field, and as much round it as it could be shifted
+    around = _xyz(steps, np.stack(np.unravel_index(np.arange(shape[0] * shape[1]), shape), axis=-1) + top - middle)
+    radius_mm = float(np.median(field.diameter_mm)) / 2
+    unit = view.jacobian(around) * radius_mm
+    radius_px = float(np.nanmedian(np.sqrt(np.abs(np.linalg.det(unit)))))
+    image = reduced_to(grey, radius_px, dark=field.polarity == "black-on-white")
+    there, told = (x.reshape(shape) for x in dots_at(image, view.project(around), unit))
     there[tuple((cells - top).T)] = told[tuple((cells - top).T)] = True
+    step_mm = np.linalg.norm(steps[1:], axis=1).min()
+    bare = bare_ground(image, lambda c: view.project(_xyz(steps, c + top - middle)), there, radius_mm / step_mm)
     found = []
     for row, col in np.ndindex(*(room + 1).tolist()):
         shift = first - low + (row, col)
@@ -312,36 +313,10 @@ def _placements(
         expected = np.zeros(shape, bool)
         expected[tuple((np.stack([field.row, field.col], axis=1) - shift - top).T)] = True
         moved = 0.0 if before is None else float(np.median(np.hypot(*(before[target] - order.uv).T)))
-        found.append(_Laid(target, int(np.count_nonzero(told & (there != expected))), np.nan_to_num(moved, nan=np.inf)))
+        against = int(np.count_nonzero(there & ~expected) + np.count_nonzero(bare & expected))
+        absent = int(np.count_nonzero(told & expected & ~there))
+        found.append(_Laid(target, against, absent, np.nan_to_num(moved, nan=np.inf)))
     return found
-
-
-def _dots_at(grey: Floats, view: View, xyz_mm: Array, field: Testfield) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Where dots are at places of the board's plane (n, 3), however faint; and where the image can tell.
-
-    A dot is brighter than what is round it in every direction, which edges of board and light are not.
-    """
-    uv, unit = view.project(xyz_mm), view.jacobian(xyz_mm) * float(np.median(field.diameter_mm)) / 2
-    radius = float(np.nanmedian(np.sqrt(np.abs(np.linalg.det(unit)))))
-    factor = max(1, int(radius / SMALLEST_PX))
-    small = _reduced(grey, factor)
-    sigma = max(0.5 * radius / factor, 0.7)
-    smooth = cv2.GaussianBlur(small, (0, 0), sigma)
-    second = small[:, 2:] - 2 * small[:, 1:-1] + small[:, :-2]
-    noise = float(np.sqrt(np.median(second**2) / 0.455 / 6)) / (2 * np.sqrt(np.pi) * sigma)
-    angle = np.arange(8) * np.pi / 4
-    ring = 1.8 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    grid = np.linspace(-0.8, 0.8, 5)
-    tries = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
-    on_board = tries[:, None, :] + np.concatenate([np.zeros((1, 2)), ring])
-    at = uv[:, None, None, :] + np.einsum("nij,tkj->ntki", unit, on_board)
-    with np.errstate(invalid="ignore"):
-        inside = np.all((at > 0) & (at < np.array([grey.shape[1], grey.shape[0]]) - 1.0), axis=(1, 2, 3))
-    place = (np.where(inside[:, None, None, None], at, 0.0) + 0.5) / factor - 0.5
-    u, v = np.rint(place).astype(np.int64).reshape(-1, 2).T
-    value = smooth[np.clip(v, 0, small.shape[0] - 1), np.clip(u, 0, small.shape[1] - 1)].reshape(place.shape[:3])
-    stands_out = (value[:, :, 0] - value[:, :, 1:].max(axis=2)).max(axis=1)
-    return inside & (stands_out > max(STANDS_OUT * noise, 0.25)), inside
 
 
 def _middle(cells: Ints, field: Testfield) -> Ints:

@@ -63,6 +63,11 @@ def symmetries(field: Testfield) -> tuple[Labelling, ...]:
     return tuple(found)
 
 
+def placed(ways: Sequence[Labelling], field: Testfield) -> bool:
+    """Whether labellings turn the whole board and no more: none moves it by rows or columns."""
+    return {SAME, *symmetries(field)}.issuperset(ways)
+
+
 def labelling_between(first: Sequence[tuple[int, int]], second: Sequence[tuple[int, int]]) -> Labelling | None:
     """Give the labelling that turns the names of some targets into others; None where there is none."""
     a, b = np.array(first), np.array(second)
@@ -114,7 +119,8 @@ def solve_turns(
     Returns
     -------
     turned : list of Turned
-        In the order of the images. Without picks the board's whole turn is that of the image with most targets.
+        In the order of the images. Without picks the board's whole turn is that of the image with most targets among
+        those that `placed` allows: where none is, nothing tells which rows and columns are seen.
     """
     tried = [
         [(k, t) for k, of in enumerate(labels) if (t := relabelled(image, of, field)) is not None]
@@ -127,8 +133,11 @@ def solve_turns(
     usable = [k for k, of in enumerate(seen) if any(d is not None for d in of)]
     if not usable:
         return result
+    known = [k for k in usable if placed([offered[k][j] for j, _ in tried[k]], field)]
+    if not known:
+        return result
     # the first only gives the names; of several labellings it takes the one with which the board is least irregular
-    first = max(usable, key=lambda k: (len(tried[k]) == 1, len(images[k].row)))
+    first = max(known, key=lambda k: (len(tried[k]) == 1, len(images[k].row)))
     best = min(range(len(tried[first])), key=lambda j: _size(seen[first][j]))
     choice, sure = {first: best}, {first: np.inf}
     size = _common_size(seen)

@@ -5,12 +5,12 @@ neighbours.py      the nearest of a few hundred places
 marquardt.py       nonlinear least squares of few unknowns
 cholesky.py        a symmetric system: factor, solution, inverse
 robust.py          spreads and medians that gross errors do not move; small fits to many places at once
-interpolation.py   between the pixels of an image
+interpolation.py   between the pixels of an image, and beyond a few known places
 """
 
 from core.numerics.cholesky import factor_of, inverse_by, solution_by
 from core.numerics.distributions import chi_square_limit, erf, fisher_above, fisher_limit, normal_limit
-from core.numerics.interpolation import four_pixels
+from core.numerics.interpolation import four_pixels, from_neighbours
 from core.numerics.marquardt import least_squares
 from core.numerics.neighbours import nearest
 from core.numerics.robust import (
@@ -32,6 +32,7 @@ __all__ = [
     "fisher_above",
     "fisher_limit",
     "four_pixels",
+    "from_neighbours",
     "inverse_2x2",
     "inverse_by",
     "least_squares",

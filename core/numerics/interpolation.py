@@ -1,9 +1,11 @@
-"""Between the pixels of an image."""
+"""Between the pixels of an image, and beyond a few known places."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from core.numerics.neighbours import nearest
 
 Array = NDArray[np.float64]
 
@@ -40,3 +42,37 @@ def four_pixels(shape: tuple[int, ...], uv: ArrayLike) -> tuple[NDArray[np.intp]
     beside, below = np.minimum(column + 1, last[0]), np.minimum(row + 1, last[1])
     weights = np.stack([(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down])
     return np.stack([row, row, below, below]), np.stack([column, beside, column, beside]), weights
+
+
+def from_neighbours(places: Array, values: Array, of: Array, most: int, stiff: float = 0.1) -> tuple[Array, Array]:
+    """Fit a plane to the nearest known places around each other one.
+
+    Parameters
+    ----------
+    places : array, shape (n, 2)
+        In units of their spacing; those further away weigh less with the square of the distance.
+    values : array, shape (n, k)
+    of : array, shape (m, 2)
+    most : int
+        Neighbours that are used.
+    stiff : float
+        How much slopes are kept small: as by one place a step away that is good to about the root of it.
+
+    Returns
+    -------
+    values : array, shape (m, k)
+    slopes : array, shape (m, 2, k)
+
+    Examples
+    --------
+    >>> known = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+    >>> value, slope = from_neighbours(known, known @ [[1.0], [2.0]], np.array([[2.0, 2.0]]), 4, stiff=1e-9)
+    >>> np.round(value, 3).tolist(), np.round(slope[0].T, 3).tolist()
+    ([[6.0]], [[1.0, 2.0]])
+    """
+    near = nearest(places, min(most, len(places)), of=of)
+    step = places[near] - of[:, None, :]
+    A = np.concatenate([np.ones_like(step[..., :1]), step], axis=2)
+    weighted = np.swapaxes(A, 1, 2) / (0.1 + np.sum(step**2, axis=2))[:, None]
+    found = np.linalg.solve(weighted @ A + np.diag([1e-9, *2 * [stiff]]), weighted @ values[near])
+    return found[:, 0], found[:, 1:]

@@ -28,6 +28,10 @@ Side = Literal["front", "back"]
 BOARDS: tuple[Role, ...] = ("testfield", "depth")
 TURNED = "its picks name the board turned against the other images: taken as those have it"
 UNTOLD = "its turn cannot be told, the board looks the same when turned; pick 4 targets"
+UNPLACED = (
+    "which of the board's rows and columns are seen cannot be told: outer ones are hidden, or beyond light or image; "
+    "pick 4 targets"
+)
 
 
 def measure_project(project: Project, progress: Progress = SILENT) -> tuple[TargetSet, ...]:
@@ -162,7 +166,7 @@ def turned_together(
     captures: Sequence[Capture], targets: Sequence[TargetSet], ways: Sequence[Sequence[Labelling]]
 ) -> list[TargetSet]:
     """Tell the turns of all captures of one board together, those by all cameras and projectors."""
-    from core.measure import solve_turns, unmeasured
+    from core.measure import placed, solve_turns, unmeasured
 
     result = list(targets)
     boards: dict[bytes, list[int]] = {}
@@ -182,7 +186,8 @@ def turned_together(
             elif turned.told or captures[k].seeds:
                 result[k] = turned.targets
             else:
-                untold = replace(unmeasured(field, captures[k].name, UNTOLD), made_from=targets[k].made_from)
+                why = UNTOLD if placed(ways[k], field) else UNPLACED
+                untold = replace(unmeasured(field, captures[k].name, why), made_from=targets[k].made_from)
                 result[k] = _named(untold, captures[k])
     return result
 

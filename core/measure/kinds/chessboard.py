@@ -25,14 +25,13 @@ from core.measure.missing import EXCLUDED, OUTSIDE
 from core.measure.picks import check_picks
 from core.measure.view import View, first_view, fit_both_tilts
 from core.model import Array, DeviceSpec, Seed, Testfield
-from core.numerics import MEDIAN_OF_NORMAL, nearest
+from core.numerics import MEDIAN_OF_NORMAL, from_neighbours, nearest
 
 PLAIN = 0.35  # radius that counts, in squares: beyond it are the next corners
 REACH = 2.3  # squares from measured corners at which the next ones are looked for
 OFF = 0.25  # squares that a corner may be off its prediction
 CATCH = 0.3  # squares from the prediction that are looked at first
 AROUND = 8  # known corners whose places foretell another one
-STIFF = 0.1  # of the slope of what the view leaves: as of one corner a square away that is good to a third of it
 ASIDE = 0.5  # radii from a corner along both its edges, where the squares are looked at
 LEAST_CONTRAST = 5.0  # of the noise
 LEAST_SHARE = 0.05  # of the usual contrast: less is none
@@ -308,12 +307,8 @@ def _predicted(
     """Places (n, 2) px and their slopes (n, 2, 2) px per mm, by the view and what it leaves at known corners nearby."""
     expected, axes = view.project(xyz_mm), view.jacobian(xyz_mm)
     rest = known_uv - expected[known]
-    near = nearest(xyz_mm[known, :2], min(AROUND, len(known)), of=xyz_mm[:, :2])
-    step = (xyz_mm[known[near], :2] - xyz_mm[:, None, :2]) / spacing_mm
-    A = np.concatenate([np.ones_like(step[..., :1]), step], axis=2)
-    weighted = np.swapaxes(A, 1, 2) / (0.1 + np.sum(step**2, axis=2))[:, None]
-    local = np.linalg.solve(weighted @ A + np.diag([1e-9, *2 * [STIFF]]), weighted @ rest[near])
-    return expected + local[:, 0], axes + np.swapaxes(local[:, 1:], 1, 2) / spacing_mm
+    off, slope = from_neighbours(xyz_mm[known, :2] / spacing_mm, rest, xyz_mm[:, :2] / spacing_mm, AROUND)
+    return expected + off, axes + np.swapaxes(slope, 1, 2) / spacing_mm
 
 
 def refined(grey: NDArray[np.uint8], uv: Array, half: int) -> Array:

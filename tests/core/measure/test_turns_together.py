@@ -174,3 +174,34 @@ def test_a_turn_that_the_image_tells_is_kept(board, monkeypatch, tmp_path):
     assert due == ["b0", "b1", "b2"]
     assert min(counts[0]) > 0
     assert counts[1] == counts[2] == counts[0]
+
+
+def shifted(targets, by, field):
+    """All labellings by so many columns, either way up, that the board allows."""
+    ways = [(((1, 0), (0, 1)), (0, c)) for c in by] + [(HALF[0], (ROWS - 1, COLS - 1 - c)) for c in by]
+    return tuple(way for way in ways if relabelled(targets, way, field) is not None)
+
+
+@pytest.mark.parametrize("whole", [4, 0])
+def test_columns_that_one_image_cannot_tell_follow_from_images_that_see_the_whole_board(board, whole):
+    rng = np.random.default_rng(12)
+    made = as_made(board, rng, 0.05)
+    seen = [image_of(made, board, rng, hidden=0.0) for _ in range(8)]
+    named, offered = [], []
+    for k, image in enumerate(seen):
+        if k >= whole:  # its first four columns are hidden, or others, it may be
+            keep = image.col >= 4
+            seen[k] = image = replace(
+                image, **{f: getattr(image, f)[keep] for f in ("row", "col", "camera_uv", "camera_cov")}
+            )
+        by = (-k % 5,) if k >= whole else (0,)
+        named.append(replace(image, col=image.col - by[0]))
+        offered.append(shifted(named[-1], range(-4, 5) if k >= whole else (0,), board))
+    solved = solve_turns(named, offered, board)
+    assert [len(of) for of in offered] == [2] * whole + [10] * (8 - whole)
+    assert all(s.told for s in solved) == (whole > 0)
+    named_right = [
+        [np.array_equal(t.col, image.col) for t in (s.targets, relabelled(s.targets, HALF, board))]
+        for s, image in zip(solved, seen, strict=True)
+    ]
+    assert np.array(named_right).all(axis=0).any() == (whole > 0)  # the whole board's turn is free
