@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from core.model import Array
+Array = NDArray[np.float64]  # as core.model has it, which stands on the poses here
 
 
 def cross_matrix(vector: ArrayLike) -> Array:
