@@ -27,6 +27,7 @@ footprint.py  coordinates that edges have drawn to the brighter side, and light 
 islands.py    coordinates that nothing around vouches for
 mixed.py      pixels that see two surfaces at once
 detours.py    light that reaches a surface by a second way
+moved.py      edges of a code beside the phases' place of them, by light from near
 agreement.py  how far several periods contradict each other, and what that adds to sigma
 sections.py   light sections: the centroid over a sweep of lines
 likelihood.py words that only a look-up tells apart, by the likelihood of all frames

@@ -17,10 +17,13 @@ from numpy.typing import NDArray
 
 from core.decode.agreement import TILES
 from core.decode.frames import Image
+from core.decode.moved import moved_edges
 from core.decode.tables import CODE, Array, AxisTable, Limits, Singles, modulation_of, sum_of, sums_of
 from core.numerics import median_of
 
 LOOKS = 49, 144  # pixels of a tile that are looked at
+EDGE_LOOKS = 25  # for edges of bits
+GOLDEN = 0.618  # whose multiples are spread evenly, and in step with nothing
 FEWEST = 24  # that tell it
 NEAREST, FARTHEST = 2, 5  # tiles to either side that tell it for one
 BITS = 3  # that tell it
@@ -57,12 +60,13 @@ def second_light(
     part : float32 (TILES, TILES), optional
         None where the code does not tell, or shows nothing.
     """
-    chosen = _bits(table) if table.start == CODE and len(table.period) <= 1 else []
-    if len(chosen) < 2:
+    if table.start != CODE or len(table.period) > 1:
         return None
-    few, many = LOOKS
-    nothing = _part(images, table, limits, place, chosen, few) is None
-    return None if nothing else _part(images, table, limits, place, chosen, many)
+    chosen, (few, many), part = _bits(table), LOOKS, None
+    if len(chosen) > 1 and _part(images, table, limits, place, chosen, few) is not None:
+        part = _part(images, table, limits, place, chosen, many)
+    near = _by_edges(images, table, limits, place) if len(table.period) else None
+    return near if part is None else part if near is None else np.maximum(part, near)
 
 
 def bent_by(part: Singles, table: AxisTable, limits: Limits, place: Singles) -> Singles:
@@ -100,11 +104,7 @@ def _part(
     smooth = _smooth(place, here, rows, columns)
     if not smooth.any():
         return None
-    told = [0, 1, *(2 + b for b, _ in chosen)] if table.has_contrast else range(len(table.rows.first) - 1)
-    frames = {f for r in told for f in table.rows.column[table.rows.first[r] : table.rows.first[r + 1]].tolist()}
-    grey = np.zeros((len(images), here.size), np.float32)
-    for frame in frames.union(table.fits.frame.tolist() if table.lift != 0 else ()):
-        grey[frame] = images[frame][rows][:, columns].ravel()
+    grey = _shown(images, table, [b for b, _ in chosen], lambda image: image[rows][:, columns])
     levels, groups, noise = _levels(table, limits, grey, here.ravel(), smooth.ravel(), chosen)
     grid, tile = here.shape, (len(rows) // TILES, len(columns) // TILES)
     down, across = steps = _steps(here)
@@ -131,6 +131,61 @@ def _part(
             return None
     part = np.where(half > SLIGHT, half / np.maximum(1 - half, LEAST_DIRECT), 0).astype(np.float32)
     return part
+
+
+def _by_edges(images: Sequence[Image], table: AxisTable, limits: Limits, place: Singles) -> Singles | None:
+    """Find it by edges of bits that are not where phases say."""
+    (height, width), every = place.shape, place.reshape(-1)
+    rows, columns = (_places(n, EDGE_LOOKS) for n in place.shape)
+    # at even distances they may be in step with the lines
+    down, across = (np.arange(len(each)) * GOLDEN % 1 - 0.5 for each in (columns, rows))
+    row = np.clip(np.rint(rows[:, None] + down * height / len(rows)), 0, height - 1).astype(np.intp)
+    column = np.clip(np.rint(columns + across[:, None] * width / len(columns)), 0, width - 1).astype(np.intp)
+    pixel = row * width + column
+    here = every[pixel]
+    bends = []
+    for step in (1, width):
+        before, after = (every.take(pixel + side * step, mode="clip") for side in (-BESIDE, BESIDE))
+        bends.append(np.abs(before + after - 2 * here))
+    bend = np.maximum(*bends)
+    smooth = np.asarray(bend <= STEP * median_of(bend[:, ::SOME]), bool)
+
+    def levels(at: NDArray[np.intp], bit: NDArray[np.intp]) -> Singles:
+        some, used = pixel.reshape(-1)[at], np.unique(bit).tolist()
+        grey = _shown(images, table, used, lambda image: image.reshape(-1)[some])
+        threshold, contrast = _middle(table, grey)
+        found = np.full(len(at), np.nan, np.float32)
+        for b in used:
+            soft = sum_of(table.rows, 2 + b, grey) + table.sign[b] * threshold
+            np.copyto(found, soft / contrast, where=(bit == b) & (grey.max(axis=0) < limits.saturation))
+        return found
+
+    return moved_edges(here, smooth, table, levels)
+
+
+def _shown(
+    images: Sequence[Image], table: AxisTable, bits: Sequence[int], of: Callable[[Image], NDArray[Any]]
+) -> Singles:
+    """Grey values (frames, n) of pixels in the frames that tell some bits and their levels, 0 in all others."""
+    told = [0, 1, *(2 + b for b in bits)] if table.has_contrast else range(len(table.rows.first) - 1)
+    frames = {f for r in told for f in table.rows.column[table.rows.first[r] : table.rows.first[r + 1]].tolist()}
+    seen = {f: of(images[f]).ravel() for f in frames.union(table.fits.frame.tolist() if table.lift != 0 else ())}
+    grey = np.zeros((len(images), len(next(iter(seen.values())))), np.float32)
+    for frame, values in seen.items():
+        grey[frame] = values
+    return grey
+
+
+def _middle(table: AxisTable, shown: Singles) -> tuple[Singles, Singles]:
+    """Threshold of the code and half its contrast (n,)."""
+    threshold, contrast = sum_of(table.rows, 0, shown), sum_of(table.rows, 1, shown)
+    if table.lift != 0:
+        modulation = modulation_of(table, shown)
+        threshold, contrast = threshold + table.lift * modulation, contrast + table.contrast_lift * modulation
+    if not table.has_contrast:
+        bits = islice(sums_of(table.rows, shown), 2, None)
+        contrast = np.max([np.abs(x + s * threshold) for x, s in zip(bits, table.sign, strict=True)], axis=0)
+    return threshold, np.maximum(contrast, LEAST)
 
 
 def _places(size: int, pixels: int) -> NDArray[np.intp]:
@@ -190,14 +245,7 @@ def _levels(
 ) -> tuple[Singles, Groups, Singles]:
     """Bits as parts of half the contrast (k, n), if each is off (0) or on (1), and -1 where edges are near; and the
     variance of one by noise (n,)."""
-    threshold, contrast = sum_of(table.rows, 0, shown), sum_of(table.rows, 1, shown)
-    if table.lift != 0:
-        modulation = modulation_of(table, shown)
-        threshold, contrast = threshold + table.lift * modulation, contrast + table.contrast_lift * modulation
-    if not table.has_contrast:
-        bits = islice(sums_of(table.rows, shown), 2, None)
-        contrast = np.max([np.abs(x + s * threshold) for x, s in zip(bits, table.sign, strict=True)], axis=0)
-    contrast = np.maximum(contrast, LEAST)
+    threshold, contrast = _middle(table, shown)
     spread = np.add.reduceat(np.square(table.rows.value), table.rows.first[:-1])
     fit = smooth & (shown.max(axis=0) < limits.saturation)
     size = (len(chosen), len(place))
