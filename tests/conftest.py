@@ -14,6 +14,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the commands do: its threads would only spin beside our own
+
 import pytest
 
 from core.pipeline import calibrate_project, simulate_project, update_project
