@@ -14,6 +14,7 @@ from core.model import PhaseMap
 from core.patterns import Pattern, brightness
 
 Array = NDArray[np.float64]
+FINE = 32  # steps a line of what is tabulated
 
 
 @dataclass(frozen=True)
@@ -56,15 +57,13 @@ class Bench:
 
 def _blurred(pattern: Pattern, count: int, blur: float, place: Array) -> Array:
     shown = brightness(pattern, np.arange(count))
-    steps = np.diff(np.concatenate([[0.0], shown, [0.0]]))
-    edges = np.arange(count + 1) - 0.5
-    fine = np.arange(-10 * 32, (count + 10) * 32) / 32
-    light = np.zeros_like(fine)
-    for edge, step in zip(edges[steps != 0], steps[steps != 0], strict=True):
-        low, high = np.searchsorted(fine, (edge - 8 * blur, edge + 8 * blur))
-        light[low:high] += step * 0.5 * (1 + erf((fine[low:high] - edge) / (blur * np.sqrt(2))))
-        light[high:] += step
-    return np.interp(place, fine, light)
+    rises = np.zeros((count + 20) * FINE)  # from 10 lines before the first
+    rises[np.arange(10 * FINE - FINE // 2, (count + 10) * FINE, FINE)] = np.diff(np.concatenate([[0.0], shown, [0.0]]))
+    reach = int(8 * blur * FINE) + 1
+    edge = np.diff(0.5 * (1 + erf(np.arange(-reach - 1, reach + 1) / (FINE * blur * np.sqrt(2)))))
+    size = 2 ** int(np.log2(len(rises) + len(edge)) + 1)
+    blurred = np.fft.irfft(np.fft.rfft(rises, size) * np.fft.rfft(edge, size), size)
+    return np.interp(place, np.arange(len(rises)) / FINE - 10, np.cumsum(blurred)[reach : reach + len(rises)])
 
 
 def field(height: int, width: int, lines: float, margin: float = 4.0) -> Array:
