@@ -51,12 +51,12 @@ test: setup
 	@echo "Running all tests: about eight minutes on two cores."
 	@$(BIN)/python -m pytest -n 3 --dist worksteal
 
-# rooms whose tests need no rendered project, and the rules of the house
+# rooms of which few tests need a rendered project, and the rules of the house
 QUICK := tests/test_architecture.py tests/core/geometry tests/core/patterns tests/core/numerics tests/core/decode \
 	tests/core/reconstruct tests/core/evaluate tests/core/project tests/core/test_api.py
 
 quick: setup
-	@$(BIN)/python -m pytest -n 2 --dist worksteal $(QUICK)
+	@$(BIN)/python -m pytest -n 2 --dist worksteal -m "not rendered" $(QUICK)
 
 check: $(VENV)/.ready
 	$(BIN)/ruff check .

@@ -25,12 +25,26 @@ from tests.copies import copied, stamps, written_into
 
 Make = Callable[[Path], Any]
 GUIDE = Path(__file__).parents[1] / "resources" / "docs" / "extending"
-LONGEST = ("test_paper_experiment.py", "test_starting.py", "test_target_identity.py")
+LONGEST = (  # above ten seconds
+    "test_paper_experiment.py",
+    "test_starting.py",
+    "test_operators_day.py",
+    "test_other_laboratories.py",
+    "test_target_identity.py",
+    "test_commands.py",
+    "test_disturbed_commands.py",
+    "test_batch.py",
+)
+RENDERED = "quick_original"  # the fixture from which all recorded projects come
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the modules that hold the longest tests: a worker that began one last would end alone."""
-    items.sort(key=lambda item: item.path.name not in LONGEST)
+    """Begin with the longest tests: who began one last would end alone. Mark those of recorded projects."""
+    order = {name: k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: order.get(item.path.name, len(order)))
+    for item in items:
+        if RENDERED in getattr(item, "fixturenames", ()):
+            item.add_marker("rendered")
 
 
 def pytest_collection_finish() -> None:

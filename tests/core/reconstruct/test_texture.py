@@ -32,7 +32,7 @@ class Paint:
         self.contrast = contrast
 
     def __call__(self, X: np.ndarray) -> np.ndarray:
-        waves = np.column_stack([self.waves, self.turns]).astype(np.float32)  # a tenth of the time; grey values are 40
+        waves = np.column_stack([self.waves, self.turns]).astype(np.float32)  # a sixth of the time
         X = X.astype(np.float32)
         total = sum(np.cos(X @ k[:3] + k[3]) for k in waves)
         return np.asarray(40 + self.contrast * np.sqrt(2 / len(self.waves)) * total)
