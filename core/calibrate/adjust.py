@@ -35,6 +35,7 @@ from core.calibrate.state import State, interior_of, station_orientations
 from core.calibrate.weakness import (
     ORIENTATION,
     BehindError,
+    UndeterminedError,
     check_estimable,
     geometry_warnings,
     mirrored_error,
@@ -79,8 +80,11 @@ class Solved:
         return self.equations.cost / self.problem.redundancy
 
 
-class _BlundersError(AdjustmentError):
-    """Single observations alone keep a network from being solved: no station is turned over, no image mirrored."""
+class _SettledError(AdjustmentError):
+    """No station is turned over, no image mirrored, and nothing else need be tried.
+
+    Single observations alone keep a network from being solved, or it explains its images and determines too little.
+    """
 
 
 def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Progress = SILENT) -> Adjustment:
@@ -109,13 +113,14 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
     check_network(network)
     try:
         return _solved(network, options, progress)
-    except _BlundersError:
+    except _SettledError:
         raise
     except AdjustmentError:
         every = tuple(network.devices)
         if _fits(_mirrored(network, every), options):
             raise mirrored_error(", ".join(every)) from None
-        if alone := [name for name in every if _fits(_mirrored(network, (name,)), options)]:
+        single = every if len(every) > 1 else ()
+        if alone := [name for name in single if _fits(_mirrored(network, (name,)), options)]:
             raise mirrored_error(" or ".join(alone)) from None
         raise
 
@@ -192,7 +197,7 @@ def _solve_somehow(
     failure: AdjustmentError | None = None
     try:
         best = _solve_despite(network, problem, state, options, progress)
-    except _BlundersError:
+    except _SettledError:
         raise
     except AdjustmentError as error:
         failure = error
@@ -239,6 +244,8 @@ def _solve_despite(
     """
     try:
         return _solve(network, problem, state, options, progress), 0, []
+    except _SettledError:
+        raise
     except AdjustmentError as failure:
         if isinstance(failure, BehindError) and passes:
             bad = np.flatnonzero(np.isin(problem.point, failure.points))
@@ -263,7 +270,7 @@ def _solve_despite(
             of = network.observation_station
             single = np.all(2 * np.bincount(of[bad], minlength=of.max() + 1) < np.bincount(of).clip(1))
             if single and not _doubted(solved):
-                raise _BlundersError(error.where, error.seen, error.remedy) from None
+                raise _SettledError(error.where, error.seen, error.remedy) from None
             raise error from None
         return solved, len(bad), warnings
 
@@ -297,7 +304,8 @@ def _solve(network: Network, problem: Problem, state: State, options: AdjustOpti
         except SingularNormalsError as error:
             raise singular_error(network, weighted, state, error) from None
         except NotConvergedError as error:
-            raise unsolved_error(network, weighted, error) from None
+            why = unsolved_error(network, weighted, error)
+            raise _settled(why, error.convergence[-1] / weighted.redundancy) from None
         convergence = convergence or solution.convergence
         # derivatives where the inverse has them, before the last, tiny step
         J = linearise(weighted, solution.reduced.state).J
@@ -318,8 +326,18 @@ def _solve(network: Network, problem: Problem, state: State, options: AdjustOpti
             break
         weighted = weighted_problem(network, factors)
         progress(min(round_ / 5, 1.0), "variance components")
-    weaknesses = check_estimable(network, solved.problem, solved.state, solved.equations, solved.inverse)
+    try:
+        weaknesses = check_estimable(network, solved.problem, solved.state, solved.equations, solved.inverse)
+    except UndeterminedError as error:
+        raise _settled(error, solved.variance) from None
     return replace(solved, weaknesses=tuple(weaknesses))
+
+
+def _settled(error: AdjustmentError, variance: float) -> AdjustmentError:
+    """Turn what other starts need not be tried for into a `_SettledError`."""
+    if isinstance(error, UndeterminedError) and variance < DOUBTED**2:
+        return _SettledError(error.where, error.seen, error.remedy)
+    return error
 
 
 def result_of(solved: Solved, warnings: Warnings) -> Adjustment:

@@ -131,8 +131,12 @@ def _largest(effect: Array, chosen: NDArray[np.bool_]) -> list[int]:
     return [k for k in picked if effect[k] >= 0.1 * effect[picked[0]]]
 
 
-def _not_estimable(names: list[str], remedy: str, seen: str) -> AdjustmentError:
-    return AdjustmentError("the network", f"{listed(names)} cannot be estimated from these images ({seen})", remedy)
+class UndeterminedError(AdjustmentError):
+    """Parameters cannot be estimated from these images."""
+
+
+def _not_estimable(names: list[str], remedy: str, seen: str) -> UndeterminedError:
+    return UndeterminedError("the network", f"{listed(names)} cannot be estimated from these images ({seen})", remedy)
 
 
 def singular_error(network: Network, problem: Problem, state: State, error: SingularNormalsError) -> AdjustmentError:

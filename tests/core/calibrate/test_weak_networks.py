@@ -1,5 +1,6 @@
 """Networks that do not determine what is asked are refused or warned of, with the parameter and the remedy named."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -49,7 +50,8 @@ def test_hardly_convergent_images_are_warned_of(simulate):
     assert not any("convergent" in w for w in adjust(simulate(poses=12).network).warnings)
 
 
-def test_two_images_do_not_calibrate_a_camera(simulate):
+def test_two_images_do_not_calibrate_a_camera(simulate, monkeypatch):
+    monkeypatch.setattr(sys.modules["core.calibrate.adjust"], "robust_state", None)  # they fit: nothing else is tried
     with pytest.raises(AdjustmentError, match=r"camera\.\w+.*cannot be estimated"):
         adjust(simulate(poses=2, use=("camera",)).network)
 
