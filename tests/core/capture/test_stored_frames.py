@@ -43,17 +43,17 @@ Frames = list[np.ndarray]
 
 
 def light(pattern: Pattern, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """As bright as the contract says, on every line."""
+    """As bright as the contract says, on every line; at the lines (H, W) of columns and rows that pixels see."""
     if isinstance(pattern, White | Black):
         return np.full(u.shape, float(isinstance(pattern, White)))
-    i = np.floor((u if pattern.axis == "x" else v) + 0.5)
+    i, seen = (np.arange(LINES[0]), u) if pattern.axis == "x" else (np.arange(LINES[1]), v)
     if isinstance(pattern, Phase):
         wave = np.cos(2 * np.pi * (i + 0.5) / pattern.period - pattern.shift_rad)
-        return (wave > 0).astype(float) if pattern.profile == "square" else 0.5 + 0.5 * wave
+        return ((wave > 0).astype(float) if pattern.profile == "square" else 0.5 + 0.5 * wave)[seen]
     assert isinstance(pattern, Code)
-    k = i.astype(int) // pattern.cell
+    k = i // pattern.cell
     k = k ^ (k >> 1) if pattern.kind == "gray" else k
-    return ((k >> (pattern.bits - 1 - pattern.bit) & 1) ^ pattern.inverse).astype(float)
+    return ((k >> (pattern.bits - 1 - pattern.bit) & 1) ^ pattern.inverse).astype(float)[seen]
 
 
 def render(
@@ -82,9 +82,10 @@ def render(
     if dots:
         albedo[(x % 24 - 12) ** 2 + (y % 24 - 12) ** 2 < 40] = 0.25
     shade = albedo * (1 - 1e-5 * (dx**2 + dy**2))
+    lines = [np.clip(np.floor(at + 0.5), 0, n - 1).astype(int) for at, n in zip((u, v), LINES, strict=True)]
     images = []
     for pattern in patterns:
-        scene = shade * (0.03 + lit * (0.02 + light(pattern, u, v)))
+        scene = shade * (0.03 + lit * (0.02 + light(pattern, *lines)))
         seen = cv2.resize(cv2.GaussianBlur(scene, (0, 0), fine * 0.6), SHAPE[::-1], interpolation=cv2.INTER_AREA)
         grey = 8 + 190 * seen**gamma + rng.normal(0, 1.5, SHAPE)
         images.append(np.clip(np.round(grey), 0, 255).astype(np.uint8))
