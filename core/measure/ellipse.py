@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from core.compiling import inner, njit
 from core.measure.centroid import centroids
 from core.measure.defocus import EDGES, undrawn
-from core.measure.kernels import in_bands
+from core.measure.kernels import in_bands, inverted
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
 from core.model import Array
@@ -115,26 +115,6 @@ def _pixel(  # pragma: no cover  compiled
     return value
 
 
-@inner
-def _inverted(N: Array) -> bool:  # pragma: no cover  compiled
-    """Replace a positive definite matrix by its inverse; False where it is not one."""
-    n = len(N)
-    for k in range(n):
-        pivot = N[k, k]
-        if not pivot > 1e-300:
-            return False
-        N[k, k] = 1.0
-        for j in range(n):
-            N[k, j] /= pivot
-        for i in range(n):
-            if i != k:
-                factor = N[i, k]
-                N[i, k] = 0.0
-                for j in range(n):
-                    N[i, j] -= factor * N[k, j]
-    return True
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fit(  # pragma: no cover  compiled
     image: NDArray[np.float32],
@@ -194,7 +174,7 @@ def _fit(  # pragma: no cover  compiled
             for r in range(n):
                 for t in range(r):
                     N[t, r] = N[r, t]
-            if not _inverted(N):
+            if not inverted(N):
                 break
             for r in range(n):
                 step[r] = 0.0

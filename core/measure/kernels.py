@@ -1,4 +1,4 @@
-"""The two loops over pixels: sampling along rays, and weighted moments in the window of a dot."""
+"""Loops over pixels: sampling along rays, and weighted moments in the window of a dot; small inverses for more."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from core.compiling import njit
+from core.compiling import inner, njit
 from core.parallel import run_in_bands
 
 jit: Callable[..., Any] = njit(cache=True, nogil=True)
@@ -93,6 +93,26 @@ def weighted_moments(
                 a2 += g * dv * dv
         out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = s0, s1, s2, q0, q1, q2
         out[k, 6], out[k, 7], out[k, 8] = a0, a1, a2
+
+
+@inner
+def inverted(N: NDArray[np.float64]) -> bool:  # pragma: no cover  compiled
+    """Replace a positive definite matrix by its inverse; False where it is not one."""
+    n = len(N)
+    for k in range(n):
+        pivot = N[k, k]
+        if not pivot > 1e-300:
+            return False
+        N[k, k] = 1.0
+        for j in range(n):
+            N[k, j] /= pivot
+        for i in range(n):
+            if i != k:
+                factor = N[i, k]
+                N[i, k] = 0.0
+                for j in range(n):
+                    N[i, j] -= factor * N[k, j]
+    return True
 
 
 def in_bands(kernel: Callable[..., None], image: NDArray[np.float32], *of_dots: NDArray[Any]) -> None:

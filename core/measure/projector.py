@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from core.compiling import njit
+from core.measure.kernels import inverted
 from core.measure.rays import Rays
 from core.model import Array, Floats
 from core.numerics import four_pixels, row_median
+from core.parallel import run_in_bands
 
 JUMP_LINES = 0.5  # a value this far (and six sigma) off the rest of the dot is a decoding error, not a measurement
 
@@ -45,37 +48,69 @@ def _surface(
     values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array, terms: int
 ) -> tuple[Array, Array]:
     """Weighted robust fit of 3 (plane) or 6 (quadratic) terms to the pixels between two radii in the unit disc."""
-    result, spread = np.full(len(uv), np.nan), np.full(len(uv), np.nan)
-    height, width = values.shape
-    for k in np.flatnonzero(np.all(np.isfinite(uv), axis=1)).tolist():
-        half = outer[k] * np.linalg.norm(ellipse[k], axis=1) + 1
-        (u0, v0), (u1, v1) = np.floor(uv[k] - half).astype(int), np.ceil(uv[k] + half).astype(int)
-        box = slice(max(v0, 0), min(v1, height - 1) + 1), slice(max(u0, 0), min(u1, width - 1) + 1)
-        if not np.isfinite(values[box]).any():
+    out = np.full((len(uv), 2), np.nan)
+
+    def band(a: int, b: int) -> None:
+        _fit_surfaces(values, sigma, uv[a:b], ellipse[a:b], inner[a:b], outer[a:b], terms, out[a:b])
+
+    run_in_bands(band, len(uv), least=32)
+    return out[:, 0], out[:, 1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fit_surfaces(
+    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array, terms: int, out: Array
+) -> None:  # pragma: no cover  compiled
+    N, b, surface = np.empty((terms, terms)), np.empty(terms), np.empty(terms)
+    for k in range(len(uv)):
+        p, q, r, s = ellipse[k, 0, 0], ellipse[k, 0, 1], ellipse[k, 1, 0], ellipse[k, 1, 1]
+        du, dv = outer[k] * np.hypot(p, q) + 1, outer[k] * np.hypot(r, s) + 1
+        if not (np.isfinite(uv[k, 0] + du) and np.isfinite(uv[k, 1] + dv)):
             continue
-        v, u = np.mgrid[box]
-        d = np.stack([u.ravel(), v.ravel()], axis=1) - uv[k]
-        disc = np.linalg.solve(ellipse[k], d.T)
-        y, s = values[v, u].ravel().astype(np.float64), sigma[v, u].ravel().astype(np.float64)
-        radius = np.hypot(*disc)
-        use = (radius >= inner[k]) & (radius <= outer[k]) & np.isfinite(y) & (s > 0)
-        x, z = disc  # in the unit disc the terms are of one size
-        A = np.stack([np.ones(len(d)), x, z, x * x, x * z, z * z], axis=1)[:, :terms]
+        left, right = max(int(uv[k, 0] - du), 0), min(int(uv[k, 0] + du) + 1, values.shape[1] - 1)
+        top, bottom = max(int(uv[k, 1] - dv), 0), min(int(uv[k, 1] + dv) + 1, values.shape[0] - 1)
+        room, n = max(right - left + 1, 0) * max(bottom - top + 1, 0), 0
+        A, y, weight, off = np.empty((room, 6)), np.empty(room), np.empty(room), np.empty(room)
+        for v in range(top, bottom + 1):
+            for u in range(left, right + 1):
+                du, dv = u - uv[k, 0], v - uv[k, 1]
+                x, z = (s * du - q * dv) / (p * s - q * r), (p * dv - r * du) / (p * s - q * r)
+                radius = np.hypot(x, z)  # in the unit disc the terms are of one size
+                if inner[k] <= radius <= outer[k] and np.isfinite(values[v, u]) and sigma[v, u] > 0:
+                    A[n, 0], A[n, 1], A[n, 2], A[n, 3], A[n, 4], A[n, 5] = 1.0, x, z, x * x, x * z, z * z
+                    y[n], weight[n] = values[v, u], 1 / np.float64(sigma[v, u]) ** 2
+                    n += 1
         for _ in range(3):
-            quadrants = np.bincount((2 * (x[use] > 0) + (z[use] > 0)).astype(int), minlength=4)
-            if quadrants.min() < terms - 1:  # never a value that only one side vouches for
-                result[k], spread[k] = np.nan, np.nan
+            N[:], b[:], quadrants = 0.0, 0.0, np.zeros(4)
+            for i in range(n):
+                quadrants[2 * (A[i, 1] > 0) + (A[i, 2] > 0)] += 1
+                for j in range(terms):
+                    b[j] += A[i, j] * weight[i] * y[i]
+                    for m in range(terms):
+                        N[j, m] += A[i, j] * weight[i] * A[i, m]
+            # never a value that only one side vouches for
+            if quadrants.min() < terms - 1 or not inverted(N):
+                out[k] = np.nan
                 break
-            cofactor = np.linalg.inv((A[use] / s[use, None] ** 2).T @ A[use])
-            surface = cofactor @ (A[use].T @ (y[use] / s[use] ** 2))
-            off = np.abs(y - A @ surface)
-            misfit = np.sum((off[use] / s[use]) ** 2) / (np.count_nonzero(use) - terms)  # of blur beside other prints
-            result[k], spread[k] = surface[0], np.sqrt(cofactor[0, 0] * max(misfit, 1.0))
-            keep = use & (off < 5 * s + max(3.0 * float(np.median(off[use])), 0.05))
-            if np.array_equal(keep, use):
+            surface[:], misfit = 0.0, 0.0
+            for j in range(terms):
+                for m in range(terms):
+                    surface[j] += N[j, m] * b[m]
+            for i in range(n):
+                rest = y[i]
+                for j in range(terms):
+                    rest -= A[i, j] * surface[j]
+                off[i] = abs(rest)
+                misfit += off[i] ** 2 * weight[i] / (n - terms)  # of blur beside other prints
+            out[k, 0], out[k, 1] = surface[0], np.sqrt(N[0, 0] * max(misfit, 1.0))
+            limit, kept = max(3.0 * np.median(off[:n]), 0.05), 0
+            for i in range(n):
+                if off[i] < 5 / np.sqrt(weight[i]) + limit:
+                    A[kept], y[kept], weight[kept] = A[i], y[i], weight[i]
+                    kept += 1
+            if kept == n:
                 break
-            use = keep
-    return result, spread
+            n = kept
 
 
 def refuse_jumps(values: Floats, uv: Array, ellipse: Array, found: Array, sigma: Array) -> NDArray[np.bool_]:

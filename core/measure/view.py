@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from core.compiling import njit
 from core.errors import InputError
 from core.geometry import Pose, image_to_pixel, matrix_from_rotation_vector, pixel_to_image
 from core.model import Array, DeviceSpec, Interior
@@ -49,9 +50,8 @@ class View:
 
     def jacobian(self, xyz_mm: Array) -> Array:
         """Pixels per mm on the board at points (n, 3): shape (n, 2, 2), columns along the board's X and Y."""
-        _, by_point = _gradients(self, self.camera_from_board.apply(xyz_mm))
-        by_point[:, 1] *= -1.0  # v points down
-        on_board = by_point @ self.camera_from_board.rotation[:, :2]
+        by_point = _linearised(self, xyz_mm, np.zeros((len(xyz_mm), 2)))[0].reshape(-1, 2, 7)[:, :, 3:6]
+        on_board = by_point * [[1.0], [-1.0]] @ self.camera_from_board.rotation[:, :2]
         return np.asarray(on_board / np.array(self.spec.pitch_mm)[:, None])
 
 
@@ -138,29 +138,30 @@ def fit_view(start: View, xyz_mm: Array, uv: Array, *, radial: bool, iterations:
 
 
 def _linearised(view: View, xyz_mm: Array, measured: Array) -> tuple[Array, Array]:
-    """Jacobian (2n, 7) by turn, shift and A1, and residuals (2n,), mm in the image."""
-    turned = xyz_mm @ view.camera_from_board.rotation.T
-    xy, by_point = _gradients(view, turned + view.camera_from_board.translation_mm)
-    r2 = np.sum(xy**2, axis=1)
-    J = np.empty((len(xy), 2, 7))
-    for k in range(3):  # d(turn x p) = turned x derivative, because the turn is applied from the left
-        a, b = k - 2, k - 1
-        J[:, :, k] = turned[:, a, None] * by_point[:, :, b] - turned[:, b, None] * by_point[:, :, a]
-    J[:, :, 3:6], J[:, :, 6] = by_point, xy * r2[:, None]
-    return J.reshape(-1, 7), (measured - xy * (1 + view.a1 * r2)[:, None]).reshape(-1)
+    """Jacobian (2n, 7) by turn, shift and A1, and residuals (2n,), mm in the image; y up."""
+    J, rest, pose = np.empty((len(xyz_mm), 2, 7)), np.empty((len(xyz_mm), 2)), view.camera_from_board
+    given = (np.ascontiguousarray(a, np.float64) for a in (xyz_mm, pose.rotation, pose.translation_mm, measured))
+    _linearise(*given, float(view.spec.nominal_c_mm), float(view.a1), J, rest)
+    return J.reshape(-1, 7), rest.reshape(-1)
 
 
-def _gradients(view: View, p: Array) -> tuple[Array, Array]:
-    """Collinearity image (n, 2) of points (n, 3) of the camera's frame; measured x and y by the points, (n, 2, 3)."""
-    image, by_point = np.empty((len(p), 2)), np.empty((len(p), 2, 3))
-    c, a = view.spec.nominal_c_mm, view.a1
-    with np.errstate(all="ignore"):
-        z = np.where(p[:, 2] < 0, p[:, 2], np.nan)
-        x, y = -c * p[:, 0] / z, -c * p[:, 1] / z
-        r2, per_z = x * x + y * y, -1 / z
+@njit(cache=True, nogil=True, error_model="numpy")
+def _linearise(
+    xyz: Array, R: Array, shift: Array, measured: Array, c: float, a: float, J: Array, rest: Array
+) -> None:  # pragma: no cover  compiled
+    q = np.empty(3)
+    for n in range(len(xyz)):
+        for k in range(3):
+            q[k] = R[k, 0] * xyz[n, 0] + R[k, 1] * xyz[n, 1] + R[k, 2] * xyz[n, 2]
+        z = q[2] + shift[2]
+        per_z = -1 / z if z < 0 else np.nan
+        x, y = c * (q[0] + shift[0]) * per_z, c * (q[1] + shift[1]) * per_z
+        r2 = x * x + y * y
         xx, xy, yy = 1 + a * (r2 + 2 * x * x), 2 * a * x * y, 1 + a * (r2 + 2 * y * y)
-        image[:, 0], image[:, 1] = x, y
-        by_point[:, 0, 0], by_point[:, 1, 1] = c * per_z * xx, c * per_z * yy
-        by_point[:, 0, 1] = by_point[:, 1, 0] = c * per_z * xy
-        by_point[:, 0, 2], by_point[:, 1, 2] = (xx * x + xy * y) * per_z, (xy * x + yy * y) * per_z
-    return image, by_point
+        J[n, 0, 3], J[n, 0, 4], J[n, 0, 5] = c * per_z * xx, c * per_z * xy, (xx * x + xy * y) * per_z
+        J[n, 1, 3], J[n, 1, 4], J[n, 1, 5] = c * per_z * xy, c * per_z * yy, (xy * x + yy * y) * per_z
+        J[n, 0, 6], J[n, 1, 6] = x * r2, y * r2
+        for i in range(2):
+            for k in range(3):  # d(turn x p) = turned x derivative, because the turn is applied from the left
+                J[n, i, k] = q[k - 2] * J[n, i, 3 + (k + 2) % 3] - q[k - 1] * J[n, i, 3 + (k + 1) % 3]
+        rest[n, 0], rest[n, 1] = measured[n, 0] - x * (1 + a * r2), measured[n, 1] - y * (1 + a * r2)

@@ -1,0 +1,61 @@
+"""The compiled loops of views and of surfaces round dots, against plain numpy."""
+
+import numpy as np
+import pytest
+
+from core.geometry import Pose, matrix_from_rotation_vector
+from core.measure.projector import around_dot, inside_dot
+from core.measure.view import View, _linearised
+from core.model import DeviceSpec
+
+ELLIPSE = np.array([[7.0, 1.0], [-0.5, 6.0]])
+
+
+@pytest.mark.parametrize(("fit", "inner", "outer", "terms"), [(inside_dot, 0.0, 0.85, 3), (around_dot, 1.3, 2.1, 6)])
+def test_a_surface_is_that_of_weighted_least_squares(fit, inner, outer, terms):
+    rng = np.random.default_rng(3)
+    v, u = np.mgrid[:60, :70]
+    sigma = rng.uniform(0.05, 0.1, u.shape).astype(np.float32)
+    values = (200 + 0.8 * u - 0.1 * v + 2e-3 * u * v + rng.uniform(-1, 1, u.shape) * sigma).astype(np.float32)
+    values[rng.random(u.shape) < 0.1] = np.nan
+    uv = np.array([[33.4, 29.7], [-4.0, 30.0], [np.nan, 1.0]])  # whole, beyond the rim, nowhere
+    value, spread = fit(values, sigma, uv, np.stack([ELLIPSE] * 3), np.full(3, 1.3))
+    values, sigma = (each.ravel().astype(np.float64) for each in (values, sigma))
+    x, z = np.linalg.solve(ELLIPSE, np.stack([u.ravel(), v.ravel()]) - uv[0, :, None])
+    use = (np.hypot(x, z) >= inner) & (np.hypot(x, z) <= outer) & np.isfinite(values)
+    A = (np.stack([np.ones_like(x), x, z, x * x, x * z, z * z], axis=1)[:, :terms] / sigma[:, None])[use]
+    fitted, squares, *_ = np.linalg.lstsq(A, values[use] / sigma[use], rcond=None)
+    expected = np.sqrt(np.linalg.inv(A.T @ A)[0, 0] * max(squares[0] / (use.sum() - terms), 1.0))
+    assert value[0] == pytest.approx(fitted[0], abs=1e-9)
+    assert spread[0] == pytest.approx(expected, rel=1e-9)
+    assert np.isnan([value[1:], spread[1:]]).all()
+
+
+def test_a_pixel_decoded_wrongly_moves_no_surface():
+    v, u = np.mgrid[:60, :70]
+    values = (200 + 0.8 * u - 0.1 * v).astype(np.float32)
+    wrong = values.copy()
+    wrong[18, 33] += 5.0
+    sigma, uv = np.full(u.shape, 0.05, np.float32), np.array([[33.4, 29.7]])
+    value, _ = around_dot(wrong, sigma, uv, ELLIPSE[None], np.array([1.3]))
+    assert value[0] == pytest.approx(200 + 0.8 * 33.4 - 0.1 * 29.7, abs=1e-4)  # of float32
+
+
+def test_a_view_changes_with_its_parameters_as_its_derivatives_say():
+    rng = np.random.default_rng(1)
+    spec = DeviceSpec(748, 576, (0.008, 0.009), 12.0)
+    pose, a1 = Pose(matrix_from_rotation_vector(np.array([0.3, 0.2, 1.0])), np.array([3.0, 5.0, -600.0])), 1e-4
+    xyz = rng.normal(size=(20, 3)) * 80
+    J, rest = _linearised(View(spec, pose, a1), xyz, np.zeros((20, 2)))
+
+    def moved(step):
+        turned = matrix_from_rotation_vector(step[:3]) @ pose.rotation
+        view = View(spec, Pose(turned, pose.translation_mm + step[3:6]), a1 + step[6])
+        image = (view.project(xyz) - (np.array([748, 576]) - 1) / 2) * spec.pitch_mm * [1, -1]
+        return image.ravel()
+
+    assert rest == pytest.approx(-moved(np.zeros(7)), abs=1e-12)
+    for k, size in enumerate([1e-5] * 3 + [1e-2] * 3 + [1e-7]):
+        step = size * np.eye(7)[k]
+        numerical = (moved(step) - moved(-step)) / (2 * size)
+        assert J[:, k] == pytest.approx(numerical, abs=1e-7 * np.abs(numerical).max())
