@@ -68,7 +68,14 @@ def smooth_maps(
     def smooth(start: int, stop: int) -> None:
         for i in range(start, stop):
             progress.check()
-            smoothed[i], undisturbed[i] = _smooth(maps[i], modulations[i], variance[i], moving, sigma_px)
+            smoothed[i], undisturbed[i] = maps[i], maps[i]
+            lit = np.isfinite(maps[i]) & moving
+            if np.count_nonzero(lit) >= LEAST_PIXELS:
+                part = tuple(slice(at.min(), at.max() + 1) for at in (np.flatnonzero(lit.any(axis=k)) for k in (1, 0)))
+                smoothed[i][part], undisturbed[i][part] = _smooth(
+                    maps[i][part], modulations[i][part], variance[i][part], lit[part], sigma_px
+                )
+            variance[i][np.isnan(smoothed[i])] = np.nan
 
     if sigma_px > 0:
         progress(0.0, "smoothing planes")
@@ -91,13 +98,9 @@ def _moving(maps: Floats, variance: Floats) -> NDArray[np.bool_]:
 
 
 def _smooth(
-    measured: Floats, modulation: Floats, variance: Floats, moving: NDArray[np.bool_], sigma_px: float
+    measured: Floats, modulation: Floats, variance: Floats, lit: NDArray[np.bool_], sigma_px: float
 ) -> tuple[Floats, Floats]:
-    """Smooth one plane; `variance` (H, W) becomes that of what is returned."""
-    known = np.isfinite(measured)
-    lit = known & moving
-    if np.count_nonzero(lit) < LEAST_PIXELS:
-        return measured, measured
+    """Smooth the part of one plane that is lit; `variance` (H, W) becomes that of what is returned."""
     even = lit & _evenly_bright(modulation, lit)
     if np.count_nonzero(even) < LEAST_PIXELS:
         even = lit
@@ -111,7 +114,6 @@ def _smooth(
     elsewhere = np.where(near, np.float32(np.nan), measured)  # disturbed, or not the plate at all
     filled = np.where(covered | plate, trend + mean, np.where(widely, trend + wide, elsewhere))
     variance[:] = np.where(covered | plate, narrow, np.where(widely, broad, variance))
-    variance[np.isnan(filled)] = np.nan
     return filled.astype(np.float32), np.where(plate | ~near, measured, np.float32(np.nan))
 
 
