@@ -80,8 +80,8 @@ def looks(patterns: tuple[Pattern, ...], lines: int) -> tuple[Array, Array]:
 @lru_cache(maxsize=96)
 def _words(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> int:
     """How many lines or cells the code frames among patterns tell apart."""
-    coded = [isinstance(p, Code) for p in patterns]
-    return len({column.tobytes() for column in (looks(patterns, lines)[0][coded] > 0.5).T})
+    bright = looks(patterns, lines)[0][[isinstance(p, Code) for p in patterns]] > 0.5
+    return len(np.unique(2.0 ** np.arange(len(bright)) @ bright))
 
 
 def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> NDArray[np.bool_]:

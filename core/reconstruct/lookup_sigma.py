@@ -8,6 +8,8 @@ interpolated. The curves' noise moves z itself, along the ray as the noise of th
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 
@@ -16,6 +18,7 @@ from core.model import Array, DepthCalibration, Floats
 
 NODES = 24  # along the longer side: between them the variances are even to 1 %
 STEP = 0.02  # sigmas, of the numerical derivatives
+_last: list[Any] = []  # the calibration asked for last, an image's size, and the coefficients: every capture asks
 
 
 def add_curves(calibration: DepthCalibration, sigma: Floats, xyz: Floats, sigma_depth: Floats) -> None:
@@ -46,7 +49,9 @@ def whole_sigma(calibration: DepthCalibration, xyz: Floats, sigma_depth: Floats)
     if calibration.covariance is None:
         return None
     height, width = sigma_depth.shape
-    coefficients, z = _coefficients(calibration, height, width), _plate_z(calibration, xyz)
+    if not (_last and _last[0] is calibration and _last[1] == (height, width)):
+        _last[:] = calibration, (height, width), _coefficients(calibration, height, width)
+    coefficients, z = _last[2], _plate_z(calibration, xyz)
     result = np.empty(xyz.shape, np.float32)
     with np.errstate(invalid="ignore", divide="ignore"):
         for axis in range(3):
