@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.adjust import Solved
-from core.calibrate.normals import reduced_equations
+from core.calibrate.equations import GLOBALS, POINT, POSE
 from core.model import Network, TargetSet
 
 Array = NDArray[np.float64]
@@ -23,35 +23,51 @@ Ints = NDArray[np.int64]
 
 def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
     """Give a solution whose cofactors of all kept unknowns hold what its targets share."""
-    found = np.zeros_like(solved.inverse.Q)
-    place = np.argsort(solved.problem.order)
+    problem, inverse, U = solved.problem, solved.inverse, len(solved.inverse.Q)
+    C = inverse.C.reshape(-1, U)
+    # unknowns as they are kept, then those eliminated, and a last one for what is held
+    pose_at, point_at = (problem.globals, U) if problem.by_points else (U, problem.globals)
+    common = [*range(GLOBALS, GLOBALS + problem.columns.shape[1]), *range(POSE, POSE + 6)]
+    found = np.zeros((U + len(C) + 1, U + len(C) + 1))
+    place = np.argsort(problem.order)
     for k, t in enumerate(targets):
         rows, known = _observations(solved.network, t, t.capture or str(k + 1))
-        if not known.any():
+        some = np.flatnonzero(known.any(axis=1))
+        if not len(some):
             continue
-        at = place[rows]
-        weight = np.where(known[..., None], solved.problem.root_weight[at], 0.0).reshape(-1, 4)
-        A = reduced_equations(solved.problem, solved.equations.J, solved.inverse.C, at.ravel())
-        A = A.reshape(len(rows), 4, -1) * (weight > 0)[..., None]
-        seen = np.flatnonzero(A.any(axis=(0, 1)))
-        A = A[:, :, seen]
+        at, known = place[rows[some]], known[some]
+        weight = np.where(known[..., None], problem.root_weight[at], 0.0).reshape(-1, 4)
+        A = solved.equations.J[at].reshape(len(some), 4, -1) * (weight > 0)[..., None]
         # where residuals say that sigmas are smaller than given, what is shared is smaller, too
-        weight = np.fmin(weight, 1 / solved.network.observation_sigma[rows].reshape(-1, 4))
-        cov = np.nan_to_num(t.cov) * weight[:, :, None] * weight[:, None, :]
-        cov = np.triu(cov, 1)[:, :3]  # of a symmetric sum one half is enough
-        half = A[:, :3].reshape(-1, len(seen)).T @ (cov @ A).reshape(-1, len(seen))
-        part = half + half.T
-        if t.row_shift_px:
-            by_u = np.zeros((len(rows), 4))
-            by_u[:, 0] = 1.0
-            by_u[:, 2:] = 0.0 if t.gradient is None else np.nan_to_num(t.gradient[:, :, 0])
-            moved = np.einsum("na,nau->nu", by_u * weight, A)
-            cov_u = t.row_cov
-            np.fill_diagonal(cov_u, 0.0)
-            part += moved.T @ cov_u @ moved
-        found[np.ix_(seen, seen)] += part
-    Q = solved.inverse.Q
-    return replace(solved, inverse=replace(solved.inverse, Q=Q + Q @ found @ Q))
+        weight = np.fmin(weight, 1 / solved.network.observation_sigma[rows[some]].reshape(-1, 4))
+        cov = np.nan_to_num(t.cov[some]) * weight[:, :, None] * weight[:, None, :]
+        cov[:, range(4), range(4)] = 0.0
+        by_u = np.zeros((len(some), 4))
+        by_u[:, 0] = 1.0
+        by_u[:, 2:] = 0.0 if t.gradient is None else np.nan_to_num(t.gradient[some, :, 0])
+        cov_u = t.row_cov[np.ix_(some, some)]
+        np.fill_diagonal(cov_u, 0.0)
+        # by what all targets of an image have in common, camera and projector each, and by the target's own point
+        c, one = len(common), at[np.argmax(known, axis=0), [0, 1]]
+        own, by_point = np.zeros((len(some), 4, 2 * c)), A[:, :, POINT : POINT + 3]
+        own[:, :2, :c], own[:, 2:, c:] = A[:, :2, common], A[:, 2:, common]
+        poses = pose_at + 6 * problem.pose[one][:, None] + np.arange(6)
+        all_of = np.concatenate([problem.columns[problem.device[one]], poses], axis=1).ravel()
+        points = problem.point[np.where(known[:, 0], at[:, 0], at[:, 1])]
+        each = (point_at + 3 * points[:, None] + np.arange(3)).ravel()
+        moved, moved_points = (np.einsum("na,nau->nu", by_u * weight, part) for part in (own, by_point))
+        shared = cov @ own
+        of_all = own.reshape(-1, 2 * c).T @ shared.reshape(-1, 2 * c) + moved.T @ cov_u @ moved
+        between = np.swapaxes(shared, 1, 2) @ by_point + (cov_u @ moved)[:, :, None] * moved_points[:, None, :]
+        between = between.transpose(1, 0, 2).reshape(2 * c, -1)
+        of_points = cov_u[:, None, :, None] * moved_points[:, :, None, None] * moved_points
+        of_points[range(len(some)), :, range(len(some))] += np.swapaxes(by_point, 1, 2) @ cov @ by_point
+        np.add.at(found, np.ix_(all_of, all_of), of_all)
+        np.add.at(found, np.ix_(all_of, each), between)
+        np.add.at(found, np.ix_(each, all_of), between.T)
+        found[np.ix_(each, each)] += of_points.reshape(len(each), -1)
+    Q = np.concatenate([inverse.Q, -C @ inverse.Q])
+    return replace(solved, inverse=replace(inverse, Q=inverse.Q + Q.T @ found[:-1, :-1] @ Q))
 
 
 def _observations(network: Network, targets: TargetSet, capture: str) -> tuple[Ints, NDArray[np.bool_]]:
