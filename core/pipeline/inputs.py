@@ -52,8 +52,9 @@ def versions(*stages: str) -> dict[str, int]:
 
 def rig_values(project: Project) -> dict[str, Any]:
     """Give everything that a project says of its rig, by dotted names."""
-    if _last and _last[0] is project:
-        return dict(_last[1])
+    known = _last[0] if _last else (None, {})
+    if known[0] is project:
+        return dict(known[1])
     values: dict[str, Any] = {}
     for kind, devices in (("cameras", project.rig.cameras), ("projectors", project.rig.projectors)):
         for name, spec in devices.items():
@@ -61,11 +62,11 @@ def rig_values(project: Project) -> dict[str, Any]:
     for field in fields(project):
         if field.name not in _NOT_THE_RIG:
             values |= _flat(field.name, getattr(project, field.name))
-    _last[:] = project, values
+    _last[:] = [(project, values)]  # as one: other threads may ask for another
     return dict(values)
 
 
-_last: list[Any] = []  # the project asked for last and its values: every capture asks
+_last: list[tuple[Any, dict[str, Any]]] = []  # the project asked for last and its values: every capture asks
 
 
 def decoded_from(project: Project, capture: Capture, contents: Contents | Look | None = None) -> Record:

@@ -18,7 +18,9 @@ from core.model import Array, DepthCalibration, Floats
 
 NODES = 24  # along the longer side: between them the variances are even to 1 %
 STEP = 0.02  # sigmas, of the numerical derivatives
-_last: list[Any] = []  # the calibration asked for last, an image's size, and the coefficients: every capture asks
+_last: list[
+    tuple[Any, ...]
+] = []  # the calibration asked for last, an image's size, and the coefficients: every capture asks
 
 
 def add_curves(calibration: DepthCalibration, sigma: Floats, xyz: Floats, sigma_depth: Floats) -> None:
@@ -49,9 +51,11 @@ def whole_sigma(calibration: DepthCalibration, xyz: Floats, sigma_depth: Floats)
     if calibration.covariance is None:
         return None
     height, width = sigma_depth.shape
-    if not (_last and _last[0] is calibration and _last[1] == (height, width)):
-        _last[:] = calibration, (height, width), _coefficients(calibration, height, width)
-    coefficients, z = _last[2], _plate_z(calibration, xyz)
+    known = _last[0] if _last else (None, (0, 0), [])
+    if known[0] is not calibration or known[1] != (height, width):
+        known = calibration, (height, width), _coefficients(calibration, height, width)
+        _last[:] = [known]  # as one: other threads may ask for another
+    coefficients, z = known[2], _plate_z(calibration, xyz)
     result = np.empty(xyz.shape, np.float32)
     with np.errstate(invalid="ignore", divide="ignore"):
         for axis in range(3):
