@@ -18,9 +18,7 @@ from core.model import Array, DepthCalibration, Floats
 
 NODES = 24  # along the longer side: between them the variances are even to 1 %
 STEP = 0.02  # sigmas, of the numerical derivatives
-_last: list[
-    tuple[Any, ...]
-] = []  # the calibration asked for last, an image's size, and the coefficients: every capture asks
+_last: list[tuple[Any, ...]] = []  # calibration and image size asked for last, and the coefficients: every capture asks
 
 
 def add_curves(calibration: DepthCalibration, sigma: Floats, xyz: Floats, sigma_depth: Floats) -> None:
