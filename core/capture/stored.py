@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.contradictions import PIXELS, Looked
+from core.capture.contradictions import PIXELS, Looked, runs_away
 from core.capture.exchanged import exchanged_frames
 from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines
 from core.capture.pixels import GRID, LEAST_LIT, bytes_exchanged, compressed, mosaic
@@ -204,6 +204,8 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
             shown = () if shot is None else (shot,)
             figures = {"contradicting": share}
             found.append(Finding("identity", "bad", text + cause, figures, shown, names=cause.names))
+        elif told := runs_away(looked):
+            found.append(Finding("identity", "bad", told, shots=shots, names="mistake"))
     return found
 
 

@@ -139,6 +139,7 @@ KINDS: dict[str, tuple[Change, str]] = {
     ),
     "sign of the phase steps": (patterns(of("phase", shift_rad=lambda p: -p["shift_rad"])), "shift_rad"),
     "period +2.5 %": (patterns(of("phase", period=lambda p: p["period"] * 1.025)), "period"),
+    "period -1 %": (patterns(of("phase", period=lambda p: p["period"] * 0.99)), "period"),
     "period doubled": (patterns(of("phase", period=lambda p: p["period"] * 2)), "period"),
     "cell doubled": (patterns(of(*CODE, cell=lambda p: p["cell"] * 2)), "cell"),
     "cell halved": (patterns(of(*CODE, cell=lambda p: p["cell"] // 2)), "cell"),
