@@ -235,7 +235,7 @@ def test_words_that_decode_nowhere_say_why(bench, blur: float, shown: slice, sai
 def test_what_neighbours_foretell_is_what_all_words_tell(bench, frames: int, gain: float, part: float) -> None:
     """Against the product of all words with all pixels: at steps of the surface, in a second light, dark and unlit."""
     patterns = dense(frames)
-    b = bench(height=12, blur=0.6, gain=gain, dark=3.0, shot=0.02)
+    b = bench(height=6, blur=0.6, gain=gain, dark=3.0, shot=0.02)
     b = replace(b, u=np.where(np.arange(b.u.shape[1]) % 150 > 90, b.u - 60.3, b.u))
     second = replace(b, u=(N - 1 - b.u) * 0.83 + 9, ambient=0.0, gain=part * gain, dark=0.0, shot=0.0)
     images = [image + more for image, more in zip(b.take(patterns), second.take(patterns), strict=True)]
