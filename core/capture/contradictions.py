@@ -21,10 +21,8 @@ FAINT = 0.04  # amplitude of a wave, white = 1, from which it is judged
 NO_WAVE = 0.7  # what steps leave of a wave over its amplitude; square waves of few steps leave 0.4
 MOST_CELL = 2.0  # rad that half a cell may be of a period, for a phase that runs away to be seen at its ends
 LEAST_WAVE = 100  # pixels that tell it
-STEADY, RISES = (
-    7.0,
-    5.5,
-)  # sigmas of how fast it does, from line 0 on and within what is seen; sound rigs had 2.5 and 2.9, 16 and 3.6
+STEADY, RISES = 7.0, 5.5  # sigmas of how fast it does, from line 0 on and within what is seen
+GONE = 0.05  # of the pixels at the far end must have left the cell: where lines and pixels beat, phases drift within it
 WAVE_SLACK = 0.5  # rad that a phase may lie outside of its code's cell, for blur at the cells' edges
 
 
@@ -142,7 +140,7 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
 
 
 def runs_away(looked: Looked) -> str:
-    """Say that a phase runs away from the code over the field, steadily: its period is another."""
+    """Say that a phase runs away from the code over the field, and leaves its cells: its period is another."""
     for wave in _waves(looked.values, looked.patterns, looked):
         use = wave.strong & ~wave.none
         if wave.off is None or wave.most > MOST_CELL or np.count_nonzero(use) < LEAST_WAVE:
@@ -152,7 +150,9 @@ def runs_away(looked: Looked) -> str:
         # phases are spread evenly in their cells, wherever these are; a wrong beginning alone is the same everywhere
         slope, rise = (line @ off) / (line @ line), (away @ off) / (away @ away)
         sigma, rise_sigma = (wave.most / np.sqrt(3 * (x @ x)) for x in (line, away))
-        if abs(slope) > STEADY * sigma and rise * np.sign(slope) > RISES * rise_sigma:
+        far = np.sign(slope) * off[line > np.quantile(line, 2 / 3)]
+        gone = np.mean(far > wave.most + WAVE_SLACK)
+        if abs(slope) > STEADY * sigma and rise * np.sign(slope) > RISES * rise_sigma and gone > GONE:
             drift = abs(slope) * np.ptp(line) * wave.period / (2 * np.pi)
             period = 1 / (1 / wave.period + slope / (2 * np.pi))
             along = "columns" if looked.axis == "x" else "rows"

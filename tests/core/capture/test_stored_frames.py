@@ -31,8 +31,10 @@ from core.patterns import (
     Pattern,
     Phase,
     White,
+    axis_of,
     brightness,
     gray_and_phase,
+    pattern_image,
     reference_sequence,
 )
 
@@ -338,6 +340,22 @@ def test_a_period_one_hundredth_off_is_told_from_the_code(off: float, gamma: flo
     fits = [float(seen) for seen in re.findall("with a period of ([0-9.]+) lines", found)]
     # 600 phases, spread over half a period, give a period's error at a seventh of 1 %
     assert np.allclose(fits, 8.0, atol=3 * 0.0015 * 8.0), fits
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.002, 0.998])
+def test_lines_that_beat_with_the_pixels_looked_at_are_no_other_period(factor: float) -> None:
+    """Every sixth pixel sees the same place of a cell, and slowly another: the phase drifts, within the cell."""
+    rng, at = np.random.default_rng(0), np.arange(748) / 3 * factor + 50
+    below = np.floor(at).astype(int)
+    patterns, images = reference_sequence(640, 640), []
+    for pattern in patterns:
+        shown = np.asarray(pattern_image(pattern, 640, 640), float)
+        line = shown[0] if axis_of(pattern) != "y" else shown[:, 0]
+        seen = line[below] + (line[below + 1] - line[below]) * (at - below)
+        wide = np.tile(seen, (576, 1)) if axis_of(pattern) != "y" else np.tile(seen[:576, None], (1, 748))
+        images.append(np.rint(20 + 180 * wide + rng.normal(0, 1, wide.shape)).astype(np.uint8))
+    capture = Capture(Path("a"), "object", tuple(Frame(f"{k}.png", p) for k, p in enumerate(patterns)))
+    assert not check_stored(capture, images, None, (640, 640))
 
 
 @pytest.mark.parametrize("spacing_px", [12, 16, 20, 24, 32, 40, 48])
