@@ -22,7 +22,7 @@ from core.decode.frames import Image
 from core.decode.fringes import orders_stand
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.noise import MEDIAN_OF_SQUARE
-from core.decode.options import Flag
+from core.decode.options import Flag, invalidate
 from core.decode.tables import PHASES, SWEEP, Array, AxisTable, Limits, Rows, Singles, no_axis
 from core.numerics import erf, row_median
 
@@ -158,8 +158,7 @@ def refuse_open_orders(
         stand = np.empty(len(row), np.bool_)
         orders_stand(table, phases, variance, more[row, column], found, stand)
         row, column = row[~stand], column[~stand]
-        place[row, column] = sigma[row, column] = np.nan
-        flags[row, column] |= int(Flag.DISAGREEMENT | missing)
+        invalidate(place, sigma, flags, (row, column), Flag.DISAGREEMENT | missing)
         lost += len(row)
     return lost / max(valid, 1)
 

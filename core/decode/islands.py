@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.compiled import F, fast, part
-from core.decode.options import Flag
+from core.decode.options import Flag, invalidate
 from core.decode.tables import CODE, SWEEP, AxisTable, Singles
 from core.parallel import run_in_bands
 
@@ -59,8 +59,7 @@ def drop_islands(
 
     run_in_bands(band, len(place))
     lost = np.flatnonzero(islands)  # few
-    place.reshape(-1)[lost] = sigma.reshape(-1)[lost] = np.nan
-    flags.reshape(-1)[lost] |= np.uint8(Flag.UNSURE | missing)
+    invalidate(place.reshape(-1), sigma.reshape(-1), flags.reshape(-1), lost, Flag.UNSURE | missing)
 
 
 @part

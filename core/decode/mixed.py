@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.decode.compiled import HALF, F, fast, part
-from core.decode.options import Flag
+from core.decode.options import Flag, invalidate
 from core.decode.tables import Singles
 from core.parallel import run_in_bands
 
@@ -52,8 +52,7 @@ def drop_vague(place: Singles, sigma: Singles, flags: np.ndarray, period: float,
         `Flag.NO_U` or `Flag.NO_V`.
     """
     vague = np.nonzero(sigma > VAGUE * period)  # few
-    place[vague] = sigma[vague] = np.nan
-    flags[vague] |= np.uint8(Flag.UNSURE | missing)
+    invalidate(place, sigma, flags, vague, Flag.UNSURE | missing)
 
 
 @part

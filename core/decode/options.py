@@ -1,9 +1,15 @@
-"""What the caller may choose, and why a pixel can be invalid."""
+"""What the caller may choose, why a pixel can be invalid, and how it is made so."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntFlag
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.model import Floats
 
 
 class Flag(IntFlag):
@@ -25,6 +31,12 @@ class Flag(IntFlag):
     """u is NaN."""
     NO_V = 128
     """v is NaN."""
+
+
+def invalidate(place: Floats, sigma: Floats, flags: NDArray[np.uint8], where: Any, why: int) -> None:
+    """Take coordinates and sigmas of an axis out, in place, at an index of all three arrays; `why` are flags."""
+    place[where] = sigma[where] = np.nan
+    flags[where] |= np.uint8(why)
 
 
 @dataclass(frozen=True)

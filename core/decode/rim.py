@@ -9,7 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from core.decode.options import Flag
+from core.decode.options import Flag, invalidate
 from core.decode.tables import Singles
 
 FARTHEST = 48  # px
@@ -41,6 +41,4 @@ def drop_rim(u: Singles, sigma: Singles, flags: np.ndarray, lines: float, width:
     reach = int(min(FARTHEST, np.ceil(2 * width / max(slope, 1e-3)) + 1))
     beside = cv2.dilate(flags & int(Flag.LOW_MODULATION), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
     lost = beside[row, column] > 0
-    row, column = row[lost], column[lost]
-    u[row, column] = sigma[row, column] = np.nan
-    flags[row, column] |= int(Flag.OUTSIDE | missing)
+    invalidate(u, sigma, flags, (row[lost], column[lost]), Flag.OUTSIDE | missing)
