@@ -62,7 +62,7 @@ class Capture:
     angle_deg: float | None = None
     seeds: tuple[Seed, ...] = ()
     excluded: tuple[tuple[int, int], ...] = ()  # (row, col) of targets that the operator does not want used
-    notes: tuple[Note, ...] = ()  # on capture.json and picks.json
+    notes: tuple[Note, ...] = ()  # on capture.json
 
     @property
     def name(self) -> str:

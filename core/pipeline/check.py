@@ -180,19 +180,20 @@ def _captures(folder: Path, progress: Progress) -> Iterator[Finding]:
     for path in progress.over(project.captures, "looking at {0.name}"):
         try:
             capture = read_capture(path, project)
+            yield from _ignored(path, capture.notes)
             shapes = {name: (spec.height, spec.width) for name, spec in project.rig.cameras.items()}
             for frame in capture.frames:
                 check_frame(frame.path, shapes.get(frame.camera))
             _see_picks(project, capture)
-            yield from _ignored(path, capture.notes)
         except StripeError as error:
             yield Path(error.where.partition(".json: ")[0]), error.seen, error.remedy, None
 
 
 def _ignored(place: Path, notes: Sequence[Note]) -> Iterator[Finding]:
     for note in notes:
-        seen, _, remedy = note.partition("; ")
-        yield place, seen, remedy, None
+        where, _, told = note.partition(": ")
+        seen, _, remedy = told.partition("; ")
+        yield place / where, seen, remedy, None
 
 
 def _see_picks(project: Project, capture: Capture) -> None:

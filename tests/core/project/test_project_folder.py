@@ -29,6 +29,7 @@ from core.model import (
 )
 from core.patterns import reference_sequence
 from core.pipeline import read_phase, write_phase
+from core.pipeline.check import check_project
 from core.project import (
     add_capture,
     atomic_write,
@@ -122,6 +123,9 @@ def test_a_slip_in_a_key_is_told_and_another_programs_key_is_not(folder: Path) -
         first, second = read_capture(folder / "captures/tf-01", read_project(folder)).notes
         assert first == "capture.json: 'angle' is not known and was ignored; is 'angle_deg' meant?"
         assert second.startswith("capture.json, frame 0: 'exposure' is not known")
+    told = [str(item) for item in check_project(folder)]
+    assert "project.json: 'scales' is not known and was ignored; is 'scale' meant?" in told
+    assert "captures/tf-01/capture.json: 'angle' is not known and was ignored; is 'angle_deg' meant?" in told
 
 
 @pytest.mark.parametrize(
