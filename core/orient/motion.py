@@ -241,8 +241,8 @@ def find_motion(
     corrected = replace(perturbed(pair, change), covariance=left @ drifted @ left.T + by_noise)
     gain = estimate.carried
     missed = gain @ every.directions - free.moves.T @ every.moves
-    spread = estimate.noise + gain @ C @ gain.T + missed @ np.diag(every.drift**2) @ missed.T
-    by_drift, by_rest = gain @ every.directions * every.drift, estimate.noise + gain @ C @ gain.T
+    by_rest, by_drift = estimate.noise + gain @ C @ gain.T, gain @ every.directions * every.drift
+    spread = by_rest + missed @ np.diag(every.drift**2) @ missed.T
     stretch = stretch_of(estimate.x, by_rest, by_drift, free.drift)
     if stretch > 1:
         return find_motion(
