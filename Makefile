@@ -17,7 +17,7 @@ help:
 	@echo "make setup     the environment in $(VENV) (a second call is quick)"
 	@echo "make demo      the whole experiment on the virtual bench, to a report in $(OUT)/results/report"
 	@echo "make test      all tests"
-	@echo "make quick     the tests that need no rendered project, in less than a minute"
+	@echo "make quick     the tests that need no rendered project, in a minute and a half"
 	@echo "make check     ruff, formatting and types"
 	@echo "make bench     benchmarks against peers, to a table and plots in bench-results"
 	@echo "make fuzz      mutated files for all readers, INPUTS of them; what fails is kept in tests/fuzz/corpus"
