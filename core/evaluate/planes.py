@@ -199,8 +199,8 @@ def _excluded(phase: PhaseMap, valid: NDArray[np.bool_], elsewhere: NDArray[np.b
     """Count the pixels that have a projector coordinate but take no part, and say by which rule."""
     u, v = np.isfinite(phase.u), np.isfinite(phase.v)
     without = (u | v) & ~valid & ~elsewhere
-    lead = v if bool((valid & ~u).any()) else u  # every point has the coordinate that gives the depth
-    blind = int(np.count_nonzero(without & ~lead))
+    leads = (axis for axis in (u, v) if not bool((valid & ~axis).any()))  # all points have what gives the depth
+    blind = max((int(np.count_nonzero(without & ~lead)) for lead in leads), default=0)
     rest = int(np.count_nonzero(without)) - blind
     other = int(np.count_nonzero(elsewhere))
     rules = [

@@ -98,11 +98,12 @@ def test_a_corner_that_bends_away_is_form() -> None:
     assert (result.n, result.elsewhere) == (H * W, 0)
 
 
-def test_every_decoded_pixel_without_point_is_counted_with_the_rule() -> None:
+@pytest.mark.parametrize("lead", ["u", "v"])  # a base along the columns needs rows
+def test_every_decoded_pixel_without_point_is_counted_with_the_rule(lead: str) -> None:
     phase, cloud = _phase(), _cloud()
     cloud.xyz_mm[:5] = np.nan
     phase.u[0] = phase.v[0] = np.nan  # not decoded: not excluded either
-    phase.u[1] = np.nan  # only v decoded
+    getattr(phase, lead)[1] = np.nan  # only the other decoded
     outside = "outside the calibrated depths"
     result = evaluate_plane(phase, cloud, capture="p", angle_deg=0, method="polynomial", outside=outside)
     assert result.n == (H - 5) * W
