@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.columns import without_unobservable
 from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
@@ -45,10 +44,8 @@ from core.calibrate.weakness import (
 )
 from core.errors import AdjustmentError
 from core.geometry import LENSES, Pose
-from core.model import AdjustedDevice, Adjustment, Concern, Network
+from core.model import AdjustedDevice, Adjustment, Array, Concern, Network
 from core.progress import SILENT, Progress
-
-Array = NDArray[np.float64]
 
 FACTOR_TOLERANCE = 1e-4  # relative change at which variance components have settled
 FACTOR_ROUNDS = 20

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.datum import datum_columns, null_space
 from core.calibrate.dense import factorise, inverse_of_factor, solve_factor
@@ -16,8 +15,7 @@ from core.calibrate.equations import distance_equation
 from core.calibrate.normals import Factor, Inverse, Normals
 from core.calibrate.problem import Problem
 from core.calibrate.state import State, Step
-
-Array = NDArray[np.float64]
+from core.model import Array
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.problem import RELATIVE, Problem, never_observed
 from core.calibrate.selection import Warnings
 from core.geometry import Pose, estimated, lens_of
-from core.model import Network
-
-Array = NDArray[np.float64]
+from core.model import Array, Network
 
 LEAST_POINTS = 12
 PLAUSIBLE = 1.5  # ratio to the nominal focal length up to which that of the resection is used

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.equations import GLOBALS, Equations
 from core.calibrate.normals import Inverse, layout_of
 from core.calibrate.problem import RELATIVE, Problem
 from core.compiling import njit
+from core.model import Array, Ints
 from core.parallel import run_in_bands
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)

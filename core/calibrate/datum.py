@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.problem import Problem, movements
 from core.calibrate.state import State
 from core.geometry import similarity
-
-Array = NDArray[np.float64]
+from core.model import Array
 
 
 def datum_columns(xyz: Array, free: Array) -> Array:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.normals import Factor, SingularNormalsError
+from core.model import Array
 from core.numerics import factor_of, inverse_by, solution_by
-
-Array = NDArray[np.float64]
 
 
 def factorise(M: Array) -> Factor:

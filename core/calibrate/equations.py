@@ -10,16 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.problem import Observed, Problem
 from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import njit
-from core.model import NetworkScale
+from core.model import Array, Ints, NetworkScale
 from core.parallel import run_in_bands
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 POSE, POINT, GLOBALS, INTERIOR = 0, 6, 9, 15  # where the columns begin; GLOBALS: relative, then interior
 

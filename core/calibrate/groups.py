@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import SingularNormalsError
@@ -20,11 +19,8 @@ from core.calibrate.robust import misfits, robust_state
 from core.calibrate.selection import Warnings, adjustable, selected
 from core.calibrate.state import State
 from core.errors import AdjustmentError
-from core.model import Network
+from core.model import Array, Ints, Network
 from core.numerics import fisher_limit
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 OFF = 3.0  # median size of an image's normalised residuals over that of all: half of its points are that far off
 LEAST_POINTS = 8  # of an image; among fewer, single errors are half of them

@@ -20,9 +20,7 @@ from core.calibrate.state import State, interior_of
 from core.calibrate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable
 from core.errors import AdjustmentError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix, undistort
-from core.model import Network
-
-Array = NDArray[np.float64]
+from core.model import Array, Network
 
 OTHER_SIZE = 0.2  # of the logarithm of a scale: no board is printed that wrongly
 MOST_CONDITION = 1e6  # of a point's normal equations: rays a milliradian apart

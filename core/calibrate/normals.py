@@ -11,16 +11,13 @@ from dataclasses import dataclass
 from threading import Lock
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.equations import GLOBALS, POINT, POSE, equations_band, room_for_block
 from core.calibrate.problem import RELATIVE, Observed, Problem
 from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
+from core.model import Array, Ints
 from core.parallel import run_in_bands
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class SingularNormalsError(Exception):

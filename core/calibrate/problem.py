@@ -10,11 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.geometry import LENSES, estimated, lens_of, nominal
-from core.model import DeviceSpec, Network, NetworkScale
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
+from core.model import Array, DeviceSpec, Ints, Network, NetworkScale
 
 MOST_REDUCED = 3000  # unknowns of points that are kept whole; more are eliminated if there are fewer of the poses
 COMPILED = "A1..A6"  # the lens model that the kernels know; any other is worked out before they run

@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.cholesky import solve_in_place
 from core.calibrate.equations import POSE, equations_band, room_for_block
 from core.calibrate.problem import Observed, Problem
 from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
+from core.model import Array, Ints
 from core.parallel import run_in_bands
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 ITERATIONS = 8
 SETTLED = 1e-3  # share of the weighted squares by which a step has to lower them to be followed by another

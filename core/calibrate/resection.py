@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from core.geometry import Pose
-
-Array = NDArray[np.float64]
+from core.model import Array
 
 FLAT = 0.05  # a field whose depth is a smaller share of its width is seen like a plane, with its second solution
 OUTLYING = 8.0  # median residuals of a view that none of its points exceeds unless one is wrong

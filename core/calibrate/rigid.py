@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.adjust import Solved
 from core.calibrate.covariance import pose_cofactors
@@ -18,11 +17,9 @@ from core.calibrate.weakness import singular_error, unsolved_error
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, rotation_vector_from_matrix
 from core.geometry.pairs import relative_derivatives
-from core.model import Network
+from core.model import Array, Network
 from core.numerics import fisher_limit
 from core.progress import SILENT, Progress
-
-Array = NDArray[np.float64]
 
 ERROR_LEVEL = 0.001  # chance that a rigid rig is called loose
 UNKNOWNS = 6  # of a free station

@@ -7,7 +7,6 @@ until nothing fits. It serves to name them, and as approximate values.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.datum import aligned
 from core.calibrate.elimination import solve
@@ -15,9 +14,8 @@ from core.calibrate.equations import cost_of, misclosures
 from core.calibrate.iterate import MOST_DAMPING, next_damping, regular, shortened
 from core.calibrate.problem import Problem, reweighted
 from core.calibrate.state import State
+from core.model import Array
 from core.numerics import sigma_by_median
-
-Array = NDArray[np.float64]
 
 HALF_WEIGHT = 3.0  # usual misfits of its device at which an observation counts half
 ITERATIONS = 60

@@ -15,10 +15,7 @@ from numpy.typing import NDArray
 
 from core.calibrate.adjust import Solved
 from core.calibrate.equations import GLOBALS, POINT, POSE
-from core.model import Network, TargetSet
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from core.model import Ints, Network, TargetSet
 
 
 def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:

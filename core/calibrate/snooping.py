@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.equations import Equations
 from core.calibrate.problem import Problem
 from core.calibrate.robust import misfits
 from core.calibrate.state import State
 from core.errors import AdjustmentError
-from core.model import Concern, Network
+from core.model import Array, Concern, Ints, Network
 from core.numerics import normal_limit, sigma_by_median
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 LEAST_REDUNDANCY = 0.05  # an observation checked less than this cannot be judged by its residual
 LEAST_OF_IMAGE, MOST_OF_IMAGE = 20, 2.0  # points; times the common standard deviation of unit weight

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.calibrate.problem import RELATIVE, Problem
 from core.geometry import LENSES, Pose, matrix_from_rotation_vector
-from core.model import Interior
-
-Array = NDArray[np.float64]
+from core.model import Array, Interior
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,7 @@ from core.calibrate.resection import resect_despite_errors
 from core.calibrate.state import State, moved
 from core.errors import AdjustmentError
 from core.geometry import LENSES, estimated, fitted, lens_of
-from core.model import DeviceSpec, Interior, Network, NetworkDevice
-
-Array = NDArray[np.float64]
+from core.model import Array, DeviceSpec, Interior, Network, NetworkDevice
 
 MAIN_PARAMETERS = ("c", "x0", "y0", "A1")
 LEAST_POINTS = 4  # that fix one station's pose without ambiguity

@@ -15,11 +15,8 @@ from core.calibrate.selection import listed
 from core.calibrate.state import State, interior_of, moved
 from core.errors import AdjustmentError
 from core.geometry import LENSES, Lens, regular
-from core.model import Network
+from core.model import Array, Ints, Network
 from core.numerics import sigma_by_median
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 LEAST_STRENGTH = 1e-13  # share of a parameter's information that is its own, below which it is rounding
 HOPELESS = 0.2  # sigma of a parameter, as displacement at the image's edge over the image's radius: not estimated

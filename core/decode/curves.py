@@ -17,9 +17,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from core.model import Array
 from core.patterns import Pattern, brightness, grey_reason, use_of
 
-Array = NDArray[np.float64]
 Waves = NDArray[np.complex128]
 
 NODES = 256  # steps of half a period

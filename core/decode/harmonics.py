@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from core.decode.curves import HIGHEST
 from core.decode.noise import Noise
 from core.decode.tables import AxisTable, Singles, sums_of
+from core.model import Array
 from core.patterns import Pattern, brightness, grey_reason, use_of
 
-Array = NDArray[np.float64]
 Terms = NDArray[np.complex128]
 
 GRID = 512  # places in a period

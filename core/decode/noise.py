@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from core.decode.frames import Numbers, PhaseFrames, SortedFrames
 from core.decode.tables import Singles, fundamental
+from core.model import Array
 from core.patterns import brightness
-
-Array = NDArray[np.float64]
 
 BINS = 12  # of grey values, with the same number of residuals each
 LEAST = 50  # residuals that tell a variance

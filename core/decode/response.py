@@ -13,9 +13,9 @@ from core.decode.curves import HIGHEST, LEVELS, PARAMETERS, both_sides, dimming,
 from core.decode.frames import PhaseFrames, SortedFrames
 from core.decode.harmonics import GRID, STRAIGHT, bend_of, correction
 from core.decode.tables import AxisTable, Singles
+from core.model import Array
 from core.patterns import Axis, grey_reason
 
-Array = NDArray[np.float64]
 Terms = NDArray[np.complex128]
 
 STEP = 1e-3  # of a parameter, for differences

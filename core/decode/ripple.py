@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.tables import Singles
+from core.model import Array
 from core.parallel import run_in_bands
-
-Array = NDArray[np.float64]
 
 TILES, SIDE = 4, 64  # tiles of the image along each axis, and pixels along each of theirs
 FEWEST_PIXELS, FEWEST_TILES = 400, 8

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from core.decode.frames import AxisFrames, Numbers, PhaseFrames, SortedFrames
 from core.decode.plan import Plan, UsedCode
+from core.model import Array
 from core.patterns import Phase, brightness
 
-Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Shorts = NDArray[np.int32]
 
