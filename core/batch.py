@@ -111,34 +111,13 @@ def run_batch(
     workers: int | None = None,
     progress: Progress = SILENT,
 ) -> BatchReport:
-    """Work on many captures at once; leave those whose results are there and up to date.
+    """Work on many captures (names or folders; all if none is named); leave those whose results are up to date.
 
-    Parameters
-    ----------
-    out : Path
-        Folder of the results.
-    captures : sequence of str
-        Names or folders; all captures of the project if empty.
-    steps : iterable of str
-        Which of `STEPS` to do. Planes alone are evaluated.
-    scheduler : str, optional
-        Address of a Dask scheduler; without it the work is done on this machine, by copies of this process where
-        `core.parallel.can_fork` allows them, else here, one capture after the other.
-    workers : int, optional
-        How many copies; as many as processors if unsaid.
-    progress : Progress
-        Cancelling stops what has not begun; results that are complete stay.
-
-    Returns
-    -------
-    report : BatchReport
-        Also written to ``out / "summary.json"``. A capture that failed is told there, and stops no other.
-
-    Raises
-    ------
-    InputError
-        If a name or a step is unknown, the calibration is missing, or the scheduler does not answer or needs the
-        extra ``batch``, which is not installed.
+    `steps` are of `STEPS`; planes alone are evaluated. Without a Dask scheduler's address the work is done here, by
+    `workers` copies of this process (as many as processors if unsaid) where `core.parallel.can_fork` allows them, else
+    one capture after the other. The report is also in ``out / "summary.json"``; a capture that failed is told there and
+    stops no other. Cancelling stops what has not begun. An unknown name or step, a missing calibration and a scheduler
+    that does not answer, or needs the extra ``batch``, are InputErrors.
     """
     started = time.monotonic()
     chosen = _chosen_steps(steps)

@@ -43,12 +43,8 @@ def run_demo(
 ) -> Demo:
     """Simulate, calibrate both ways, evaluate and report, in a new folder or that of an earlier demo.
 
-    What an earlier demo wrote is replaced; one that was stopped goes on where it was.
-
-    Raises
-    ------
-    InputError
-        If the folder holds what somebody added or changed, by name; nothing has been touched then.
+    What an earlier demo wrote is replaced; one that was stopped goes on where it was. What somebody added or changed is
+    an InputError that names it; nothing has been touched then.
     """
     check_scenario(scenario, seed)  # refuses what it does not know before the earlier demo goes
     made = read_made(out)

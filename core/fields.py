@@ -189,12 +189,8 @@ def regular(path: Path) -> Path:
 def text_of(path: Path, most_bytes: int = DOCUMENT_BYTES) -> str:
     """Read a file of UTF-8 text, whose beginning may be marked.
 
-    Raises
-    ------
-    OSError
-        If it cannot be read, is a pipe or a device, or has more than `most_bytes`; before any of it is read.
-    UnicodeDecodeError
-        If it is not UTF-8.
+    OSError for what cannot be read, a pipe, a device or more than `most_bytes`, before any of it is read;
+    UnicodeDecodeError for other text.
     """
     if (size := regular(path).stat().st_size) > most_bytes:
         raise OSError(errno.EFBIG, f"{size} bytes, more than {most_bytes >> 20} MiB", str(path))
@@ -211,13 +207,7 @@ def kept_object(path: Path) -> dict[str, Any]:
 
 
 def read_document(path: Path, kind: str) -> Fields:
-    """Read a JSON file and check its format name and version.
-
-    Raises
-    ------
-    InputError
-        If it is missing, not JSON, has a field twice, or is of another format or version.
-    """
+    """Read a JSON file of this format; InputError if it is missing, not JSON, has a field twice or another version."""
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)
@@ -252,11 +242,7 @@ def read_table(
     """Read a CSV file with a header; `#` starts a comment; all columns are numbers but those named in `texts`.
 
     Those named in `optional` may be missing, or empty in a row. Numbers are as `Fields.real` would have them.
-
-    Raises
-    ------
-    InputError
-        If a column is missing, a row is too short or too long, or the table is empty.
+    InputError if a column is missing, a row is too short or too long, or the table is empty.
     """
     try:
         lines = text_of(path, TABLE_BYTES).splitlines()

@@ -40,12 +40,8 @@ def limit_threads(count: int) -> None:
 def run_in_bands(function: Callable[[int, int], None], rows: int, least: int = 16) -> None:
     """Call ``function(start, stop)`` for bands that together cover ``range(rows)``, on all processors.
 
-    Parameters
-    ----------
-    function : callable
-        Works on rows start to stop - 1 and touches no others; it should release the interpreter lock.
-    least : int
-        A band has so many rows in the mean at least; small work stays in the calling thread.
+    It works on rows start to stop - 1, touches no others and should release the interpreter lock. A band has `least`
+    rows in the mean; small work stays in the calling thread.
 
     Examples
     --------

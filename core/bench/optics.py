@@ -59,20 +59,9 @@ def line_response(offset_lines: ArrayLike, aperture_lines: float, sigma_lines: A
 
 
 def blurred_lines(lines: ArrayLike, aperture_lines: float, sigmas_lines: Array) -> Array:
-    """Tabulate a line pattern after its apertures and blurs.
+    """Tabulate a line pattern, the transmission (n,) of every line, after its aperture (lines) and blurs (k,).
 
-    Parameters
-    ----------
-    lines : array-like, shape (n,)
-        Transmission of every line; there is nothing beyond them.
-    aperture_lines : float
-        Width of the part of a line that switches.
-    sigmas_lines : array, shape (k,)
-
-    Returns
-    -------
-    table : array, shape (k, (n + 2 PAD) PER_LINE)
-        Entry j belongs to the coordinate ``j / PER_LINE - PAD``.
+    Entry j of the table, (k, (n + 2 PAD) PER_LINE), belongs to the coordinate ``j / PER_LINE - PAD``.
     """
     reach = int(np.ceil(1 + 5.5 * np.max(sigmas_lines)))  # lines on either side that still shine into a place
     b = np.pad(np.asarray(lines, np.float64), PAD + reach)
@@ -102,10 +91,7 @@ def window_tables(lcd: Lcd, lines: int) -> Floats:
 def pixel_weights(subsamples: int, blur_px: float) -> Floats:
     """Weights of the subsamples that form one pixel, along one axis: pixel area and lens blur together.
 
-    Returns
-    -------
-    weights : array, shape (subsamples + 2 m,)
-        Centred on the pixel, sum 1; m subsamples of the neighbours on either side.
+    Shape (subsamples + 2 m,), centred on the pixel, sum 1; m subsamples of the neighbours on either side.
     """
     margin = int(np.ceil(4 * blur_px * subsamples))
     x = (np.arange(-margin, subsamples + margin) + 0.5) / subsamples - 0.5

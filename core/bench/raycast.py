@@ -79,13 +79,9 @@ def pack_scene(scene: Scene) -> PackedScene:
 
 
 def cast(rig: Rig, scene: Scene, per_pixel: int, with_points: bool = False) -> tuple[Samples, Array]:
-    """Cast `per_pixel`² rays through every pixel of the camera.
+    """Cast `per_pixel`² rays through every pixel of the camera; the samples, and where the rays end.
 
-    Returns
-    -------
-    samples : Samples
-    points : array, shape (H s, W s, 3)
-        Where the rays end, mm in the board's frame, NaN where nowhere; shape (0, 0, 3) unless asked for.
+    The points, (H s, W s, 3) mm in the board's frame, are NaN where nowhere; (0, 0, 3) unless asked for.
     """
     shape = (rig.camera.height * per_pixel, rig.camera.width * per_pixel)
     packed = pack_scene(scene)

@@ -32,14 +32,9 @@ class Sensor:
 
 
 def digitise(sensor: Sensor, light: Floats, rng: np.random.Generator) -> Image:
-    """Turn an image of light, shape (H, W) in grey values without offset, into the camera's digital image.
+    """Turn light, (H, W) in grey values without offset, changed in place, into the camera's digital image.
 
-    Parameters
-    ----------
-    light : array, float32
-        Changed in place.
-    rng : numpy Generator
-        Draws H displacements, then H·W normal deviates, whatever the image holds.
+    `rng` draws H displacements, then H·W normal deviates, whatever the image holds.
     """
     shift: Floats = np.float32(sensor.jitter_px) * rng.standard_normal(light.shape[:1], dtype=np.float32)
     noise = rng.standard_normal(light.shape, dtype=np.float32)

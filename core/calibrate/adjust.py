@@ -224,20 +224,8 @@ def _solve_despite(
 ) -> tuple[Solved, int, Warnings]:
     """Solve, where gross errors lead least squares astray from a robust solution or, if rejecting, without them.
 
-    Few points that would have to lie behind a device are left out first, in so many passes.
-
-    Returns
-    -------
-    solved : Solved
-    lost : int
-        Number of observations left out.
-    warnings : Warnings
-        Points and stations left out with them.
-
-    Raises
-    ------
-    AdjustmentError
-        Naming the gross errors if they alone keep it from being solved.
+    Few points that would have to lie behind a device are left out first, in so many passes. Also gives how many
+    observations were left out, and names the points and stations left out with them.
     """
     try:
         return _solve(network, problem, state, options, progress), 0, []

@@ -65,8 +65,6 @@ def solve(problem: Problem, reduced: Reduced) -> Step:
 def invert(problem: Problem, reduced: Reduced) -> Inverse:
     """Cofactors of all unknowns in the free network of least trace.
 
-    Notes
-    -----
     With D the constraints' columns (points only) and H the null space of the reduced normals N (in a rigid rig without
     measured distance its scale column reaches the relative orientations too)::
 

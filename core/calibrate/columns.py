@@ -43,21 +43,10 @@ def resect_columns(
 ) -> tuple[Pose, Array] | None:
     """Orientation relative to the base device, and interior orientation, from one coordinate at all known poses.
 
-    Parameters
-    ----------
-    interior : array, shape (9,)
-        Nominal; c and principal point are replaced where they come out plausible.
-    rotation, shift : arrays, shape (P, 3, 3) and (P, 3)
-        ``base_from_object`` of the poses, NaN shift where unknown.
-
-    Returns
-    -------
-    None where the points are too few or in one plane.
-
-    Notes
-    -----
-    ``x = p1 . P / p3 . P`` with P homogeneous in the base device's frame is linear in the two rows p1 and p3 (direct
-    linear transformation of a line camera).
+    c and principal point of the nominal `interior` are replaced where they come out plausible; `rotation` (P, 3, 3) and
+    `shift` (P, 3), NaN where unknown, are ``base_from_object``. None where the points are too few or in one plane. ``x
+    = p1 . P / p3 . P`` with P homogeneous in the base device's frame is linear in the two rows p1 and p3 (direct linear
+    transformation of a line camera).
     """
     own = np.flatnonzero((problem.device == device) & np.isfinite(shift[problem.pose, 0]))
     axis = int(not np.any(problem.root_weight[own, 0] > 0))

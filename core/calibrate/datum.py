@@ -11,14 +11,9 @@ from core.model import Array
 
 
 def datum_columns(xyz: Array, free: Array) -> Array:
-    """Movements of points that nothing else determines, shape (3n, defect), orthonormal columns.
+    """Movements of points (n, 3) that nothing else determines, shape (3n, defect), orthonormal columns.
 
-    Parameters
-    ----------
-    xyz : array, shape (n, 3)
-        Points, mm.
-    free : array, shape (7, defect)
-        Combinations of shifts, turns and change of scale, see `Problem.free_movements`.
+    `free`, (7, defect), combines shifts, turns and change of scale, see `Problem.free_movements`.
 
     Examples
     --------

@@ -10,12 +10,9 @@ from core.numerics import factor_of, inverse_by, solution_by
 
 
 def factorise(M: Array) -> Factor:
-    """Factorise a symmetric positive definite matrix, shape (U, U), which is overwritten.
+    """Factorise a symmetric positive definite matrix, (U, U), which is overwritten.
 
-    Raises
-    ------
-    SingularNormalsError
-        With the direction the matrix does not determine.
+    A SingularNormalsError has the direction the matrix does not determine.
     """
     diagonal = np.diagonal(M).copy()
     if not np.all(diagonal > 0):

@@ -189,12 +189,8 @@ def _check(camera: DeviceSpec, planes: Sequence[DepthPlane], options: DepthOptio
 
 
 def choose_axis(phases: Sequence[PhaseMap]) -> Literal["u", "v"]:
-    """Name the projector coordinate that changes more, in units of its sigma, while the plate moves.
-
-    Parameters
-    ----------
-    phases : sequence of PhaseMap
-        In the order of the plate's positions.
+    """Name the coordinate that changes more, in its sigmas, while the plate moves; `phases` are in the plate's
+    order.
     """
     scores = []
     for values, sigmas in (

@@ -98,23 +98,10 @@ def orient_camera(
     *,
     interior: tuple[Interior, Array] | None = None,
 ) -> PlateCamera:
-    """Orient the camera by the plate's targets.
+    """Orient the camera by the plate's targets; positions with fewer than 4 do not count.
 
-    Parameters
-    ----------
-    planes : sequence of TargetPlane
-        Positions with fewer than 4 targets do not count.
-    interior : (Interior, array), optional
-        From another calibration, with its covariance (k, k).
-
-    Returns
-    -------
-    oriented : PlateCamera
-
-    Raises
-    ------
-    AdjustmentError
-        If the targets do not fit any pose of the plate.
+    `interior` is from another calibration, with its covariance (k, k). AdjustmentError if the targets fit no pose of
+    the plate.
     """
     usable = [plane for plane in planes if len(plane.uv) >= LEAST_TARGETS]
     if not usable:

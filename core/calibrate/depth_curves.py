@@ -28,25 +28,11 @@ class Curves:
 
 
 def fit_polynomials(depths_mm: Array, used: Floats, measured: Floats, degree: int, least: int) -> Curves:
-    """Fit a polynomial z(t), t = (u - centre) / half, to every pixel.
+    """Fit a polynomial z(t), t = (u - centre) / half, to every pixel of at least `least` planes, at rising depths.
 
-    Parameters
-    ----------
-    depths_mm : array, shape (planes,)
-        Rising.
-    used, measured : arrays, shape (planes, H, W)
-        The coordinates to fit, NaN where invalid, and those (unsmoothed) by which the residuals are judged.
-    least : int
-        Pixels with fewer planes are left out.
-
-    Returns
-    -------
-    curves : Curves
-
-    Notes
-    -----
-    All planes have the same weight: the sigma of u, estimated from a few frames, varies more by its own uncertainty
-    than from plane to plane.
+    `used`, (planes, H, W), NaN where invalid, is fitted; by `measured`, unsmoothed, the residuals are judged. All
+    planes have the same weight: the sigma of u, estimated from a few frames, varies more by its own uncertainty than
+    from plane to plane.
     """
     _, height, width = used.shape
     coefficients = np.full((degree + 1, height, width), np.nan, np.float32)

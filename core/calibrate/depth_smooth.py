@@ -39,26 +39,12 @@ FILL_FACTOR = 5.0  # width of the Gaussian that fills gaps, in units of the low-
 def smooth_maps(
     maps: Floats, modulations: Sequence[Floats], sigmas: Sequence[Floats], sigma_px: float, progress: Progress = SILENT
 ) -> tuple[Floats, Floats, Floats]:
-    """Smooth the coordinate maps of a plate by a Gaussian of standard deviation `sigma_px`.
+    """Smooth a plate's coordinate maps, (planes, H, W) lines, by a Gaussian of `sigma_px`; 0 leaves them alone.
 
-    Parameters
-    ----------
-    maps : array, shape (planes, H, W)
-        In lines, NaN where invalid.
-    modulations, sigmas : sequences of arrays, shape (H, W)
-        Of the same planes, grey values and lines.
-    sigma_px : float
-        With 0 the maps are returned as they are.
-
-    Returns
-    -------
-    smoothed : array, shape (planes, H, W)
-        Gaps and disturbed pixels are filled from around where they are small; at the plate's border disturbed pixels
-        are NaN. Pixels far off the plate's trend, or that do not move with it, stay as they are.
-    undisturbed : array, shape (planes, H, W)
-        The maps themselves, NaN where disturbed.
-    variance : array, shape (H, W)
-        What the smoothed maps have left of their noise, lines², mean of the planes.
+    Gives the smoothed maps, the maps themselves with disturbed pixels NaN, and what the smoothed have left of their
+    noise, (H, W) lines², mean of the planes. Gaps and disturbed pixels are filled from around where they are small; at
+    the plate's border disturbed pixels are NaN. Pixels far off the plate's trend, or that do not move with it, stay as
+    they are.
     """
     smoothed, undisturbed, variance = maps, maps, np.stack(sigmas).astype(np.float32) ** 2
     if sigma_px > 0:

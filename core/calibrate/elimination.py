@@ -13,14 +13,8 @@ Reduced = by_points.Reduced | by_poses.Reduced
 def reduce(problem: Problem, state: State, damping: float = 0.0, normals: Normals | None = None) -> Reduced:
     """Normal equations at a state, reduced, given their datum and factorised.
 
-    Parameters
-    ----------
-    problem, state
-        The network, and where its unknowns stand.
-    damping : float
-        All diagonals are multiplied by 1 + damping (Levenberg, Marquardt).
-    normals : Normals, optional
-        What `assemble` gives with that damping, where the caller has changed it; it is overwritten.
+    All diagonals are multiplied by 1 + damping (Levenberg, Marquardt). `normals` are what `assemble` gives with that
+    damping, where the caller has changed it; they are overwritten.
     """
     method = by_points if problem.by_points else by_poses
     return method.reduce(problem, state, normals or assemble(problem, state, damping), damping)

@@ -53,21 +53,12 @@ def wrong_group(
 ) -> Group | None:
     """Find the image, or all images of a capture, without which the rest agrees best; None where none is off.
 
-    Parameters
-    ----------
-    problem : Problem
-        The network's, with every device's variances multiplied by its factor.
-    state : State
-        Its least-squares solution.
-    size : array, shape (m,)
-        Sizes of the normalised residuals there.
-
-    Notes
-    -----
-    By how much vᵀPv falls when a group is taken out, per observation that it had to spare, over the variance of unit
-    weight of the rest, is F distributed if the group is good. Source: Teunissen, *Testing theory*, 2000, section 4.
-    The smallest group is taken that explains the misfit alone: one of a capture's images, if without it, and not
-    without another one, the rest of the capture fits. A camera and a projector cannot be told apart by that.
+    The variances of `problem` are multiplied by the devices' factors, `state` is its solution, `size` (m,) the
+    normalised residuals there. By how much vᵀPv falls when a group is taken out, per observation that it had to spare,
+    over the variance of unit weight of the rest, is F distributed if the group is good. Source: Teunissen, *Testing
+    theory*, 2000, section 4. The smallest group is taken that explains the misfit alone: one of a capture's images, if
+    without it, and not without another one, the rest of the capture fits. A camera and a projector cannot be told apart
+    by that.
     """
     station = network.observation_station[problem.order]
     suspects = _suspects(problem, station, size)

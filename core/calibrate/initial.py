@@ -34,10 +34,7 @@ ENOUGH_SAMPLES = 300  # among which the rotation in the middle is sought
 def initial_state(network: Network, problem: Problem) -> State:
     """Approximate values of all unknowns of a network.
 
-    Raises
-    ------
-    AdjustmentError
-        If the pose of a station, or the orientation of a rigid device relative to its base, cannot be found.
+    AdjustmentError if the pose of a station, or the orientation of a rigid device to its base, cannot be found.
     """
     known = known_points(network)
     if known.all() or not known.any():
@@ -72,8 +69,6 @@ def _of_known_points(network: Network, known: NDArray[np.bool_]) -> Network:
 def _intersected(problem: Problem, state: State, known: NDArray[np.bool_]) -> State:
     """Intersect the points that are not known from the oriented stations.
 
-    Notes
-    -----
     ``x Z + c X = 0`` and its twin in y are linear in a point's coordinates. Poses that fit worse than most count less.
     """
     at = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2] * [1, -1]
@@ -131,13 +126,7 @@ def misplaced(network: Network, problem: Problem, state: State) -> tuple[Network
 
 
 def oriented_anew(network: Network, problem: Problem, state: State) -> State:
-    """Orient all stations again, on the points of a solution in place of the approximate ones.
-
-    Raises
-    ------
-    AdjustmentError
-        If a station cannot be oriented on them.
-    """
+    """Orient all stations again, on the points of a solution; AdjustmentError if one cannot be oriented on them."""
     there = replace(network, point_xyz_mm=state.xyz + problem.origin_mm)
     other = problem_of(there)
     shift = problem.origin_mm - other.origin_mm

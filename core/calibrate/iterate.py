@@ -67,12 +67,7 @@ def iterate(
     Every step keeps the inner constraints. The last one is undamped, and what remains after it is shorter than
     `tolerance` sigmas, judged by the ratio of the last two, or is lost in the rounding of vᵀPv. The progress's course
     is told "sigma0" before every step and the step's length in sigmas, all unknowns together, as "correction".
-
-    Raises
-    ------
-    NotConvergedError
-    SingularNormalsError
-        If the observations do not determine the unknowns.
+    NotConvergedError, or SingularNormalsError if the observations do not determine the unknowns.
     """
     state = aligned(problem, state)
     cost = cost_of(problem, state)

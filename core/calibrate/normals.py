@@ -205,12 +205,7 @@ def _normals_band(  # pragma: no cover  compiled
 def assemble(problem: Problem, state: State, damping: float = 0.0) -> Normals:
     """Add up the normal equations at a state and eliminate, bands of blocks on threads.
 
-    The diagonals of the eliminated blocks are multiplied by 1 + damping.
-
-    Raises
-    ------
-    SingularNormalsError
-        Naming the block.
+    The diagonals of the eliminated blocks are multiplied by 1 + damping. A SingularNormalsError names the block.
     """
     layout = layout_of(problem)
     E, G, n = len(problem.first) - 1, problem.globals, layout.kept_count

@@ -166,17 +166,11 @@ def never_observed(network: Network) -> dict[str, str]:
 
 
 def problem_of(network: Network, *, by_points: bool | None = None) -> Problem:
-    """Number a network's unknowns and sort its observations by what is to be eliminated.
+    """Number a network's unknowns and sort its observations by what is to be eliminated; devices without stations are
+    held.
 
-    Parameters
-    ----------
-    by_points : bool or None
-        Eliminate the points, not the poses; None decides by their numbers. The results are the same.
-
-    Notes
-    -----
     Poses are eliminated while the system of the points that remains is small: it then grows with the board, not with
-    the experiment. Devices without stations are held.
+    the experiment. `by_points` decides otherwise; the results are the same.
     """
     names = tuple(network.devices)
     number = {name: k for k, name in enumerate(names)}

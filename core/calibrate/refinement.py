@@ -177,11 +177,7 @@ def _refine_band(  # pragma: no cover  compiled
 def refined(problem: Problem, state: State) -> tuple[State, Array]:
     """Improve the poses one by one with all else held, each with its own damping.
 
-    Returns
-    -------
-    state : State
-    sums : array, shape (poses,)
-        Of the residuals of every pose, as `robust_factors` gives them.
+    Also gives the sums (poses,) of the residuals of every pose, as `robust_factors` gives them.
     """
     state = replace(state, pose_rotation=state.pose_rotation.copy(), pose_shift=state.pose_shift.copy())
     sums = np.empty(problem.poses)

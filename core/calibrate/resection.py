@@ -19,16 +19,8 @@ _CV_FROM_DEVICE = np.diag([1.0, -1.0, -1.0])  # OpenCV's camera looks along +Z w
 def resect(points: Array, tangents: Array) -> list[Pose]:
     """All ``device_from_object`` that explain a view, those behind the device left out: a few.
 
-    Parameters
-    ----------
-    points : array, shape (n, 3)
-        At least 4, mm in the object frame.
-    tangents : array, shape (n, 2)
-        Collinearity image over principal distance, ``-X/Z`` and ``-Y/Z`` of each point in the device frame.
-
-    Notes
-    -----
-    A flat field seen with little perspective fits two poses almost equally (Collins, Bartoli, *Infinitesimal
+    At least 4 points, (n, 3) mm in the object frame; their tangents (n, 2) are ``-X/Z`` and ``-Y/Z`` in the device
+    frame. A flat field seen with little perspective fits two poses almost equally (Collins, Bartoli, *Infinitesimal
     plane-based pose estimation*, IJCV 109, 2014); the general solution is that of Terzakis, Lourakis, *A consistently
     fast and globally optimal solution to the perspective-n-point problem*, ECCV 2020.
     """
@@ -53,8 +45,6 @@ def resect(points: Array, tangents: Array) -> list[Pose]:
 def resect_despite_errors(points: Array, tangents: Array) -> list[Pose]:
     """As `resect`, from the points that agree where some are wrong.
 
-    Notes
-    -----
     Of the poses of random draws, that of the least median residual tells which points agree (Rousseeuw, *Least median
     of squares regression*, JASA 79, 1984).
     """

@@ -95,28 +95,12 @@ def _solution(network: Network, problem: Problem, state: State, progress: Progre
 
 
 def mean_relative_poses(solved: Solved, groups: Sequence[int], devices: Sequence[int]) -> tuple[list[Pose], Array]:
-    """Weighted means of a free adjustment's relative orientations of devices.
+    """Weighted means of a free adjustment's orientations of devices, each relative to its base device.
 
-    Parameters
-    ----------
-    solved : Solved
-        All stations free.
-    groups : sequence of int
-        The pose of every station, were the rig rigid.
-    devices : sequence of int
-        Numbers of the devices; each mean is relative to its base device.
-
-    Returns
-    -------
-    other_from_base : list of Pose
-    covariance : array
-        Posterior, of all interior orientations and each mean's rotation vector (rad, left perturbation) and
-        translation (mm), in this order.
-
-    Notes
-    -----
-    Each pose is weighted by the inverse of its own covariance; the means' covariance is propagated from those of all
-    stations and interior orientations together, correlations included.
+    `groups` has the pose of every station, were the rig rigid. The covariance is posterior, of all interior
+    orientations and each mean's rotation vector (rad, left perturbation) and translation (mm), in this order. Each pose
+    is weighted by the inverse of its own covariance; the means' covariance is propagated from those of all stations and
+    interior orientations together, correlations included.
     """
     rigid = problem_of(replace(solved.network, station_pose=tuple(groups)))
     Q = pose_cofactors(solved.problem, solved.inverse)

@@ -26,16 +26,10 @@ LEAST_UNIT = 1e-6  # sigmas: what observations without noise leave is rounding
 def robust_state(problem: Problem, state: State) -> State:
     """Unknowns on which the bulk of the observations agrees, from approximate values.
 
-    Raises
-    ------
-    SingularNormalsError
-        If the observations do not determine the unknowns.
-
-    Notes
-    -----
     Cauchy's weights ``1 / (1 + (v / k s)²)``, with the scale s, a median, taken anew before every step: it is large
     while the approximate points are wrong and falls with their misfit (Holland, Welsch, *Robust regression using
-    iteratively reweighted least-squares*, Communications in Statistics 6, 1977).
+    iteratively reweighted least-squares*, Communications in Statistics 6, 1977). SingularNormalsError if the
+    observations do not determine the unknowns.
     """
     state, damping = aligned(problem, state), 0.0
     for _ in range(ITERATIONS):

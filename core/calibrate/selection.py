@@ -59,13 +59,7 @@ def selected(network: Network, observations: Bools) -> Network:
 
 
 def check_network(network: Network) -> None:
-    """Refuse a network whose numbers mean nothing.
-
-    Raises
-    ------
-    InputError
-        Naming the device, station, point or observation.
-    """
+    """Refuse a network whose numbers mean nothing; the InputError names the device, station, point or observation."""
     for name, device in network.devices.items():
         names = lens_of(device.spec).names
         unknown = [p for p in device.estimate or () if p not in names]
@@ -117,16 +111,7 @@ def _observation(network: Network, row: int) -> str:
 def adjustable(network: Network) -> tuple[Network, Warnings]:
     """Leave out points seen from one place only and stations with too few points, until all can be adjusted.
 
-    Returns
-    -------
-    network : Network
-    warnings : Warnings
-        Names of what was left out.
-
-    Raises
-    ------
-    AdjustmentError
-        If too little is left, or the rest falls into parts that share no points.
+    The warnings name what was left out. AdjustmentError if too little is left, or in parts that share no points.
     """
     warnings: Warnings = []
     if len(np.unique(network.observation_station)) < len(network.station_names):

@@ -70,10 +70,7 @@ def check_estimable(
 ) -> list[str]:
     """Refuse what the network does not determine; return warnings of what it determines poorly.
 
-    Raises
-    ------
-    AdjustmentError
-        Naming the parameters or points, what their sigmas would be, and the remedy.
+    The AdjustmentError names the parameters or points, what their sigmas would be, and the remedy.
     """
     variance = usual_variance(problem, equations)
     return _poor_parameters(problem, equations, inverse, variance) + _poor_points(
@@ -294,14 +291,8 @@ def _no_convergence(R: Array, estimated: list[str]) -> str:
 
 
 def empty_corners(uv: Array, size: Array) -> list[str]:
-    """Name the corners of an image, a quarter of its width and height each, that hold no image point.
-
-    Parameters
-    ----------
-    uv : array, shape (n, 2)
-        px
-    size : array, shape (2,)
-        Width and height, px.
+    """Name the corners of an image (its size in px), a quarter of its width and height each, that hold none of `uv` (n,
+    2).
 
     Examples
     --------

@@ -121,10 +121,8 @@ def pose_plates(
 def intersect_targets(calibration: Pair, uv: Array, lines: Array, sigma: Array) -> tuple[Array, Array, Array]:
     """Give the points of targets, (n, 3) mm, and the fourth observation's residual and sigma, (n,) lines.
 
-    Parameters
-    ----------
-    uv, lines, sigma : array, shape (n, 2)
-        Camera's and projector's coordinates, and the sigmas of the projector's; NaN where not decoded.
+    `uv` and `lines`, (n, 2), are the camera's and projector's coordinates, `sigma` the projector's; NaN where not
+    decoded.
     """
     spec, interior = calibration.camera.spec, calibration.camera.interior
     rays = ray_directions(spec, interior, uv)

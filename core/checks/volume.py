@@ -61,13 +61,7 @@ def working_depths(pair: Pair, adjustment: Adjustment | None, camera: str) -> Ar
 
 
 def volume_of(pair: Pair, depths_mm: Array) -> Volume:
-    """Make the nodes of a calibration's volume.
-
-    Raises
-    ------
-    InputError
-        If the projector lights nothing that the camera sees at these depths.
-    """
+    """Make the nodes of a calibration's volume; InputError if the projector lights nothing the camera sees there."""
     spec, lit = pair.camera.spec, pair.projector.spec
     step = max(spec.width, spec.height) / GRID
     rows, columns = (max(round(side / step), 2) for side in (spec.height, spec.width))

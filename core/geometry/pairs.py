@@ -26,19 +26,10 @@ def orientation_names(name: str) -> tuple[str, ...]:
 
 
 def relative_derivatives(base_shift: Array, relative: Pose) -> tuple[Array, Array]:
-    """How an orientation ``other_from_base`` follows from those of both to a third frame.
+    """Change (6, 6) of ``other_from_base`` with the orientations of base and other to a third frame.
 
-    Parameters
-    ----------
-    base_shift : array, shape (3,)
-        Translation of ``base_from_third``, mm.
-    relative : Pose
-        ``other_from_base``.
-
-    Returns
-    -------
-    by_base, by_other : arrays, shape (6, 6)
-        Rotation vectors turn from the left.
+    `base_shift` is the translation of ``base_from_third``, mm, `relative` is ``other_from_base``. Rotation vectors turn
+    from the left.
     """
     R, arm = relative.rotation, relative.rotation @ base_shift
     cross = cross_matrix(arm)

@@ -72,10 +72,7 @@ LENGTHS: dict[str, Distance] = {"points": _points, "balls": _balls, "planes": _p
 def measured_length(known: KnownLength, phase: PhaseMap, pair: Pair) -> tuple[float, float, Array]:
     """Give a length as a pair of devices measures it, its sigma by noise, and its change with the parameters (k,).
 
-    Raises
-    ------
-    InputError
-        If the features have too few pixels with both coordinates.
+    InputError if the features have too few pixels with both coordinates.
     """
     found = []
     for u, v, radius in known.ends:

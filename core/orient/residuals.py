@@ -177,8 +177,6 @@ def of_middles(sight: Sight, side: int, pair: Pair) -> Sight:
 def epipolar_residuals(sight: Sight, pair: Pair) -> Residuals:
     """Compute the residuals and the points of all places.
 
-    Notes
-    -----
     The epipolar residual is stationary in q, so that q may come from the place where both rays come closest; the points
     are one step of least squares from there.
     """

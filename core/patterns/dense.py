@@ -23,14 +23,9 @@ STARTS = 8  # words before the first line, for the runs to begin evenly
 
 @lru_cache(maxsize=32)
 def dense_words(lines: int, frames: int, blur_lines: float = 0.55, seed: int = 0) -> NDArray[np.uint8]:
-    """Choose the words, shape (lines, frames), 0 or 1.
+    """Choose the words, shape (lines, frames), 0 or 1; equal arguments give equal words.
 
-    Parameters
-    ----------
-    blur_lines : float
-        Gaussian sigma of the expected blur: two words are compared as they will be seen.
-    seed : int
-        Equal arguments give equal words.
+    Two words are compared as they will be seen through a Gaussian blur of this sigma.
 
     Examples
     --------

@@ -37,12 +37,8 @@ class CrossPatternLcd:
     height: int = 640
 
     def switch(self, pattern: Pattern) -> tuple[Lines, Lines]:
-        """Give the column lines, shape (width,), and row lines, shape (height,), that show a pattern.
-
-        Raises
-        ------
-        PatternRefusedError
-            For grey values between black and white.
+        """Give the column lines (width,) and row lines (height,) that show a pattern; greys are a
+        PatternRefusedError.
         """
         if reason := grey_reason(pattern):
             raise PatternRefusedError("projector", describe(pattern), f"this LCD is black or white, and {reason}")

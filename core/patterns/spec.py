@@ -33,12 +33,7 @@ class SequenceSpec:
     devices: tuple[tuple[str, str], ...] = ()
 
     def patterns(self, lines: Size, where: str = "sequence") -> tuple[Pattern, ...]:
-        """Give the patterns for a projector of so many columns and rows.
-
-        Raises
-        ------
-        InputError
-            For a list that was made for another size.
+        """Give the patterns for a projector of so many columns and rows; a list made for another size is an InputError.
 
         Examples
         --------

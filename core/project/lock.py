@@ -63,12 +63,8 @@ def read_only(folder: Path) -> bool:
 def writing_results(folder: Path, work: str) -> Iterator[None]:
     """Be the one who writes into a project's results; nested calls of one thread are one.
 
-    Raises
-    ------
-    BusyError
-        If another program, or another thread of this one, is writing there: told at once, by whom and since when.
-    InputError
-        If nothing can be written there.
+    BusyError at once, by whom and since when, if another program, or another thread of this one, is writing there;
+    InputError if nothing can be written.
     """
     results = Path(folder) / "results"
     new = not results.exists()

@@ -61,10 +61,7 @@ def foreign(folder: Path, own: Collection[str] = ()) -> list[str]:
 def remove_made(folder: Path, own: Collection[str] = ()) -> None:
     """Remove what this program wrote into a folder, if there is nothing else.
 
-    Raises
-    ------
-    InputError
-        Naming what somebody added or changed; nothing has been removed then.
+    An InputError names what somebody added or changed; nothing has been removed then.
     """
     others = foreign(folder, own)
     if others:

@@ -143,11 +143,6 @@ def _rigid_groups(fields: Fields, stations: dict[str, str]) -> tuple[int, ...]:
     """Number the poses: stations of devices held to each other share one.
 
     Those that name the same "pose" do, or without any name the first, the second ... of each device.
-
-    Raises
-    ------
-    InputError
-        If a device is held to one that is not there, or what belongs together cannot be told.
     """
     devices, held = fields.nested("devices"), {}
     for name in devices.data:

@@ -62,13 +62,7 @@ SHAPES: dict[str, dict[str, str]] = {
 
 
 def check_fields(value: Any) -> None:
-    """See that every field of a dataclass has the type and the shape that it should have.
-
-    Raises
-    ------
-    ValueError
-        Naming the first that has not.
-    """
+    """See that every field of a dataclass has its type and shape; a ValueError names the first that has not."""
     kind = type(value)
     for name, hint in _hints(cast(Hashable, kind)).items():
         if not _fits(getattr(value, name), hint):

@@ -94,13 +94,9 @@ def _usual_sigma(spec: DeviceSpec) -> Array:
 def _referred(interior: Interior, r0_mm: float) -> Interior:
     """Give the same imaging with the radial terms' zero crossing at another radius.
 
-    Notes
-    -----
-    Image coordinates scale with c, so a change of r0 leaves ``c (1 - A1 r0² - A2 r0⁴)``, ``c³ A1``, ``c⁵ A2``,
-    ``c² A5`` and ``c² A6`` alone. c follows from the first by Newton's method.
+    Image coordinates scale with c, so a change of r0 leaves ``c (1 - A1 r0² - A2 r0⁴)``, ``c³ A1``, ``c⁵ A2``, ``c²
+    A5`` and ``c² A6`` alone. c follows from the first by Newton's method.
 
-    Examples
-    --------
     >>> moved = _referred(Interior(12.0, a=(-6e-4, 0, 0, 0, 0, 0), r0_mm=2.5), 0.0)
     >>> round(moved.c_mm, 6)  # 12 (1 + 6e-4 · 2.5²)
     12.045
