@@ -129,11 +129,8 @@ class Job(QObject):
 class JobQueue(QObject):
     """Runs jobs in order, one at a time.
 
-    Parameters
-    ----------
-    latest_only : bool
-        For previews: a new job stops the running one and takes the place of those that wait. What was stopped is not
-        shown even if it came through: the operator looks at something else by now.
+    With `latest_only`, for previews, a new job stops the running one and takes the place of those that wait. What was
+    stopped is not shown even if it came through: the operator looks at something else by now.
     """
 
     changed = Signal()  # a job started, moved on or ended

@@ -19,13 +19,7 @@ _GLIB = re.compile(r"lib(g[a-z]+)-2\.0\.so\.0")
 
 
 def missing_libraries(environment: Mapping[str, str]) -> list[str]:
-    """Name the libraries that a window of PySide6 would need here and that are not there.
-
-    Parameters
-    ----------
-    environment : mapping
-        Says which of Qt's platforms would be taken.
-    """
+    """Name the libraries that a window of PySide6 would need here and that are not there."""
     spec = find_spec("PySide6")
     if spec is None or not spec.submodule_search_locations:
         return []

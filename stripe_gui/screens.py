@@ -156,13 +156,7 @@ class Courier(QObject):
         return QThread.currentThread() == self.thread()
 
     def call(self, function: Callable[[], Any]) -> Any:
-        """Call a function over there.
-
-        Raises
-        ------
-        DeviceError
-            If the program's thread does not answer.
-        """
+        """Call a function over there; DeviceError if the program's thread does not answer."""
         if self.at_home:
             return function()
         done = threading.Event()
@@ -205,10 +199,7 @@ class ScreenSurface:
     def present(self, image: NDArray[np.uint8]) -> None:
         """Show an image (H, W) of the surface's size; returns once it was painted.
 
-        Raises
-        ------
-        DeviceError
-            If the window is gone or cannot be seen, or the image is of another size.
+        DeviceError if the window is gone or cannot be seen, or the image is of another size.
         """
         end = time.monotonic() + PATIENCE_S
         while not self._courier.call(lambda: self._paint(image)):

@@ -61,10 +61,7 @@ class Session(QObject):
     def open(self, path: Path) -> None:
         """Open the project in a folder (or of its project.json).
 
-        Raises
-        ------
-        InputError
-            If there is no usable project; the one that was open stays open.
+        InputError if there is no usable project; the one that was open stays open.
         """
         from stripe_gui.presenters.status import stage_statuses
 
@@ -92,13 +89,7 @@ class Session(QObject):
             self.project_changed.emit()
 
     def refresh(self) -> None:
-        """Look at the folder again.
-
-        Raises
-        ------
-        InputError
-            If project.json cannot be used any more; the project is closed then.
-        """
+        """Look at the folder again; InputError if project.json cannot be used any more: the project is closed then."""
         if self._folder is None:
             return
         from stripe_gui.presenters.status import stage_statuses

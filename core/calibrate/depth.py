@@ -189,9 +189,7 @@ def _check(camera: DeviceSpec, planes: Sequence[DepthPlane], options: DepthOptio
 
 
 def choose_axis(phases: Sequence[PhaseMap]) -> Literal["u", "v"]:
-    """Name the coordinate that changes more, in its sigmas, while the plate moves; `phases` are in the plate's
-    order.
-    """
+    """Name the coordinate that changes more, in its sigmas, while the plate moves; `phases` in the plate's order."""
     scores = []
     for values, sigmas in (
         ([p.u for p in phases], [p.sigma_u for p in phases]),

@@ -166,11 +166,10 @@ def never_observed(network: Network) -> dict[str, str]:
 
 
 def problem_of(network: Network, *, by_points: bool | None = None) -> Problem:
-    """Number a network's unknowns and sort its observations by what is to be eliminated; devices without stations are
-    held.
+    """Number a network's unknowns and sort its observations by what is to be eliminated.
 
-    Poses are eliminated while the system of the points that remains is small: it then grows with the board, not with
-    the experiment. `by_points` decides otherwise; the results are the same.
+    Devices without stations are held. Poses are eliminated while the system of the points that remains is small: it
+    then grows with the board, not with the experiment. `by_points` decides otherwise; the results are the same.
     """
     names = tuple(network.devices)
     number = {name: k for k, name in enumerate(names)}

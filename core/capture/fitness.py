@@ -157,14 +157,8 @@ def orientation(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> Finding
 def visibility(depths_mm: Sequence[float], stacks: Sequence[Sequence[Array]], noise: float) -> Finding:
     """Judge the finest stripes over the working depth.
 
-    Parameters
-    ----------
-    depths_mm : sequence of float
-        Where the plate stood.
-    stacks : sequence of sequences of array, all of one shape at a depth
-        The phase steps of the finest period at each depth, where the projector lights the plate.
-    noise : float
-        Standard deviation of a grey value.
+    For each depth of the plate its phase steps of the finest period, where the projector lights it, all of one shape;
+    `noise` is the sigma of a grey value.
     """
     swing = [float(np.median(np.ptp(np.stack(list(stack)), axis=0))) / 2 for stack in stacks]
     curve = tuple(zip([float(d) for d in depths_mm], swing, strict=True))

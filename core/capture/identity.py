@@ -39,17 +39,8 @@ SCATTERED = 0.8  # of the pixels: so many contradict where light is scattered, w
 def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
     """See that every shot shows its pattern, in a finding for the plain frames and one for each axis.
 
-    Parameters
-    ----------
-    sampled : Sampled
-        Of all shots, guards included.
-    lines : (int, int)
-        The projector's columns and rows.
-
-    Returns
-    -------
-    findings : list of Finding
-        Level bad with the shots to take again where frames contradict each other.
+    Samples are of all shots, guards included; `lines` are the projector's columns and rows. A finding is bad, with the
+    shots to take again, where frames contradict each other.
     """
     lit = np.flatnonzero(sampled.lit)
     if len(lit) < LIT * len(sampled.lit):
@@ -78,14 +69,10 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
 
 
 def coordinates(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Look up which projector column and row the lit pixels see, roughly, and how well the frames agree.
+    """Look up which projector column and row the lit pixels see, roughly, and how well the frames agree; each (n,).
 
-    Returns
-    -------
-    u, v : array, shape (n,)
-        In lines; NaN for an axis without patterns.
-    misfit : array, shape (n,)
-        Root mean square difference from the patterns of that column and row, white = 1.
+    Lines are NaN for an axis without patterns; the misfit is the r.m.s. difference from the patterns of that column and
+    row, white = 1.
     """
     lit = np.flatnonzero(sampled.lit)
     contrast = (sampled.white - sampled.black)[lit]

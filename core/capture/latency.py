@@ -64,13 +64,7 @@ def probe_light(projector_url: str, camera_url: str, progress: Progress = SILENT
 
 
 def measure_latency(projector: Projector, camera: Camera, flashes: int = 20, check: Check = no_check) -> Latency:
-    """Flash white and black in turn, and take images until they show it.
-
-    Raises
-    ------
-    DeviceError
-        If a device fails, or the camera does not see the flashes.
-    """
+    """Flash white and black in turn, and take images until they show it; DeviceError if the camera does not see it."""
 
     def level(pattern: Pattern) -> float:
         projector.show(pattern, check)

@@ -66,14 +66,9 @@ def continuous(
 
 
 class Continuous:
-    """A projector and a camera that take the same sequence again and again.
+    """A projector and a camera, open and of the project's sizes, that take the same sequence again and again.
 
-    Parameters
-    ----------
-    projector, camera : Projector, Camera
-        Open devices of the project's sizes.
-    patterns : sequence of Pattern, optional
-        Without it what `sequence_for` chooses.
+    Without patterns it is what `sequence_for` chooses.
     """
 
     def __init__(
@@ -90,13 +85,7 @@ class Continuous:
         self._loop.again_when_moved = False  # things move between sequences: that is why somebody looks
 
     def take(self, progress: Progress = SILENT) -> Taken:
-        """Take one sequence.
-
-        Raises
-        ------
-        DeviceError
-            If a device fails, or frames still do not show what they claim after the tries of a capture.
-        """
+        """Take one sequence; DeviceError if frames do not show what they claim after the tries of a capture."""
         begun = time.monotonic()
         store = self._loop.store = Memory(Path("live"), self.plan)
         report = self._loop.run(progress)

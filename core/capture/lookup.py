@@ -93,14 +93,9 @@ def as_blurred(fit: Fit, best: Numbers) -> Fit:
 
 
 def leave_one_out(fit: Fit, few: Numbers, limit: Array, tolerance: Array, rows: Numbers) -> LeftOut:
-    """Look pixels up again without frame j, for every j, and compare the frame with what the others say of it.
+    """Look `few` pixels up again without frame j, for every j, and compare the frame with what the others say of it.
 
-    Parameters
-    ----------
-    few : array, shape (n,)
-        Which pixels.
-    limit, tolerance, rows : array, shape (n,)
-        Squared distance above which the others contradict each other; noise, white = 1; image rows.
+    For each, (n,): the squared distance above which the others contradict each other; noise, white = 1; image row.
     """
     result = LeftOut([], [], [], [])
     values, weight = fit.values[:, few], fit.weight[:, None]

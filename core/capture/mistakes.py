@@ -35,14 +35,8 @@ MOST_FRAMES = 16  # beyond that pairs of frames are not tried
 def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tuple[Note, int | None]:
     """Name the mistake that explains the contradictions, if one does, and the frame that is wrong, if it is one.
 
-    Parameters
-    ----------
-    values : array, shape (shots, n)
-        Of all frames, for those that stand in another's place.
-    looked : Looked
-        Those of one axis.
-    share : float
-        Of pixels that contradict themselves as described.
+    `values`, (shots, n), are of all frames, for those that stand in another's place; `looked` is of one axis; `share`
+    is that of pixels that contradict themselves as described.
     """
     most = FITS * share
     single = [

@@ -40,12 +40,8 @@ def preflight(
 ) -> tuple[Finding, ...]:
     """Run every check that needs no help from the operator.
 
-    Parameters
-    ----------
-    projector, camera
-        Open devices that look at an even, bright surface at working distance.
-    rest_s : float
-        Certainly longer than the light takes to be steady.
+    The devices are open and look at an even, bright surface at working distance; `rest_s` is certainly longer than the
+    light takes to be steady.
     """
     progress(0.0, "settle time")
     settle = measure_settle(projector, camera, rest_s, progress.check)
@@ -143,19 +139,10 @@ def linearity(projector: Projector, camera: Camera, wait_s: float, check: Check 
 def measure_stripes(
     projector: Projector, camera: Camera, wait_s: float, progress: Progress = SILENT
 ) -> tuple[list[Array], float]:
-    """Take the steps of the finest stripes, as `core.capture.fitness.visibility` takes them, and measure the noise.
+    """Take the steps of the finest stripes for `core.capture.fitness.visibility`, and measure the noise of a grey
+    value.
 
-    Returns
-    -------
-    stack : list of array, shape (n,)
-        At the pixels that the projector lights.
-    noise : float
-        Standard deviation of a grey value.
-
-    Raises
-    ------
-    DeviceError
-        If a device fails, or the projector lights too little of the image.
+    Each, (n,), is at the pixels that the projector lights; DeviceError if those are too few.
     """
     shown = own_sequence(projector)
     steps = [shown[i] for i in finest_steps(shown)[1]]

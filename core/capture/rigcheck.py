@@ -29,13 +29,8 @@ def check_rig(
 ) -> tuple[Finding, ...]:
     """Run every check on the devices of a project.
 
-    Parameters
-    ----------
-    urls : (str, str)
-    depths_mm : sequence of float
-        Where a plate is put to see whether the stripes are clear over the working depth; none: not looked at.
-    place : callable
-        Is asked to put the plate at a position and returns when it is there. The virtual bench puts its own plate.
+    With depths, a plate is put there to see whether the stripes are clear over the working depth: `place` is asked to
+    put it and returns when it is there. The virtual bench puts its own plate.
     """
     with open_devices(*urls, check=progress.check) as (projector, camera):
         check_sizes(project, projector, camera)

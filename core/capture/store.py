@@ -46,12 +46,8 @@ class Writer:
     """Keeps shots in a store, in the order they come, from a thread of its own.
 
     Nothing may depend on a shot before `wait` has returned. Leaving the context writes what is waiting, whatever the
-    reason for leaving: frames that were taken before a cancellation are there when the capture goes on.
-
-    Raises
-    ------
-    StripeError
-        From `put` and `wait`, once a frame could not be written; the frames after it are given up.
+    reason for leaving: frames that were taken before a cancellation are there when the capture goes on. Once a frame
+    could not be written, `put` and `wait` raise a StripeError, and the frames after it are given up.
     """
 
     def __init__(self, store: Store) -> None:
@@ -197,11 +193,7 @@ def open_store(
     """Start a capture's folder, or go on with one that was interrupted.
 
     With `reopen` a complete one is opened again: of several cameras' folders one is complete before the others.
-
-    Raises
-    ------
-    InputError
-        If the folder holds a complete capture, something else, or an interrupted capture with another plan.
+    InputError if the folder holds a complete capture, something else, or an interrupted capture with another plan.
     """
     other = InputError(
         folder, "an interrupted capture with another plan", "give the same options as then, or remove its folder first"
@@ -245,10 +237,7 @@ def open_store(
 def reopen_store(folder: Path, listen: Listen = no_listener) -> Store:
     """Open a complete capture to take single frames of it again; it stays as it is until `Store.finish`.
 
-    Raises
-    ------
-    InputError
-        If the capture is not complete, or was recorded by another program.
+    InputError if the capture is not complete, or was recorded by another program.
     """
     document = _document(folder)
     if document.get("state") != "complete" or "guards" not in document:

@@ -47,21 +47,10 @@ LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts t
 def check_stored(
     capture: Capture, images: Sequence[NDArray], phase: PhaseMap | None, lines: tuple[int, int]
 ) -> list[Finding]:
-    """Check a capture whose frames were recorded before.
+    """Check a capture whose frames were recorded before; give the findings that are not good, with their frames'
+    numbers.
 
-    Parameters
-    ----------
-    images : sequence of array, shape (H, W)
-        Its frames, in its order.
-    phase : PhaseMap or None
-        What was decoded of them.
-    lines : (int, int)
-        The projector's columns and rows.
-
-    Returns
-    -------
-    findings : list of Finding
-        Those that are not good; `shots` are numbers of frames.
+    `images`, (H, W), are in its order, `phase` is what was decoded of them, `lines` the projector's columns and rows.
     """
     if len({(f.camera, f.projector) for f in capture.frames}) > 1:
         return []  # frames of several devices are no one sequence

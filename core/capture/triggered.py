@@ -41,10 +41,7 @@ def take_sequence(
 ) -> list[list[Image]]:
     """Take the `count` patterns that are loaded; give every camera's images in this order.
 
-    Raises
-    ------
-    DeviceError
-        If the images are not one for each pattern.
+    DeviceError if the images are not one for each pattern.
     """
     lead, period_s = _leader(projector, cameras), period_of(projector, cameras)
     armed = [camera for camera in cameras if isinstance(camera, Armed)]
@@ -63,10 +60,7 @@ def take_sequence(
 def matched(images: Sequence[Image], count: int, period_s: float, where: str) -> list[Image]:
     """See that images are those of `count` triggers, a period apart.
 
-    Raises
-    ------
-    DeviceError
-        Naming the first that is missing, came twice or at another time.
+    A DeviceError names the first that is missing, came twice or at another time.
     """
     remedy = "check the trigger's cable and level, and that the camera is ready again within the period"
     gaps = [(b.time_s - a.time_s) / period_s for a, b in pairwise(images)]

@@ -48,15 +48,7 @@ class Contradiction(NamedTuple):
 
 
 def contradiction(images: Sequence[Image], table: AxisTable, limits: Limits, image_rows: Rows) -> Contradiction | None:
-    """Find by what the two finest periods contradict each other beyond their noise; None where they agree.
-
-    Parameters
-    ----------
-    images : sequence of arrays (H, W)
-        All frames.
-    image_rows : Rows
-        The evenly lit image.
-    """
+    """Find by what the two finest periods contradict each other beyond their noise; None where they agree."""
     if table.start == SWEEP or len(table.period) < 2:
         return None
     size = images[0].size / TILES**2
@@ -128,21 +120,10 @@ def refuse_open_orders(
     turns: Singles,
     axis: tuple[Singles, Singles, np.ndarray, Flag],
 ) -> float:
-    """Invalidate, in place, coordinates whose order a contradiction of the periods leaves open.
+    """Invalidate, in place, coordinates whose order a contradiction of the periods leaves open; give their share.
 
-    Parameters
-    ----------
-    images : sequence of arrays (H, W)
-        All frames.
-    turns : float32 (TILES, TILES)
-        Of a `Contradiction`.
-    axis : (place, sigma, flags, missing)
-        Coordinates and sigmas in lines and flags, each (H, W), and `Flag.NO_U` or `Flag.NO_V`.
-
-    Returns
-    -------
-    share : float
-        Of the coordinates that were refused.
+    `turns`, (TILES, TILES), are of a `Contradiction`; `axis` has coordinates and sigmas in lines and flags, each (H,
+    W), and `Flag.NO_U` or `Flag.NO_V`.
     """
     place, sigma, flags, missing = axis
     height, width = place.shape

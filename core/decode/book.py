@@ -136,13 +136,7 @@ class Book:
 
 @lru_cache(maxsize=8)
 def book_of(patterns: tuple[Pattern, ...], axis: Axis, lines: int | None, where: str) -> Book:
-    """Make the book of an axis.
-
-    Raises
-    ------
-    InputError
-        If it has too few frames, or words that repeat.
-    """
+    """Make the book of an axis; too few frames, or words that repeat, are an InputError."""
     mine = [i for i, p in enumerate(patterns) if axis_of(p) == axis]
     even = [i for i, p in enumerate(patterns) if level_of(p) in (0, 1)]
     if len(mine) < FEWEST - 1:
@@ -274,23 +268,12 @@ def _largest(bits, first, last):  # type: ignore[no-untyped-def]
 
 @fast
 def look_up(grey, shelf, across, least, scratch, best, top, rival, known):  # type: ignore[no-untyped-def]
-    """Look up the place of every pixel.
+    """Look up the place of every pixel of `grey`, (k, n); pixels before it foretell its word.
 
-    Pixels before it foretell its word. Where the angles between words prove that no other fits better, that is it;
-    else all are tried.
-
-    Parameters
-    ----------
-    grey : float32 (k, n)
-    shelf : Shelf
-        Of `Book.shelf`, or of `Book.compared` where pixels may foretell.
-    across : int
-        Pixels of a row.
-    least : (dark, shot, floor)
-        Sum of the frames' squared deviations from their mean below which a pixel fits nothing.
-    scratch : (float32 (k,), float32 (m,), the same as int32)
-    best, top, rival, known : (n,)
-        Of `Found`.
+    Where the angles between words prove that no other fits better, that is it; else all are tried. The shelf is
+    `Book.shelf`, or `Book.compared` where pixels may foretell; `across` are the pixels of a row. Below the sum `least`
+    (dark, shot, floor) of the frames' squared deviations from their mean a pixel fits nothing. Scratch: float32 (k,)
+    and (m,), the same as int32. `best`, `top`, `rival` and `known`, (n,), are of `Found`.
     """
     k, n = grey.shape
     g, fit, bits = scratch

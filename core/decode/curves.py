@@ -72,17 +72,8 @@ def light_at(table: Array, level: Array) -> Array:
 def waves(patterns: Sequence[Pattern], period: float, table: Array) -> Waves:
     """What frames show over a period: the terms of ``exp(2 pi i m (u + 1/2) / P)``, m = 0 to HIGHEST.
 
-    Parameters
-    ----------
-    patterns : sequence of Pattern
-        Phase patterns of this period; beside square waves of whole lines, whatever fits them.
-    table : array
-        Light at `LEVELS`.
-
-    Returns
-    -------
-    terms : complex (frames, HIGHEST + 1)
-        Of whole lines without blur.
+    Of whole lines without blur, (frames, HIGHEST + 1), from the light at `LEVELS`; beside square waves of whole lines,
+    whatever fits them.
     """
     return _waves(tuple(patterns), float(period), table.tobytes())
 

@@ -46,19 +46,9 @@ Groups = NDArray[np.int8]
 def second_light(
     images: Sequence[Image], table: AxisTable, limits: Limits, place: Singles
 ) -> NDArray[np.float32] | None:
-    """Find how much light of tiles of the image comes by a second way, as a part of what comes straight.
+    """Find how much light of tiles (TILES, TILES) comes by a second way, as a part of what comes straight.
 
-    Parameters
-    ----------
-    images : sequence of arrays (H, W)
-        All frames.
-    place : float32 (H, W)
-        Decoded coordinates in lines.
-
-    Returns
-    -------
-    part : float32 (TILES, TILES), optional
-        None where the code does not tell, or shows nothing.
+    From all frames and the decoded coordinates in lines; None where the code does not tell, or shows nothing.
     """
     if table.start != CODE or len(table.period) > 1:
         return None

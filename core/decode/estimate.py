@@ -66,28 +66,11 @@ def refine(
     planes: Planes,
     progress: Progress,
 ) -> Singles:
-    """Refine decoded coordinates in place by all frames.
+    """Refine decoded coordinates, `planes`, in place by all frames; give the misfit (pixels,).
 
-    Parameters
-    ----------
-    patterns : sequence of Pattern
-        Of all frames.
-    images : sequence of arrays (H, W)
-    tables : (AxisTable, AxisTable)
-        For their numbers of lines.
-    limits : Limits
-        Noise and full scale.
-    response : Response, optional
-        Of the projector, which grey patterns go through.
-    steady : array (frames, frames), optional
-        Leads to grey values in steady light; what a room's lamp adds stays.
-    planes : Planes
-        Changed.
-
-    Returns
-    -------
-    misfit : float32 (pixels,)
-        Mean squared residual of the frames over its expectation, 1 in the mean; NaN where a pixel is left as it is.
+    That is the mean squared residual over its expectation, 1 in the mean; NaN where a pixel is left as it is. The
+    tables give the numbers of lines, `limits` noise and full scale; grey patterns go through the projector's
+    `response`. `steady` (frames, frames) leads to grey values in steady light; what a room's lamp adds stays.
     """
     curve = b"" if response is None else response.table.tobytes()
     shown = [_shown(frames.axes.get(axis), patterns) for axis in ("x", "y")]

@@ -97,21 +97,7 @@ def fuse_exposures(
     """Make one image of all exposures of a pattern; None where there is but one exposure.
 
     How much light an exposure has is told by the patterns that were taken with several; `exposures_ms` by that of the
-    others.
-
-    Parameters
-    ----------
-    images : sequence of arrays (H, W)
-        One for each pattern.
-    exposures_ms : sequence of float or None
-        Exposure of every frame.
-    where : str
-        What messages call the capture.
-
-    Raises
-    ------
-    InputError
-        Where some frames have no exposure, and others have.
+    others. InputError where some frames have no exposure, and others have.
     """
     known = [e for e in exposures_ms if e is not None]
     if not known or (max(known) - min(known) <= SAME * max(known) and len(known) == len(exposures_ms)):

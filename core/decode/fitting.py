@@ -135,25 +135,10 @@ def estimate_response(
     saturation: float,
     images: Sequence[Image],
 ) -> Response | None:
-    """Find the projector's response in a sample of the grey values.
+    """Find the projector's response in a sample (frames, n) of the grey values, below `saturation`.
 
-    Parameters
-    ----------
-    all_waves : tuple of Wave
-        Of sine fringes.
-    patterns : sequence of Pattern
-        Of all frames.
-    sample : float32 (frames, n)
-        Grey values.
-    saturation : float
-        Grey value from which a pixel is saturated.
-    images : sequence of arrays (H, W)
-        For more pixels, where the crowding of the phases must tell.
-
-    Returns
-    -------
-    response : Response, optional
-        None where there are no sine fringes or too few pixels see them.
+    None where there are no sine fringes or too few pixels see them. The images give more pixels, where the crowding of
+    the phases must tell.
     """
     if not all_waves:
         return None

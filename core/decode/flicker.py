@@ -40,20 +40,10 @@ SLIGHT = 0.003  # of the gain: less is not worth it
 def steady(
     tables: tuple[AxisTable, AxisTable], images: Sequence[Image], saturation: float
 ) -> tuple[tuple[AxisTable, AxisTable], Array | None]:
-    """Free the frames of every period from what their light differs by.
+    """Free the frames of every period, of axes x and y, from what their light differs by.
 
-    Parameters
-    ----------
-    tables : (AxisTable, AxisTable)
-        Of axis x and y.
-    images : sequence of arrays (H, W)
-
-    Returns
-    -------
-    tables : (AxisTable, AxisTable)
-        The same where the light was steady.
-    light : array (frames, frames), optional
-        Leads from the grey values of all frames to those in steady light; diagonal where the projector's lamp flickers.
+    The tables are the same where the light was steady. The matrix (frames, frames) leads from the grey values of all
+    frames to those in steady light; it is diagonal where the projector's lamp flickers.
     """
     waves = [wave for table in tables for wave in _waves(table)]
     differs = [_differs([images[n] for n in frames]) for frames, _ in waves]

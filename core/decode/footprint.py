@@ -58,21 +58,10 @@ def draw_back(
 ) -> None:
     """Take out, in place, what changes of the light do to coordinates.
 
-    Parameters
-    ----------
-    coordinates : (place, sigma), float32 (2, pixels)
-        Coordinates and their standard deviations in lines; NaN where there is none.
-    lit : (image, modulation), float32 (pixels,)
-        The scene lit evenly, ambient light among it, and the amplitude of the fringes; in grey values.
-    flags : uint8 (H, W)
-    rows : Rows
-        The image's frames; without any the modulation tells the light.
-    limits : Limits
-        Noise of their grey values.
-    cofactor : float
-        Variance of the modulation in units of theirs.
-    even : (bool, bool)
-        Whether u and v change evenly, and not by whole cells of a code: the others are not drawn.
+    Coordinates and sigmas, float32 (2, pixels), are in lines, NaN where there is none; `lit` has the scene lit evenly,
+    ambient light among it, and the fringes' amplitude, (pixels,) grey values. Without image rows the modulation tells
+    the light; `cofactor` is its variance in units of the grey values'. `even` says whether u and v change evenly, and
+    not by whole cells of a code: the others are not drawn.
     """
     shape = height, width = flags.shape
     place, sigma = (a.reshape(2, *shape) for a in coordinates)
@@ -167,28 +156,13 @@ def _slope(values, row, column, down, right):  # type: ignore[no-untyped-def]
 
 @fast
 def find_changes(first, last, light, modulation, place, even, unit, share, least, mask, at, pull):  # type: ignore[no-untyped-def]
-    """Find the pixels of the rows ``first <= row < last`` where the light changes by more than noise does.
+    """Find the pixels of the rows ``first <= row < last`` where the light changes by more than noise does; count them.
 
-    Parameters
-    ----------
-    unit : float
-        Light in units of the modulation.
-    share : float
-        The modulation's variance in units of the noticed change's.
-    least : (dark, shot, floor)
-        Of squares of changes that are noticed.
-    mask : uint8 (W,)
-        Scratch memory.
-    at : int32 (n,)
-        Written: numbers of these pixels.
-    pull : float32 (n, 6)
-        Written, for a footprint of 1 px²: shifts of u and v in lines, what sides of a jump make of them, and how far
-        the middle of the light surely lies beside the pixel's along row and column, px.
-
-    Returns
-    -------
-    count : int
-        Of the pixels found.
+    `unit` is light in units of the modulation, `share` the modulation's variance in units of the noticed change's,
+    `least` (dark, shot, floor) of squares of changes that are noticed, `mask` scratch, uint8 (W,). Their numbers `at`,
+    int32 (n,), are written, and `pull`, float32 (n, 6), for a footprint of 1 px²: shifts of u and v in lines, what
+    sides of a jump make of them, and how far the middle of the light surely lies beside the pixel's along row and
+    column, px.
     """
     height, width = light.shape
     dark, shot, floor = least

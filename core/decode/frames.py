@@ -77,12 +77,8 @@ class SortedFrames:
 
 
 def check_images(patterns: Sequence[Pattern], images: Sequence[Image], where: str) -> list[Image]:
-    """Give the images as contiguous arrays of one shape (H, W) and one integer type.
-
-    Raises
-    ------
-    InputError
-        For no images, a number that differs from the patterns', or different sizes or types.
+    """Give the images as contiguous arrays of one shape (H, W) and one integer type; others, or none, are an
+    InputError.
     """
     if len(images) == 0:
         raise InputError(where, "no frames", "give at least the frames of one projector axis")

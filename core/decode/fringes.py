@@ -266,15 +266,8 @@ def _search(table, turns, variance, more, i, place):  # type: ignore[no-untyped-
 def orders_stand(table, turns, variance, more, place, stand):  # type: ignore[no-untyped-def]
     """Whether the orders of pixels' fringes are as clear where all phases are less sure than by noise alone.
 
-    Parameters
-    ----------
-    turns, variance : float32 (periods, n)
-    more : float32 (n,)
-        Variance (turns²) besides that by noise.
-    place : float32 (n,)
-        Coordinates as decoded.
-    stand : bool (n,)
-        Written.
+    `turns` and `variance` are (periods, n); `more`, (n,), is variance (turns²) besides that by noise, `place` the
+    coordinates as decoded; `stand` is written.
     """
     for i in range(len(place)):
         found, clear = _search(table, turns, variance, more[i], i, place[i])

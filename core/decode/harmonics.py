@@ -141,16 +141,8 @@ def measure_bend(
 ) -> AxisTable:
     """Set how the phase of every square wave is straightened, and how uncertain that is.
 
-    Parameters
-    ----------
-    waves : sequence of SquareWave
-        Of `square_waves`.
-    sample : float32 (frames, n)
-        Grey values.
-    across : int
-        Pixels of the sample in a row of the image.
-    saturation : float
-        Grey value from which a step tells nothing.
+    From a sample (frames, n) of the grey values, `across` pixels in a row of the image; from `saturation` on a step
+    tells nothing.
     """
     if not waves:
         return table

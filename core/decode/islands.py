@@ -37,17 +37,9 @@ def drop_islands(
 ) -> None:
     """Invalidate, in place, pixels without neighbours, and groups of up to `SMALL` torn off from those around.
 
-    Parameters
-    ----------
-    place, sigma : float32 (H, W)
-        Coordinate and sigma of one axis in lines, NaN where there is none.
-    flags : uint8 (H, W)
-    missing : Flag
-        `Flag.NO_U` or `Flag.NO_V`.
-    lines : float
-        By which neighbours agree at least, see `farthest`; their sigmas may allow more.
-    as_good : int
-        Flags of neighbours without a coordinate that a pixel is not alone with.
+    `place` and `sigma`, (H, W) lines, are of one axis, NaN where there is none; `missing` is `Flag.NO_U` or `NO_V`.
+    Neighbours agree by `lines` at least, see `farthest`; their sigmas may allow more. A pixel is not alone with
+    neighbours without a coordinate that have one of the flags `as_good`.
     """
     if place.size <= 2 * SMALL:  # there are no surfaces to be torn off from
         return

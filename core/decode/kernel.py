@@ -89,29 +89,12 @@ def _finish(table, axis, count, place, sigma, modulation, flags, u, s, least, ev
 def decode_pixels(  # type: ignore[no-untyped-def]
     start, stop, addresses, item_size, limits, image_rows, plain, tables, scratch, out
 ):
-    """Decode pixels start to stop - 1.
+    """Decode pixels start to stop - 1; give 1 if any lies at the rim of the projected field along x, plus 2 if along y.
 
-    Parameters
-    ----------
-    start, stop : int
-        Range of flat pixel numbers.
-    addresses : uint64 (n,)
-        Of the first grey value of every frame, each contiguous; `item_size` 1 or 2 bytes.
-    limits : Limits
-    image_rows : Rows
-        The evenly lit image; without entries the brightest of the frames `plain`, int32 (k,), is taken.
-    tables : (AxisTable, AxisTable)
-        Of axis x and y.
-    scratch : Scratch
-        Memory of this thread alone.
-    out : (place, sigma, modulation, image, flags)
-        Written: coordinates and their standard deviations in lines, float32 (2, pixels); grey values, float32
-        (pixels,); flags, uint8 (pixels,).
-
-    Returns
-    -------
-    at_rim : int
-        1 if any pixel lies at the rim of the projected field along x, plus 2 if along y.
+    `addresses` are those of the first grey value of every frame, each contiguous, of 1 or 2 bytes. Where `image_rows`
+    is without entries the brightest of the frames `plain` is the evenly lit image. Written: coordinates and their
+    sigmas in lines, float32 (2, pixels); modulation and image in grey values, float32 (pixels,); flags, uint8
+    (pixels,).
     """
     place, sigma, modulation, image, flags = out
     saturation = limits.saturation

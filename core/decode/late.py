@@ -30,23 +30,11 @@ USUAL = 2 / np.sqrt(np.pi)  # mean difference of two normal deviates
 def late_frames(
     patterns: Sequence[Pattern], sample: Singles, rows: range, place: tuple[Singles, Singles], limits: Limits
 ) -> tuple[str, ...]:
-    """Say which frames show what the frame listed before them should.
+    """Say which frames show what the frame listed before them should; patterns are in the order they were taken in.
 
     Where these rows look is told by the other rows, as far as the other frames agree with that: a frame is late where
-    `WITNESSES` such pixels should have changed and have not.
-
-    Parameters
-    ----------
-    patterns : sequence of Pattern
-        Of all frames, in the order in which they were taken.
-    sample : float32 (frames, n)
-        Their grey values in pixels all over the image.
-    rows : range
-        Rows of the image that the sample has.
-    place : (float32 (n,), float32 (n,))
-        Decoded u and v of the sample, NaN where there is none.
-    limits : Limits
-        For the noise.
+    `WITNESSES` such pixels should have changed and have not. The sample, (frames, n), is of these rows of the image,
+    its decoded u and v, (n,), are NaN where there is none.
     """
     grey = sample.reshape(len(sample), len(rows), -1)
     differ = np.abs(np.diff(grey, axis=0)).mean(axis=2)

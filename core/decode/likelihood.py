@@ -59,15 +59,8 @@ def decode_words(
 ) -> PhaseMap:
     """Decode the axes that have words here, and the other one, if any, as always.
 
-    Parameters
-    ----------
-    others : callable
-        Decodes the frames of these numbers, those of the other axis and the evenly lit ones.
-
-    Raises
-    ------
-    InputError
-        If an axis has too few frames, or its words repeat.
+    `others` decodes the frames of these numbers, those of the other axis and the evenly lit ones. InputError if an axis
+    has too few frames, or its words repeat.
     """
     height, width = images[0].shape
     blank = np.full((height, width), np.nan, np.float32)

@@ -22,13 +22,7 @@ EVEN, TORN_APART = np.uint8(0), np.uint8(1)
 
 
 def doubt_mixtures(place: Singles, sigma: Singles) -> None:
-    """Widen, in place, the sigmas of pixels that see two surfaces.
-
-    Parameters
-    ----------
-    place, sigma : float32 (H, W)
-        Coordinate and sigma of one axis in lines, NaN where there is none.
-    """
+    """Widen, in place, the sigmas (H, W) in lines of pixels that see two surfaces."""
 
     def band(first: int, last: int) -> None:
         widen_mixtures(max(first, 2), min(last, len(place) - 2), place, sigma, np.empty(place.shape[1], np.uint8))
@@ -37,19 +31,10 @@ def doubt_mixtures(place: Singles, sigma: Singles) -> None:
 
 
 def drop_vague(place: Singles, sigma: Singles, flags: np.ndarray, period: float, missing: Flag) -> None:
-    """Invalidate, in place, coordinates whose sigma leaves the order of their fringe open.
+    """Invalidate, in place, coordinates (H, W) in lines whose sigma leaves the order of their fringe open.
 
-    At two sigmas to either side such a pixel may lie a period away: its phase is measured, its place is not.
-
-    Parameters
-    ----------
-    place, sigma : float32 (H, W)
-        Coordinate and sigma of one axis in lines, NaN where there is none.
-    flags : uint8 (H, W)
-    period : float
-        Of the axis's finest fringes, in lines.
-    missing : Flag
-        `Flag.NO_U` or `Flag.NO_V`.
+    At two sigmas to either side such a pixel may lie a finest `period` away: its phase is measured, its place is not.
+    `missing` is `Flag.NO_U` or `Flag.NO_V`.
     """
     vague = np.nonzero(sigma > VAGUE * period)  # few
     invalidate(place, sigma, flags, vague, Flag.UNSURE | missing)

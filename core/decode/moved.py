@@ -34,20 +34,9 @@ Levels = Callable[[NDArray[np.intp], NDArray[np.intp]], Singles]
 def moved_edges(place: Singles, smooth: NDArray[np.bool_], table: AxisTable, levels: Levels) -> Singles | None:
     """Find how much light comes by a second way, of what comes straight, by edges beside their place.
 
-    Parameters
-    ----------
-    place : float32 (h, w)
-        Coordinates in lines of pixels spread over the image, as many in every tile.
-    smooth : bool (h, w)
-        Where they may be used.
-    levels : callable
-        Gives the grey values of a bit, of each of some pixels (flat numbers), as parts of half the contrast about the
-        middle between off and on.
-
-    Returns
-    -------
-    part : float32 (TILES, TILES), optional
-        None where nothing is shown.
+    `place`, (h, w), are coordinates in lines of pixels spread over the image, as many in every tile, used where
+    `smooth`. `levels` gives the grey values of a bit, of each of some pixels (flat numbers), as parts of half the
+    contrast about the middle between off and on. The part is (TILES, TILES); None where nothing is shown.
     """
     bits = len(table.sign)
     runs = [float(table.cell) * 2.0 ** (bits - b - (0 if table.gray else 1)) for b in range(bits)]

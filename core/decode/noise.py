@@ -127,16 +127,10 @@ def _within(numbers: Numbers, design: Array, count: int) -> Array:
 
 
 def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
-    """Fit the noise model to residuals of unit norm.
+    """Fit the noise model to residuals (n,): combinations of grey values, of unit norm, that should be zero.
 
-    Parameters
-    ----------
-    residual : array (n,)
-        Combinations of grey values that should be zero; of unit norm, so their variance is that of a grey value.
-    level : array (n,)
-        Grey value at which each is taken: the mean of the frames, weighted by the squared coefficients.
-    quantum : float
-        Step of the grey values; the noise is never taken below quantum² / 12.
+    `level` is the grey value at which each is taken: the mean of the frames, weighted by the squared coefficients. The
+    noise is never taken below quantum² / 12.
     """
     floor = quantum * quantum / 12
     if len(residual) < BINS:
@@ -207,26 +201,12 @@ def without_harmonics(
 ) -> tuple[Array, Array]:
     """What is left of combinations of frames without the part that harmonics of the waves explain, linearly.
 
-    Parameters
-    ----------
-    residual : array (k, ...)
-        Combinations of grey values, `also` done.
-    factors : array (k, frames)
-        Those combinations.
-    shown : float32 (frames, ...)
-        Grey values of all frames.
-    waves : sequence of Told
-        Every period.
-    also : callable
-        What was done with the frames to come to `residual`, to be done with the harmonics too, and their mean there.
-    of : bool (...)
-        The pixels that tell the harmonics.
+    `residual`, (k, ...), are combinations of grey values by `factors`, (k, frames), of `shown`, (frames, ...), after
+    what `also` did; it is done with the harmonics too, and gives their mean there. `of` are the pixels that tell the
+    harmonics.
 
-    Returns
-    -------
-    left, level : arrays (k, ...)
-        As combinations of unit norm, and the grey values at which they are taken: the waves' own noise, which is that
-        of the same frames, is taken away or added with the harmonics.
+    What is left is given as combinations of unit norm, with the grey values at which they are taken: the waves' own
+    noise, which is that of the same frames, is taken away or added with the harmonics.
     """
     basis = []
     for wave in waves:

@@ -65,20 +65,8 @@ def notes_on(
 ) -> tuple[Note, ...]:
     """Say in sentences why far fewer pixels of a capture decode than are lit; nothing where all is well.
 
-    Parameters
-    ----------
-    images : sequence of arrays (H, W)
-        All frames.
-    sample : float32 (frames, n)
-        Their grey values in pixels all over the image.
-    flags : uint8 (n,)
-        Of the same pixels.
-    limits : Limits
-        Noise and full scale.
-    tables : (AxisTable, AxisTable)
-        Of axis x and y.
-    refused : float
-        Part of the coordinates whose order the periods' contradiction left open.
+    `sample` has the frames' grey values (frames, n) in pixels all over the image, `flags` is of the same pixels.
+    `refused` is the part of the coordinates whose order the periods' contradiction left open.
     """
     wanted = [flag for flag, table in zip((Flag.NO_U, Flag.NO_V), tables, strict=True) if table.start != NOTHING]
     missing = flags & np.uint8(sum(int(flag) for flag in wanted)) != 0
@@ -195,14 +183,8 @@ def _causes(
 def note_on_second_light(part: Singles, bent: NDArray[np.bool_], told: str = SECOND_OF_FRINGES) -> tuple[str, ...]:
     """Say that light comes by a second way, where it bends the coordinates of many pixels beyond their noise.
 
-    Parameters
-    ----------
-    part : float32 array
-        Of the light that comes straight, in tiles or pixels.
-    bent : bool (n,)
-        Where it counts for more than noise, of valid pixels.
-    told : str
-        The sentence, with places for the parts of pixels and of light.
+    `part` is of the light that comes straight, in tiles or pixels; `bent`, of valid pixels, where it counts for more
+    than noise; the sentence `told` has places for the parts of pixels and of light.
     """
     if bent.size == 0 or bent.mean() < MANY or not np.any(part > TELLING):
         return ()

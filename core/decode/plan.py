@@ -54,17 +54,8 @@ class Plan:
 def plan_axis(frames: AxisFrames, lines: int | None, where: str) -> Plan:
     """Find the way to the absolute coordinate of an axis.
 
-    Parameters
-    ----------
-    lines : int, optional
-        Number of projector lines; unknown, the extent that the code or the longest beat covers.
-    where : str
-        The capture, for the message.
-
-    Raises
-    ------
-    InputError
-        When frames are missing or the frames do not tell one line from another.
+    Without the projector's number of lines, over the extent that the code or the longest beat covers. InputError when
+    frames are missing or do not tell one line from another.
     """
     where = f"{where}, axis {frames.axis}"
     reasons = [*_phase_reasons(frames)]
@@ -161,21 +152,9 @@ def longest_beat(periods: tuple[float, ...]) -> float:
 def safest_steps(periods: tuple[float, ...], known: float, coded: bool) -> tuple[float, tuple[tuple[int, ...], ...]]:
     """From a position known to within `known` lines to the finest phase: the fewest steps that are safe enough.
 
-    Parameters
-    ----------
-    periods : tuple of float
-        In lines, the finest first.
-    known : float
-        Width in lines of the cell, or of the whole projector.
-    coded : bool
-        The width is a code's cell, whose edges are blurred; else the projector's, beyond which there is nothing.
-
-    Returns
-    -------
-    safety : float
-        Half a cycle by the factor with which the least safe step magnifies the errors of the phases.
-    steps : tuple of tuple of int
-        Empty where there is no way.
+    The periods are in lines, the finest first. The width is a `coded` cell's, whose edges are blurred, or the whole
+    projector's, beyond which there is nothing. The safety is half a cycle by the factor with which the least safe step
+    magnifies the errors of the phases. No steps where there is no way.
     """
     vectors, beat = combinations(periods)
     order = np.argsort(-beat, kind="stable")

@@ -201,21 +201,10 @@ def refine_pixels(  # type: ignore[no-untyped-def]
 ):
     """Estimate the pixels of the rows ``start <= row < stop`` that have a coordinate, from where they are.
 
-    Parameters
-    ----------
-    start, stop, columns : int
-        Rows, and pixels of a row.
-    addresses, item_size
-        Of the frames, as in `decode_pixels`.
-    x, y : AxisModel
-    light : Light
-    blur : uint8 (2, rows of tiles, columns of tiles)
-        Which width the blur of each axis has.
-    grey : float32 (SPAN, ...)
-        Memory of this thread alone, of `rows_for`.
-    out : (place, sigma, misfit)
-        Changed: coordinates and standard deviations in lines, float32 (2, pixels). Written: mean
-        squared residual over its expectation, float32 (pixels,), NaN where the pixel is left as it is.
+    Frames are as in `decode_pixels`. `blur`, uint8 (2, rows of tiles, columns of tiles), says which width the blur of
+    each axis has; `grey`, float32 (SPAN, ...) of `rows_for`, is memory of this thread alone. Of `out`, coordinates and
+    sigmas in lines, float32 (2, pixels), are changed; the mean squared residual over its expectation, float32
+    (pixels,), NaN where the pixel is left as it is, is written.
     """
     place, sigma, misfit = out
     for row in range(start, stop):
@@ -246,16 +235,10 @@ def refine_pixels(  # type: ignore[no-untyped-def]
 def blur_costs(  # type: ignore[no-untyped-def]
     pixels, addresses, item_size, x, y, light, place, axis, other, grey, costs
 ):
-    """Sum the misfit of some pixels of every tile for every width of one axis' blur, as logarithm: some are no plane.
+    """Sum the misfit of pixels of every tile for every width of one axis' blur, as logarithm: some are no plane.
 
-    Parameters
-    ----------
-    pixels : int64 (tiles, n)
-        Numbers of the pixels; below 0 none.
-    axis, other : int
-        Whose width is tried, and which the other axis has.
-    costs : float64 (tiles, widths)
-        Written.
+    `pixels`, (tiles, n), are numbers of pixels, below 0 none; `axis` has its widths tried, the other one has the width
+    `other`; `costs`, (tiles, widths), are written.
     """
     has_x, has_y = len(x.frames) > 0, len(y.frames) > 0
     for t in range(len(pixels)):

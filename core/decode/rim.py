@@ -18,17 +18,8 @@ FARTHEST = 48  # px
 def drop_rim(u: Singles, sigma: Singles, flags: np.ndarray, lines: float, width: float, missing: Flag) -> None:
     """Invalidate, in place, the coordinates of the last lines of a field whose edge is in the image.
 
-    Parameters
-    ----------
-    u, sigma : float32 (H, W)
-        Coordinate and sigma of one axis in lines.
-    flags : uint8 (H, W)
-    lines : float
-        Number of projector lines along the axis.
-    width : float
-        Of the rim in lines.
-    missing : Flag
-        `Flag.NO_U` or `Flag.NO_V`.
+    `u` and `sigma`, (H, W) lines, are of one axis of so many `lines`, `width` that of the rim, `missing` `Flag.NO_U` or
+    `Flag.NO_V`.
     """
     rim = np.flatnonzero((u < width - 0.5) | (u > lines - 0.5 - width))
     if len(rim) == 0:

@@ -65,13 +65,7 @@ def spread(shape: tuple[int, ...]) -> tuple[slice, slice]:
 
 
 def check_duplicates(frames: SortedFrames, sample: Singles, where: str) -> None:
-    """Refuse frames of equal pattern that show different things.
-
-    Raises
-    ------
-    InputError
-        Naming the frames and by how much they differ.
-    """
+    """Refuse frames of equal pattern that show different things, by name and by how much they differ."""
     if not frames.duplicates:
         return
     low, high = np.percentile(sample, (1, 99))

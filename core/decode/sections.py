@@ -77,26 +77,12 @@ def section_scratch(table: AxisTable) -> tuple[Singles, Singles]:
 def decode_sections(  # type: ignore[no-untyped-def]
     start, stop, addresses, item_size, limits, table, scratch, axis, out
 ):
-    """Decode the axis of a sweep for pixels start to stop - 1.
+    """Decode an axis of a sweep (0 for u, 1 for v) for pixels start to stop - 1.
 
-    Parameters
-    ----------
-    start, stop : int
-        Range of flat pixel numbers.
-    addresses : uint64 (n,)
-        Of the first grey value of every frame, each contiguous; `item_size` 1 or 2 bytes.
-    limits : Limits
-    table : AxisTable
-    scratch : (float32 (frames, tile), float32 (10, tile))
-        Memory of this thread alone.
-    axis : int
-        0 for u, 1 for v.
-    out : (place, sigma, modulation, image, flags)
-        As in `decode_pixels`: coordinates and standard deviations of this axis are written, the modulation is lowered
-        to this axis', the image raised to the brightest of its frames, and its flags are added.
+    Frames and `out` are as in `decode_pixels`: this axis' coordinates and sigmas are written, the modulation is lowered
+    to this axis', the image raised to the brightest of its frames, and its flags are added. Scratch, of this thread
+    alone: float32 (frames, tile) and (10, tile).
 
-    Notes
-    -----
     ``u = sum(w x) / sum(w)`` over lines x near the brightest, with ``w = max(g - T, 0)`` and T at `TAIL` of the
     section's height above the background, but above its noise; ``var(u) = sum((x - u)² var(g)) / sum(w)²`` over the
     lines that count, besides what their discreteness causes.

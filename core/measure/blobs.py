@@ -29,16 +29,9 @@ class Blobs:
 
 
 def find_blobs(image: NDArray[np.float32], diameters_px: tuple[float, float], clicks_uv: Array) -> Blobs:
-    """Find bright spots no larger than the dots.
+    """Find bright spots no larger than the dots, whose least and greatest diameter (along any direction) are given.
 
-    Parameters
-    ----------
-    image : float32, shape (H, W)
-        Dots bright.
-    diameters_px : tuple of float
-        Least and greatest diameter (along any direction) a dot may have.
-    clicks_uv : array, shape (k, 2)
-        Where dots are for certain: their contrast sets what is too faint to be one.
+    At the clicks, (k, 2), are dots for certain: their contrast sets what is too faint to be one.
     """
     factor = int(np.clip(diameters_px[0] / SMALLEST_PX, 1, 16))
     small = _reduced(image, factor)
@@ -100,21 +93,10 @@ def connected_spots(mask: NDArray[np.bool_], contrast: NDArray[np.float32], fact
 
 
 def scale_and_roundness(blobs: Blobs, spot: NDArray[np.int64], ellipse: Array) -> tuple[Array, Array]:
-    """Compare spots with expected ellipses.
+    """Compare spots with expected ellipses, maps (..., 2, 2) of the unit disc to px.
 
-    Parameters
-    ----------
-    spot : int array, shape (...)
-        Which spots.
-    ellipse : array, shape (..., 2, 2) or broadcastable
-        Maps of the unit disc to the expected ellipses, px.
-
-    Returns
-    -------
-    scale : array, shape (...)
-        Diameter of the spot over the expected one, by area.
-    roundness : array, shape (...)
-        Ratio of the axes, at least 1, that is left when the expected ellipse is mapped back to a circle.
+    Gives the diameter over the expected one, by area, and the ratio of the axes, at least 1, that is left when the
+    expected ellipse is mapped back to a circle; both (...).
     """
     a, b, c, d = ellipse[..., 0, 0], ellipse[..., 0, 1], ellipse[..., 1, 0], ellipse[..., 1, 1]
     det = a * d - b * c

@@ -36,11 +36,8 @@ class Board:
 def board_from_testfield(field: Testfield) -> Board:
     """Check a testfield and find the neighbours of every target.
 
-    Raises
-    ------
-    InputError
-        Fewer than 4 targets, a number that is not finite, a diameter of 0 or less, a (row, col) or a place given twice,
-        all targets on one line.
+    InputError: fewer than 4 targets, a number that is not finite, a diameter of 0 or less, a (row, col) or a place
+    given twice, all targets on one line.
     """
     same, board = _known.get(id(field), (None, None))
     if board is not None and same is field:

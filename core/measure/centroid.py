@@ -45,18 +45,10 @@ def centroids(
     light: Array,
     noise: tuple[float, float],
 ) -> tuple[Array, Array]:
-    """Weighted centroids (m, 2) and covariances (m, 2, 2), px.
+    """Weighted centroids (m, 2) and covariances (m, 2, 2), px, of bright dots with approximate centres.
 
-    Parameters
-    ----------
-    image : float32, shape (H, W)
-        Dots bright.
-    rays : Rays
-        From approximate centres.
-    light : array, shape (m, 2)
-        Relative change of the light per px.
-    noise : tuple of float
-        Variance of a grey value I is ``noise[0] + noise[1] I``.
+    `light`, (m, 2), is the relative change of the light per px; the variance of a grey value I is ``noise[0] + noise[1]
+    I``.
     """
     centre, inverse = rays.centre, np.ascontiguousarray(inverse_2x2(rays.ellipse))
     # the variance at background level, then its growth above it

@@ -39,17 +39,10 @@ class Corners:
 
 
 def fit_corners(image: NDArray[np.float32], uv: Array, area: Array, single: bool = False) -> Corners:
-    """Fit corners from starts that are good to a pixel.
+    """Fit corners from starts (n, 2) that are good to a pixel.
 
-    Parameters
-    ----------
-    image : float32, shape (H, W)
-    uv : array, shape (n, 2)
-        Starts, px.
-    area : array, shape (n, 2, 2)
-        Along the two edges, in columns: the ellipse whose half axes on the board these are holds the pixels that count.
-    single : bool
-        One quadrant alone differs: that between the two.
+    `area`, (n, 2, 2), lies along the two edges, in columns: the ellipse whose half axes on the board these are holds
+    the pixels that count. With `single` one quadrant alone differs: that between the two.
     """
     n, height, width = len(uv), *image.shape
     reach = int(np.ceil(np.linalg.norm(area, axis=2).max(initial=1.0))) + 1

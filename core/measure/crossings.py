@@ -24,8 +24,6 @@ LEAST_ANGLE = 0.3  # sine of that between both edges
 def blocks_of_crossings(grey: NDArray[np.uint8]) -> Iterator[Array]:
     """Blocks (3, 3, 2) of corners' places, px, in the order of their rows; the strongest of every size first.
 
-    Notes
-    -----
     A corner is a saddle of the smoothed grey values: its quadrants lie along the eigenvectors of the second
     derivatives. From one corner to the next along an edge, dark and bright change places.
     """

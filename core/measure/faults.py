@@ -24,20 +24,10 @@ def shape_faults(
     noise: tuple[float, float],
     cut: NDArray[np.bool_],
 ) -> list[str]:
-    """Say for every dot why its centroid cannot be trusted; empty where it can.
+    """Say for every bright dot, (m,), why its centroid cannot be trusted; empty where it can.
 
-    Parameters
-    ----------
-    image : float32, shape (H, W)
-        Dots bright.
-    rays : Rays
-        From the centroids.
-    size : array, shape (m,)
-        Diameter over the nominal one.
-    noise : tuple of float
-        Variance of grey values, see `noise_model`.
-    cut : bool array, shape (m,)
-        Dots that are `half_lit`.
+    Rays start from the centroids; `size` is the diameter over the nominal one, `noise` that of `noise_model`; `cut` are
+    `half_lit`.
     """
     uv, minor = rays.centre, rays.minor
     with np.errstate(all="ignore"):

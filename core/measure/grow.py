@@ -78,16 +78,10 @@ def grow(lattice: Lattice) -> None:
 
 
 def predict(lattice: Lattice, targets: Ints) -> tuple[Array, Array, Ints]:
-    """Predict targets from identified neighbours.
+    """Predict targets from identified neighbours: px, px per mm on the board there (m, 2, 2), number of neighbours
+    used.
 
-    Returns
-    -------
-    uv : array, shape (m, 2)
-        Pixels; NaN where the view cannot see the target.
-    jacobian : array, shape (m, 2, 2)
-        Pixels per mm on the board there.
-    support : int array, shape (m,)
-        Number of identified neighbours used.
+    The place is NaN where the view cannot see the target.
     """
     board, near = lattice.board, lattice.board.neighbours[targets]
     base, jacobian = lattice.expected()
@@ -113,12 +107,8 @@ def misfits(lattice: Lattice, targets: Ints) -> tuple[Array, Ints]:
 
 
 def prune(lattice: Lattice) -> dict[int, float]:
-    """Take back identities that their neighbours, on all sides by now, do not confirm.
-
-    Returns
-    -------
-    misfit : dict
-        Targets that lay too far off, and how far, in target spacings.
+    """Take back identities that their neighbours, on all sides by now, do not confirm; say by how many target
+    spacings.
     """
     least = min(3, len(lattice.blob) - 1)
     off: dict[int, float] = {}

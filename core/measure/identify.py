@@ -28,20 +28,9 @@ def identify(
 ) -> tuple[Lattice, tuple[Note, ...]]:
     """Grow the lattice from one pick and demand that it meets all others with the identities they were given.
 
-    Picks that dots do not lead to, on a part without light, need not be met; what was not used is told beside it.
-
-    Parameters
-    ----------
-    board, camera, blobs, picks
-    spots : int array, shape (k,)
-        The spot of every pick; -1 where it has none, so that only the view may start from where it was clicked.
-    coded : bool
-        Codes lie between the targets: dots that belong to none say nothing.
-
-    Raises
-    ------
-    InputError
-        The picks contradict the lattice of dots between them.
+    Picks that dots do not lead to, on a part without light, need not be met; what was not used is told beside it. A
+    pick without a spot (-1) lets only the view start from where it was clicked. Where codes lie between the targets,
+    dots that belong to none say nothing. Picks that contradict the lattice of dots between them are an InputError.
     """
     view = first_view(camera, board.xyz_mm[picks.target], np.where(spots[:, None] < 0, picks.uv, blobs.uv[spots]))
     if view is None:

@@ -57,18 +57,9 @@ def cut_by_edge(
 ) -> NDArray[np.bool_]:
     """Which targets (n,) lie nearer to the edge of the projector's raster than their window and its blur allow.
 
-    Parameters
-    ----------
-    projector_uv : array, shape (n, 2)
-        Lines; an axis that is NaN says nothing.
-    gradient : array, shape (n, 2, 2)
-        Lines per px.
-    ellipse : array, shape (n, 2, 2)
-        Map of the unit disc to the dot, px.
-    window : array, shape (n,)
-        Radius in the unit disc of what is weighted.
-    blur_px : array, shape (n,)
-        Sigma of the dot's edge.
+    An axis of `projector_uv`, (n, 2) lines, that is NaN says nothing; its `gradient`, (n, 2, 2), is in lines per px.
+    `ellipse` maps the unit disc to the dot, `window` is the radius in the unit disc of what is weighted, `blur_px` the
+    sigma of the dot's edge.
     """
     half = np.linalg.norm(gradient @ ellipse, axis=2) * window[:, None]
     blur = np.hypot(np.linalg.norm(gradient, axis=2) * blur_px[:, None], LINE_BLUR)

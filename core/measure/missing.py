@@ -15,14 +15,7 @@ OUTSIDE = "outside the image"
 def reasons(phase: PhaseMap, lattice: Lattice, faults: dict[int, str]) -> dict[int, str]:
     """Reasons by target for all that are not measured.
 
-    Parameters
-    ----------
-    phase : PhaseMap
-        Tells where there was light.
-    lattice : Lattice
-        What was identified, with notes on what was not.
-    faults : dict
-        Identified targets (indices into the board) whose dots must not be used, and why.
+    `faults` has the identified targets (indices into the board) whose dots must not be used, and why.
     """
     unknown = np.flatnonzero(~lattice.known)
     uv, jacobian, support = predict(lattice, unknown)

@@ -35,22 +35,11 @@ class Picks:
 
 
 def check_picks(board: Board, seeds: Sequence[Seed], size: tuple[int, int], where: str, side: Side) -> Picks:
-    """Refuse picks that cannot be right, whatever the image shows.
+    """Refuse picks that cannot be right, whatever the image (its width and height in px) shows.
 
-    Parameters
-    ----------
-    size : tuple of int
-        Width and height of the image, px.
-    where : str
-        The file the picks come from.
-    side : str
-        Side of the board that must be seen, see `measure_targets`.
-
-    Raises
-    ------
-    InputError
-        Fewer than 4 picks, a position that is not finite or outside the image, a target that the testfield does not
-        have, a target or place picked twice, picks on one line, swapped or mirrored picks.
+    InputError, naming the file `where`: fewer than 4 picks, a position that is not finite or outside the image, a
+    target that the testfield does not have, a target or place picked twice, picks on one line, swapped or mirrored
+    picks.
     """
     if len(seeds) < 4:
         raise InputError(where, f"{len(seeds)} picks", "pick 4 targets that do not lie on one line")
@@ -80,13 +69,7 @@ def check_picks(board: Board, seeds: Sequence[Seed], size: tuple[int, int], wher
 
 
 def check_excluded(board: Board, excluded: Collection[tuple[int, int]], where: str) -> set[int]:
-    """Find the targets (indices into the board) that an operator excluded.
-
-    Raises
-    ------
-    InputError
-        A target that the testfield does not have.
-    """
+    """Find the targets (indices into the board) that an operator excluded; one it does not have is an InputError."""
     for row, col in excluded:
         if (row, col) not in board.index:
             seen = f"excluded has row {row}, col {col}, which is not in the testfield"
@@ -95,18 +78,11 @@ def check_excluded(board: Board, excluded: Collection[tuple[int, int]], where: s
 
 
 def snap(board: Board, picks: Picks, blobs: Blobs, size: tuple[int, int]) -> tuple[NDArray[np.int64], tuple[str, ...]]:
-    """Find the spot that each pick means: shape (k,), indices into `blobs`, -1 where there is none; and what of those.
+    """Find the spot that each pick means, (k,) indices into `blobs`, -1 where there is none; and what of those.
 
     A click may be off by 0.4 of the distance between targets; among the spots within reach the nearest of about the
     expected size is taken. One pick may be on a dot that is missing or cannot be measured. `size` is the image's width
-    and height, px.
-
-    Raises
-    ------
-    NotRecognisedError
-        No spot near several picks.
-    InputError
-        One spot for two picks.
+    and height, px. NotRecognisedError for no spot near several picks, InputError for one spot for two picks.
     """
     chosen: list[int] = []
     notes: list[Note] = []

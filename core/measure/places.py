@@ -89,14 +89,7 @@ def dots_at(image: Reduced, uv: Array, unit: Array) -> tuple[NDArray[np.bool_], 
 def bare_ground(image: Reduced, lattice: Lattice, there: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
     """Which cells next to dots show the board's ground, as it is lit there, to well within where a dot would be.
 
-    Parameters
-    ----------
-    lattice : callable
-        Gives the image of cells.
-    there : bool array, shape (rows, columns)
-        Which cells have a dot.
-    radius : float
-        A dot's, in steps of the lattice.
+    `there`, (rows, columns), says which cells have a dot; its `radius` is in steps of the lattice.
     """
     cells = np.moveaxis(np.indices(there.shape), 0, -1)
     ways = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])

@@ -54,16 +54,9 @@ class Profiles:
 
 
 def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
-    """Measure the profiles of dots.
+    """Measure the profiles of bright dots along rays from centres that are good to about a pixel.
 
-    Parameters
-    ----------
-    image : float32, shape (H, W)
-        Dots bright.
-    rays : Rays
-        From centres that are good to about a pixel.
-    spacing : array, shape (m,)
-        Distance of the nearest other target over the dot's radius.
+    `spacing`, (m,), is the distance of the nearest other target over the dot's radius.
     """
     along, minor = rays.length, rays.minor
     plateau = row_median(rays.sample(image, PLATEAU).reshape(len(minor), -1))

@@ -24,22 +24,10 @@ def row_shift(
 ) -> float:
     """Estimate the standard deviation, px, of the rows' shifts along u; 0 where it is not significant.
 
-    Parameters
-    ----------
-    image : float32, shape (H, W)
-        Dots bright.
-    uv : array, shape (m, 2)
-        Centroids.
-    ellipse, window : arrays, shape (m, 2, 2) and (m,)
-        Map of the unit disc to the dot, and the radius in that disc of what is weighted.
-    plane : array, shape (m, 3)
-        Background at the centroid and its slopes.
-    contrast : array, shape (m,)
-
-    Notes
-    -----
-    With z the residuals of the rows' middles, weighted by the rows' shares in the dot, and A the matrices that make
-    them of the rows' shifts, products of different dots are free of noise: ``E(z_i z_k) = shift² tr(A_i A_kᵀ)``.
+    From centroids (m, 2) of bright dots: `ellipse` maps the unit disc to the dot, `window` is the radius in that disc
+    of what is weighted, `plane`, (m, 3), the background at the centroid and its slopes. With z the residuals of the
+    rows' middles, weighted by the rows' shares in the dot, and A the matrices that make them of the rows' shifts,
+    products of different dots are free of noise: ``E(z_i z_k) = shift² tr(A_i A_kᵀ)``.
     """
     height, width = image.shape
     half = window[:, None] * np.linalg.norm(ellipse, axis=2)

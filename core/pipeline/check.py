@@ -56,17 +56,8 @@ Finding = tuple[Path, str, str, Callable[[], object] | None]  # where, seen, rem
 def check_project(folder: Path, repair: bool = False, progress: Progress = SILENT) -> tuple[Inconsistency, ...]:
     """Look for everything in a project's folder that does not fit together; sweep what killed programs left.
 
-    Parameters
-    ----------
-    repair : bool
-        Mend what can be mended without loss.
-
-    Raises
-    ------
-    InputError
-        If there is no project.json to be read.
-    BusyError
-        If another program is writing there and `repair` is wanted.
+    With `repair` what can be mended without loss is. InputError if there is no project.json to be read; BusyError if
+    another program is writing there and `repair` is wanted.
     """
     folder = Path(folder)
     read_document(folder / "project.json", "stripe-project")

@@ -27,16 +27,8 @@ def export_calibration(
 ) -> tuple[list[Path], dict[str, float]]:
     """Write the calibration of a camera and a projector, the first if none is named, for another program.
 
-    Returns
-    -------
-    files : list of Path
-    residuals : dict
-        By device, what the other program's model leaves of ours, px r.m.s. over the image.
-
-    Raises
-    ------
-    InputError
-        For an unknown format, no calibration, or one that the format cannot hold.
+    Gives the files and, by device, what the other program's model leaves of ours, px r.m.s. over the image. InputError
+    for an unknown format, no calibration, or one that the format cannot hold.
     """
     from core.exchange import fit_pair
 
@@ -49,10 +41,7 @@ def export_calibration(
 def import_calibration(project: Project, name: str, path: Path) -> PhotogrammetricCalibration:
     """Read another program's calibration of the project's devices, keep it as a run and put it in use.
 
-    Raises
-    ------
-    InputError
-        For an unknown format, or a file that does not hold a camera and a projector of these sizes.
+    InputError for an unknown format, or a file that does not hold a camera and a projector of these sizes.
     """
     from core.exchange import pair_to_calibration
 

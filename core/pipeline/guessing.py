@@ -26,23 +26,10 @@ def lit_frame_of(capture: Capture) -> int:
 def look_for_picks(
     image: NDArray, capture: Capture, camera: DeviceSpec, known: tuple[Seed, ...] = (), side: Side = "front"
 ) -> tuple[Array, Guesses]:
-    """Find the targets of a board in its evenly lit image, and guess the picks.
+    """Find the targets of a board in its evenly lit image, (n, 2) px, and guess the picks, the likeliest first.
 
-    Parameters
-    ----------
-    image : array, shape (H, W)
-    capture : Capture
-        It must name its testfield.
-    known : tuple of Seed
-        Picks of a neighbouring image.
-    side : {"front", "back"}
-
-    Returns
-    -------
-    uv : array, shape (n, 2)
-        px.
-    guesses : tuple of tuple of Seed
-        The likeliest first; empty where the targets seen do not fit the testfield.
+    The capture must name its testfield; `known` are picks of a neighbouring image. No guesses where the targets seen do
+    not fit the testfield.
     """
     from core.measure import kind_of
 

@@ -73,10 +73,7 @@ def common_testfield(captures: Sequence[Capture]) -> Testfield:
 def measured_targets(project: Project, captures: Sequence[Capture], progress: Progress = SILENT) -> list[TargetSet]:
     """Measure the targets of captures, or take what was measured before where nothing has changed since.
 
-    Raises
-    ------
-    InputError
-        If picks contradict each other, or not one of the captures can be measured: the first one's reason.
+    InputError if picks contradict each other, or not one of the captures can be measured: the first one's reason.
     """
     targets: list[TargetSet] = look_at_boards(project, captures).taken(project, progress)
     return targets

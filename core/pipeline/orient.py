@@ -182,10 +182,7 @@ def kept_motion(project: Project, capture: Capture, calibration: Photogrammetric
 def oriented(project: Project, capture: Capture, calibration: PhotogrammetricCalibration) -> Pair:
     """Give camera and projector of a calibration with the projector where a kept result of this capture has it.
 
-    Raises
-    ------
-    InputError
-        If no corrected orientation is kept for the capture, or it belongs to another calibration.
+    InputError if no corrected orientation is kept for the capture, or it belongs to another calibration.
     """
     path, pair = _corrected(project, capture), pair_for(capture, calibration)
     again = f"run `stripe-core orient {project.path} {capture.name} --correct` first"

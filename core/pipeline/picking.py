@@ -22,19 +22,8 @@ def measure_one(
 ) -> TargetSet:
     """Measure the targets of one capture and keep them; kept targets of other captures stay while they are current.
 
-    Parameters
-    ----------
-    name : str
-        The capture, which must have picks.
-    phase : PhaseMap, optional
-        The capture decoded already.
-    camera, projector : str
-        Whose frames, where the capture holds those of several; without them all of those that have picks.
-
-    Raises
-    ------
-    InputError
-        No capture of that name with picks, or picks that cannot be used; nothing is changed then.
+    `phase` is the capture decoded already; without devices all of its pairs that have picks are measured. InputError
+    for no capture of that name with picks, or picks that cannot be used; nothing is changed then.
     """
     boards = boards_of(project)
     capture = next((c for c in boards if c.name == name and c.seeds), None)

@@ -88,16 +88,8 @@ def plan_sequence(
 ) -> tuple[RigLight, tuple[PlannedSequence, ...]]:
     """Compare the best sequence of each family for a project's rig.
 
-    Parameters
-    ----------
-    folder : Path
-        The project.
-    frames : int, optional
-        How many there may be, both axes together; 28 if neither this nor `sigma_lines` is given.
-    sigma_lines : float, optional
-        The standard deviation wanted: the fewest frames that reach it.
-    preflight : Path, optional
-        What ``stripe-core preflight --json`` wrote.
+    With at most `frames`, both axes together, 28 if nothing is given, or with the fewest that reach `sigma_lines`.
+    `preflight` is what ``stripe-core preflight --json`` wrote.
     """
     if frames is not None and not FEWEST <= frames <= MOST:
         raise InputError("--frames", f"is {frames}", f"give {FEWEST} to {MOST} frames")

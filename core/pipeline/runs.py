@@ -76,21 +76,10 @@ def now() -> str:
 
 
 def keep_run(project: Project, run: Run, archives: Mapping[str, object]) -> Run:
-    """Keep a run under the next free number and make it the current one.
+    """Keep a run, with its archives by file name, under the next free number and make it the current one.
 
     Its folder appears whole, then the pointer is turned to it: what stops this leaves the old state or the new one.
-
-    Parameters
-    ----------
-    run : Run
-        Its number is given here.
-    archives : mapping
-        By file name, what to write. Those of a method that another run holds are not written.
-
-    Raises
-    ------
-    BusyError
-        If another program writes into the project.
+    Archives of a method that another run holds are not written. BusyError if another program writes into the project.
     """
     with writing_results(project.path, "calibrate"):
         root = result_path(project, "runs")

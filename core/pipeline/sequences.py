@@ -50,21 +50,10 @@ def write_patterns(
 ) -> WrittenPatterns:
     """Write a project's sequence as numbered PNG of the projector's size, and the capture.json that lists them.
 
-    Parameters
-    ----------
-    folder : Path
-        The project.
-    out : Path
-        New, empty, or holding such images only, which are replaced.
-    sequence : SequenceSpec, optional
-        Without it the project's own, else that of its latest capture, else fringes of grey.
-    linearise : bool
-        Write the levels that make the projector's light what the patterns mean, by its `response` in project.json.
-
-    Raises
-    ------
-    InputError
-        If the place holds anything else, or the response is missing or does not rise.
+    Without a sequence it is the project's own, else that of its latest capture, else fringes of grey. `linearise`
+    writes the levels that make the projector's light what the patterns mean, by its `response` in project.json. `out`
+    is new, empty, or holds such images only, which are replaced: anything else, or a response that is missing or does
+    not rise, is an InputError.
     """
     project = read_project(folder)
     spec = sequence or shown_sequence(project)

@@ -24,20 +24,11 @@ def volume_figures(
 ) -> tuple[dict[str, Any], dict[str, Array]]:
     """Say how sure a calibration is of the points it gives and of where its devices see them, by depth.
 
-    Returns
-    -------
-    figures : dict
-        Of several devices "camera" and "projector"; under "depths" for every depth r.m.s. sigmas over the grid:
-        `sigma_mm` of a point's place in the camera's frame, `form_sigma_mm` after the best movement of all points as
-        one, and of both devices' images `camera_px` and `projector_lines`, after the best place of the device. Noise
-        of a capture is no part of them.
-    maps : dict
-        The same over the grid, shape (depths, rows, columns), NaN where the projector lights nothing; `uv`, `xyz_mm`.
-
-    Raises
-    ------
-    InputError
-        If the calibration tells no sigmas.
+    Figures: of several devices "camera" and "projector"; under "depths" for every depth r.m.s. sigmas over the grid:
+    `sigma_mm` of a point's place in the camera's frame, `form_sigma_mm` after the best movement of all points as one,
+    and of both devices' images `camera_px` and `projector_lines`, after the best place of the device. Noise of a
+    capture is no part of them. Maps: the same over the grid, (depths, rows, columns), NaN where the projector lights
+    nothing; `uv`, `xyz_mm`. A calibration that tells no sigmas is an InputError.
     """
     from core.checks.volume import form_of_fields, image_fields, point_fields, sigmas_of, volume_of
 
@@ -62,26 +53,13 @@ def volume_figures(
 def difference_figures(
     project: Project, other: Path | int, run: int | None = None, camera: str = "", projector: str = ""
 ) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Set a calibration of a project beside another one's of the same devices, over the first one's working volume.
+    """Set a calibration beside another one of the same devices, over the first one's working volume.
 
-    Parameters
-    ----------
-    other : Path or int
-        Another project, or the number of a kept run of this one.
-    run : int, optional
-        A kept run of the project in place of the calibration in use.
-    camera, projector : str
-        Where there are several.
-
-    Returns
-    -------
-    figures : dict
-        `significant` by the chi-square test of `statistic` with `dof` against `limit`, both calibrations taken as
-        independent, None where one of them tells no sigmas; under "depths" r.m.s. and largest `difference_mm`, its
-        `sigma_mm`, where it is known, and the same of `form`, what is left after the best movement of all points as
-        one.
-    maps : dict
-        Of every node.
+    `other` is another project, or a kept run of this one; `run` is taken in place of the calibration in use. Figures:
+    `significant` by the chi-square test of `statistic` with `dof` against `limit`, both calibrations taken as
+    independent, None where one of them tells no sigmas; under "depths" r.m.s. and largest `difference_mm`, its
+    `sigma_mm`, where it is known, and the same of `form`, what is left after the best movement of all points as one.
+    Maps: of every node.
     """
     from core.checks.volume import difference
 

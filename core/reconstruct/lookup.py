@@ -17,26 +17,11 @@ from core.reconstruct.rays import camera_rays, flat
 
 
 def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool = False) -> PointCloud:
-    """Look up the depth of all pixels of a phase map.
+    """Look up the depth of all pixels, (H, W), of a phase map with the calibrated axis; NoCoordinateError without it.
 
-    Parameters
-    ----------
-    phase : PhaseMap
-        Shape (H, W), with the calibrated axis.
-    extrapolate : bool
-        Also give points beyond the depths at which the pixel was calibrated: the polynomial as it goes on, or the
-        table's end pieces prolonged.
-
-    Returns
-    -------
-    cloud : PointCloud
-        `sigma_depth_mm` of Z from the capture's phase noise and that of the curves; `sigma_mm` from both and the
-        camera's orientation, where the calibration has its covariance.
-
-    Raises
-    ------
-    NoCoordinateError
-        If the calibrated axis was not decoded.
+    `extrapolate` also gives points beyond the depths at which the pixel was calibrated: the polynomial as it goes on,
+    or the table's end pieces prolonged. `sigma_depth_mm` of Z is from the capture's phase noise and that of the curves,
+    `sigma_mm` from both and the camera's orientation, where the calibration has its covariance.
     """
     measured, sigma = (phase.u, phase.sigma_u) if calibration.axis == "u" else (phase.v, phase.sigma_v)
     if not np.isfinite(measured).any():

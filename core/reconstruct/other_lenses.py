@@ -19,15 +19,8 @@ def solve_rows(
 ) -> tuple[Array, Array, Array, Array]:
     """Inverse depths of rows start to stop - 1 from one or two projector coordinates.
 
-    Parameters
-    ----------
-    first, second : tuple
-        Values (H, W) in lines, their sigmas, and (k0, kx, ky) of the coordinate; `lead` names the first, "u" or "v".
-
-    Returns
-    -------
-    q, sigma_q, last, W : arrays, shape (rows, W)
-        Inverse depth, its sigma, the last step in lines, and the depth in the projector at q = 0.
+    Each has values (H, W) in lines, their sigmas, and (k0, kx, ky); `lead` names the first, "u" or "v". Gives, (rows,
+    W): inverse depth, its sigma, the last step in lines, and the depth in the projector at q = 0.
     """
     values, _, (k0, kx, ky) = first
     spec, interior = system.devices.projector

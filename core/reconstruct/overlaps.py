@@ -51,19 +51,9 @@ class _Points:
 def averaged(views: Sequence[Seen]) -> list[tuple[PointCloud, NDArray[np.int64]]]:
     """Give each place once, from the first station that sees it, at the mean of all that do.
 
-    Parameters
-    ----------
-    views : sequence of Seen
-        Views of one station are not compared with each other.
+    For each view: the cloud with the places that it gives, NaN elsewhere, and which views have a part in each pixel,
+    (H, W), as bits. Points stay on the rays of their pixels; views of one station are not compared with each other.
 
-    Returns
-    -------
-    list of (cloud, made_by)
-        For each view: the cloud with the places that it gives, NaN elsewhere, and which views have a part in each
-        pixel, (H, W), as bits. Points stay on the rays of their pixels.
-
-    Notes
-    -----
     A ray meets the surface of another view, bilinear between four pixels. Depths are weighed by their noise; errors of
     the calibration and of poses, which views share to a part that is not worked out, count as if they were the same:
     their sigma is the mean of the views' sigmas, which theirs never exceeds. Where views differ by more than their

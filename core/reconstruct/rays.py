@@ -15,18 +15,10 @@ ROWS_AT_ONCE = 32  # their float64 work arrays stay in the processor's cache
 
 @lru_cache(maxsize=3)
 def camera_rays(spec: DeviceSpec, interior: Interior) -> Floats:
-    """Give the directions in which all pixels of a camera look, distortion removed.
+    """Give X and Y of the directions, Z = -1, in which a camera's pixels look, distortion removed: (H, W, 2) float32.
 
-    Parameters
-    ----------
-    spec, interior
-        The camera.
-
-    Returns
-    -------
-    rays : array, shape (H, W, 2), float32
-        X and Y of the direction whose Z is -1 (camera frame), NaN where the distortion cannot be inverted. Rounding to
-        float32 moves a point at 1 m by less than 0.06 µm per unit of direction. Read-only, shared between callers.
+    NaN where the distortion cannot be inverted. Rounding to float32 moves a point at 1 m by less than 0.06 µm per unit
+    of direction. Read-only, shared between callers.
     """
     rays = np.empty((spec.height, spec.width, 2), np.float32)
 

@@ -59,14 +59,9 @@ def depth_slopes(devices: Devices) -> tuple[float, float]:
 
 
 def make_table(devices: Devices, covariance: Array, axes: str) -> SigmaTable:
-    """Propagate the covariance at the nodes.
+    """Propagate the covariance, (k, k) in the order of `Pair.covariance`, at the nodes.
 
-    Parameters
-    ----------
-    covariance : array, shape (k, k)
-        In the order of `Pair.covariance`.
-    axes : str
-        The observed projector coordinates; they count with equal weight.
+    The observed projector coordinates, `axes`, count with equal weight.
     """
     uv = _camera_nodes(devices)
     step = int(uv[0, 1, 0])

@@ -70,14 +70,8 @@ class Connection:
 
 
 def projector_kinds(virtual: str, screens: Sequence[str] = ()) -> tuple[DeviceKind, ...]:
-    """Give the ways to reach a projector.
-
-    Parameters
-    ----------
-    virtual : str
-        URL of the virtual rig of the project's sizes.
-    screens : sequence of str
-        The screens of this computer, each with its number and size.
+    """Give the ways to reach a projector: by the virtual rig's URL and this computer's screens, with number and
+    size.
     """
     scene = virtual.partition(":")[2] or "flat"
     return (
@@ -287,10 +281,7 @@ def unfinished(project: Project) -> tuple[Unfinished, ...]:
 def connect(project: Project, rig: Rig, urls: tuple[str, str], progress: Progress = SILENT) -> Connection:
     """Open both devices, take one image, and say what answered; the devices stay open in `rig`.
 
-    Raises
-    ------
-    StripeError
-        What does not answer or does not fit, and what to check.
+    A StripeError says what does not answer or does not fit, and what to check.
     """
     from core.capture.plan import own_sequence, sequence_for
     from core.capture.run import check_sizes

@@ -106,10 +106,7 @@ def reading(view: EvaluationView, capture: str, u: float, v: float) -> str:
 def profiles(view: EvaluationView, capture: str, start: Pair, stop: Pair) -> dict[str, Profile]:
     """Read the deviations along a line, by every method that knows the camera it was made with.
 
-    Raises
-    ------
-    InputError
-        If the line is shorter than a pixel.
+    InputError if the line is shorter than a pixel.
     """
     return {
         e.method: read_profile(e, view.camera, start, stop) for e in view.by_method(capture) if e.camera is not None

@@ -73,13 +73,7 @@ class Rig:
             return setting
 
     def look(self, urls: tuple[str, str], light: str = "white", progress: Progress = SILENT) -> Look:
-        """Take one image in white, black or striped light.
-
-        Raises
-        ------
-        StripeError
-            The devices are closed then, unless it is a wish to stop.
-        """
+        """Take one image in white, black or striped light; an error, but no wish to stop, closes the devices."""
         with self._lock:
             try:
                 projector, camera = self.open(urls, progress)

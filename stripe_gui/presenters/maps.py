@@ -56,18 +56,10 @@ def round_factor(value: float) -> float:
 
 
 def hill_shade(xyz_mm: NDArray) -> NDArray[np.float32]:
-    """Light a surface from the upper left of the camera.
+    """Light a surface, (H, W, 3) mm in the camera's frame, NaN where there is none, from the camera's upper left.
 
-    Parameters
-    ----------
-    xyz_mm : array, shape (H, W, 3)
-        Points in the camera's frame, NaN where there is none.
-
-    Returns
-    -------
-    shade : array, shape (H, W), float32
-        The cosine of the angle between the light and the surface's normal, 0 where it is turned away; NaN without
-        neighbours on both sides.
+    Gives the cosine of the angle between the light and the surface's normal, (H, W), 0 where it is turned away; NaN
+    without neighbours on both sides.
     """
     du = np.full(xyz_mm.shape, np.nan, np.float32)
     dv = np.full(xyz_mm.shape, np.nan, np.float32)

@@ -61,12 +61,7 @@ def write_signed_report(
 ) -> ReportPaths:
     """Sign the evaluation, or withdraw the sign-off, and write the report into the project or a folder.
 
-    Planes are evaluated anew where that is out of date; nobody signs figures before he has seen them.
-
-    Raises
-    ------
-    InputError
-        If an evaluation that is out of date is to be signed.
+    Planes are evaluated anew where that is out of date; nobody signs figures before he has seen them: InputError.
     """
     status = stage_statuses(ProjectFolder(project.path))["evaluate"]
     current = status.state is State.DONE

@@ -32,12 +32,8 @@ class Stand:
 
 
 def stands_of(calibration: PhotogrammetricCalibration) -> dict[str, Stand]:
-    """Give the calibrated devices in the frame of the one that orientations refer to.
-
-    Raises
-    ------
-    InputError
-        If not all devices were tied to one another.
+    """Give the calibrated devices in the frame of the one that orientations refer to; InputError if not all are
+    tied.
     """
     from core.reconstruct.placed import placed  # only now: its room loads the kernels
 

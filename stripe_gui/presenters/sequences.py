@@ -86,13 +86,7 @@ def options_of(preset: str) -> tuple[Option, ...]:
 
 
 def spec_of(preset: str, options: dict[str, Any]) -> SequenceSpec:
-    """Make a sequence of a preset and what was typed for its options.
-
-    Raises
-    ------
-    InputError
-        Naming the option.
-    """
+    """Make a sequence of a preset and what was typed for its options; an InputError names the option."""
     return read_sequence({"preset": preset, **options}, translate("Sequence", "sequence"))
 
 

@@ -134,19 +134,11 @@ class ImageView(theme.Themed):
         extra: Callable[[int, int], str] | None = None,
         colours: NDArray[np.uint8] | None = None,
     ) -> None:
-        """Show an image between two fixed levels; the zoom stays where it is unless the size is another.
+        """Show an image (H, W) between two fixed levels; the zoom stays where it is unless the size is another.
 
-        Parameters
-        ----------
-        image : array, shape (H, W), or None for an empty view
-            NaN is not drawn.
-        scale : {"grey", "map", "deviation"}
-        digits : int
-            Decimals of the read-out.
-        extra : callable, optional
-            ``extra(u, v)`` gives more text for the read-out at a pixel.
-        colours : array, shape (H, W, 4), optional
-            What is painted instead of the scale's colours, such as a shaded map.
+        NaN is not drawn, None empties the view. The scale is "grey", "map" or "deviation"; `digits` are decimals of the
+        read-out, to which ``extra(u, v)`` adds text. `colours`, (H, W, 4), are painted instead of the scale's, such as
+        a shaded map.
         """
         before = None if self._image is None else self._image.shape
         self._image = None if image is None else np.asarray(image)

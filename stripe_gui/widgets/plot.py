@@ -157,10 +157,7 @@ class Histogram(Plot):
     ) -> None:
         """Show named series of values between ±limit; what lies outside counts in the outermost bins.
 
-        Parameters
-        ----------
-        normal : sequence of (str, float or None)
-            Name and sigma of the normal distribution beside each series; None for none.
+        `normal` has name and sigma of the normal distribution beside each series; None for none.
         """
         edges = np.linspace(-limit, limit, bins + 1)
         x = np.linspace(-limit, limit, 401)

@@ -49,15 +49,9 @@ class ResidualPlot(theme.Themed):
     def set_residuals(
         self, uv: ArrayLike, residuals: ArrayLike, size: tuple[int, int], um: tuple[float, float]
     ) -> None:
-        """Show residuals.
+        """Show residuals, observed minus computed, at `uv`, both (n, 2) px or lines of a device of this size.
 
-        Parameters
-        ----------
-        uv, residuals : array, shape (n, 2)
-            Where the points are and observed minus computed, px (or lines). A NaN coordinate was not observed: it is
-            drawn as zero.
-        size : (width, height) of the device, px
-        um : micrometres per px in u and v, for the legend
+        A NaN coordinate was not observed: it is drawn as zero. `um` is micrometres per px in u and v, for the legend.
         """
         uv = np.asarray(uv, dtype=np.float64).reshape(-1, 2)
         d = np.nan_to_num(np.asarray(residuals, dtype=np.float64).reshape(-1, 2))

@@ -33,10 +33,7 @@ OWN, LISTED = "own", "listed"  # beside the presets' names
 class SequenceForm(QWidget):
     """Asks what is to be shown, and says at once what that is to the projector.
 
-    Attributes
-    ----------
-    view : SequenceView or None
-        What was chosen, looked at; None while that is being worked out.
+    `view` is what was chosen, looked at; None while that is being worked out.
     """
 
     changed = Signal()

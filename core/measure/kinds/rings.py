@@ -39,13 +39,7 @@ CODES = [c for c in range(1, (1 << BITS) - 1) if c.bit_count() % 2 == 0 and c ==
 
 
 def coded_targets(testfield: Testfield) -> dict[int, int]:
-    """Targets (indices) of a board by their codes.
-
-    Raises
-    ------
-    InputError
-        If the targets are so close that no ring has room.
-    """
+    """Targets (indices) of a board by their codes; InputError if they are so close that no ring has room."""
     xy, radius = testfield.xyz_mm[:, :2], float(testfield.diameter_mm.max()) / 2
     nearest = np.linalg.norm(xy[:, None] - xy, axis=2) + np.diag(np.full(len(xy), np.inf))
     if nearest.min() < ROOM[1] * radius:

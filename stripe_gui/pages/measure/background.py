@@ -22,10 +22,7 @@ from stripe_gui.workbench import Workbench
 class Background(QObject):
     """Measures in the program's queue of jobs, so that it is shown and can be cancelled; prepares in one of its own.
 
-    Attributes
-    ----------
-    at_work : set of int
-        Images that are being measured or wait for it.
+    Images `at_work` are being measured or wait for it.
     """
 
     measured = Signal(int)  # an image was measured, refused or cancelled

@@ -168,13 +168,7 @@ class ImagePanel(QWidget):
 
 
 class ImageKeys(QObject):
-    """Takes keys from the image's canvas before the canvas does.
-
-    Parameters
-    ----------
-    keys : mapping
-        What single keys do.
-    """
+    """Takes keys from the image's canvas before the canvas does."""
 
     nudged = Signal(float, float)  # du, dv in px
     jumped = Signal(int, int)  # to the next dot: direction in u, v

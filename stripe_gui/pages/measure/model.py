@@ -60,16 +60,9 @@ def corner_targets(field: Testfield) -> tuple[Target, ...]:
 
 
 class Picking:
-    """The picks of several captures of boards.
+    """The picks of several captures of boards (at least one), of the images of one camera and projector.
 
     Every change is in the capture's folder before it is in here: what is shown is never ahead of what is saved.
-
-    Parameters
-    ----------
-    captures : sequence of Capture
-        At least one, each with a testfield.
-    pair : tuple of str
-        Whose images, where captures hold those of several cameras or projectors.
     """
 
     def __init__(self, captures: Sequence[Capture], pair: tuple[str, str] = ("", "")) -> None:
