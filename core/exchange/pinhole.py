@@ -31,7 +31,8 @@ MODEL = "brown"
 class Pinhole:
     """A device in OpenCV's model and axes; pixels count from the centre of the top-left one.
 
-    `distortion` holds k1, k2, p1, p2, k3, k4, k5, k6; `rms_px` is what fitting ours to it left.
+    `distortion` holds k1, k2, p1, p2, k3, k4, k5, k6; `rms_px` is what fitting ours to it left. A file that does not
+    give the image's size leaves it 0.
     """
 
     name: str
@@ -153,6 +154,10 @@ def fit_device(name: str, spec: DeviceSpec, interior: Interior, free: Sequence[s
     return Pinhole(name, spec.width, spec.height, fx, fy, cx, cy, tuple(k), rms)
 
 
+def _sized(p: Pinhole, spec: DeviceSpec) -> Pinhole:
+    return p if p.width or p.height else replace(p, width=spec.width, height=spec.height)
+
+
 def device_from(p: Pinhole, spec: DeviceSpec) -> AdjustedDevice:
     """Make a device of the project's raster from this model; nothing is known of its sigmas.
 
@@ -179,12 +184,12 @@ def pair_to_calibration(
     pair: Pair, camera: DeviceSpec, projector: DeviceSpec, source: str
 ) -> PhotogrammetricCalibration:
     """Make a calibration of this program's from a pair that another one calibrated."""
-    devices = device_from(pair.camera, camera), device_from(pair.projector, projector)
+    theirs = _sized(pair.camera, camera), _sized(pair.projector, projector)
+    devices = device_from(theirs[0], camera), device_from(theirs[1], projector)
     R = FLIP @ pair.rotation @ FLIP
     if not (np.isfinite(R).all() and np.abs(R @ R.T - np.eye(3)).max() < 1e-4 and np.linalg.det(R) > 0):
         raise InputError(source, "the rotation from camera to projector is none", "export it again")
     U, _, Vt = np.linalg.svd(R)
-    theirs = pair.camera, pair.projector
     L = _joined(*(_carried(_theirs(p), _ours(d), p) for p, d in zip(theirs, devices, strict=True)))
     known = pair.covariance is not None
     covariance = L @ pair.covariance @ L.T if pair.covariance is not None else np.zeros((len(L), len(L)))
@@ -193,10 +198,13 @@ def pair_to_calibration(
     unknown = (
         f"imported from {source}, which tells no sigmas: those of points are of the phase alone; judge it by a plane"
     )
+    told = [f"imported from {source}" if known else unknown]
+    if theirs != (pair.camera, pair.projector):
+        told.append(f"{source} gives no image sizes: those of project.json are taken")
     return calibration_of_pair(
         camera=replace(devices[0], sigma=parts[0]),
         projector=replace(devices[1], sigma=parts[1]),
         projector_from_camera=Pose(U @ Vt, FLIP @ np.asarray(pair.translation_mm, float)),
         covariance=covariance,
-        verdict=Verdict("passed" if known else "doubtful", (f"imported from {source}" if known else unknown,)),
+        verdict=Verdict("passed" if known else "doubtful", tuple(told)),
     )

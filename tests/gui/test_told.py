@@ -23,7 +23,8 @@ pipeline/holdings pipeline/inputs pipeline/measure pipeline/evaluate pipeline/or
 pipeline/methods/*
 calibrate/adjust calibrate/columns calibrate/depth calibrate/depth_camera calibrate/groups calibrate/photogrammetric
 calibrate/rigid calibrate/selection calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/*
-measure/kinds/* orient/motion capture/fitness capture/quality capture/identity capture/mistakes capture/preflight
+measure/kinds/* orient/motion exchange/pinhole
+capture/fitness capture/quality capture/identity capture/mistakes capture/preflight
 report/words report/numbers report/chapters report/sign_off model/finding patterns/kinds/* patterns/presets
 """
 # calls that show no reason

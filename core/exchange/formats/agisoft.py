@@ -91,8 +91,8 @@ def _device(name: str, path: Path) -> tuple[Pinhole, ElementTree.Element]:
         if (root.findtext("projection") or "frame") != "frame":
             raise ValueError(f"projection {root.findtext('projection')}; frame can be read")
         v = {e.tag: float(e.text or 0) for e in root if e.tag not in ("projection", "date", "transform", _SIGMAS)}
-        if v.get("b2") or v.get("k4"):
-            raise ValueError("b2 or k4, which this program does not have")
+        if any(v.get(name) for name in ("b2", "k4", "p3", "p4")):
+            raise ValueError("b2, k4, p3 or p4, which this program does not have")
         f = v["f"]
         numbers(list(v.values()), (-1,))
         k = (v.get("k1", 0.0), v.get("k2", 0.0), v.get("p2", 0.0), v.get("p1", 0.0), v.get("k3", 0.0), 0.0, 0.0, 0.0)

@@ -75,14 +75,21 @@ def reading(path: Path, form: str) -> Iterator[None]:
     except InputError:
         raise
     except KeyError as error:
-        raise InputError(path, f"{error.args[0]!r} is missing", f"export it as {form} again") from error
-    except (ValueError, TypeError, IndexError, AttributeError, RecursionError, OverflowError) as error:
+        raise InputError(
+            path, f"{error.args[0]!r} is missing", f"give a file of camera and projector in the {form} format"
+        ) from error
+    except ValueError as error:
         raise InputError(path, f"not the {form} format ({error})", "choose its format with --from") from error
+    except (TypeError, IndexError, AttributeError, RecursionError, OverflowError) as error:  # Python's own words
+        raise InputError(path, f"not laid out as the {form} format", "choose its format with --from") from error
 
 
 def numbers(values: Any, shape: tuple[int, ...]) -> np.ndarray:
     """Give finite numbers of a shape; a dimension of -1 takes any length."""
-    found = np.asarray(values, dtype=np.float64)
+    try:
+        found = np.asarray(values, dtype=np.float64)
+    except ValueError:
+        raise ValueError("a matrix of other entries than numbers, or of unequal rows") from None
     if len(shape) == 1:
         found = found.ravel()
     elif found.size == np.prod(shape):
@@ -94,11 +101,16 @@ def numbers(values: Any, shape: tuple[int, ...]) -> np.ndarray:
     return found
 
 
+def matrix(stored: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Give the numbers of a matrix: rows, cols and data as OpenCV and ROS write them, or plain lists."""
+    return numbers(stored["data"] if isinstance(stored, Mapping) else stored, shape)
+
+
 def yaml_mapping(path: Path, form: str, text: str | None = None) -> Mapping[str, Any]:
-    """Read a YAML file that holds a mapping, or its text."""
+    """Read a YAML file that holds a mapping, or its text; OpenCV's directive and tags are passed over."""
     import yaml
 
-    text = read_text(path) if text is None else text
+    text = re.sub(r"\A%YAML.*|!!opencv-matrix\b", "", read_text(path) if text is None else text)
     if len(text) > LARGEST_YAML:
         raise InputError(path, f"{len(text)} characters", "give the file of a calibration")
     nested = np.cumsum([(c in "[{") - (c in "]}") for c in re.findall(r"[][{}]", text)])

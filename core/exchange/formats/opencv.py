@@ -1,11 +1,12 @@
 """OpenCV: YAML, XML or JSON of cv2.FileStorage; matrices of camera and projector, then R and T between them, mm.
 
 The projector is written as a second camera, as `cv2.stereoCalibrate` gives it: ``X_projector = R X_camera + T``.
+Files of others may lack the image sizes, and name their entries as OpenCV's sample, Brown University's procamcalib or
+kamino410's procam-calibration (which misspells its rotation) do.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from core.exchange.formats.format import (
     Format,
     coefficients,
     covariance,
-    numbers,
+    matrix,
     read_text,
     reading,
     xml_root,
@@ -26,24 +27,28 @@ from core.exchange.formats.format import (
 )
 from core.exchange.pinhole import Pair, Pinhole
 
-_MATRIX = ("camera_matrix", "M1", "K1", "cameraMatrix1", "K"), ("projector_matrix", "M2", "K2", "cameraMatrix2")
-_DISTORTION = (
-    ("distortion_coefficients", "D1", "distCoeffs1", "D"),
-    ("projector_distortion_coefficients", "D2", "distCoeffs2"),
+_MATRIX = (
+    ("camera_matrix", "M1", "K1", "cameraMatrix1", "K", "cam_K", "cam_int"),
+    ("projector_matrix", "M2", "K2", "cameraMatrix2", "proj_K", "proj_int"),
 )
+_DISTORTION = (
+    ("distortion_coefficients", "D1", "distCoeffs1", "D", "cam_kc", "cam_dist"),
+    ("projector_distortion_coefficients", "D2", "distCoeffs2", "proj_kc", "proj_dist"),
+)
+_ROTATION, _SHIFT = ("R", "rotation", "roration"), ("T", "translation")
 _SIGMAS = "parameter_covariance"
 
 
 def _write(pair: Pair, path: Path) -> list[Path]:
     kind = path.suffix.lower() if path.suffix.lower() in FORMAT.endings else FORMAT.endings[0]
     storage = cv2.FileStorage(kind, cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
-    for device, matrix, distortion, prefix in (
+    for device, name, distortion, prefix in (
         (pair.camera, _MATRIX[0][0], _DISTORTION[0][0], "image"),
         (pair.projector, _MATRIX[1][0], _DISTORTION[1][0], "projector"),
     ):
         storage.write(f"{prefix}_width", device.width)
         storage.write(f"{prefix}_height", device.height)
-        storage.write(matrix, device.matrix)
+        storage.write(name, device.matrix)
         k = device.distortion
         storage.write(distortion, np.array([k if any(k[5:]) else k[:5]]))
     storage.write("R", np.ascontiguousarray(pair.rotation))
@@ -65,12 +70,12 @@ def _read(path: Path) -> Pair:
             ("camera", _MATRIX[0], _DISTORTION[0], "image"),
             ("projector", _MATRIX[1], _DISTORTION[1], "projector"),
         ):
-            K = numbers(_first(stored, matrices), (3, 3))
-            k = coefficients(_first(stored, distortions))
-            width, height = (int(stored[f"{prefix}_{side}"]) for side in ("width", "height"))
+            K = matrix(_first(stored, matrices), (3, 3))
+            k = coefficients(matrix(_first(stored, distortions), (-1,)))
+            width, height = (int(stored.get(f"{prefix}_{side}", 0)) for side in ("width", "height"))
             devices.append(Pinhole(name, width, height, K[0, 0], K[1, 1], K[0, 2], K[1, 2], k))
-        R, T = numbers(_first(stored, ("R",)), (3, 3)), numbers(_first(stored, ("T",)), (3,))
-        cov = covariance(_first(stored, (_SIGMAS,))) if _SIGMAS in stored else None
+        R, T = matrix(_first(stored, _ROTATION), (3, 3)), matrix(_first(stored, _SHIFT), (3,))
+        cov = covariance(matrix(stored[_SIGMAS], (30, 30))) if _SIGMAS in stored else None
     return Pair(devices[0], devices[1], R, T, cov)
 
 
@@ -79,15 +84,15 @@ def _mapping(path: Path) -> Mapping[str, Any]:
     text = read_text(path)
     if text.lstrip().startswith("<"):
         return {e.tag: {part.tag: (part.text or "").split() for part in e} or e.text for e in xml_root(text)}
-    return yaml_mapping(path, "opencv", re.sub(r"\A%YAML.*|!!opencv-matrix\b", "", text))
+    return yaml_mapping(path, "opencv", text)
 
 
-def _first(stored: Mapping[str, Any], names: tuple[str, ...]) -> np.ndarray:
-    """Give the matrix that is there by one of the names."""
-    matrix = next((stored[name] for name in names if name in stored), None)
-    if matrix is None:
+def _first(stored: Mapping[str, Any], names: tuple[str, ...]) -> Any:
+    """Give the entry that is there by one of the names."""
+    name = next((name for name in names if name in stored), None)
+    if name is None:
         raise KeyError(names[0])
-    return numbers(matrix["data"], (int(numbers(matrix["rows"], (1,))[0]), int(numbers(matrix["cols"], (1,))[0])))
+    return stored[name]
 
 
 FORMAT = Format("opencv", ("k1", "k2", "p1", "p2", "k3"), _write, _read, (".yml", ".yaml", ".xml", ".json"))

@@ -18,7 +18,7 @@ from core.exchange.formats.format import (
     coefficients,
     covariance,
     flow,
-    numbers,
+    matrix,
     reading,
     second_file,
     write_texts,
@@ -30,10 +30,10 @@ from core.exchange.pinhole import Pair, Pinhole
 def _write(pair: Pair, path: Path) -> list[Path]:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = pair.rotation, np.asarray(pair.translation_mm) / METRE_MM
-    known = "" if pair.covariance is None else _matrix("parameter_covariance", pair.covariance)
+    known = "" if pair.covariance is None else _entry("parameter_covariance", pair.covariance)
     texts = {
         path: _text(pair.camera),
-        second_file(path): _text(pair.projector) + _matrix("T_projector_camera", pose) + known,
+        second_file(path): _text(pair.projector) + _entry("T_projector_camera", pose) + known,
     }
     return write_texts(texts)
 
@@ -42,15 +42,15 @@ def _text(p: Pinhole) -> str:
     K = p.matrix
     return (
         f"image_width: {p.width}\nimage_height: {p.height}\ncamera_name: {p.name}\n"
-        + _matrix("camera_matrix", K)
+        + _entry("camera_matrix", K)
         + "distortion_model: plumb_bob\n"
-        + _matrix("distortion_coefficients", np.array([p.distortion[:5]]))
-        + _matrix("rectification_matrix", np.eye(3))
-        + _matrix("projection_matrix", np.hstack([K, np.zeros((3, 1))]))
+        + _entry("distortion_coefficients", np.array([p.distortion[:5]]))
+        + _entry("rectification_matrix", np.eye(3))
+        + _entry("projection_matrix", np.hstack([K, np.zeros((3, 1))]))
     )
 
 
-def _matrix(name: str, values: np.ndarray) -> str:
+def _entry(name: str, values: np.ndarray) -> str:
     rows, cols = values.shape
     return f"{name}:\n  rows: {rows}\n  cols: {cols}\n  data: {flow(values)}\n"
 
@@ -62,16 +62,17 @@ def _read(path: Path) -> Pair:
         first = _device("camera", camera)
     with reading(other, "ros"):
         second = _device("projector", projector)
-        pose = numbers(projector["T_projector_camera"]["data"], (4, 4))
-        cov = covariance(projector["parameter_covariance"]["data"]) if "parameter_covariance" in projector else None
+        pose = matrix(projector["T_projector_camera"], (4, 4))
+        known = projector.get("parameter_covariance")
+        cov = None if known is None else covariance(matrix(known, (30, 30)))
     return Pair(first, second, pose[:3, :3], pose[:3, 3] * METRE_MM, cov)
 
 
 def _device(name: str, data: Mapping[str, Any]) -> Pinhole:
     if data.get("distortion_model", "plumb_bob") not in ("plumb_bob", "rational_polynomial"):
         raise ValueError(f"distortion_model {data['distortion_model']}")
-    K = numbers(data["camera_matrix"]["data"], (3, 3))
-    k = coefficients(data["distortion_coefficients"]["data"])
+    K = matrix(data["camera_matrix"], (3, 3))
+    k = coefficients(matrix(data["distortion_coefficients"], (-1,)))
     return Pinhole(name, int(data["image_width"]), int(data["image_height"]), K[0, 0], K[1, 1], K[0, 2], K[1, 2], k)
 
 

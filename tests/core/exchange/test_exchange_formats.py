@@ -231,6 +231,68 @@ def test_opencv_opens_every_ending_and_so_do_we(ending, calibration, tmp_path) -
     np.testing.assert_array_equal(found.covariance, storage.getNode("parameter_covariance").mat())
 
 
+K, k, TURN = (
+    np.array([[580.0, 0, 315], [0, 577, 247], [0, 0, 1]]),
+    [0.13, -0.31, 0.002, 0.003, 0.1],
+    np.eye(3)[[1, 2, 0]],
+)
+OTHERS = {  # as cv2.FileStorage writes them: OpenCV's sample stereo_calib, procamcalib, kamino410/procam-calibration
+    "sample.yml": ("M1", "D1", "M2", "D2", "R", "T"),
+    "procamcalib.yml": ("cam_K", "cam_kc", "proj_K", "proj_kc", "R", "T"),
+    "calibration_result.xml": ("cam_int", "cam_dist", "proj_int", "proj_dist", "roration", "translation"),
+}
+
+
+@pytest.mark.parametrize("name", sorted(OTHERS))
+def test_files_of_other_programs_are_read_without_image_sizes(name, tmp_path) -> None:
+    storage = cv2.FileStorage(str(tmp_path / name), cv2.FILE_STORAGE_WRITE)
+    values = K, np.array([k]), K + np.diag([9, 7, 0]), np.array([k[:4]]), TURN, np.array([[100.0], [2], [3]])
+    for entry, value in zip(OTHERS[name], values, strict=True):
+        storage.write(entry, value)
+    storage.release()
+    found = FORMATS["opencv"].read(tmp_path / name)
+    np.testing.assert_array_equal(found.camera.matrix, K)
+    np.testing.assert_array_equal(found.projector.matrix, values[2])
+    assert found.camera.distortion == (*k, 0, 0, 0)
+    assert found.projector.distortion == (*k[:4], 0, 0, 0, 0)
+    np.testing.assert_array_equal(found.rotation, TURN)
+    np.testing.assert_array_equal(found.translation_mm, [100, 2, 3])
+    back = pair_to_calibration(found, CAMERA, PROJECTOR, "file")
+    assert (back.camera.spec.width, back.projector.spec.height) == (748, 600)
+    assert "gives no image sizes" in back.verdict.because[-1]
+
+
+def test_matrices_written_by_hand_are_read(tmp_path) -> None:
+    path = tmp_path / "hand.json"
+    text = {"camera_matrix": K.tolist(), "distortion_coefficients": [k], "projector_matrix": K.tolist(),
+            "projector_distortion_coefficients": k, "R": TURN.tolist(), "T": [100, 2, 3]}  # fmt: skip
+    path.write_text(json.dumps(text))
+    np.testing.assert_array_equal(FORMATS["opencv"].read(path).camera.matrix, K)
+    camera = f"%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n  rows: 3\n  cols: 3\n  data: {K.ravel().tolist()}\ndistortion_coefficients: {k}\n"  # noqa: E501
+    (tmp_path / "left.yaml").write_text(camera)
+    (tmp_path / "left-projector.yaml").write_text(camera + f"T_projector_camera: {np.eye(4).tolist()}\n")
+    found = FORMATS["ros"].read(tmp_path / "left.yaml")
+    np.testing.assert_array_equal(found.camera.matrix, K)
+    assert found.camera.distortion == (*k, 0, 0, 0)
+
+
+@pytest.mark.parametrize("entry", ["5", '"x"', "[[1, 2], [3]]", '{"data": 3}', "null"])
+def test_a_refusal_does_not_speak_of_python(entry, tmp_path) -> None:
+    path = tmp_path / "file.json"
+    path.write_text(f'{{"camera_matrix": {entry}}}')
+    with pytest.raises(InputError) as refused:
+        FORMATS["opencv"].read(path)
+    assert not re.search("indices|object|subscript|attribute|setting|convert|NoneType", str(refused.value))
+
+
+def test_distortion_that_we_do_not_have_is_refused(calibration, tmp_path) -> None:
+    path = tmp_path / "file.xml"
+    FORMATS["agisoft"].write(fit_pair(calibration, FORMATS["agisoft"].free), path)
+    path.write_text(path.read_text().replace("</calibration>", "<p3>0.02</p3></calibration>"))
+    with pytest.raises(InputError, match="p3"):
+        FORMATS["agisoft"].read(path)
+
+
 def test_a_lens_that_the_format_cannot_hold_is_refused(calibration) -> None:
     bent = dataclasses.replace(INTERIORS[0], a=(-6e-3, 3e-4, -0.0143, 0.02, -0.12e-3, -0.75e-4))  # 1 degree of shear
     wrong = dataclasses.replace(calibration, devices={**calibration.devices, "camera": device(CAMERA, bent)})
