@@ -34,21 +34,10 @@ hooks: tuple[Callable[[Path], None], Callable[[Path, Path], None]] = _nothing, _
 
 @contextmanager
 def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
-    """Open a binary file that takes the place of `path` only once it is complete.
+    """Open a binary file that takes the place of `path`, whose folder is made if need be, only once it is complete.
 
-    Parameters
-    ----------
-    path : Path
-        Its folder is made if need be.
-    durable : bool
-        Flush file and folder to the disk before returning, so that a power cut cannot lose the file any more.
-
-    Raises
-    ------
-    InputError
-        If the place cannot be written.
-    StripeError
-        If the disk is full or fails.
+    With `durable` file and folder are flushed to the disk before this returns, so that a power cut cannot lose the file
+    any more. InputError if the place cannot be written, StripeError if the disk is full or fails.
     """
     if _is_stream(path):
         with _told(path), path.open("wb") as stream:

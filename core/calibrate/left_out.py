@@ -52,12 +52,7 @@ class LeftOut:
 
 
 def leave_captures_out(network: Network, progress: Progress = SILENT) -> tuple[LeftOut, ...]:
-    """Leave every pose of a network out in turn.
-
-    Parameters
-    ----------
-    network : Network
-        As it was adjusted.
+    """Leave every pose of an adjusted network out in turn.
 
     Raises
     ------

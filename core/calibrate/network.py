@@ -40,15 +40,11 @@ def network_from_targets(
 
     Parameters
     ----------
-    testfield : Testfield
-        Nominal targets.
     targets : sequence of TargetSet
         One per capture, camera and projector; rows with NaN camera coordinates are passed over, a NaN projector
         coordinate is one not observed.
-    scale : ScaleBar or None
-        Measured distance between two targets; without any the nominal field gives the scale.
-    lengths : sequence of ScaleBar
-        Further ones.
+    scale, lengths
+        Measured distances between two targets; without any the nominal field gives the scale.
     rigid : bool
         One orientation of every device relative to the first for all captures; otherwise every station is free.
     use : sequence of str, optional

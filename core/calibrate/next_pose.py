@@ -51,12 +51,7 @@ class NextPose:
 
 
 def next_poses(network: Network, count: int = 3, progress: Progress = SILENT) -> tuple[NextPose, ...]:
-    """Try poses of the board and give those that would bring most, the best first.
-
-    Parameters
-    ----------
-    network : Network
-        As it was adjusted.
+    """Try poses of the board of an adjusted network and give those that would bring most, the best first.
 
     Raises
     ------

@@ -41,20 +41,10 @@ def recognise(
     where: str,
     progress: Progress = SILENT,
 ) -> list[int]:
-    """Give for every pattern the number of the image that shows it.
+    """Give for every pattern the number of the image that shows it; `lines` are the projector's columns and rows.
 
     The projector's picture is taken to stand upright in the camera's where the images do not tell: mirrored, turned
     words can be words of the same code.
-
-    Parameters
-    ----------
-    images : sequence of array, shape (H, W)
-    patterns : sequence of Pattern
-        As many.
-    lines : (int, int)
-        The projector's columns and rows.
-    where : str
-        What messages call the images.
     """
     for axis in ("x", "y"):
         uses = {use_of(p) for p in patterns if axis_of(p) == axis}

@@ -24,19 +24,10 @@ def retake_frame(
     progress: Progress = SILENT,
     listen: Listen = no_listener,
 ) -> CaptureReport:
-    """Take one frame of a complete capture again, with the guards after it, and verify the whole capture anew.
+    """Take one frame of a complete capture, numbered from 0, again, with the guards after it; verify the whole anew.
 
     The capture stays as it is until the new frame has been verified together with all others: what interrupts this
-    costs no more than the new frame.
-
-    Parameters
-    ----------
-    name : str
-        The capture's folder.
-    frame : int
-        Number of the frame in capture.json, from 0.
-    projector_url, camera_url, listen
-        As `run_capture` takes them.
+    costs no more than the new frame. URLs and `listen` are as `run_capture` takes them.
 
     Raises
     ------

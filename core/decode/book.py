@@ -300,22 +300,11 @@ def look_up(grey, shelf, across, least, scratch, best, top, rival, known):  # ty
 
 @fast
 def adjust(grey, fine, blur, start, noise, steady, out, left):  # type: ignore[no-untyped-def]
-    """Adjust place, contrast and offset of every pixel by weighted least squares.
+    """Adjust place, contrast and offset of every pixel of `grey`, (k, n), by weighted least squares.
 
-    Parameters
-    ----------
-    grey : float32 (k, n)
-    fine : float32 (blurs, entries, k)
-    blur : int64 (n,)
-    start : float32 (n,)
-        Places in lines.
-    noise : (dark, shot, floor)
-    steady : float32 (2, k)
-        By how much more, 1 in the mean, a frame shows of offset and contrast: lamps flicker.
-    out : float32 (4, n)
-        Place, its standard deviation, contrast, offset.
-    left : float32 (n,)
-        Weighted squares that remain.
+    From `start`, (n,) lines, in the words `fine`, (blurs, entries, k), of its `blur`; noise is (dark, shot, floor).
+    `steady`, (2, k), is by how much more, 1 in the mean, a frame shows of offset and contrast: lamps flicker. Written:
+    `out`, (4, n): place, its sigma, contrast, offset; `left`, (n,): weighted squares that remain.
     """
     k, n = grey.shape
     last = np.float32(fine.shape[1] - 2)

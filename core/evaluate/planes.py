@@ -91,16 +91,10 @@ def evaluate_plane(
 
     Parameters
     ----------
-    phase : PhaseMap
-        What the decoder called valid, shape (H, W).
-    cloud : PointCloud
-        The points of the same pixels.
-    capture : str
-        Name, for the report and for messages.
+    phase, cloud
+        What the decoder called valid, and the points of the same pixels, (H, W).
     angle_deg : float or None
         The plane's nominal angle, for the report.
-    method : str
-        By which the points were reconstructed.
     camera : Interior, optional
         The camera they were reconstructed with, kept for profiles along the plane.
     outside : str
@@ -111,8 +105,8 @@ def evaluate_plane(
     evaluation : PlaneEvaluation
         Every point takes part but those on other surfaces, which are counted: r.m.s. = sqrt(Σ d²/n), the largest
         ``|d|`` and the most negative d, where d is the signed distance along the normal, positive towards the camera.
-        `deviation_mm` has shape (H, W), NaN without
-        point; `sigma_mm` likewise, predicted, of shape (0, 0) where the phase noise is not known.
+        `deviation_mm` has shape (H, W), NaN without point; `sigma_mm` likewise, predicted, of shape (0, 0) where the
+        phase noise is not known.
 
     Raises
     ------

@@ -32,17 +32,8 @@ class Profile:
 
 
 def read_profile(evaluation: PlaneEvaluation, spec: DeviceSpec, start: Pair, stop: Pair) -> Profile:
-    """Read the deviations along a line.
+    """Read the deviations along a line, whose ends (u, v) in the camera's image, px, may lie outside it.
 
-    Parameters
-    ----------
-    spec : DeviceSpec
-        The camera's raster.
-    start, stop : (u, v)
-        Ends of the line in the camera's image, px; they may lie outside it.
-
-    Notes
-    -----
     Neighbouring pixels are independent, so a value interpolated with the weights w has the variance Σ w² σ².
     """
     ends = np.array([start, stop], np.float64)
@@ -79,13 +70,7 @@ def line_across(deviations: Sequence[NDArray], start: Pair = (0.05, 0.5), stop: 
 
 
 def interpolate(image: NDArray, uv: ArrayLike) -> tuple[Array, Array]:
-    """Interpolate bilinearly between the four pixels around every point.
-
-    Parameters
-    ----------
-    image : array, shape (H, W)
-    uv : array, shape (n, 2)
-        Points, px.
+    """Interpolate an image (H, W) bilinearly between the four pixels around every point, (n, 2) px.
 
     Returns
     -------
@@ -104,21 +89,9 @@ def interpolate(image: NDArray, uv: ArrayLike) -> tuple[Array, Array]:
 
 
 def points_on_plane(plane: ArrayLike, spec: DeviceSpec, camera: Interior, uv: ArrayLike) -> Array:
-    """Where the rays of pixels meet a plane.
+    """Where the rays of pixels (..., 2) meet a plane, (..., 3) mm in the camera's frame; NaN where not in front of it.
 
-    Parameters
-    ----------
-    plane : array, shape (4,)
-        Unit normal and offset (mm) in the camera's frame, as `PlaneEvaluation.plane`.
-    spec, camera
-        The camera.
-    uv : array, shape (..., 2)
-        Pixel coordinates.
-
-    Returns
-    -------
-    points : array, shape (..., 3)
-        In mm in the camera's frame; NaN where a ray does not meet the plane in front of the camera.
+    `plane` is unit normal and offset (mm) in the camera's frame, as `PlaneEvaluation.plane`.
     """
     normal, offset = np.asarray(plane, np.float64)[:3], float(np.asarray(plane)[3])
     rays = ray_directions(spec, camera, uv)

@@ -17,16 +17,7 @@ def cross_matrix(vector: ArrayLike) -> Array:
 
 
 def matrix_from_rotation_vector(vector: ArrayLike) -> Array:
-    """Rotation matrices of rotation vectors (axis times angle), by Rodrigues' formula.
-
-    Parameters
-    ----------
-    vector : array-like, shape (..., 3)
-        Rotation axis scaled by the angle, rad.
-
-    Returns
-    -------
-    matrix : array, shape (..., 3, 3)
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), axis times angle in rad, by Rodrigues' formula.
 
     Examples
     --------

@@ -82,12 +82,8 @@ def measure_feature(
         One of `FEATURES`.
     given : array
         For a circle u, v and radius in px; for a line its two ends u, v, u, v.
-    phase : PhaseMap
-        Whose `image` shows the edge.
-    cloud : PointCloud
-        Of the same pixels.
-    where : str
-        For messages.
+    phase, cloud
+        Its `image` shows the edge; points of the same pixels.
 
     Raises
     ------

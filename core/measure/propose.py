@@ -55,19 +55,9 @@ class _Laid:
 
 
 def find_dots(image: NDArray, *, dark: bool) -> Order:
-    """Find the dots of a board and put them in order, knowing neither their size nor the board.
+    """Find the dots of an evenly lit board and put them in order, knowing neither their size nor the board.
 
-    Parameters
-    ----------
-    image : array, shape (H, W)
-        The board lit evenly.
-    dark : bool
-        Dots are darker than the board.
-
-    Returns
-    -------
-    order : Order
-        Empty where there are no dots in lines.
+    Dark dots are darker than the board. The order is empty where there are no dots in lines.
     """
     grey = np.nan_to_num(np.asarray(image, dtype=np.float32))
     blobs = bright_spots(-grey if dark else grey)
@@ -105,22 +95,10 @@ def propose_picks(
     known: Sequence[Seed] = (),
     side: str = "front",
 ) -> tuple[tuple[Seed, ...], ...]:
-    """Guess the picks of an image, the likeliest first.
+    """Guess the picks of an image, four at the corners of what is seen, the likeliest first.
 
-    Parameters
-    ----------
-    image : array, shape (H, W)
-    order : Order
-        Its dots, from `find_dots`.
-    known : sequence of Seed
-        Picks of an image taken before or after, where the board may have been nearby.
-    side : str
-        The side of the board that is seen, "front" or "back", see `measure_targets`.
-
-    Returns
-    -------
-    guesses : tuple of tuple of Seed
-        Four picks each, at the corners of what is seen; empty where the dots have no order that the testfield has.
+    Empty where the dots, in the order of `find_dots`, have none that the testfield has. `known` are picks of an image
+    taken before or after, where the board may have been nearby; `side`, "front" or "back", is as for `measure_targets`.
     """
     steps = _steps(testfield)
     if len(order.cell) < FEWEST or steps is None:

@@ -27,14 +27,9 @@ def recognise(
     excluded: tuple[tuple[int, int], ...] = (),
     side: Side = "front",
 ) -> tuple[TargetSet, tuple[Labelling, ...]]:
-    """Measure the targets of an image that nobody picked.
+    """Measure the targets of an image that nobody picked, labelled as one guess has it.
 
-    Returns
-    -------
-    targets : TargetSet
-        Labelled as one guess has it.
-    labellings : tuple of Labelling
-        That one, and all others by which the image looks as likely; `solve_turns` tells them apart.
+    Gives also that labelling, and all others by which the image looks as likely; `solve_turns` tells them apart.
 
     Raises
     ------

@@ -16,23 +16,16 @@ FAINTEST = 0.1  # share of the image's contrast below which nothing counts as a 
 
 
 def dot_at(image: NDArray, u: float, v: float, *, dark: bool, reach_px: float) -> tuple[float, float] | None:
-    """Find the centre of the dot at or next to a position.
+    """Find the centre of the dot at or next to a position; None where there is none.
 
     Parameters
     ----------
-    image : array, shape (H, W)
-        Grey values.
     u, v : float
         Where the operator points, px.
     dark : bool
         Dots are darker than the board.
     reach_px : float
         How far from there the dot's edge may be.
-
-    Returns
-    -------
-    uv : tuple of float or None
-        The grey-weighted centre, px; None where there is no dot.
 
     Notes
     -----

@@ -114,13 +114,9 @@ def solve_turns(
     offered : sequence of sequence of Labelling
         What each image's labels may have to be turned by; the first is kept where the image has only that.
     picked : sequence of bool, optional
-        Which images an operator labelled: the board's whole turn is that of most of them.
-
-    Returns
-    -------
-    turned : list of Turned
-        In the order of the images. Without picks the board's whole turn is that of the image with most targets among
-        those that `placed` allows: where none is, nothing tells which rows and columns are seen.
+        Which images an operator labelled: the board's whole turn is that of most of them. Without any it is that of
+        the image with most targets among those that `placed` allows: where none is, nothing tells which rows and
+        columns are seen.
     """
     tried = [
         [(k, t) for k, of in enumerate(labels) if (t := relabelled(image, of, field)) is not None]

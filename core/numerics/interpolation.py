@@ -11,21 +11,10 @@ Array = NDArray[np.float64]
 
 
 def four_pixels(shape: tuple[int, ...], uv: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """Give the four pixels around places of an image, and their weights in a bilinear interpolation.
+    """Give the four pixels around places (n, 2) of an image, and their weights in a bilinear interpolation.
 
-    Parameters
-    ----------
-    shape : tuple of int
-        Height and width, at least one pixel.
-    uv : array, shape (n, 2)
-        Places, px.
-
-    Returns
-    -------
-    rows, columns : int array, shape (4, n)
-        Upper left, upper right, lower left, lower right.
-    weights : array, shape (4, n)
-        Their sum is 1; NaN outside the image.
+    Rows, columns and weights, (4, n): upper left, upper right, lower left, lower right. The weights' sum is 1; NaN
+    outside the image.
 
     Examples
     --------
@@ -45,23 +34,11 @@ def four_pixels(shape: tuple[int, ...], uv: ArrayLike) -> tuple[NDArray[np.intp]
 
 
 def from_neighbours(places: Array, values: Array, of: Array, most: int, stiff: float = 0.1) -> tuple[Array, Array]:
-    """Fit a plane to the nearest known places around each other one.
+    """Fit a plane to the `most` nearest places around each other one; give values (m, k) and slopes (m, 2, k).
 
-    Parameters
-    ----------
-    places : array, shape (n, 2)
-        In units of their spacing; those further away weigh less with the square of the distance.
-    values : array, shape (n, k)
-    of : array, shape (m, 2)
-    most : int
-        Neighbours that are used.
-    stiff : float
-        How much slopes are kept small: as by one place a step away that is good to about the root of it.
-
-    Returns
-    -------
-    values : array, shape (m, k)
-    slopes : array, shape (m, 2, k)
+    Places, (n, 2) and (m, 2), are in units of their spacing; those further away weigh less with the square of the
+    distance. `stiff` is how much slopes are kept small: as by one place a step away that is good to about the root of
+    it.
 
     Examples
     --------

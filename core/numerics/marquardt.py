@@ -16,22 +16,8 @@ STEEPEST = 1e12  # damping at which no step, however short, makes the sum smalle
 def least_squares(
     misfit: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: ArrayLike
 ) -> tuple[Array, Array]:
-    """Minimise the squared sum of ``misfit(x)``, shape (m,), by damped steps.
+    """Minimise the squared sum of ``misfit(x)``, (m,), by damped steps; give x, (n,), and the derivatives (m, n) there.
 
-    Parameters
-    ----------
-    jacobian : callable
-        Gives the derivatives (m, n) of `misfit`.
-    start : array-like, shape (n,)
-
-    Returns
-    -------
-    x : array, shape (n,)
-    jacobian : array, shape (m, n)
-        There.
-
-    Notes
-    -----
     Marquardt, *An algorithm for least-squares estimation of nonlinear parameters*, J. SIAM 11 (1963).
 
     Examples

@@ -18,19 +18,9 @@ def kd_tree(places: ArrayLike) -> Any:
 
 
 def nearest(places: ArrayLike, k: int = 1, of: ArrayLike | None = None) -> NDArray[np.int64]:
-    """Indices of the k nearest places, the nearest first.
+    """Indices (m, k) of the at most n nearest places (n, d), the nearest first.
 
-    Parameters
-    ----------
-    places : array-like, shape (n, d)
-    k : int
-        At most n.
-    of : array-like, shape (m, d), optional
-        Whose neighbours; by default those of the places, each of which is its own first one.
-
-    Returns
-    -------
-    index : array, shape (m, k)
+    Of each place in `of`, (m, d), by default of the places themselves, each of which is its own first one.
 
     Examples
     --------

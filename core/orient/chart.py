@@ -60,16 +60,7 @@ def judged(motion: RigMotion, before: Expectation, options: OrientOptions = DEFA
 def drift_chart(motions: Iterable[RigMotion], pair: Pair, options: OrientOptions = DEFAULT) -> tuple[DriftPoint, ...]:
     """Make the control chart of captures in the order they were taken, by one pair of devices and one calibration.
 
-    Parameters
-    ----------
-    pair : Pair
-        As calibrated.
-    options : OrientOptions
-        `significance` is the share of captures of a rig at rest that are called out of control ("action").
-
-    Returns
-    -------
-    chart : tuple of DriftPoint
+    The options' `significance` is the share of captures of a rig at rest that are called out of control ("action").
     """
     expectation, chart = expectation_of(pair, options), []
     for motion in motions:

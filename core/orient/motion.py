@@ -163,16 +163,8 @@ def find_motion(
     ----------
     phase : PhaseMap
         Of any object, with columns and rows.
-    lengths : sequence of KnownLength
-        In the scene.
-    points : KnownPoints, optional
-        Targets measured before.
-    capture : str
-        Name, for the result and for messages.
-
-    Returns
-    -------
-    motion : RigMotion
+    lengths, points
+        What is known of the scene; targets measured before.
 
     Raises
     ------

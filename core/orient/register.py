@@ -142,12 +142,10 @@ def register(
     by: By = "both",
     progress: Progress = SILENT,
 ) -> Registration:
-    """Adjust the poses of all views but the first.
+    """Adjust the poses of all views, by the same camera and projector, but the first.
 
     Parameters
     ----------
-    views : sequence of View
-        At least two, by the same camera and projector.
     starts : sequence of Pose
         Approximate ``view_from_first``, the first one's among them.
     by : {"both", "targets", "surface"}

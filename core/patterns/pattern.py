@@ -15,16 +15,7 @@ _MOST_KNOWN = 4096
 
 
 def brightness(pattern: Pattern, lines: ArrayLike) -> Array:
-    """How bright (0 to 1) a pattern makes projector lines.
-
-    Parameters
-    ----------
-    lines : array-like of int
-        Line numbers i along the pattern's axis (u for axis "x", v for axis "y").
-
-    Returns
-    -------
-    brightness : array, same shape
+    """How bright (0 to 1) a pattern makes projector lines, numbered along its axis (u for axis "x", v for axis "y").
 
     Examples
     --------
@@ -104,14 +95,7 @@ def pattern_to_dict(pattern: Pattern) -> dict[str, Any]:
 
 
 def pattern_from_dict(data: object, where: str) -> Pattern:
-    """Read a pattern of `capture.json`; unknown keys are ignored.
-
-    Parameters
-    ----------
-    data : object
-        The value of the key "pattern".
-    where : str
-        The file and field, for the message.
+    """Read a pattern of `capture.json`, the value of its key "pattern"; unknown keys are ignored.
 
     Examples
     --------

@@ -29,17 +29,9 @@ WEAK_AXIS = 0.1  # an axis with less than this share of the other's depth resolu
 
 
 def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -> PointCloud:
-    """Intersect all pixels of a phase map.
+    """Intersect all pixels of a phase map, (H, W), with u, v or both.
 
-    Parameters
-    ----------
-    phase : PhaseMap
-        Shape (H, W), with u, v or both; of which camera and projector, it says itself.
-
-    Returns
-    -------
-    cloud : PointCloud
-        `sigma_mm` from phase noise and the calibration's covariance; `sigma_depth_mm` of Z from phase noise alone.
+    `sigma_mm` is from phase noise and the calibration's covariance; `sigma_depth_mm` of Z from phase noise alone.
 
     Raises
     ------

@@ -269,19 +269,9 @@ def merged(
 ) -> tuple[PointCloud, Floats]:
     """Join the clouds of several cameras, each point once, in the frame of the device that orientations refer to.
 
-    Parameters
-    ----------
-    clouds : mapping
-        From `intersect_all`, by camera.
-    images : mapping
-        Grey values (H, W) of the same cameras.
-
-    Returns
-    -------
-    cloud : PointCloud
-        Shape (1, n, 3), with `source`. A joint or matched point is taken from the first camera; sigmas stay along
-        the axes that the clouds have them in.
-    image : array, shape (1, n)
+    From those of `intersect_all` and the grey values (H, W) of the same cameras to a cloud (1, n, 3), with `source`,
+    and grey values (1, n). A joint or matched point is taken from the first camera; sigmas stay along the axes that the
+    clouds have them in.
     """
     devices, parts = placed(calibration), []
     for i, (name, cloud) in enumerate(each_once(clouds).items()):

@@ -17,21 +17,9 @@ def reconstruct(
     extrapolate: bool = False,
     progress: Progress = SILENT,
 ) -> PointCloud:
-    """Reconstruct the points that the camera's pixels see.
+    """Reconstruct the points that the camera's pixels see, (H, W, 3) mm in its frame, NaN where there is none.
 
-    Parameters
-    ----------
-    phase : PhaseMap
-        Projector coordinates of every camera pixel, shape (H, W).
-    calibration : PhotogrammetricCalibration, Pair or DepthCalibration
-        Says which method is used.
-    extrapolate : bool
-        Depth look-up only: also give points beyond the calibrated depths.
-
-    Returns
-    -------
-    cloud : PointCloud
-        Points in the camera's frame in mm, NaN where there is none.
+    The calibration says by which method; `extrapolate` also gives points beyond the depths of a depth calibration.
 
     Raises
     ------

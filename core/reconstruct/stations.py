@@ -34,21 +34,9 @@ def device_at(name: str, station: int) -> str:
 def at_stations(
     calibration: PhotogrammetricCalibration, registration: Registration, camera: str
 ) -> PhotogrammetricCalibration:
-    """Give a calibration in which every device stands at every station of a registration.
+    """Give a calibration in which every device stands at every station of a registration of one of its cameras.
 
-    Parameters
-    ----------
-    calibration : PhotogrammetricCalibration
-        Of the rig.
-    registration : Registration
-        Poses of one of its cameras.
-    camera : str
-        Which one.
-
-    Returns
-    -------
-    calibration : PhotogrammetricCalibration
-        Its covariance is of the calibration's errors, which all stations share, and of the noise of the registration.
+    Its covariance is of the calibration's errors, which all stations share, and of the noise of the registration.
     """
     base = next((n for n in calibration.devices if n not in calibration.orientations), camera)
     k, m = len(calibration.covariance), len(registration.covariance)
@@ -104,21 +92,8 @@ def joined(
 ) -> tuple[PointCloud, Floats, tuple[tuple[str, str], ...]]:
     """Points of every station by all devices there, each place once, with sigmas along the axes of the common frame.
 
-    Parameters
-    ----------
-    phases : sequence of sequences of PhaseMap
-        Of every station, by its cameras and projectors.
-    stations : sequence of str
-        Their names.
-    calibration : PhotogrammetricCalibration
-        From `at_stations`.
-
-    Returns
-    -------
-    cloud, image : PointCloud, array
-        Shape (1, n, 3) and (1, n); `source` is the position in `made_by`.
-    made_by : tuple of (str, str)
-        Cameras and stations that have a part in a point.
+    The calibration is that `at_stations`. Cloud (1, n, 3) and image (1, n) come with the cameras and stations that have
+    a part in a point; the cloud's `source` is the position among these.
     """
     devices, views, images, names = placed(calibration), [], [], []
     for k, (own, station) in enumerate(zip(phases, stations, strict=True)):

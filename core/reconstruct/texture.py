@@ -80,27 +80,17 @@ def fill_by_texture(
     along: Along = "camera",
     progress: Progress = SILENT,
 ) -> PointCloud:
-    """Add points that two cameras see alike where none was decoded.
+    """Add points that two cameras see alike where none was decoded; their `sight` is `Sight.TEXTURE`.
 
     Parameters
     ----------
-    cloud : PointCloud
-        Of the pixels of `camera`, with `sight`.
-    others : mapping
-        Clouds of the other cameras, by name, each in its own frame.
+    cloud, others
+        Of the pixels of `camera`, with `sight`; of the other cameras by name, each in its own frame.
     images : mapping
         Grey values (H, W) of all of them in the same light, NaN where they are not known.
-    calibration : PhotogrammetricCalibration
-    camera : str
     along : {"camera", "base"}
-        The axes of sigmas, as `cloud` has them.
-    progress : Progress
-
-    Returns
-    -------
-    cloud : PointCloud
-        The same points, and matched ones, whose `sight` is `Sight.TEXTURE`. Their sigmas are from the grey values'
-        misfit and the calibration's covariance.
+        The axes of sigmas, as `cloud` has them. Those of matched points are from the grey values' misfit and the
+        calibration's covariance.
 
     Raises
     ------

@@ -76,22 +76,9 @@ def at_radius(interior: Interior, r0_mm: float) -> Interior:
 
 
 def fitted(spec: DeviceSpec, interior: Interior, model: str, names: Sequence[str] = ()) -> tuple[Interior, float]:
-    """Say the same by another lens model, as nearly as it can.
+    """Say the same by another lens model, as nearly as it can; give what remains over the image, px r.m.s.
 
-    Parameters
-    ----------
-    spec, interior
-        A device.
-    model : str
-        Name of the other model.
-    names : sequence of str
-        Which of its parameters to use, the usual ones if none are named.
-
-    Returns
-    -------
-    other : Interior
-    rms_px : float
-        What remains over the image.
+    `names` are those of its parameters to use, the usual ones if none are named.
     """
     lens = LENSES[model]
     measured = _raster(spec)
