@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import Floats
-from core.numerics import sigma_by_median
+from core.numerics import quantile_of, sigma_by_median
 from core.parallel import run_in_bands
 from core.progress import SILENT, Progress
 
@@ -112,7 +112,7 @@ def _evenly_bright(modulation: Floats, lit: NDArray[np.bool_]) -> NDArray[np.boo
         op(np.where(lit, level, off), np.ones((size, size))) for op, off in ((cv2.dilate, -9e9), (cv2.erode, 9e9))
     ]
     change = np.where(lit, around[0] - around[1], 0)
-    usual = float(np.quantile(change[lit], 0.25))  # rims may be the half of a board
+    usual = quantile_of(change[lit], 0.25)  # rims may be the half of a board
     return np.asarray(change <= max(DISTURBED_SHARE, DISTURBED_TIMES * usual))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.capture.lookup import dictionary, nearest
+from core.numerics import distinct, quantile_of
 from core.patterns import Axis, Code, Pattern, Phase, axis_of
 
 Array = NDArray[np.float32]
@@ -85,7 +86,7 @@ def looks(patterns: tuple[Pattern, ...], lines: int) -> tuple[Array, Array]:
 def _words(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> int:
     """How many lines or cells the code frames among patterns tell apart."""
     bright = looks(patterns, lines)[0][[isinstance(p, Code) for p in patterns]] > 0.5
-    return len(np.unique(2.0 ** np.arange(len(bright)) @ bright))
+    return len(distinct(2.0 ** np.arange(len(bright)) @ bright))
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def _waves(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> Iterator
     for period in {p.period for p in patterns if isinstance(p, Phase)}:
         steps = [k for k, p in enumerate(patterns) if isinstance(p, Phase) and p.period == period]
         shifts = np.array([p.shift_rad for p in patterns if isinstance(p, Phase) and p.period == period])
-        if len(np.unique(np.round(np.exp(1j * shifts), 6))) < 3:
+        if len(distinct(np.round(np.exp(1j * shifts), 6))) < 3:
             continue
         A = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
         found, *_ = np.linalg.lstsq(A, seen[steps].astype(np.float64), rcond=None)
@@ -150,7 +151,7 @@ def runs_away(looked: Looked) -> str:
         # phases are spread evenly in their cells, wherever these are; a wrong beginning alone is the same everywhere
         slope, rise = (line @ off) / (line @ line), (away @ off) / (away @ away)
         sigma, rise_sigma = (wave.most / np.sqrt(3 * (x @ x)) for x in (line, away))
-        far = np.sign(slope) * off[line > np.quantile(line, 2 / 3)]
+        far = np.sign(slope) * off[line > quantile_of(line, 2 / 3)]
         gone = np.mean(far > wave.most + WAVE_SLACK)
         if abs(slope) > STEADY * sigma and rise * np.sign(slope) > RISES * rise_sigma and gone > GONE:
             drift = abs(slope) * np.ptp(line) * wave.period / (2 * np.pi)

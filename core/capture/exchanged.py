@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model.finding import Finding
+from core.numerics import median_of
 from core.patterns import Axis, Code, Pattern
 
 Map = NDArray[np.floating]
@@ -58,7 +59,7 @@ def _usual(steps: Map) -> float:
     """The median of some steps' sizes; 0 without any."""
     some = np.abs(steps[:, ::THIN])
     some = some[np.isfinite(some)]
-    return float(np.median(some)) if len(some) else 0.0
+    return median_of(some) if len(some) else 0.0
 
 
 def _odd_cells(ways: Sequence[tuple[Map, Map]], cell: int) -> float:

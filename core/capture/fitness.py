@@ -13,6 +13,7 @@ from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
 from core.model import Array
 from core.model.finding import Finding
+from core.numerics import quantile_of
 from core.patterns import axis_of, finest_steps, level_of
 
 CURVED = 0.02  # of full light; a phase of four steps is then off by less than a hundredth of its period
@@ -75,7 +76,7 @@ def exposure(white: Array, black: Array, full: int) -> Finding:
     if lit.mean() < LIT:
         text = "the projector lights too little of the image: open the aperture or expose ten times as long"
         return Finding("exposure", "bad", text, {"lit": float(lit.mean()), "factor": 10.0}, picture=picture)
-    top = float(np.quantile(white[lit], 0.99)) / full
+    top = quantile_of(white[lit], 0.99) / full
     share = float(np.mean(white[lit] >= full))
     factor = 0.85 / top if share < 0.002 else 0.5
     figures = {"brightest": top, "saturated": share, "factor": factor}
@@ -108,7 +109,7 @@ def focus(plan: Plan, images: Sequence[Array]) -> Finding:
     seen = picture[np.isfinite(picture)]
     if seen.size == 0:
         return Finding("focus", "bad", "too little of the image is lit to judge the focus", picture=picture)
-    middle, worst = float(np.median(seen)), float(np.quantile(seen, 0.05))
+    middle, worst = float(np.median(seen)), quantile_of(seen, 0.05)
     figures = {"modulation": middle, "worst": worst, "period_lines": finest}
     what = f"stripes of {finest:g} lines keep {middle:.0%} of the light, {worst:.0%} where they are worst"
     if worst < SOFT:
@@ -177,7 +178,7 @@ def visibility(depths_mm: Sequence[float], stacks: Sequence[Sequence[Array]], no
 def lit_pixels(white: Array, black: Array) -> NDArray[np.bool_]:
     """Where the projector's light arrives: a fifth of what the brightest places get."""
     light = white - black
-    return light > max(0.2 * float(np.quantile(light, 0.99)), 3.0)
+    return light > max(0.2 * quantile_of(light, 0.99), 3.0)
 
 
 def _map(sampled: Sampled, values: NDArray[np.floating]) -> Array:

@@ -20,6 +20,7 @@ from core.capture.lookup import CONTRADICTION, LEAST, Fit, Numbers, as_blurred, 
 from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
 from core.model.finding import Finding
+from core.numerics import distinct
 from core.patterns import Axis, Pattern, Phase, axis_of, describe, level_of, use_of
 
 Array = NDArray[np.float32]
@@ -181,7 +182,7 @@ def _strange_step(values: Array, patterns: list[Pattern], lines: tuple[int, int]
         wave = -np.cos(np.pi * (ranks + 0.5) / ranks.size)
         shifts = np.array([p.shift_rad for p in patterns if isinstance(p, Phase) and p.period == period])
         A = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
-        limit = min(FOLLOWS, 0.5 + 0.5 * np.cos(2 * np.pi / len(np.unique(shifts)))) - 5 * tolerance
+        limit = min(FOLLOWS, 0.5 + 0.5 * np.cos(2 * np.pi / len(distinct(shifts)))) - 5 * tolerance
         for k in range(len(steps)):
             others = np.arange(len(steps)) != k
             made, _, rank, _ = np.linalg.lstsq(A[others], wave[others], rcond=1e-6)

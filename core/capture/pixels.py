@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from core.model import Capture
 from core.model.finding import Finding
+from core.numerics import quantile_of
 from core.patterns import level_of
 
 GRID = 12_000  # pixels sampled
@@ -91,7 +92,7 @@ def mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
     if seen.shape[1] < LEAST_LIT:
         return []
     mean = seen.mean(axis=0)
-    even_there = seen.max(axis=0) > 0.5 * float(np.quantile(seen.max(axis=0), 0.97))
+    even_there = seen.max(axis=0) > 0.5 * quantile_of(seen.max(axis=0), 0.97)
     for step in ((0, 2), (2, 0), (0, -2), (-2, 0)):
         even_there &= np.abs(four(*step).mean(axis=0) - mean) < STEADY * mean
     seen = seen[:, even_there]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.capture.plan import Plan
 from core.model import Array
 from core.model.finding import Finding, Level
-from core.numerics import quantiles, sigma_about_median
+from core.numerics import distinct, quantile_of, quantiles, sigma_about_median
 from core.patterns import cycle_lines, finest_steps, level_of
 
 SAMPLES = 100_000
@@ -48,14 +48,14 @@ class Sampled:
     def bright(self) -> NDArray[np.bool_]:
         """Which pixels it lights well, and no frame saturates, (n,)."""
         contrast = self.white - self.black
-        least = max(0.05 * self.full, 12 * self.noise, BRIGHT * float(np.quantile(contrast, 0.97)))
+        least = max(0.05 * self.full, 12 * self.noise, BRIGHT * quantile_of(contrast, 0.97))
         return (contrast > least) & (self.grey.max(axis=0) < self.full)
 
 
 def sample_grid(shape: tuple[int, int]) -> NDArray[np.intp]:
     """Choose about `SAMPLES` pixels evenly over an image, shape (2, n) of rows and columns."""
     stride = max(1.0, sqrt(shape[0] * shape[1] / SAMPLES))
-    rows, cols = (np.unique(np.arange(stride / 2, n, stride).astype(np.intp)) for n in shape)
+    rows, cols = (distinct(np.arange(stride / 2, n, stride).astype(np.intp)) for n in shape)
     grid = np.meshgrid(rows, cols, indexing="ij")
     return np.stack([axis.ravel() for axis in grid])
 
@@ -94,7 +94,7 @@ def saturation(sampled: Sampled) -> Finding:
     if not lit.any():
         return Finding("saturation", "good", "nothing is saturated")
     share = float(np.mean(sampled.white[lit] >= sampled.full))
-    top = float(np.quantile(sampled.white[lit], 0.98)) / sampled.full
+    top = quantile_of(sampled.white[lit], 0.98) / sampled.full
     figures = {"saturated": share, "brightest": top}
     if share > 0.002:
         advice = "shorten the exposure or close the aperture"
@@ -189,7 +189,7 @@ def _noise(a: Array, b: Array) -> float:
 
 def noise_of_one(image: Array, at: NDArray[np.intp]) -> float:
     """Standard deviation of a grey value from one sampled image (n,): what neighbours in a row do not share."""
-    rows = image.reshape(len(np.unique(at[0])), -1)
+    rows = image.reshape(len(distinct(at[0])), -1)
     bend = rows[:, 2:] - 2 * rows[:, 1:-1] + rows[:, :-2]
     return sigma_about_median(bend) / sqrt(6) if bend.size else 1.0
 

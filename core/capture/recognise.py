@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from core.capture.lookup import dictionary
 from core.errors import InputError
-from core.numerics import quantiles
+from core.numerics import distinct, quantile_of, quantiles
 from core.patterns import Axis, Pattern, axis_of, brightness, describe, level_of, use_of
 from core.progress import SILENT, Progress
 
@@ -56,7 +56,7 @@ def recognise(
             )
     stack = np.stack([np.asarray(image, np.float32) for image in images])
     black, white = quantiles(stack[:, ::4, ::4], 0.05, 0.95)
-    contrast = float(np.quantile(white - black, 0.98))
+    contrast = quantile_of(white - black, 0.98)
     if contrast < 4:
         raise InputError(where, "the images hardly differ from each other", "give frames lit by the patterns")
     strips = _strips(stack, contrast)
@@ -199,10 +199,10 @@ class _Search:
     def of(stack: Array, frames: list[int], patterns: list[Pattern], axis: Axis, count: int) -> _Search:
         part = stack[frames]
         high, low = part.max(axis=0), part.min(axis=0)
-        lit = high - low > 0.5 * float(np.quantile(high - low, 0.98))
+        lit = high - low > 0.5 * quantile_of(high - low, 0.98)
         rows, columns = np.nonzero(lit)
         some = np.linspace(0, len(rows) - 1, min(len(rows), PIXELS)).astype(int)
-        some = np.unique((some + 7919 * np.arange(len(some))) % len(rows))  # off the grid of any stripe
+        some = distinct((some + 7919 * np.arange(len(some))) % len(rows))  # off the grid of any stripe
         at = np.stack([rows[some], columns[some]])
         seen = part[:, at[0], at[1]]
         bottom, top = seen.min(axis=0), seen.max(axis=0)

@@ -23,7 +23,7 @@ from core.capture.plan import Plan
 from core.capture.quality import BRIGHT, Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
 from core.model.finding import Finding
-from core.numerics import quantiles
+from core.numerics import median_of, quantile_of, quantiles, ranked
 from core.patterns import Axis, Code, axis_of, level_of
 
 Array = NDArray[np.float32]
@@ -132,7 +132,7 @@ def _light(sampled: Sampled, board: bool) -> list[Finding]:
         text = "hardly any light of the projector in the image: lamp, lens, exposure, or frames of another capture"
         return [Finding("light", "bad", text, {"lit": float(lit.mean())})]
     full = np.max(sampled.grey, axis=0) >= sampled.full
-    dots = contrast > BRIGHT * float(np.quantile(contrast, 0.97))  # of a black board, small beside what is lit
+    dots = contrast > BRIGHT * quantile_of(contrast, 0.97)  # of a black board, small beside what is lit
     for share, most, what in (
         (float(np.mean(full[lit])), SATURATED, "lit"),
         (float(np.mean(full[dots])) if board else 0.0, SATURATED_DOTS, "bright"),
@@ -148,14 +148,14 @@ def _plain(plan: Plan, sampled: Sampled) -> list[Finding]:
     """White frames must be bright and black ones dark, where the others vary."""
     bright, dark = quantiles(sampled.grey, 0.85, 0.1)
     contrast = bright - dark
-    chosen = contrast > max(0.05 * sampled.full, float(np.quantile(contrast, 0.8)))
+    chosen = contrast > max(0.05 * sampled.full, quantile_of(contrast, 0.8))
     if chosen.sum() < LEAST_LIT:
         return []
     wrong = []
     for i, pattern in enumerate(plan.shots):
         level = level_of(pattern)
         if level in (0.0, 1.0):
-            value = float(np.median(((sampled.grey[i] - dark) / np.maximum(contrast, 1e-9))[chosen]))
+            value = median_of(((sampled.grey[i] - dark) / np.maximum(contrast, 1e-9))[chosen])
             if (level - value if level else value) > 0.6:  # beside blurred stripes white is brighter, and black darker
                 wrong.append((i, f"claims {'white' if level else 'black'} and is {'dark' if level else 'bright'}"))
     told = [(i, f"frame {i} {text}: exchanged or inverted") for i, text in wrong]
@@ -236,7 +236,7 @@ def _planes(capture: Capture, phase: PhaseMap) -> list[Finding]:
         chosen = valid[np.random.default_rng(0).integers(0, len(valid), 600)]
         y, x = np.divmod(chosen, values.shape[1])
         lines = values.ravel()[chosen].astype(np.float64)
-        limit = max(PLANE_LINES, 0.02 * float(np.ptp(np.quantile(lines, [0.05, 0.95]))))
+        limit = max(PLANE_LINES, 0.02 * (quantile_of(lines, 0.95) - quantile_of(lines, 0.05)))
         off = np.ones(len(lines), bool)
         for draws in DRAWS[:1] if axis in binary else DRAWS:
             if off.mean() > OFF_PLANE:
@@ -261,9 +261,9 @@ def _off_projective(x: NDArray, y: NDArray, u: NDArray, count: int) -> NDArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         off = np.abs(p[:, :3] @ A[:, :3].T / (1 + p[:, 3:] @ A[:, 1:3].T) - u)
     off = np.nan_to_num(off, nan=np.inf)
-    best = off[np.argmin(np.quantile(off, LEAST_OF_PLANE, axis=1))]
+    best = off[np.argmin(ranked(off, LEAST_OF_PLANE))]
     for _ in range(3):  # least squares over those that agree, for distortion bends the map a little
-        near = best <= max(4.0 * float(np.quantile(best, LEAST_OF_PLANE)), 0.5)
+        near = best <= max(4.0 * float(ranked(best, LEAST_OF_PLANE)), 0.5)
         A = np.stack([one, x, y, -u * x, -u * y, x * x, x * y, y * y], axis=1)
         p, *_ = np.linalg.lstsq(A[near], u[near], rcond=None)
         curved = p[0] + p[1] * x + p[2] * y + p[5] * x * x + p[6] * x * y + p[7] * y * y
@@ -286,8 +286,8 @@ def _halves(plan: Plan, images: Sequence[NDArray]) -> list[Finding]:
         return []
     side = int(np.clip(min(even[0].shape) // 64 * 64, 64, 512))  # OpenCV is half a pixel off at odd sizes
     a, b = (np.asarray(cv2.resize(e, (side, side), interpolation=cv2.INTER_AREA), np.float32) for e in even)
-    lit = np.flatnonzero(a > 0.1 * float(np.quantile(a[::4, ::4], 0.98)))[::16]
-    gain = float(np.median(b.ravel()[lit]) / max(float(np.median(a.ravel()[lit])), 1e-9))
+    lit = np.flatnonzero(a > 0.1 * quantile_of(a[::4, ::4], 0.98))[::16]
+    gain = median_of(b.ravel()[lit]) / max(median_of(a.ravel()[lit]), 1e-9)
     if abs(gain - 1) > DRIFT:
         text = f"the light changed by {gain - 1:+.0%} between the steps of columns and of rows: warm the lamp up"
         return [Finding("lamp", "warning", text, {"drift": gain - 1})]

@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from core.model import Capture, Concern, Frame, TargetSet, Testfield
+from core.numerics import quantile_of
 from core.patterns import Pattern, alike, level_of
 
 MOST_NAMED = 4
@@ -100,7 +101,7 @@ def grey_concerns(sets: Sequence[TargetSet]) -> list[Concern]:
     concerns = []
     for camera in dict.fromkeys(t.camera for t in sets):
         gaps = {t.capture: t.gaps for t in sets if t.camera == camera and t.gaps is not None}
-        usual = float(np.quantile([*gaps.values()], 1 - FEW)) if len(gaps) >= CAPTURES else 1.0
+        usual = quantile_of([*gaps.values()], 1 - FEW) if len(gaps) >= CAPTURES else 1.0
         for name, share in gaps.items():
             if usual < USUAL_GAPS and share > GAPS:
                 text = (

@@ -10,7 +10,7 @@ from core.checks.network import AGREEING, DOUBTFUL_RATIO, LEVEL
 from core.geometry import estimated, project_with_derivatives
 from core.geometry.lens import MAIN, lens_of
 from core.model import Adjustment, Array, Concern, Ints
-from core.numerics import chi_square_limit
+from core.numerics import chi_square_limit, distinct
 
 EXPLAINED = 0.1  # share of the squared residuals from which a parameter that is not estimated matters
 ROUNDS = 20  # by which its derivatives are cleared of what is estimated
@@ -56,7 +56,7 @@ def _explained(
     device = adjustment.devices[network.station_device[station[0]]]
     by_pose, by_point, inner = (np.zeros((*w.shape, size)) for size in (6, 3, len(device.interior.vector)))
     point = network.observation_point[own]
-    for s in np.unique(station):
+    for s in distinct(station):
         here = station == s
         xyz, pose = adjustment.points_mm[point[here]], adjustment.station_from_object[s]
         found = project_with_derivatives(device.spec, device.interior, xyz, pose)

@@ -13,7 +13,7 @@ import numpy as np
 
 from core.geometry.lens import lens_of
 from core.model import AdjustedDevice, Adjustment, Array, Concern, NetworkScale
-from core.numerics import chi_square_limit, nearest, normal_limit, sigma_by_median
+from core.numerics import chi_square_limit, distinct, nearest, normal_limit, sigma_by_median
 
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
@@ -203,7 +203,7 @@ def _systematic(adjustment: Adjustment) -> list[Concern]:
     for name in adjustment.devices:
         products: list[Array] = []
         squares: list[Array] = []
-        for station in np.unique(network.observation_station[device == name]):
+        for station in distinct(network.observation_station[device == name]):
             own = np.flatnonzero(network.observation_station == station)
             own = own[np.isfinite(w[own]).all(axis=1)]
             if len(own) < 8:

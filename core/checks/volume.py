@@ -17,11 +17,11 @@ from core.checks.plates import intersect_targets
 from core.errors import InputError
 from core.geometry import perturbed, project, ray_directions
 from core.model import AdjustedDevice, Adjustment, Array, Interior, Pair
-from core.numerics import chi_square_limit
+from core.numerics import chi_square_limit, quantile_of
 
 GRID = 13  # nodes along the image's longer side
 DEPTHS = 5
-USUAL = (2.0, 98.0)  # percentiles of the targets' depths: the volume
+USUAL = 0.02, 0.98  # quantiles of the targets' depths: the volume
 LEVEL = 0.001  # chance that equal calibrations are found to differ
 LEAST_MODE = 1e-3  # of the strongest: weaker directions are less sure than the linear model
 
@@ -51,7 +51,7 @@ def working_depths(pair: Pair, adjustment: Adjustment | None, camera: str) -> Ar
         seen = [network.observation_point[network.observation_station == s] for s in own]
         at = [adjustment.station_from_object[s].apply(adjustment.points_mm[p]) for s, p in zip(own, seen, strict=True)]
         if at:
-            nearest, farthest = np.percentile(-np.concatenate(at)[:, 2], USUAL)
+            nearest, farthest = (quantile_of(-np.concatenate(at)[:, 2], share) for share in USUAL)
             return np.linspace(nearest, farthest, DEPTHS)
     pose = pair.projector_from_camera
     ends = np.array([[0.0, 0.0, -1.0], -pose.rotation[2]]).T

@@ -19,7 +19,7 @@ from core.decode.agreement import TILES
 from core.decode.frames import Image
 from core.decode.moved import moved_edges
 from core.decode.tables import CODE, Array, AxisTable, Limits, Singles, modulation_of, sum_of, sums_of
-from core.numerics import median_of
+from core.numerics import distinct, median_of
 
 LOOKS = 49, 144  # pixels of a tile that are looked at
 EDGE_LOOKS = 25  # for edges of bits
@@ -141,7 +141,7 @@ def _by_edges(images: Sequence[Image], table: AxisTable, limits: Limits, place: 
     smooth = np.asarray(bend <= STEP * median_of(bend[:, ::SOME]), bool)
 
     def levels(at: NDArray[np.intp], bit: NDArray[np.intp]) -> Singles:
-        some, used = pixel.reshape(-1)[at], np.unique(bit).tolist()
+        some, used = pixel.reshape(-1)[at], distinct(bit).tolist()
         grey = _shown(images, table, used, lambda image: image.reshape(-1)[some])
         threshold, contrast = _middle(table, grey)
         found = np.full(len(at), np.nan, np.float32)

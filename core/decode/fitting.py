@@ -22,6 +22,7 @@ from core.decode.frames import Image
 from core.decode.response import HARMONICS, LARGEST, STEP, Array, Response, Terms, Wave
 from core.decode.sample import spread
 from core.decode.tables import Singles
+from core.numerics import quantile_of
 from core.patterns import Pattern, level_of, use_of
 
 PIXELS = 900  # of the sample that tell the curve
@@ -78,7 +79,7 @@ class _Model:
         quadratures = np.array([wave.seen(sample) for wave in all_waves])
         amplitude = np.abs(quadratures)
         dimmest = amplitude.min(axis=0)
-        good = (seen.max(axis=0) < top) & (dimmest > DIM * np.percentile(dimmest, 90)) & (dimmest > LEAST)
+        good = (seen.max(axis=0) < top) & (dimmest > DIM * quantile_of(dimmest, 0.9)) & (dimmest > LEAST)
         if codes and (good & clear).sum() >= FEWEST:
             good &= clear
         where = np.flatnonzero(good)
@@ -243,7 +244,7 @@ def _turns(
         grey = np.stack([shown[n] for n in wave.frames.frames]).astype(np.float32)
         z = np.einsum("f,fn->n", wave.both.astype(np.complex64), grey)
         amplitude = np.abs(z)
-        good = good & (grey.max(axis=0) < saturation) & (amplitude > max(DIM * np.percentile(amplitude, 90), LEAST))
+        good = good & (grey.max(axis=0) < saturation) & (amplitude > max(DIM * quantile_of(amplitude, 0.9), LEAST))
         found.append(z)
     return np.asarray(np.angle(np.array(found)[:, good]) / (2 * np.pi), float), tile[good]
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from core.decode.frames import Image
 from core.decode.tables import Array, AxisTable, Fits, Singles
-from core.numerics import sigma_by_median
+from core.numerics import distinct, quantile_of, sigma_by_median
 
 ROUNDS = 3
 # of the image in either direction; px of each; px of its parts, in which fringes must change
@@ -139,7 +139,7 @@ def _gains(
     both = (solution[1] + 1j * solution[2]).astype(np.complex64)
     z = np.einsum("f,fn->n", both, grey)
     amplitude = np.abs(z)
-    good = (grey.max(axis=0) < saturation) & (amplitude > DIM * np.percentile(amplitude, 90))
+    good = (grey.max(axis=0) < saturation) & (amplitude > DIM * quantile_of(amplitude, 0.9))
     turn = np.where(good, z / np.maximum(amplitude, 1e-6), 0)
     count = np.maximum(np.bincount(part[good], minlength=part.max() + 1), 1)
     means = np.hypot(*(np.bincount(part, side, len(count)) for side in (turn.real, turn.imag)))
@@ -192,9 +192,9 @@ def _look(grey: Singles, solution: Array, block: NDArray[np.intp], room: bool = 
     part = np.abs(z) / m
     light = np.ones_like(g) if room else g / m
     slopes = ((turn.conj() * both[:, None]).real - part * solution[0][:, None]) * light
-    weight = np.minimum(m / np.percentile(m, 90), 1)  # noise is of grey values, not of parts of the mean
+    weight = np.minimum(m / quantile_of(m, 0.9), 1)  # noise is of grey values, not of parts of the mean
     shift = np.linalg.pinv(solution)[:, 1:] @ [1, -1j]
-    steps = len(np.unique(shift.round(6)))
+    steps = len(distinct(shift.round(6)))
     # light that all frames hold alike, ambient or of the sensor, makes fringes on dark surface weaker; harmonics of
     # the wave next to a multiple of the steps make their amplitude depend on the phase
     aside = np.array([1 / m, *_both(part * turn**steps)])

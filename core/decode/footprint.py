@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from core.decode.compiled import HALF, INT, ONE, TINY, F, fast, part
 from core.decode.options import Flag
 from core.decode.tables import Limits, Rows, Shorts, Singles
-from core.numerics import row_median
+from core.numerics import median_of, row_median
 from core.parallel import run_in_bands
 
 USUAL, DIFFERENT = 0.5, 0.3  # px²: twice a footprint's variance, see `_change`, and by how much cameras differ
@@ -299,7 +299,7 @@ def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise:
             break
         a, b = x[good] / expected[good], y[good] / expected[good]
         left = np.abs(b - value * a)
-        scatter = max(1.0, 1.5 * float(np.median(left)))
+        scatter = max(1.0, 1.5 * median_of(left))
         keep, weight = left < OUTLIER * scatter, (scatter / DIFFERENT) ** 2
         known = a[keep] @ a[keep] + weight
         value, doubt = (a[keep] @ b[keep] + USUAL * weight) / known, scatter / np.sqrt(known)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
+from core.numerics import distinct
 from core.patterns import Axis, Pattern, Phase, axis_of, level_of, use_of
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
@@ -53,7 +54,7 @@ class LineFrames:
     @property
     def pitch(self) -> float:
         """Distance between neighbouring sections in lines."""
-        return float(np.median(np.diff(np.unique(self.centre)))) if len(set(self.centre)) > 1 else 1.0
+        return float(np.median(np.diff(distinct(self.centre)))) if len(set(self.centre)) > 1 else 1.0
 
 
 @dataclass(frozen=True)

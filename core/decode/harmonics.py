@@ -24,6 +24,7 @@ from core.decode.curves import HIGHEST
 from core.decode.noise import Noise
 from core.decode.tables import AxisTable, Singles, sums_of
 from core.model import Array
+from core.numerics import ranked
 from core.patterns import Pattern, brightness, grey_reason, use_of
 
 Terms = NDArray[np.complex128]
@@ -158,7 +159,7 @@ def measure_bend(
         mean, c, s = np.einsum("rf,fn->rn", table.fits.value[:, entries], sample[table.fits.frame[entries]])
         amplitude = np.sqrt(c * c + s * s)  # hypot takes ten times as long
         spread = np.sqrt(noise.variance(mean) * table.covariance[wave.number, 0])
-        lit = (amplitude > DIM * _ranked(amplitude, 0.9)) & (amplitude > 5 * spread)
+        lit = (amplitude > DIM * ranked(amplitude, 0.9)) & (amplitude > 5 * spread)
         lit &= sample[table.fits.frame[entries]].max(axis=0) < saturation
         absolute = table.has_contrast
         light = 2 * contrast if absolute else threshold if table.has_threshold else mean
@@ -186,15 +187,9 @@ def _usual(part: Singles, block: NDArray[np.int8]) -> NDArray[np.bool_]:
     for b in range(PARTS * PARTS):
         at = np.flatnonzero(block == b)
         if len(at):
-            off = np.abs(part[at] - _ranked(part[at], 0.5))
-            usual[at] = off <= FAR * _ranked(off, 0.8)
+            off = np.abs(part[at] - ranked(part[at], 0.5))
+            usual[at] = off <= FAR * ranked(off, 0.8)
     return usual
-
-
-def _ranked(values: Singles, share: float) -> np.float32:
-    """The value that such a share of all lies below: a tenth of the time of a quantile that interpolates."""
-    rank = int(share * len(values))
-    return np.partition(values, rank)[rank]
 
 
 def _weights(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.tables import Array, Limits, Singles
+from core.numerics import median_of
 from core.patterns import Pattern, axis_of, brightness, level_of
 
 ALIKE = 1.6  # times the noise of their difference, by which frames of one pattern may differ
@@ -113,7 +114,7 @@ class _Surface:
             away = np.abs(values - terms @ design)
         farther = 1.0 if self.outside.all() else FARTHER
         here = _quadratic(np.flatnonzero(self.some), self.some.shape)
-        return terms @ here, max(DOUBT, farther * float(np.median(away)))
+        return terms @ here, max(DOUBT, farther * median_of(away))
 
     def lines(self, doubts: float) -> Array:
         """Whole lines at the pixels, off by some doubts; NaN where they are not known."""

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from core.decode.frames import AxisFrames, CodeFrames, Numbers
 from core.errors import InputError
+from core.numerics import distinct
 
 MAX_BITS = 24  # cell numbers must be exact in single precision
 SEARCH = {1: 1, 2: 9, 3: 5, 4: 3}  # largest |a_j| by number of periods; more periods: single phases and beats
@@ -84,7 +85,7 @@ def _phase_reasons(frames: AxisFrames) -> list[str]:
     reasons = []
     for phase in frames.phases:
         shifts = np.array([p.shift_rad for p in phase.patterns])
-        different = len(np.unique(np.round(np.exp(1j * shifts), 6)))
+        different = len(distinct(np.round(np.exp(1j * shifts), 6)))
         if different < 3:
             text = f"{len(shifts)} frames of period {phase.period:g} have {different} different shift_rad"
             reasons.append(f"{text}, three are the least")

@@ -24,6 +24,7 @@ from core.decode.response import Wave
 from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, make_rows, modulation_of, sums_of
 from core.decode.words import BLURRED
 from core.errors import InputError
+from core.numerics import quantile_of
 from core.parallel import run_in_bands
 
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
@@ -68,7 +69,7 @@ def check_duplicates(frames: SortedFrames, sample: Singles, where: str) -> None:
     """Refuse frames of equal pattern that show different things, by name and by how much they differ."""
     if not frames.duplicates:
         return
-    low, high = np.percentile(sample, (1, 99))
+    low, high = (quantile_of(sample, share) for share in (0.01, 0.99))
     for first, *others in frames.duplicates:
         for other in others:
             difference = float(np.mean(np.abs(sample[first] - sample[other])))
@@ -124,7 +125,7 @@ def measure_noise(
         g_top = g.max(axis=0)
         g = np.compress(g_top < saturation, g, axis=1)  # an index would leave it in a slower order
         swing = np.ptp(telling[used[numbers]], axis=0)
-        lit = swing > DIM * np.percentile(swing, 90)
+        lit = swing > DIM * quantile_of(swing, 0.9)
         if np.count_nonzero(lit & (g_top < saturation)) < UNSATURATED < np.count_nonzero(lit & (g_top >= saturation)):
             return estimate_noise(*_smoothest(images, saturation, *BY_LEVEL), step)
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
@@ -136,7 +137,7 @@ def measure_noise(
             lit = _lit(waves)
             residual, level = (each[:, lit] for each in without_harmonics(residual, found, whole, waves, of=lit))
         elif np.count_nonzero(whole := g.min(axis=0) > 0) >= FEWEST:  # what is cut off at 0 shows half its noise
-            dim = ~whole & (np.ptp(g, axis=0) < DIM * np.percentile(np.ptp(g, axis=0), 90))
+            dim = ~whole & (np.ptp(g, axis=0) < DIM * quantile_of(np.ptp(g, axis=0), 0.9))
             unlit = robust_variance(residual[:, dim].ravel())
             # near 0, pixels of which no value is cut off are quiet by chance; the noise itself must not choose
             darkest = (g - np.einsum("kf,kn->fn", found[:, used].astype(np.float32), residual)).min(axis=0)
@@ -178,13 +179,13 @@ def told(wave: Wave, shown: Singles) -> Told:
 def _lit(waves: Sequence[Told]) -> NDArray[np.bool_]:
     """Where all waves are seen: what is not lit is often cut off at 0, and shows no noise."""
     amplitude = np.abs(np.array([wave.seen for wave in waves]))
-    lit = amplitude.min(axis=0) > LIT * np.percentile(amplitude, 90)
+    lit = amplitude.min(axis=0) > LIT * quantile_of(amplitude, 0.9)
     return lit if lit.sum() >= LEAST else np.ones_like(lit)
 
 
 def _unlit(waves: Sequence[Told], lit: NDArray[np.bool_], shown: Singles) -> NDArray[np.bool_]:
     """Of the pixels without stripes, those that no frame lights: frames out of order leave others without them, too."""
-    usual = min(float(np.percentile(np.abs(wave.seen), 90)) for wave in waves)
+    usual = min(quantile_of(np.abs(wave.seen), 0.9) for wave in waves)
     return np.asarray(~lit & (np.ptp(shown, axis=0) < usual))
 
 
@@ -197,7 +198,7 @@ def _with_more_bright(
     """
     sample = sample[numbers]
     level = sample.mean(axis=0)
-    low, high = np.quantile(level, (0.005, 0.995))
+    low, high = (quantile_of(level, share) for share in (0.005, 0.995))
     limit = low + BRIGHT * (high - low)
     bright = np.flatnonzero(level > limit)
     if len(bright) > FEWEST:

@@ -20,6 +20,7 @@ from core.decode.frames import Image
 from core.decode.noise import Noise, estimate_noise
 from core.decode.sample import quantum
 from core.decode.tables import Array, Singles
+from core.numerics import quantile_of
 
 COARSE = 3  # so manieth is tried first, then each around the best
 SAMPLE = 6000  # pixels that tell blur and noise
@@ -53,7 +54,7 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
     grey = np.stack([image[np.ix_(rows, columns)].ravel() for image in stack]).astype(np.float32)
     at = np.stack([a.ravel() for a in np.meshgrid(rows, columns, indexing="ij")])
     swing = grey.max(axis=0) - grey.min(axis=0)
-    lit = np.flatnonzero((swing > 0.3 * np.quantile(swing, 0.98)) & (grey.max(axis=0) < full))
+    lit = np.flatnonzero((swing > 0.3 * quantile_of(swing, 0.98)) & (grey.max(axis=0) < full))
     middle, steady = len(BLURS) // 2, np.ones((2, k), F)
     if len(lit) < 50:
         return Shown(book, np.full(shape, middle), Noise(1.0, 0.0, 1 / 12), steady)

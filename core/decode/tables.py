@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from core.decode.frames import AxisFrames, Numbers, PhaseFrames, SortedFrames
 from core.decode.plan import Plan, UsedCode
 from core.model import Array
+from core.numerics import distinct
 from core.patterns import Phase, brightness
 
 Singles = NDArray[np.float32]
@@ -319,7 +320,7 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         spread=np.array(spread, np.float32),
         fading=np.ones(len(sign), np.float32),
         least_contrast=np.float32(0),
-        phase_frames=np.unique(np.array([n for fit in fits for n in fit.frames], np.int32)),
+        phase_frames=distinct(np.array([n for fit in fits for n in fit.frames], np.int32)),
         line_frames=np.array(lines.frames if lines else [], np.int32),
         line_centre=np.array(lines.centre if lines else [], np.float32),
         line_reach=np.float32(lines.width + 2 * lines.pitch + 3 if lines else 0),

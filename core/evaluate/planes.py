@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from core.errors import StripeError
 from core.model import Array, Floats, Interior, Method, PhaseMap, PlaneEvaluation, PointCloud
-from core.numerics import sigma_by_median
+from core.numerics import median_of, ranked, sigma_by_median
 
 LEAST_POINTS = 4  # three points fit any plane
 COLLINEAR = 1e-6  # ratio of the second to the first spread below which points lie on a line
@@ -170,8 +170,8 @@ def _elsewhere(points: Array, valid: NDArray[np.bool_], where: str) -> NDArray[n
     normals = normals[sound] / np.linalg.norm(normals[sound], axis=1, keepdims=True)
     offsets = np.sum(normals * a[sound], axis=1)
     off = np.abs(normals @ sample.T - offsets[:, None])
-    best = int(np.argmin(np.median(off, axis=1)))
-    limit = max(OTHER * float(np.median(off[best])), DISTANT * abs(float(offsets[best])))
+    best = int(np.argmin(ranked(off, 0.5)))
+    limit = max(OTHER * median_of(off[best]), DISTANT * abs(float(offsets[best])))
     plane = fit_plane(sample[off[best] <= limit], where=where)
     deviation = plane.deviations(points)
     beyond = np.zeros(valid.shape, np.float32)  # in limits

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import Array
+from core.numerics import median_of
 
 SMALLEST_PX = 4.0  # diameter to which the smallest dots may be reduced
 
@@ -44,7 +45,7 @@ def find_blobs(image: NDArray[np.float32], diameters_px: tuple[float, float], cl
     typical = np.median(
         [contrast[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1].max() for u, v in at]
     )
-    faintest = max(0.1 * float(typical), 2.0 * float(np.median(contrast[::3, ::3])), 1e-6)
+    faintest = max(0.1 * float(typical), 2.0 * median_of(contrast[::3, ::3]), 1e-6)
     return connected_spots(contrast > np.maximum(threshold, np.float32(faintest)), contrast, factor)
 
 

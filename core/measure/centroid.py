@@ -23,7 +23,7 @@ from core.measure.kernels import in_bands, weighted_moments
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
 from core.model import Array
-from core.numerics import MEDIAN_OF_NORMAL, inverse_2x2, nearest, normal_equations, row_median
+from core.numerics import MEDIAN_OF_NORMAL, inverse_2x2, median_of, nearest, normal_equations, row_median
 
 FLOOR = 0.01  # px² per px of diameter: what square pixels leave on noise-free renderings, 0.001 px at 12 px diameter
 REACH, TAPER = (2.0, 0.3), 0.3  # blurs and px beyond the edge where weights end; share of that where they begin to fall
@@ -125,7 +125,7 @@ def light_gradient(
         left = np.where(known[:, own] > 0, square[:, own] / np.maximum(1 - drawn, 0.1), np.nan)
         for i, part in enumerate((left[:, :1], left[:, 1:])):
             if np.isfinite(part).any():
-                variance[i] = max(variance[i] * float(np.nanmedian(part)) * MEDIAN_OF_NORMAL**-2, 1e-8)
+                variance[i] = max(variance[i] * median_of(part) * MEDIAN_OF_NORMAL**-2, 1e-8)
     cov = C @ (normal_equations(A, counted * share, seen[..., None])[0] + np.diag(1 / USUAL**2)) @ C
     return fit[:, 1:3, 0] / scale, cov[:, 1:3, 1:3] / scale[..., None] ** 2
 
@@ -163,8 +163,8 @@ def _variance(differences: Array) -> float:
     if not len(differences):
         return 0.0
     rounding = 1 / 12 if np.all(differences == np.rint(differences)) else 0.0  # whole grey values
-    square = (differences - np.median(differences)) ** 2
-    spread = 2.2 * float(np.median(square))  # the median of a squared Gaussian is 0.455 of its variance
+    square = (differences - median_of(differences)) ** 2
+    spread = 2.2 * median_of(square)  # the median of a squared Gaussian is 0.455 of its variance
     for _ in range(3):  # the median of whole numbers is coarse: go on with means
         spread = float(np.mean(square[square <= 9 * spread + 1e-12])) / 0.973
     return max(spread / 6, rounding)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.model import Array
-from core.numerics import MEDIAN_OF_NORMAL
+from core.numerics import MEDIAN_OF_NORMAL, median_of
 
 LEAST = 12  # dots that tell a quadratic function
 # how much wider than a Gaussian's of its variance an edge is, squared: 1.4 for a disc, half-way to a Gaussian
@@ -49,7 +49,7 @@ def widening(uv: Array, spread: Array) -> Array:
         root = weight[usable, None]
         fit[:] = np.linalg.lstsq(A[usable] * root, spread[usable] * root[:, 0], rcond=None)[0]
         off = np.abs(spread - A @ fit) / np.maximum(spread, 0.1)
-        usual = max(float(np.median(off[usable])) / MEDIAN_OF_NORMAL, 1e-6)
+        usual = max(median_of(off[usable]) / MEDIAN_OF_NORMAL, 1e-6)
         weight = usable / np.maximum(spread, 0.1) / (1 + (off / (3 * usual)) ** 2)
     by_x, by_y = [none, one, none, 2 * x, y, none], [none, none, one, none, x, 2 * y]
     return np.stack([np.stack(terms, axis=1) @ fit for terms in (by_x, by_y)], axis=1) / size

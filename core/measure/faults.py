@@ -9,10 +9,10 @@ from core.measure.light import CUT
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
 from core.model import Array, Floats
-from core.numerics import MEDIAN_OF_NORMAL, nearest, row_median, sigma_by_median
+from core.numerics import MEDIAN_OF_NORMAL, nearest, quantile_of, row_median, sigma_by_median
 
 EVEN = 0.06  # deviations in units of the contrast that a clean dot may show inside and around it
-UNLIT_PERCENT = 1.0  # of an image's pixels, at least, show how dark the unlit board is
+UNLIT_SHARE = 0.01  # of an image's pixels, at least, show how dark the unlit board is
 LIT = 0.45  # share of the dot's usual modulation below which a part of it counts as unlit
 
 
@@ -93,7 +93,7 @@ def half_lit(image: Floats, modulation: Floats, rays: Rays, profile: Profiles, d
     inside, scatter = _one_sided(rays.sample(modulation, np.array([0.3, 0.6, 0.8])))
     foot = (profile.contour[:, 0] * (1.0 + 0.4 * profile.blur / rays.minor))[:, None]
     # a black board hardly decodes, but it is brighter in the light than in the dark
-    board = rays.sample(image, around) - np.float32(np.percentile(image[::4, ::4], UNLIT_PERCENT))
+    board = rays.sample(image, around) - np.float32(quantile_of(image[::4, ::4], UNLIT_SHARE))
     dim = np.nan_to_num(board).mean(axis=2)
     unlit = dim.min(axis=1) < LIT * np.median(dim)  # beside a bright speck the board is dark only by comparison
     return inside | _one_sided(rays.sample(modulation, foot), scatter)[0] | (unlit & _one_sided(board, most=True)[0])

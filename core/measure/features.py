@@ -19,7 +19,7 @@ from core.errors import InputError
 from core.geometry import project, ray_directions
 from core.measure.blobs import connected_spots
 from core.model import AdjustedDevice, Array, Feature, Floats, PhaseMap, PointCloud
-from core.numerics import sigma_by_median
+from core.numerics import distinct, sigma_by_median
 
 BLUR_PX = 0.8  # where the fit begins
 REACH = 4.0  # blurs on either side of an edge whose pixels take part, and LEAST_REACH px at least
@@ -189,7 +189,7 @@ def _before_others(away: Array, grey: Array) -> NDArray[np.bool_]:
     """Choose the pixels (n,) on this side of where the light turns back: beyond a slot's middle its other edge acts."""
     chosen, step = np.ones(len(away), bool), np.abs(away * 2).astype(int)
     for side in (away < 0, away >= 0):
-        found = np.unique(step[side])
+        found = distinct(step[side])
         level = np.array([np.median(grey[side & (step == each)]) for each in found])
         if len(level):
             turn = int(np.argmax(np.abs(level - level[0])))

@@ -16,7 +16,7 @@ from core.measure.blobs import Blobs, scale_and_roundness
 from core.measure.board import Board
 from core.measure.view import View, fit_both_tilts, fit_view
 from core.model import Array, Ints
-from core.numerics import inverse_2x2, nearest, normal_equations, row_median
+from core.numerics import inverse_2x2, median_of, nearest, normal_equations, row_median
 
 ADJACENT = 8  # targets that count as next to one another
 NEAR_FEW, NEAR = 0.35, 0.20  # how far a dot may lie from its prediction, in target spacings, by 1-2 and 3+ neighbours
@@ -201,7 +201,7 @@ def _alike(lattice: Lattice, frontier: Ints, spot: Ints, jacobian: Array) -> tup
     known = np.flatnonzero(lattice.known)
     own = scale_and_roundness(blobs, lattice.blob[known], _ellipse(lattice, known))[0]
     size, shape = scale_and_roundness(blobs, spot, jacobian[:, None] * board.radius_mm[frontier, None, None, None])
-    size = size / np.median(own)
+    size = size / median_of(own)
     near = lattice.board.neighbours[frontier]
     contrast = np.where(lattice.known[near], blobs.contrast[lattice.blob[near]], np.nan)
     typical = row_median(contrast)  # the frontier has identified neighbours by definition

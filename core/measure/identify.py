@@ -15,7 +15,7 @@ from core.measure.grow import Lattice, grow, predict, prune
 from core.measure.picks import FEWEST, Picks
 from core.measure.view import View, first_view, no_view
 from core.model import Array, DeviceSpec, Ints, Note
-from core.numerics import inverse_2x2, nearest
+from core.numerics import distinct, inverse_2x2, nearest
 
 LEFT_OVER = 0.15  # share of dots among the identified ones that may belong to no target (reflections, other boards)
 REACHED = 0.3  # spacings within which a lattice must foretell a pick that it could not grow to
@@ -191,7 +191,7 @@ def _refuse_if_shifted(lattice: Lattice, picks: Picks) -> None:
 
 def _edges(values: Ints) -> list[tuple[int, int]]:
     """(outermost, next inner) line at both ends."""
-    lines = np.unique(values)
+    lines = distinct(values)
     return [(int(lines[0]), int(lines[1])), (int(lines[-1]), int(lines[-2]))] if len(lines) > 1 else []
 
 

@@ -23,6 +23,7 @@ from core.measure.places import bare_ground, dots_at, reduced, reduced_to
 from core.measure.single import predicted_view
 from core.measure.view import View, first_view, fit_both_tilts
 from core.model import Array, DeviceSpec, Floats, Ints, Seed, Testfield
+from core.numerics import quantile_of
 from core.numerics.neighbours import kd_tree
 
 WIDTH = 1000  # px that an image is reduced to: enough to see dots
@@ -154,7 +155,7 @@ def _alike(blobs: Blobs, least: float) -> Ints:
     whole = (blobs.area_px >= least**2 * np.pi / 4) & (fill > 0.85) & (fill < 1.2) & ~blobs.on_border
     if not whole.any():
         return np.zeros(0, np.int64)
-    bright = whole & (blobs.contrast > 0.25 * np.percentile(blobs.contrast[whole], 90))
+    bright = whole & (blobs.contrast > 0.25 * quantile_of(blobs.contrast[whole], 0.9))
     usual = float(np.median(blobs.area_px[bright]))
     return np.flatnonzero(bright & (blobs.area_px > usual / 3) & (blobs.area_px < 3 * usual))
 

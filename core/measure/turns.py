@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from core.measure.board import board_from_testfield
 from core.model import Array, Ints, TargetSet, Testfield
-from core.numerics import nearest
+from core.numerics import median_of, nearest
 
 SURE = 12.0  # log-likelihood by which a labelling must be better than the next: one error in 160,000
 OVERRULED = 36.0  # the same against an operator's pick, which lens and light repeated from image to image must not do
@@ -254,7 +254,7 @@ def _best(of: Sequence[_Deviations | None], shape: tuple[Array, Array], size: fl
     """Which labelling fits a board's shape best, and by how much in log-likelihood."""
     squares = [None if d is None else _misfits(d, shape, size) for d in of]
     independent = [d.independent for d in of if d is not None]
-    unit = min(float(np.median(square)) for square in squares if square is not None) / 1.386 + 1e-30
+    unit = min(median_of(square) for square in squares if square is not None) / 1.386 + 1e-30
     likelihood = []
     for square in squares:
         if square is None:

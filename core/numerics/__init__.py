@@ -15,10 +15,13 @@ from core.numerics.marquardt import least_squares
 from core.numerics.neighbours import nearest
 from core.numerics.robust import (
     MEDIAN_OF_NORMAL,
+    distinct,
     inverse_2x2,
     median_of,
     normal_equations,
+    quantile_of,
     quantiles,
+    ranked,
     row_median,
     sigma_about_median,
     sigma_by_median,
@@ -27,6 +30,7 @@ from core.numerics.robust import (
 __all__ = [
     "MEDIAN_OF_NORMAL",
     "chi_square_limit",
+    "distinct",
     "erf",
     "factor_of",
     "fisher_above",
@@ -40,7 +44,9 @@ __all__ = [
     "nearest",
     "normal_equations",
     "normal_limit",
+    "quantile_of",
     "quantiles",
+    "ranked",
     "row_median",
     "sigma_about_median",
     "sigma_by_median",

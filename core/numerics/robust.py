@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -19,13 +21,15 @@ def sigma_by_median(residuals: ArrayLike) -> float:
     >>> round(sigma_by_median([-1.0, 0.5, 0.7, -0.3, 100.0, np.nan]), 2)
     1.04
     """
-    return float(np.nanmedian(np.abs(residuals))) / MEDIAN_OF_NORMAL
+    size = np.abs(np.ravel(residuals))
+    return float(_between(size[~np.isnan(size)], 0.5)) / MEDIAN_OF_NORMAL
 
 
 def sigma_about_median(values: ArrayLike) -> float:
     """Give the standard deviation of normal values by their median distance from the median; NaN is left out."""
-    given = np.asarray(values, np.float64)
-    return sigma_by_median(given - np.nanmedian(given))
+    given = np.ravel(values).astype(np.float64)
+    given = given[~np.isnan(given)]
+    return sigma_by_median(given - _between(given, 0.5))
 
 
 def quantiles(values: Array | Floats, *shares: float) -> list[Array]:
@@ -42,7 +46,31 @@ def quantiles(values: Array | Floats, *shares: float) -> list[Array]:
     return [(1 - at % 1) * ordered[int(at)] + at % 1 * ordered[min(int(at) + 1, last)] for at in places]
 
 
-def median_of(values: Array | Floats) -> float:
+def distinct(values: ArrayLike) -> NDArray[Any]:
+    """Distinct values of an array in ascending order. `numpy.unique` first imports masked arrays, which takes 15 ms.
+
+    Examples
+    --------
+    >>> distinct([3, 1, 3, 2]).tolist()
+    [1, 2, 3]
+    """
+    ordered = np.sort(values, axis=None)
+    return ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]]
+
+
+def quantile_of(values: ArrayLike, share: float) -> float:
+    """Quantile of all values that are finite, as `numpy.quantile` interpolates, in a tenth of its time; NaN of none.
+
+    Examples
+    --------
+    >>> quantile_of([[4.0, 0.0], [1.0, 2.0]], 0.5)
+    1.5
+    """
+    given = np.ravel(values)
+    return float(_between(given[np.isfinite(given)], share))
+
+
+def median_of(values: ArrayLike) -> float:
     """Median of the values that are finite; NaN where none is.
 
     Examples
@@ -50,8 +78,29 @@ def median_of(values: Array | Floats) -> float:
     >>> median_of(np.array([[3.0, np.nan], [1.0, 2.5]]))
     2.5
     """
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else np.nan
+    return quantile_of(values, 0.5)
+
+
+def ranked(values: Array | Floats, share: float) -> Any:
+    """The value that such a share lies below, along the last axis; as fast as `quantile_of`, of many rows as well.
+
+    Examples
+    --------
+    >>> ranked(np.array([[4.0, 0.0, 2.0], [1.0, 5.0, 3.0]]), 0.5)
+    array([2., 3.])
+    """
+    rank = int(share * values.shape[-1])
+    return np.partition(values, rank)[..., rank]
+
+
+def _between(known: NDArray[Any], share: float) -> Any:
+    """Quantile of values (n,) without NaN. numpy ranks for one place ten times as fast as for the two it asks for."""
+    if not len(known):
+        return np.nan
+    at = share * (len(known) - 1)
+    below, part = int(at), at % 1
+    ranked = np.partition(known, below)
+    return (1 - part) * ranked[below] + part * ranked[below + 1 :].min() if part else ranked[below]
 
 
 def row_median(values: Array | Floats) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.errors import AdjustmentError, InputError, TooLittleSeenError
 from core.geometry import cross_matrix, pair_for, perturbed
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
-from core.numerics import sigma_by_median
+from core.numerics import distinct, sigma_by_median
 from core.orient.chance import significance_of, stretch_of
 from core.orient.known import Observed, measured_length, observed_length, observed_points
 from core.orient.residuals import Residuals, Sight, blocks_of, epipolar_residuals, of_middles
@@ -287,7 +287,10 @@ def _checked(
             kept &= found.xyz_mm[:, 2] < 0
         sight, found = sight.only(kept), found.only(kept)
     side, tile = sides
-    if len(sight.at) * side**2 < FEWEST_PIXELS or len(np.unique(sight.at // tile, axis=0)) < FEWEST_TILES:
+    if (
+        len(sight.at) * side**2 < FEWEST_PIXELS
+        or len(distinct(sight.at // tile @ (1e6, 1.0))) < FEWEST_TILES
+    ):
         both = int(np.count_nonzero(np.isfinite(phase.u) & np.isfinite(phase.v)))
         raise TooLittleSeenError(
             capture,

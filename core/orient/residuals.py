@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from core.geometry import project_with_derivatives, ray_directions
 from core.model import AdjustedDevice, Array, Floats, Pair, PhaseMap
-from core.numerics import inverse_2x2
+from core.numerics import inverse_2x2, median_of, quantile_of
 
 LEAST_SIGMA = 1e-3  # lines; what a sigma is at least
 LEAST_BLOCK = 2  # pixels a side: the changes within a block tell where its reflectance changes
@@ -98,7 +98,7 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float
     slopes = np.stack([u[:, 1:], v[:, 1:]], axis=1)
     steep = np.linalg.norm(slopes, axis=(1, 2))
     if smooth.any():
-        smooth &= steep < GRAZING * np.median(steep[smooth])
+        smooth &= steep < GRAZING * median_of(steep[smooth])
     grey_slopes = _slopes(
         grey[:, 1:],
         means(np.asarray(cv2.GaussianBlur(phase.image, (0, 0), SMOOTH_PX), np.float32))[0][:, 1:],
@@ -124,7 +124,7 @@ def _slopes(sharp: Array, smooth: Array, off: Array, side: int, square: float) -
     """
     freedom = max(side**2 - 3, 1)
     usual = (1 - 2 / (9 * freedom) - FLATTEST[1] * np.sqrt(2 / (9 * freedom))) ** 3
-    noise = np.quantile(off, FLATTEST[0]) * side**2 / freedom / usual if len(off) else 0.0
+    noise = quantile_of(off, FLATTEST[0]) * side**2 / freedom / usual if len(off) else 0.0
     edge = np.abs(sharp - smooth).max(axis=1) > EDGE * np.sqrt(noise / square)
     return np.where(edge[:, None], sharp, smooth)
 

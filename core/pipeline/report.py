@@ -32,7 +32,7 @@ from core.pipeline.orient import drift_of
 from core.pipeline.picking import current_target_sets
 from core.pipeline.runs import calibration_file
 from core.pipeline.signed import load_sign_off
-from core.pipeline.volumes import volume_figures
+from core.pipeline.volumes import volume_of_calibration
 from core.progress import SILENT, Progress
 from core.project import load_archive, write_json
 from core.project.contents import hash_file
@@ -44,13 +44,30 @@ if TYPE_CHECKING:
 
 def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> ReportData:
     """Gather what a report tells of, from the project's results."""
+    data = _result_data(project, evaluations)
+    found = data.photogrammetric
+    return replace(
+        data,
+        made_on=f"{date.today():%Y-%m-%d}",
+        made_by=f"stripe-core {version('stripe-workbench')}",
+        sign_off=load_sign_off(project, evaluations),
+        drift=_drift(project, found),
+        responses=_responses(project),
+        merged=None if found is None else kept_registration(project, found),
+    )
+
+
+def _result_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> ReportData:
+    """Gather what the calibrations in use and an evaluation by them have found."""
     from core.report import ReportData
 
     calibrations = parts_of_report(load_calibrations(project))
-    adjustment = None
-    if calibrations["photogrammetric"] is not None:
+    calibration, adjustment, volume = calibrations["photogrammetric"], None, None
+    if calibration is not None:
         path = calibration_file(project, "adjustment.npz") or result_path(project, "adjustment.npz")
         adjustment = load_archive(path, Adjustment)
+        if calibration.covariance.any():
+            volume = volume_of_calibration(calibration, adjustment)
         if not len(adjustment.residuals):
             adjustment = None  # calibrated by another program
     return ReportData(
@@ -59,13 +76,7 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
         **calibrations,
         evaluations=evaluations,
         truth=known_truth(project),
-        made_on=f"{date.today():%Y-%m-%d}",
-        made_by=f"stripe-core {version('stripe-workbench')}",
-        sign_off=load_sign_off(project, evaluations),
-        volume=_volume(project, calibrations["photogrammetric"]),
-        drift=_drift(project, calibrations["photogrammetric"]),
-        responses=_responses(project),
-        merged=None if (found := calibrations["photogrammetric"]) is None else kept_registration(project, found),
+        volume=volume,
     )
 
 
@@ -82,13 +93,6 @@ def _drift(project: Project, calibration: PhotogrammetricCalibration | None) -> 
     """Give the control charts of what `orient` has kept."""
     charts = {} if calibration is None else drift_of(project, kept=True)
     return tuple(chart for chart in charts.values() if len(chart) > 1)
-
-
-def _volume(project: Project, calibration: PhotogrammetricCalibration | None) -> tuple[Any, Any] | None:
-    """Give the uncertainty over the working volume of a calibration that has sigmas."""
-    if calibration is None or not calibration.covariance.any():
-        return None
-    return volume_figures(project)
 
 
 def parts_of_report(found: Mapping[Method, Any]) -> dict[str, Any]:
@@ -169,7 +173,7 @@ def result_tables(project: Project, evaluations: tuple[PlaneEvaluation, ...] = (
     """Tables 1 to 3 of a project's results as text."""
     from core.report import tables, text_table
 
-    return "\n\n".join(text_table(table) for table in tables(report_data(project, evaluations)))
+    return "\n\n".join(text_table(table) for table in tables(_result_data(project, evaluations)))
 
 
 def table_of_planes(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> str:

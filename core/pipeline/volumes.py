@@ -30,12 +30,20 @@ def volume_figures(
     capture is no part of them. Maps: the same over the grid, (depths, rows, columns), NaN where the projector lights
     nothing; `uv`, `xyz_mm`. A calibration that tells no sigmas is an InputError.
     """
-    from core.checks.volume import form_of_fields, image_fields, point_fields, sigmas_of, volume_of
-
-    pair, depths, named = _known(project, run, camera, projector)
-    if not pair.covariance.any():
+    calibration, adjustment = _kept(project, run)
+    if not pair_of(calibration, camera, projector).covariance.any():
         seen = "the calibration is another program's, which tells no sigmas"
         raise InputError(project.path, seen, "calibrate here, or import a file that has parameter_covariance")
+    return volume_of_calibration(calibration, adjustment, camera, projector)
+
+
+def volume_of_calibration(
+    calibration: PhotogrammetricCalibration, adjustment: Adjustment | None, camera: str = "", projector: str = ""
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Say the same of a calibration at hand that has sigmas."""
+    from core.checks.volume import form_of_fields, image_fields, point_fields, sigmas_of, volume_of
+
+    pair, depths, named = _pair_of(calibration, adjustment, camera, projector)
     volume = volume_of(pair, depths)
     fields, split = point_fields(pair, volume), len(pair.camera.interior.vector)
     end = split + len(pair.projector.interior.vector)
@@ -63,7 +71,7 @@ def difference_figures(
     """
     from core.checks.volume import difference
 
-    pair, depths, _ = _known(project, run, camera, projector)
+    pair, depths = _known(project, run, camera, projector)
     second = _known(project, other, camera, projector)[0] if isinstance(other, int) else _of_folder(other, pair)
     found = difference(pair, second, depths)
     maps = {
@@ -123,11 +131,18 @@ def _by_depth(depths: Array, maps: dict[str, Array]) -> list[dict[str, Any]]:
     return rows
 
 
-def _known(project: Project, run: int | None, camera: str, projector: str) -> tuple[Pair, Array, dict[str, str]]:
-    """Give the pair of the calibration in use, or of a kept run, the depths of its working volume, and its names."""
+def _known(project: Project, run: int | None, camera: str, projector: str) -> tuple[Pair, Array]:
+    """Give the pair of the calibration in use, or of a kept run, and the depths of its working volume."""
+    pair, depths, _ = _pair_of(*_kept(project, run), camera, projector)
+    return pair, depths
+
+
+def _pair_of(
+    calibration: PhotogrammetricCalibration, adjustment: Adjustment | None, camera: str, projector: str
+) -> tuple[Pair, Array, dict[str, str]]:
+    """Give a pair of a calibration, the depths of its working volume, and its names where there are several."""
     from core.checks.volume import working_depths
 
-    calibration, adjustment = _kept(project, run)
     pair = pair_of(calibration, camera, projector)
     camera, projector = camera or calibration.camera_name, projector or calibration.projector_name
     named = {"camera": camera, "projector": projector} if len(calibration.devices) > 2 else {}
