@@ -287,10 +287,7 @@ def _checked(
             kept &= found.xyz_mm[:, 2] < 0
         sight, found = sight.only(kept), found.only(kept)
     side, tile = sides
-    if (
-        len(sight.at) * side**2 < FEWEST_PIXELS
-        or len(distinct(sight.at // tile @ (1e6, 1.0))) < FEWEST_TILES
-    ):
+    if len(sight.at) * side**2 < FEWEST_PIXELS or len(distinct(sight.at // tile @ (1e6, 1.0))) < FEWEST_TILES:
         both = int(np.count_nonzero(np.isfinite(phase.u) & np.isfinite(phase.v)))
         raise TooLittleSeenError(
             capture,

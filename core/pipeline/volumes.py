@@ -30,20 +30,23 @@ def volume_figures(
     capture is no part of them. Maps: the same over the grid, (depths, rows, columns), NaN where the projector lights
     nothing; `uv`, `xyz_mm`. A calibration that tells no sigmas is an InputError.
     """
-    calibration, adjustment = _kept(project, run)
-    if not pair_of(calibration, camera, projector).covariance.any():
+    pair, depths, named = _known(project, run, camera, projector)
+    if not pair.covariance.any():
         seen = "the calibration is another program's, which tells no sigmas"
         raise InputError(project.path, seen, "calibrate here, or import a file that has parameter_covariance")
-    return volume_of_calibration(calibration, adjustment, camera, projector)
+    return _figures_of(pair, depths, named)
 
 
 def volume_of_calibration(
-    calibration: PhotogrammetricCalibration, adjustment: Adjustment | None, camera: str = "", projector: str = ""
+    calibration: PhotogrammetricCalibration, adjustment: Adjustment | None
 ) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Say the same of a calibration at hand that has sigmas."""
+    """Say the same of the first pair of a calibration at hand, which has sigmas."""
+    return _figures_of(*_pair_of(calibration, adjustment, "", ""))
+
+
+def _figures_of(pair: Pair, depths: Array, named: dict[str, str]) -> tuple[dict[str, Any], dict[str, Array]]:
     from core.checks.volume import form_of_fields, image_fields, point_fields, sigmas_of, volume_of
 
-    pair, depths, named = _pair_of(calibration, adjustment, camera, projector)
     volume = volume_of(pair, depths)
     fields, split = point_fields(pair, volume), len(pair.camera.interior.vector)
     end = split + len(pair.projector.interior.vector)
@@ -71,7 +74,7 @@ def difference_figures(
     """
     from core.checks.volume import difference
 
-    pair, depths = _known(project, run, camera, projector)
+    pair, depths, _ = _known(project, run, camera, projector)
     second = _known(project, other, camera, projector)[0] if isinstance(other, int) else _of_folder(other, pair)
     found = difference(pair, second, depths)
     maps = {
@@ -131,12 +134,6 @@ def _by_depth(depths: Array, maps: dict[str, Array]) -> list[dict[str, Any]]:
     return rows
 
 
-def _known(project: Project, run: int | None, camera: str, projector: str) -> tuple[Pair, Array]:
-    """Give the pair of the calibration in use, or of a kept run, and the depths of its working volume."""
-    pair, depths, _ = _pair_of(*_kept(project, run), camera, projector)
-    return pair, depths
-
-
 def _pair_of(
     calibration: PhotogrammetricCalibration, adjustment: Adjustment | None, camera: str, projector: str
 ) -> tuple[Pair, Array, dict[str, str]]:
@@ -147,6 +144,11 @@ def _pair_of(
     camera, projector = camera or calibration.camera_name, projector or calibration.projector_name
     named = {"camera": camera, "projector": projector} if len(calibration.devices) > 2 else {}
     return pair, working_depths(pair, adjustment, camera), named
+
+
+def _known(project: Project, run: int | None, camera: str, projector: str) -> tuple[Pair, Array, dict[str, str]]:
+    """Give a pair of the calibration in use, or of a kept run, as `_pair_of` does."""
+    return _pair_of(*_kept(project, run), camera, projector)
 
 
 def _kept(project: Project, run: int | None) -> tuple[PhotogrammetricCalibration, Adjustment | None]:
