@@ -291,8 +291,7 @@ def _no_convergence(R: Array, estimated: list[str]) -> str:
 
 
 def empty_corners(uv: Array, size: Array) -> list[str]:
-    """Name the corners of an image (its size in px), a quarter of its width and height each, that hold none of `uv` (n,
-    2).
+    """Name the corners of an image, a quarter of its width and height (px) each, that hold none of `uv` (n, 2).
 
     Examples
     --------

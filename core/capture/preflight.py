@@ -139,8 +139,7 @@ def linearity(projector: Projector, camera: Camera, wait_s: float, check: Check 
 def measure_stripes(
     projector: Projector, camera: Camera, wait_s: float, progress: Progress = SILENT
 ) -> tuple[list[Array], float]:
-    """Take the steps of the finest stripes for `core.capture.fitness.visibility`, and measure the noise of a grey
-    value.
+    """Take the steps of the finest stripes for `fitness.visibility`, and measure the noise of a grey value.
 
     Each, (n,), is at the pixels that the projector lights; DeviceError if those are too few.
     """

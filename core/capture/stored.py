@@ -47,8 +47,7 @@ LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts t
 def check_stored(
     capture: Capture, images: Sequence[NDArray], phase: PhaseMap | None, lines: tuple[int, int]
 ) -> list[Finding]:
-    """Check a capture whose frames were recorded before; give the findings that are not good, with their frames'
-    numbers.
+    """Check a capture whose frames were recorded before; give what is not good, with the frames' numbers.
 
     `images`, (H, W), are in its order, `phase` is what was decoded of them, `lines` the projector's columns and rows.
     """

@@ -78,7 +78,7 @@ class SortedFrames:
 
 
 def check_images(patterns: Sequence[Pattern], images: Sequence[Image], where: str) -> list[Image]:
-    """Give the images as contiguous arrays of one shape (H, W) and one integer type; others, or none, are an
+    """Give the images as contiguous arrays of one shape (H, W) and integer type; else, or without any, an
     InputError.
     """
     if len(images) == 0:

@@ -78,8 +78,7 @@ def grow(lattice: Lattice) -> None:
 
 
 def predict(lattice: Lattice, targets: Ints) -> tuple[Array, Array, Ints]:
-    """Predict targets from identified neighbours: px, px per mm on the board there (m, 2, 2), number of neighbours
-    used.
+    """Predict targets from identified neighbours: px, px per mm on the board there (m, 2, 2), neighbours used.
 
     The place is NaN where the view cannot see the target.
     """
@@ -107,9 +106,7 @@ def misfits(lattice: Lattice, targets: Ints) -> tuple[Array, Ints]:
 
 
 def prune(lattice: Lattice) -> dict[int, float]:
-    """Take back identities that their neighbours, on all sides by now, do not confirm; say by how many target
-    spacings.
-    """
+    """Take back identities that their neighbours do not confirm; say by how many target spacings they lie off."""
     least = min(3, len(lattice.blob) - 1)
     off: dict[int, float] = {}
     while True:

@@ -37,9 +37,7 @@ class CrossPatternLcd:
     height: int = 640
 
     def switch(self, pattern: Pattern) -> tuple[Lines, Lines]:
-        """Give the column lines (width,) and row lines (height,) that show a pattern; greys are a
-        PatternRefusedError.
-        """
+        """Give the column lines (width,) and row lines (height,) that show a pattern; greys are refused."""
         if reason := grey_reason(pattern):
             raise PatternRefusedError("projector", describe(pattern), f"this LCD is black or white, and {reason}")
         columns, rows = np.zeros(self.width, bool), np.zeros(self.height, bool)

@@ -66,8 +66,7 @@ def light_sections(axis: Axis, lines: int, width: int = 1, pitch: int = 1) -> li
 
 
 def finest_steps(patterns: Sequence[Pattern], axis: Axis | None = None) -> tuple[float, list[int]]:
-    """Find the phase steps of the finest stripes, along one axis or either: their period in lines, 0 without, and
-    numbers.
+    """Find the phase steps of the finest stripes, along one axis or either: period in lines, 0 without, and numbers.
 
     Examples
     --------

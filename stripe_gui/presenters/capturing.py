@@ -70,9 +70,7 @@ class Connection:
 
 
 def projector_kinds(virtual: str, screens: Sequence[str] = ()) -> tuple[DeviceKind, ...]:
-    """Give the ways to reach a projector: by the virtual rig's URL and this computer's screens, with number and
-    size.
-    """
+    """Give the ways to reach a projector, by the virtual rig's URL and the names of this computer's screens."""
     scene = virtual.partition(":")[2] or "flat"
     return (
         DeviceKind(

@@ -32,9 +32,7 @@ class Stand:
 
 
 def stands_of(calibration: PhotogrammetricCalibration) -> dict[str, Stand]:
-    """Give the calibrated devices in the frame of the one that orientations refer to; InputError if not all are
-    tied.
-    """
+    """Give the calibrated devices in the frame that orientations refer to; InputError if not all are tied."""
     from core.reconstruct.placed import placed  # only now: its room loads the kernels
 
     found = placed(calibration).items()
