@@ -32,7 +32,7 @@ ALLOWED = {
     "progress": {"errors"},
     "fields": {"errors"},
     "parallel": {"errors", "progress"},
-    "numerics": set(),
+    "numerics": {"compiling"},
     "lazy": set(),
     "resources": set(),
     "compiling": {"atomic", "progress"},

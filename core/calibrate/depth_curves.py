@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.cholesky import solve_in_place
 from core.compiling import inner, njit
 from core.model import Array, Floats
+from core.numerics.small import solve_in_place
 from core.parallel import run_in_bands
 
 LEAST_STEP_LINES = 0.05  # u must change by so much from one position to the next, else nothing moved

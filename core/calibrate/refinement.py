@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.calibrate.cholesky import solve_in_place
 from core.calibrate.equations import POSE, equations_band, room_for_block
 from core.calibrate.problem import Observed, Problem
 from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
 from core.model import Array, Ints
+from core.numerics.small import solve_in_place
 from core.parallel import run_in_bands
 
 ITERATIONS = 8

@@ -4,6 +4,7 @@ distributions.py   limits of the distributions that tests of hypotheses ask for;
 neighbours.py      the nearest of a few hundred places
 marquardt.py       nonlinear least squares of few unknowns
 cholesky.py        a symmetric system: factor, solution, inverse
+small.py           small ones within kernels; not imported here, as it compiles
 robust.py          spreads and medians that gross errors do not move; small fits to many places at once
 interpolation.py   between the pixels of an image, and beyond a few known places
 """

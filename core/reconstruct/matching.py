@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.compiling import inner, njit
+from core.numerics.small import solve_in_place
 
 # q, its variance, that in px, what was explained, misfit (grey values²), grey, px from the seed, rival, two bends
 FOUND = 10
@@ -23,6 +24,7 @@ TERMS, UNKNOWNS = 6, 8
 STEPS, SETTLED_PX = 15, 0.003
 TOGETHER, MOST_LEVERAGE = 3, 0.9  # px each way whose misfits may hang together
 LEAST_SHARE = 0.6  # of the window that both cameras see
+SINGULAR = 1e-9  # share of a normal equation's diagonal that tells nothing any more
 
 
 @inner(error_model="numpy")
@@ -84,32 +86,6 @@ def _alike(c, r, seed, more, half, own, other, rays, turn, shift, table, grid, k
     if n < LEAST_SHARE * (half + 1) ** 2:
         return np.nan
     return (n * s12 - s1 * s2) / np.sqrt(max((n * s11 - s1 * s1) * (n * s22 - s2 * s2), 1e-12))
-
-
-@inner(error_model="numpy")
-def _solve(N, b):  # type: ignore[no-untyped-def]
-    """Solve N x = b in place by Cholesky's method; whether N was regular. N then holds the factor, b is x."""
-    k = b.shape[0]
-    for i in range(k):
-        for j in range(i + 1):
-            total = N[i, j]
-            for m in range(j):
-                total -= N[i, m] * N[j, m]
-            if i == j:
-                if not total > 1e-9 * N[i, i]:
-                    return False
-                N[i, i] = np.sqrt(total)
-            else:
-                N[i, j] = total / N[j, j]
-    for i in range(k):
-        for m in range(i):
-            b[i] -= N[i, m] * b[m]
-        b[i] /= N[i, i]
-    for i in range(k - 1, -1, -1):
-        for m in range(i + 1, k):
-            b[i] -= N[m, i] * b[m]
-        b[i] /= N[i, i]
-    return True
 
 
 @inner(error_model="numpy")
@@ -269,7 +245,7 @@ def match_windows(  # type: ignore[no-untyped-def]
             _equations(
                 c, r, seed, p, scale, half, own, other, rays, turn, shift, table, grid, known, N, b, work, sums, each
             )
-            if sums[0] < LEAST_SHARE * (2 * half + 1) ** 2 or not _solve(N, b):
+            if sums[0] < LEAST_SHARE * (2 * half + 1) ** 2 or not solve_in_place(N, b, SINGULAR):
                 break
             for k in range(UNKNOWNS):
                 p[k] += b[k]

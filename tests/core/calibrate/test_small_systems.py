@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.calibrate.cholesky import solve_in_place
 from core.calibrate.initial import _median_pose
 from core.calibrate.refinement import _median
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
+from core.numerics.small import solve_in_place
 
 
 @pytest.mark.parametrize("size", [1, 2, 6])

@@ -7,18 +7,21 @@ from numpy.typing import NDArray
 
 from core.compiling import inner
 
-SINGULAR = 1e-12  # share of a diagonal element that elimination leaves of it, below which it is rounding
+ROUNDING = 1e-12  # share of a diagonal element below which elimination leaves nothing but rounding
 
 
 @inner(error_model="numpy")
-def solve_in_place(N: NDArray[np.float64], b: NDArray[np.float64]) -> bool:  # pragma: no cover  compiled
+def solve_in_place(
+    N: NDArray[np.float64], b: NDArray[np.float64], share: float = ROUNDING
+) -> bool:  # pragma: no cover  compiled
     """Solve ``N x = b`` by Cholesky's method, x into b; False, with b spoilt, where N is singular.
 
-    Only the lower triangle of N is read; its factor is left there.
+    Only the lower triangle of N is read; its factor is left there. N is singular where elimination leaves no more than
+    that `share` of a diagonal element.
     """
     n = len(b)
     for i in range(n):
-        least = SINGULAR * N[i, i]
+        least = share * N[i, i]
         for j in range(i + 1):
             s = N[i, j]
             for k in range(j):
