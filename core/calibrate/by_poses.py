@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.calibrate.datum import datum_columns, null_space
-from core.calibrate.dense import factorise, inverse_of_factor, solve_factor
 from core.calibrate.equations import distance_equation
-from core.calibrate.normals import Factor, Inverse, Normals
+from core.calibrate.normals import Factor, Inverse, Normals, factorise, inverse_of_factor, solve_factor
 from core.calibrate.problem import Problem
 from core.calibrate.state import State, Step
 from core.model import Array

@@ -2,7 +2,8 @@
 
 Either the poses are eliminated (6 unknowns each) and the points kept (3 each), or the other way round; an eliminated
 block meets no other, which is what makes it cheap to eliminate. One pass over the observations computes their
-equations, adds them up and eliminates, so that no Jacobian is ever stored.
+equations, adds them up and eliminates, so that no Jacobian is ever stored. The dense system that remains is factorised
+by Cholesky's method, its diagonal scaled to 1.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from core.calibrate.problem import RELATIVE, Observed, Problem
 from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
 from core.model import Array, Ints
+from core.numerics import factor_of, inverse_by, solution_by
 from core.parallel import run_in_bands
 
 
@@ -302,3 +304,33 @@ class Inverse:
     Q_own: Array  #: cofactors of the eliminated blocks were the kept unknowns known
     #: ``1 / (Q_ii N_ii)``: 1 where a parameter is independent of all others, near 0 where it cannot be told from them
     strength: Array
+
+
+def factorise(M: Array) -> Factor:
+    """Factorise a symmetric positive definite matrix, (U, U), which is overwritten.
+
+    A SingularNormalsError has the direction the matrix does not determine.
+    """
+    diagonal = np.diagonal(M).copy()
+    if not np.all(diagonal > 0):
+        raise SingularNormalsError(direction=(~(diagonal > 0)).astype(float))
+    scale = 1.0 / np.sqrt(diagonal)
+    M *= scale
+    M *= scale[:, None]
+    lower = factor_of(M)
+    if lower is None:
+        raise SingularNormalsError(direction=np.linalg.eigh(M)[1][:, 0] * scale)
+    return Factor(lower, scale)
+
+
+def solve_factor(factor: Factor, b: Array) -> Array:
+    """Solve the factorised system for b, shape (U,)."""
+    return factor.scale * solution_by(factor.lower, factor.scale * b)
+
+
+def inverse_of_factor(factor: Factor) -> Array:
+    """Inverse of the factorised matrix, shape (U, U)."""
+    Q = inverse_by(factor.lower)
+    Q *= factor.scale
+    Q *= factor.scale[:, None]
+    return Q

@@ -8,10 +8,17 @@ Conventions, told once for the whole program:
 * a `Pose` named ``a_from_b`` takes coordinates in frame b to frame a: ``X_a = R X_b + t``.
 """
 
-from core.geometry.device import estimated, image_to_pixel, pixel_to_image, project, ray_directions
+from core.geometry.device import (
+    Projection,
+    estimated,
+    image_to_pixel,
+    pixel_to_image,
+    project,
+    project_with_derivatives,
+    ray_directions,
+)
 from core.geometry.lens import LENSES, Lens, at_radius, distort, fitted, lens_of, nominal, regular, undistort
 from core.geometry.pairs import calibration_of_pair, pair_derivatives, pair_for, pair_of, perturbed
-from core.geometry.projection import Projection, project_with_derivatives
 from core.geometry.rotation import (
     Pose,
     cross_matrix,

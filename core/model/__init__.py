@@ -21,8 +21,7 @@ from core.model.calibration import (
 from core.model.capture import Capture, Frame, Role, Subject
 from core.model.features import Feature
 from core.model.finding import Finding
-from core.model.ids import StationId, TargetId
-from core.model.network import Network, NetworkDevice, NetworkScale
+from core.model.network import Network, NetworkDevice, NetworkScale, StationId, TargetId
 from core.model.note import Names, Note, bluntness, named_by, points_at_a_cause
 from core.model.orientation import DriftPoint, KnownLength, KnownPoints, RigMotion
 from core.model.phase import PhaseMap

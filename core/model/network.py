@@ -1,4 +1,4 @@
-"""Image observations to be adjusted."""
+"""Image observations to be adjusted, and who their stations and points are where they come from a project."""
 
 from __future__ import annotations
 
@@ -6,8 +6,32 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from core.model.arrays import Array, Ints
-from core.model.ids import StationId, TargetId
 from core.model.rig import DeviceSpec
+
+
+@dataclass(frozen=True)
+class TargetId:
+    """A target of a testfield."""
+
+    row: int
+    col: int
+
+    def __str__(self) -> str:
+        """Give the name of its point."""
+        return f"{self.row}/{self.col}"
+
+
+@dataclass(frozen=True)
+class StationId:
+    """A device before the board of one capture; `by` is the device it was matched with, where there are several."""
+
+    capture: str
+    device: str
+    by: str = ""
+
+    def __str__(self) -> str:
+        """Give the name of the station."""
+        return f"{self.capture}/{self.device}" + (f" by {self.by}" if self.by else "")
 
 
 @dataclass(frozen=True)
