@@ -14,6 +14,7 @@ from core.model import Array, Concern, Floats, PlaneEvaluation
 from core.numerics import sigma_by_median
 
 WINDOW = 40.0  # the low pass's standard deviation is the image's larger side over this
+SMOOTH_SIDES = 4.0  # of the squares that tell the low pass lie in its standard deviation
 LEAST_COVERED, LEAST_SEEN = 0.6, 0.2  # share of the low pass's weight that must lie on the plane; at rims
 DEGREE, FITTED = 4, 4000  # of the surface that calibrations bend a plane to; pixels that tell it
 DOUBTFUL_RATIO, FAILED_RATIO = 1.5, 3.0  # r.m.s. over what the noise predicts
@@ -57,8 +58,20 @@ def form_of(deviation_mm: Floats) -> Form:
     return Form(float(1e3 * np.ptp(form)), float(np.sqrt(np.mean(form**2))), rest)
 
 
-def _blurred(values: Floats, sigma: float) -> Array:
-    return np.asarray(cv2.GaussianBlur(values, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))
+def _blurred(values: Floats, sigma: float) -> Floats:
+    """Blur by a Gaussian, with zeros beyond the rim: between means over squares, which takes a tenth of the time.
+
+    Squares and interpolation add a quarter of a side's square to the variance.
+    """
+    side = max(1, int(sigma / SMOOTH_SIDES))
+    high, wide = (-(-n // side) for n in values.shape)
+    padded = np.zeros((high * side, wide * side), np.float32)
+    padded[: values.shape[0], : values.shape[1]] = values
+    means = cv2.resize(padded, (wide, high), interpolation=cv2.INTER_AREA)
+    rest = float(np.sqrt(sigma**2 - (side**2 / 4 if side > 1 else 0)))
+    means = cv2.GaussianBlur(means, (0, 0), rest / side, borderType=cv2.BORDER_CONSTANT)
+    found = cv2.resize(means, (wide * side, high * side), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(found[: values.shape[0], : values.shape[1]], np.float32)
 
 
 def _capped(values: NDArray[np.floating], valid: NDArray[np.bool_]) -> Floats:

@@ -23,6 +23,7 @@ from core.project.lock import DOCUMENT_LOCK, RESULTS_LOCK, lock
 FILE = ".stripe-made.json"
 _SCRATCH = {FILE, f"{FILE}.lock", CONTENTS, DOCUMENT_LOCK, RESULTS_LOCK}  # the program's own memory: nobody misses it
 _MOST_NAMED = 3
+_HASHES: dict[tuple[int, ...], str | None] = {}
 
 
 def read_made(folder: Path) -> dict[str, Any]:
@@ -148,9 +149,9 @@ def _add(folder: Path, names: set[str], part: Path | None = None) -> None:
         replaced = {name: value for name, value in _replaced(made).items() if name not in names}
         for name in sorted(names):
             if part is not None:
-                replaced[name], files[name] = files.get(name, ""), hash_file(part)
+                replaced[name], files[name] = files.get(name, ""), _hash(part)
             elif (folder / name).is_file():
-                files[name] = hash_file(folder / name)
+                files[name] = _hash(folder / name)
         named = sorted({*made["named"], *names} & files.keys())
         facts = {"format": "stripe-made", "version": 1, **made, "files": files, "named": named, "replaced": replaced}
         write_json(folder / FILE, facts)
@@ -164,7 +165,18 @@ def _replaced(made: Mapping[str, Any]) -> dict[str, str]:
 
 def _is_own(made: Mapping[str, Any], name: str, path: Path) -> bool:
     """Whether a file is as this program wrote it."""
-    return hash_file(path) in (made["files"].get(name), _replaced(made).get(name))
+    return _hash(path) in (made["files"].get(name), _replaced(made).get(name))
+
+
+def _hash(path: Path) -> str | None:
+    """Hash a file, but not again where it only got another name: what was written is listed before and after that."""
+    with suppress(OSError):
+        stat = os.stat(path)
+        key = stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns
+        if key not in _HASHES:
+            _HASHES[key] = hash_file(path)
+        return _HASHES[key]
+    return None
 
 
 def _files(folder: Path) -> list[Path]:

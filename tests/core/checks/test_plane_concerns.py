@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.checks import planes
 from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.model import PlaneEvaluation
 
@@ -122,3 +123,15 @@ def test_an_angle_that_no_axis_allows_is_told(
     (concern,) = pair_concerns(turned(*tilts))
     assert concern.text.startswith(f"{capture}: ")
     assert cause in concern.text
+
+
+@pytest.mark.parametrize("shape", [(576, 748), (301, 403), (61, 83)])
+def test_a_wave_passes_the_low_pass_as_a_gaussian_lets_it(shape: tuple[int, int]) -> None:
+    """Of a sine of wavelength λ remains exp(-2 (π σ / λ)²); in the middle of the image, where the rim is far."""
+    sigma = max(shape) / 40
+    wavelength = 8 * sigma
+    wave = np.sin(2 * np.pi * np.arange(shape[1]) / wavelength)
+    low = planes._blurred(np.broadcast_to(wave, shape).astype(np.float32), sigma)[shape[0] // 2]
+    far = int(4 * sigma)
+    expected = np.exp(-2 * (np.pi * sigma / wavelength) ** 2) * wave
+    assert np.abs(low - expected)[far:-far].max() < 0.005
