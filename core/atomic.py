@@ -202,10 +202,7 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def _indented(value: Any, margin: str) -> str:
-    """Give JSON with what holds no lists or objects on one line, but for the outermost.
-
-    json's own indentation is not compiled: the targets of 31 captures took it half a second.
-    """
+    """Give JSON with what holds no lists or objects on one line: json's own indentation is not compiled, and slow."""
     held = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
     if not held or (margin != "\n" and not any(isinstance(one, Mapping | list | tuple) for one in held)):
         return _ON_ONE_LINE.encode(value)

@@ -26,14 +26,7 @@ from core.fields import kept_object, text_of
 from core.figures import evaluation_figures, phase_figures
 from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
 from core.parallel import limit_threads, on_processes
-from core.pipeline import (
-    find_capture,
-    load_calibrations,
-    phase_maps,
-    read_phase,
-    write_cloud,
-    write_phase,
-)
+from core.pipeline import find_capture, load_calibrations, phase_maps, read_phase, write_cloud, write_phase
 from core.pipeline.decode import one_series
 from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
 from core.pipeline.runs import calibration_hashes

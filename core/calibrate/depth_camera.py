@@ -265,10 +265,7 @@ def _target_means(rest: Array, target: Ints) -> tuple[Array, Array]:
 
 
 def _decorrelated(rest: Array, target: Ints, own: float, shared: float) -> Array:
-    """Residuals (n, 2), or changes (n, 2 k) of them, uncorrelated and with unit variance.
-
-    For the sigmas (px) of each alone and of each target.
-    """
+    """Residuals (n, 2), or changes (n, 2 k) of them, made independent by the sigmas (px) of each and of each target."""
     means, count = _target_means(rest, target)
     keep = own / np.sqrt(own**2 + count * shared**2)
     return (rest - ((1 - keep) * means)[target]) / own

@@ -117,10 +117,7 @@ def _evenly_bright(modulation: Floats, lit: NDArray[np.bool_]) -> NDArray[np.boo
 
 
 def _average(values: Floats, weight: Floats, sigma_px: float) -> tuple[Floats, NDArray[np.bool_], Floats]:
-    """Weighted Gaussian average, where pixels that count cover enough of the Gaussian, and the average's variance.
-
-    The weights are one over the pixels' variances; a Gaussian's square is a narrower one.
-    """
+    """Average by a Gaussian and the inverse variances, where enough of it is covered, and the average's variance."""
     counts, total = (weight > 0).astype(np.float32), _blur(weight, sigma_px)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = _blur(values * weight, sigma_px) / total

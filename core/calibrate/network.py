@@ -7,17 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from core.errors import InputError
-from core.model import (
-    Network,
-    NetworkDevice,
-    NetworkScale,
-    Rig,
-    ScaleBar,
-    StationId,
-    TargetId,
-    TargetSet,
-    Testfield,
-)
+from core.model import Network, NetworkDevice, NetworkScale, Rig, ScaleBar, StationId, TargetId, TargetSet, Testfield
 
 LEAST_SIGMA_PX = 1e-4  # a sigma told smaller than this is a fault of the measurement, not a weight
 

@@ -43,10 +43,7 @@ REMEDIES = {
 
 
 def _effects(problem: Problem, equations: Equations) -> tuple[Array, list[str], list[str]]:
-    """For each global unknown its largest displacement in the image per unit, as a share of the image's radius.
-
-    Returns the shares, shape (globals,), the names ("cam.c") and the remedies.
-    """
+    """Largest displacement in the image, in its radii, by a unit of each global unknown; names and remedies."""
     shares = np.zeros(problem.globals)
     names, remedies = [""] * problem.globals, [""] * problem.globals
     largest = largest_displacements(problem, equations)

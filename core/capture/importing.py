@@ -133,10 +133,7 @@ class _Series:
 
 
 def _by_devices(project: Project, subject: Subject, spec: SequenceSpec, by: str) -> list[tuple[Subject, Sequence[int]]]:
-    """Say whose frames they are, by the list, else the subject, and which those are; none of them stands for all.
-
-    A rig of one camera and one projector takes frames of one of each under any names.
-    """
+    """Say whose frames they are, by the list, else the subject; a rig of one pair takes them under any names."""
     rig = project.rig
     pairs = [
         (c or subject.camera or rig.camera_name, p or subject.projector or rig.projector_name) for c, p in spec.devices

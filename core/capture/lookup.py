@@ -144,10 +144,7 @@ def _denied(clear: NDArray[np.bool_], agrees: NDArray[np.bool_]) -> tuple[bool, 
 
 
 def _unlike(seen: Array, expected: Array, tolerance: Array, sure: NDArray[np.bool_]) -> tuple[bool, bool]:
-    """Whether enough pixels are expected to vary, and the frame does not vary with them.
-
-    Medians, because at some pixels the others' word is wrong: near the edges of the code's cells.
-    """
+    """Whether enough pixels should vary and the frame does not with them; by medians, as some words are wrong."""
     if sure.sum() < ENOUGH:
         return False, False
     noise = float(np.median(tolerance[sure])) + 0.03

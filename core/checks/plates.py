@@ -87,10 +87,7 @@ def see_plates(
 
 
 def _beyond_chance(off: Array, sigma: Array) -> tuple[float, float]:
-    """R.m.s. of residuals, the first row of (k + 1, n), and their squares over those expected; others show errors of k.
-
-    The squares are of ``eᵀ C⁻¹ e`` with the calibration's part of C, (n, n), of rank k.
-    """
+    """R.m.s. of residuals, the first row of (k + 1, n), and their ``eᵀ C⁻¹ e`` over n; the others show errors of k."""
     e, D = off[0] / sigma, (off[1:] - off[0]) / sigma
     rest = e - D.T @ np.linalg.solve(np.eye(len(D)) + D @ D.T, D @ e)
     return float(np.sqrt(np.mean(off[0] ** 2))), float(e @ rest) / len(e)

@@ -175,10 +175,7 @@ def _compare(
 
 
 def _line(one: Array, other: Array, full: float) -> tuple[float, float, Array, Array] | None:
-    """Slope and start of the line by which grey values follow from others, residuals of unit norm, and their levels.
-
-    None where too few tell it.
-    """
+    """Slope and start of the line from grey values to others, residuals of unit norm, levels; None if unclear."""
     good = np.maximum(one, other) < full
     one, other = one[good], other[good]
     for _ in range(ROUNDS):

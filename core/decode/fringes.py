@@ -177,10 +177,7 @@ def _solve(system, count):  # type: ignore[no-untyped-def]
 
 @part
 def _straighten(bend, count, turn, var, levels):  # type: ignore[no-untyped-def]
-    """Correct the phase (turns) for what the wave shows besides its first harmonic, and its variance.
-
-    `levels`, int32 (n,), is scratch memory.
-    """
+    """Correct phase (turns) and variance for what the wave shows besides its first harmonic; `levels` is scratch."""
     grid, most = INT(bend.shape[1] - 1), LEAST_NOISE
     fill(levels, 0, count, NONE)
     for _ in range(len(bend) - 1):
@@ -233,10 +230,7 @@ def unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ig
 
 @part
 def _search(table, turns, variance, more, i, place):  # type: ignore[no-untyped-def]
-    """The likeliest place of one pixel on the projector, of all that its surest phase allows; and if it clearly is.
-
-    `more` is added to the variances (turns²) of all phases.
-    """
+    """The likeliest place of a pixel on the projector; if it clearly is. `more` is added to all variances (turns²)."""
     periods, lines = table.period, table.lines
     surest, least = 0, F(np.inf)
     for j in range(len(periods)):

@@ -67,10 +67,7 @@ def scratch_for(tables: tuple[AxisTable, AxisTable]) -> Scratch:
 
 @part
 def _finish(table, axis, count, place, sigma, modulation, flags, u, s, least, every):  # type: ignore[no-untyped-def]
-    """Write one axis of a tile: coordinate and sigma, NaN where a flag is raised; the smaller modulation.
-
-    Tells if any pixel lies at the rim of the projected field.
-    """
+    """Write one axis of a tile, NaN where a flag is raised; the smaller modulation. Tells if a pixel is at the rim."""
     missing, last, rim, any_rim = INT(NO_U << axis), table.lines - HALF, table.rim, NONE
     for i in range(count):
         flag = flags[i]

@@ -192,10 +192,7 @@ def _unlit(waves: Sequence[Told], lit: NDArray[np.bool_], shown: Singles) -> NDA
 def _with_more_bright(
     sample: Singles, every: int, images: Sequence[Image], light: Array | None, numbers: NDArray[np.intp]
 ) -> Singles:
-    """Every so many pixels of some frames' sample; where few are bright, as on black boards, with their neighbours.
-
-    White dots on black are what is measured, and only they show the shot noise.
-    """
+    """Every so many pixels of some frames' sample; where few are bright, which show shot noise, with neighbours."""
     sample = sample[numbers]
     level = sample.mean(axis=0)
     low, high = (quantile_of(level, share) for share in (0.005, 0.995))

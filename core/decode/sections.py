@@ -53,10 +53,7 @@ def measure_ripple(table: AxisTable, axis: AxisFrames | None, sample: Singles, n
 
 
 def _sampled(pitch: float, width: int, blur: float, cut: float) -> tuple[float, float]:
-    """How few lines share the light of a section `width` wide, shown every `pitch` lines; the centroid's r.m.s. error.
-
-    Both over all places, with light counted above the part `cut` of the brightest.
-    """
+    """How few lines share the light of a section above the part `cut` of the brightest; the centroid's r.m.s. error."""
     u = (np.arange(32)[:, None] + 0.5) / 32 * pitch
     x = np.arange(-20, 22) * pitch
     light = erf((x + width / 2 - u) / (blur * np.sqrt(2))) - erf((x - width / 2 - u) / (blur * np.sqrt(2)))

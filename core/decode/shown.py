@@ -162,10 +162,7 @@ def _steadier(steady: Singles, seen: _Explained) -> Singles:
 
 
 def _bends(seen: _Seen, here: _Explained, steady: Singles, noise: Noise, most: float) -> Array | None:
-    """Terms of `Book.bent` that explain what noise does not; None where that is little, or they explain less of it.
-
-    They count by what place, offset and contrast cannot take up.
-    """
+    """Terms of `Book.bent` that explain what noise, place, offset and contrast do not; None where little is left."""
     lines = seen.book.lines
     within = np.abs(here.place - (lines - 1) / 2) < lines / 2  # beyond the last line words end
     some = np.flatnonzero((here.squares <= 4 * np.median(here.squares) + 1) & within)

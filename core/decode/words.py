@@ -206,10 +206,7 @@ def _shared(unsure, near):  # type: ignore[no-untyped-def]
 
 @part
 def _side_of(word, unsure, near):  # type: ignore[no-untyped-def]
-    """The lowest bits of binary code that are near their threshold, if they read as on one side of the edge they share.
-
-    There they are 0111 or 1000. No other bit may be unsure; 0 where that is not so.
-    """
+    """The lowest bits of binary code near their threshold, if they read 0111 or 1000; no other may be unsure."""
     run = INT(near & ~(near + 1))
     odd = INT((word & run) ^ ((run + 1) >> 1))
     mixed = odd != NONE and odd != run

@@ -10,14 +10,7 @@ import numpy as np
 from core.errors import InputError
 from core.geometry import Pose, calibration_of_pair, distort, image_to_pixel, pair_of, pixel_to_image, project
 from core.geometry.lens import MAIN, fitted
-from core.model import (
-    AdjustedDevice,
-    Array,
-    DeviceSpec,
-    Interior,
-    PhotogrammetricCalibration,
-    Verdict,
-)
+from core.model import AdjustedDevice, Array, DeviceSpec, Interior, PhotogrammetricCalibration, Verdict
 
 DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # in OpenCV's order
 VALUES = ("fx", "fy", "cx", "cy", *DISTORTION)

@@ -71,10 +71,7 @@ def ellipse_centres(
 def _pixel(  # pragma: no cover  compiled
     du: float, dv: float, M: Array, s: float, light: Array, contrast: float, points: int, row: Array
 ) -> float:
-    """Mean over one pixel at (du, dv) from the centre of the dot's brightness; its derivatives into `row` (7).
-
-    With one point instead of 3 x 3 the blur must hold the pixel's own.
-    """
+    """Mean over one pixel at (du, dv) from the centre of the dot's brightness; its derivatives into `row` (7)."""
     for j in range(7):
         row[j] = 0.0
     a, b, c, d = M[0, 0], M[0, 1], M[1, 0], M[1, 1]

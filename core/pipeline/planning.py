@@ -218,10 +218,7 @@ def _blur(
 
 
 def _usual(contrast: Array, still: float, growing: float) -> float:
-    """Contrast whose noise in lines is the r.m.s. of all pixels'.
-
-    The noise of a grey value is ``still + growing * contrast``, in lines that over the contrast squared.
-    """
+    """Contrast whose noise in lines, ``(still + growing * contrast) / contrast²``, is the r.m.s. of all pixels'."""
     still = max(still, 1 / 12)
     mean = float(np.mean(still / np.square(contrast) + growing / contrast))
     return 2 * still / (sqrt(growing**2 + 4 * still * mean) - growing)

@@ -140,10 +140,7 @@ def _device(fields: Fields) -> NetworkDevice:
 
 
 def _rigid_groups(fields: Fields, stations: dict[str, str]) -> tuple[int, ...]:
-    """Number the poses: stations of devices held to each other share one.
-
-    Those that name the same "pose" do, or without any name the first, the second ... of each device.
-    """
+    """Number the poses: stations of rigid devices share one by the same "pose", or each device's first, second ..."""
     devices, held = fields.nested("devices"), {}
     for name in devices.data:
         held[name] = devices.nested(name).text("rigid_with", default=None, among=list(devices.data))

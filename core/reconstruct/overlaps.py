@@ -95,9 +95,8 @@ def _misfit(squares: Array, many: NDArray[np.int64]) -> Array:
 
 
 def _met(X: Array, rays: Array, other: Seen, points: _Points) -> tuple[Array, Array, Array]:
-    """By how much depths of points X (n, 3) on rays (n, 3) change to another view's surface; its noise, shared sigmas.
-
-    All in that view's frame, with NaN where a ray does not meet the surface from outside.
+    """Change of depth of points (n, 3) on rays to another view's surface, NaN unless met from outside; noise,
+    sigmas.
     """
     height, width = other.cloud.xyz_mm.shape[:2]
     q, noise, index = (np.full((height, width), np.nan) for _ in range(3))

@@ -7,15 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
-from core.model import (
-    Adjustment,
-    Array,
-    Capture,
-    PlaneEvaluation,
-    StationId,
-    TargetId,
-    Verdict,
-)
+from core.model import Adjustment, Array, Capture, PlaneEvaluation, StationId, TargetId, Verdict
 from core.pipeline import METHODS
 from core.pipeline.folders import known_truth
 from core.pipeline.report import parts_of_report

@@ -157,10 +157,7 @@ def _goes_on(grey: NDArray[np.uint8], uv: Array) -> bool:
 
 
 def _round_block(image: NDArray, grey: NDArray[np.uint8], camera: DeviceSpec, block: Array, most: int) -> Array:
-    """All corners (h, w, 2) of the board that a block (3, 3, 2) is a part of, NaN where none is seen.
-
-    Lines of it hold `most` corners at most.
-    """
+    """All corners (h, w, 2), lines of `most`, of the board that a block (3, 3, 2) is a part of; NaN where unseen."""
     side = len(block) + 2 * (most - 1)  # the block may be any part of the board, either way round
     row, col = (x.ravel() for x in np.mgrid[0:side, 0:side])
     xyz = np.column_stack([col, -row, 0 * row]).astype(np.float64)

@@ -59,10 +59,7 @@ def magnification(residuals_um: Array, spec: DeviceSpec) -> float:
 
 
 def _observations(adjustment: Adjustment, name: str) -> tuple[Array, Array]:
-    """Image points of a device, shape (n, 2) in px, and their residuals, shape (n, 2) in µm along u and v.
-
-    A point observed in one coordinate only has no place in the image and is left out.
-    """
+    """Image points of a device, (n, 2) px, and residuals, (n, 2) µm; those observed in one coordinate are left out."""
     network = adjustment.network
     mine = np.array([device == name for device in network.station_device], bool)[network.observation_station]
     uv = network.observation_uv[mine]
@@ -170,10 +167,7 @@ def _coverage(adjustment: Adjustment, names: list[str]) -> Drawing:
 
 
 def _cells(axes: Axes, found: Coverage) -> None:
-    """Cells the more opaque the more points they hold, with the count written in.
-
-    Opacity, unlike a scale of colours, means the same on a light and on a dark page.
-    """
+    """Cells the more opaque the more points they hold, as opacity means the same on light and dark; counts within."""
     top = max(1.0, float(found.counts.max()))
     width, height = found.size[0] / found.counts.shape[1], found.size[1] / found.counts.shape[0]
     for (i, j), count in np.ndenumerate(found.counts):

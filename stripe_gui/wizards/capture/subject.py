@@ -8,14 +8,7 @@ from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QFormLayout, QLineEdit,
 from core.capture.plan import make_plan
 from core.errors import StripeError
 from core.model import Project, Subject
-from stripe_gui.presenters.capturing import (
-    Unfinished,
-    boards,
-    next_name,
-    role_choices,
-    taken_names,
-    unfinished,
-)
+from stripe_gui.presenters.capturing import Unfinished, boards, next_name, role_choices, taken_names, unfinished
 from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.layout import card, column, label, make
 
