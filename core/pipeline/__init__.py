@@ -3,7 +3,7 @@
     capture -> decode -> measure -> calibrate -> reconstruct -> evaluate -> report
 
 One file for each, of the same name; `folders` says where a project keeps things, `runs` keeps calibrations
-and sets them side by side, `guessing`, `signing` and `tables` do what lies beside the road: guesses of picks, the
+and sets them side by side, `picking`, `signing` and `tables` do what lies beside the road: guesses of picks, the
 sign-off, everything as CSV. `graph` alone knows what is current: every result carries the record of what it was made
 from (`inputs`), set beside what is there now; `update` does what is not current. A stage takes what it needs from the
 captures and from ``results/`` in the project, and writes its own result there. Nothing is written before a stage has
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from core.pipeline.folders import find_capture as find_capture
     from core.pipeline.folders import result_path as result_path
     from core.pipeline.graph import project_states as project_states
-    from core.pipeline.guessing import accept_guesses as accept_guesses
-    from core.pipeline.guessing import guess_picks as guess_picks
     from core.pipeline.live import live_cycles as live_cycles
     from core.pipeline.measure import measure_project as measure_project
     from core.pipeline.merge import Merged as Merged
@@ -59,6 +57,8 @@ if TYPE_CHECKING:
     from core.pipeline.orient_words import drift_words as drift_words
     from core.pipeline.orient_words import motion_words as motion_words
     from core.pipeline.orient_words import motions_figures as motions_figures
+    from core.pipeline.picking import accept_guesses as accept_guesses
+    from core.pipeline.picking import guess_picks as guess_picks
     from core.pipeline.reconstruct import check_cloud as check_cloud
     from core.pipeline.reconstruct import reconstruct_capture as reconstruct_capture
     from core.pipeline.reconstruct import write_cloud as write_cloud
@@ -107,7 +107,6 @@ _HOMES = {
     "core.pipeline.features": "feature_figures feature_words measure_features",
     "core.pipeline.folders": "captures_of find_capture result_path",
     "core.pipeline.graph": "project_states",
-    "core.pipeline.guessing": "accept_guesses guess_picks",
     "core.pipeline.live": "live_cycles",
     "core.pipeline.measure": "measure_project",
     "core.pipeline.merge": "Merged merge_captures merge_figures merge_words",
@@ -115,6 +114,7 @@ _HOMES = {
     "core.pipeline.options": "CalibrateOptions",
     "core.pipeline.orient": "drift_of orient_capture orient_pairs parse_length",
     "core.pipeline.orient_words": "drift_figures drift_words motion_words motions_figures",
+    "core.pipeline.picking": "accept_guesses guess_picks",
     "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",
     "core.pipeline.report": "outdated_words report_project result_tables table_of_planes",
     "core.pipeline.runs": "Difference Run compare_runs current_run current_runs delete_run list_runs make_current"

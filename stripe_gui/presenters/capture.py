@@ -11,7 +11,7 @@ from PySide6.QtCore import QCoreApplication
 
 from core.model import Capture, Rig
 from core.patterns import Pattern, describe
-from core.pipeline.guessing import lit_frame_of
+from core.pipeline.picking import lit_frame_of
 from core.progress import SILENT, Progress
 from core.project import read_image
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder

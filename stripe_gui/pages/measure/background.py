@@ -1,22 +1,82 @@
-"""Work behind the picking page: measuring what was accepted, and making the next images ready."""
+"""Work behind the picking page: measuring what was accepted, and making the next images ready, kept for a while."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Signal
 
 from core.errors import StripeError
-from core.model import Capture, PhaseMap, Project, TargetSet
-from core.pipeline.picking import current_target_sets, measure_one
+from core.measure import kind_of
+from core.model import Array, Capture, DeviceSpec, PhaseMap, Project, Seed, TargetSet, Testfield
+from core.pipeline.measure import Side
+from core.pipeline.picking import current_target_sets, look_for_picks, measure_one
+from core.progress import SILENT, Progress
 from stripe_gui.jobs import Failure, JobQueue
 from stripe_gui.pages.measure.model import Measurement, Picking, Picks
-from stripe_gui.pages.measure.work import Kept, Look, look_at, signature
+from stripe_gui.presenters.capture import FrameView, lit_frame
+from stripe_gui.presenters.decode import recent_phases
 from stripe_gui.presenters.failures import describe
+from stripe_gui.presenters.folder import CaptureEntry, Recent, written_ns
 from stripe_gui.presenters.work import decode_one
 from stripe_gui.workbench import Workbench
+
+FRAMES_KEPT = 6
+
+
+@dataclass(frozen=True)
+class Look:
+    """An image, where its dots are, and the guesses of its picks, the likeliest first; None where not asked for."""
+
+    frame: FrameView
+    dots: Array
+    guesses: tuple[tuple[Seed, ...], ...] | None
+
+
+def look_at(
+    capture: Capture,
+    camera: DeviceSpec,
+    neighbour: tuple[Seed, ...],
+    side: Side,
+    guess: bool,
+    progress: Progress = SILENT,
+) -> Look:
+    """Read the evenly lit image of a capture, find its dots, and guess its picks if asked to."""
+    frame = lit_frame(capture, progress)
+    field = capture.testfield
+    if field is None:
+        return Look(frame, np.zeros((0, 2)), ())
+    progress(0.3, capture.name)
+    dots, guesses = look_for_picks(frame.image, capture, camera, neighbour, side)
+    return Look(frame, dots, guesses if guess else None)
+
+
+def snapped(image: NDArray, field: Testfield, at: tuple[float, float], reach_px: float) -> tuple[float, float] | None:
+    """Give the centre of the target at or next to a position; one further than a 20th of the image is never meant."""
+    return kind_of(field).nearest(image, field, at, min(reach_px, image.shape[1] / 20))
+
+
+class Kept:
+    """Frames and maps of the images worked on last."""
+
+    def __init__(self) -> None:
+        self.frames: Recent[FrameView] = Recent(FRAMES_KEPT, lambda _: 1)
+        self.phases = recent_phases()
+
+
+def boards(entries: list[CaptureEntry]) -> list[Capture]:
+    """Give the captures in which targets can be picked."""
+    return [e.capture for e in entries if e.capture is not None and e.capture.testfield is not None]
+
+
+def signature(project: Project) -> tuple[object, ...]:
+    """Tell whether kept targets or their captures may have changed."""
+    return (written_ns(project.path / "results" / "targets.npz"), *project.rig.devices.items())
 
 
 class Background(QObject):

@@ -11,12 +11,11 @@ from PySide6.QtGui import QKeySequence, QShortcut
 
 from core.model import Capture, DeviceSpec, TargetSet
 from core.pipeline import measure_project
-from stripe_gui.pages.measure.background import Background
+from stripe_gui.pages.measure.background import Background, Kept, boards, snapped
 from stripe_gui.pages.measure.image import ImageKeys, ImagePanel
 from stripe_gui.pages.measure.model import Picking, Target
 from stripe_gui.pages.measure.side import SidePanel
 from stripe_gui.pages.measure.view import NextStep, PickingView, next_step, picking_view, question
-from stripe_gui.pages.measure.work import Kept, boards, snapped
 from stripe_gui.pages.page import Page
 from stripe_gui.presenters.capture import FrameView, lit_frame
 from stripe_gui.widgets.layout import splitter, tab_name

@@ -8,7 +8,7 @@ import pytest
 from core.calibrate.depth_camera import TargetPlane, _decorrelated, _derivatives, _sigmas, _unpack, orient_camera
 from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
 from core.model import DepthCalibration, DeviceSpec, Interior
-from core.reconstruct.lookup_sigma import whole_sigma
+from core.reconstruct.lookup import whole_sigma
 
 SPEC = DeviceSpec(748, 576, (0.008, 0.008), 12.0)
 COARSE = DeviceSpec(75, 58, (0.08, 0.08), 12.0)  # the same image in a hundredth of the pixels
