@@ -83,13 +83,7 @@ def write_together(contents: Mapping[Path, bytes]) -> list[Path]:
 
 
 def check_place(path: Path) -> None:
-    """See that a file could be written, before work that takes time or writes other files first.
-
-    Raises
-    ------
-    InputError
-        If a folder is there, or nothing can be written into the one meant.
-    """
+    """See that a file could be written before work that takes time, or writes other files first; else an InputError."""
     if os.path.isdir(path):
         raise InputError(path, "is a folder", "give the name of a file")
     hooks[0](path)

@@ -173,13 +173,7 @@ class Fields:
 
 
 def regular(path: Path) -> Path:
-    """Give the path of what can be read to its end.
-
-    Raises
-    ------
-    OSError
-        If nothing is there, or a pipe or a device, which may keep a reader for ever.
-    """
+    """Give the path of what can be read to its end; OSError for none, or a pipe or device that may keep a reader."""
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise OSError(errno.EINVAL, "a pipe or a device, not a file", str(path))

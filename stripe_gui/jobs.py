@@ -134,7 +134,6 @@ class JobQueue(QObject):
     """
 
     changed = Signal()  # a job started, moved on or ended
-    job_ended = Signal(object)  # Job
 
     def __init__(self, parent: QObject | None = None, *, latest_only: bool = False) -> None:
         super().__init__(parent)
@@ -211,7 +210,6 @@ class JobQueue(QObject):
             if job._look():
                 self._running = None
                 job._end(wanted=not (self._latest_only and job.stopping))
-                self.job_ended.emit(job)
                 self.changed.emit()
             elif before != (job.fraction, job.message):
                 self.changed.emit()

@@ -88,13 +88,7 @@ def _pictures(out: Path, project: Path | None, scale: str) -> int:
 
 
 def wait_until(done: Callable[[], bool], what: str = "the window") -> None:
-    """Let the window work until something is done, and then until it has drawn.
-
-    Raises
-    ------
-    StripeError
-        If it is not done in five minutes.
-    """
+    """Let the window work until something is done, and then until it has drawn; StripeError after five minutes."""
     end = time.monotonic() + PATIENCE_S
     while not done():
         if time.monotonic() > end:

@@ -33,16 +33,11 @@ class Notice:
 
 
 class Workbench(QObject):
-    """The program without its window: session, jobs, dialogs, settings, and the ways to speak to the operator.
+    """The program without its window: session, dialogs, settings, and the ways to speak to the operator.
 
-    Attributes
-    ----------
-    jobs : JobQueue
-        Long work, one at a time, shown in the window with progress and cancel.
-    views : JobQueue
-        What only fills the picture (reading a frame, decoding for a look); a newer one replaces the older.
-    watch, states : JobQueue
-        Whether the rig has moved, by the capture that is looked at; the states of a large project.
+    Long work goes to `jobs`, one at a time, shown with progress and cancel; what only fills the picture to `views`,
+    where a newer one replaces the older. `watch` looks whether the rig has moved, `states` works out those of a large
+    project.
     """
 
     noticed = Signal(object)  # Notice

@@ -35,16 +35,12 @@ def simulate(
     faults: Mapping[str, Sequence[str]] | None = None,
     sequence: SequenceSpec | None = None,
 ) -> Path:
-    """Simulate a whole experiment and write it as a project.
+    """Simulate a whole experiment, one of `scenarios()`, and write it as a project; equal seeds give equal files.
 
     Parameters
     ----------
     out : Path
         The project's folder; made if need be. It must not hold a project yet.
-    scenario : str
-        One of `scenarios()`.
-    seed : int
-        Equal seeds give equal files.
     faults : mapping
         Names of faults to switch on, by capture.
     sequence : SequenceSpec, optional

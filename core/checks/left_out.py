@@ -21,16 +21,9 @@ def left_out_of(
 ) -> tuple[LeftOut, ...]:
     """List what was left out, capture by capture.
 
-    Parameters
-    ----------
-    targets : sequence of TargetSet
-        Of the captures that took part; their missing targets are told by reason and, of several devices, by pair.
-    rejected : mapping, optional
-        By station ("capture/device"), how many of how many observations were left out in the adjustment.
-    captures : iterable of (str, str)
-        Names of captures that took no part, and why.
-    why : str
-        Why those in `rejected` were.
+    Of the captures that took part the missing targets are told by reason and, of several devices, by pair. `rejected`
+    says by station ("capture/device") how many of how many observations the adjustment left out, and `why`; `captures`
+    are those that took no part, each with the reason.
     """
     found = []
     of: dict[str, int] = {}

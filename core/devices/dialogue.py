@@ -51,13 +51,8 @@ class Dialogue:
     def do(self, command: str, once: bool = False, **values: Value) -> dict[str, Value]:
         """Go through the steps of a command; give all that was answered. One that is not in the profile does nothing.
 
-        Raises
-        ------
-        DeviceError
-            When the device refuses, or all tries stay without a valid answer, or the state that is waited for does not
-            come.
-        LineDownError
-            When the line is gone.
+        DeviceError when the device refuses, all tries stay without a valid answer, or the state that is waited for does
+        not come; LineDownError when the line is gone.
         """
         told: dict[str, Value] = {}
         for step in self.profile.commands.get(command, ()):

@@ -63,13 +63,7 @@ class Emulator:
             self._buffer.clear()
 
     def feed(self, data: bytes) -> list[tuple[float, bytes]]:
-        """Take bytes; give answers, each with the delay in s after which it is sent.
-
-        Raises
-        ------
-        HangUp
-            When the line shall go dead.
-        """
+        """Take bytes; give answers, each with the delay in s after which it is sent; HangUp when the line goes dead."""
         self._buffer += data
         answers = []
         while (body := unwrap(self.profile.framing, self._buffer)) is not None:

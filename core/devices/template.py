@@ -260,10 +260,7 @@ def make_template(
 ) -> Template:
     """Make the template of a kind of framing.
 
-    Raises
-    ------
-    InputError
-        For braces or bytes that cannot be read, a field that is written twice or whose format is not known.
+    InputError for braces or bytes that cannot be read, a field that is written twice or whose format is not known.
     """
     if "{" in _FIELD.sub("", text) or "}" in _FIELD.sub("", text):
         raise InputError(where, f"{text!r}", "write fields as {name}, {name:03d} or {name:u8}")

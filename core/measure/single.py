@@ -74,10 +74,7 @@ def dot_at(image: NDArray, u: float, v: float, *, dark: bool, reach_px: float) -
 def predicted_view(testfield: Testfield, camera: DeviceSpec, seeds: Sequence[Seed], where: str = "picks.json") -> View:
     """Find the view of the board that follows from picks alone.
 
-    Raises
-    ------
-    InputError
-        If the picks cannot be right: too few, on one line, swapped, beside the image.
+    InputError if they cannot be right: too few, on one line, swapped, beside the image.
     """
     check_picks(board_from_testfield(testfield), seeds, (camera.width, camera.height), where, "either")
     index = testfield.index()

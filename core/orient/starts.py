@@ -29,10 +29,7 @@ def starts_of(
 ) -> list[Pose]:
     """Give ``view_from_first`` of all views.
 
-    Raises
-    ------
-    InputError
-        If a view has neither three targets nor enough places of its image in common with the others.
+    InputError if one has neither three targets nor enough places of its image in common with the others.
     """
     pair = pair_for(views[0].phase, calibration)
     seen = [_Shown(view, target_points(view, pair), pair) for view in views]

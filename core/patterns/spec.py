@@ -135,13 +135,8 @@ def read_sequence(data: object, where: str) -> SequenceSpec:
 def parse_sequence(text: str, where: str = "--sequence") -> SequenceSpec:
     """Read a sequence as a command's argument gives it.
 
-    Parameters
-    ----------
-    text : str
-        A preset's name, with options as in ``gray-sine:period=24,steps=8``; what project.json may hold, as JSON; or a
-        file of that, a capture.json or a project.json.
-    where : str
-        For messages.
+    It is a preset's name, with options as in ``gray-sine:period=24,steps=8``; what project.json may hold, as JSON; or a
+    file of that, a capture.json or a project.json.
 
     Examples
     --------

@@ -154,20 +154,16 @@ def preflight_rig(
     out: Path | None = None,
     progress: Progress = SILENT,
 ) -> tuple[Finding, ...]:
-    """Check a project's rig before it is calibrated.
+    """Check a project's rig before it is calibrated; with `out` write ``preflight.html`` there.
 
     Parameters
     ----------
-    folder : Path
-        The project.
     projector, camera : str, optional
         URLs; without them the virtual bench's rig of the project's sizes.
     depths_mm : sequence of float
         Where the plate is put to see whether the stripes are clear over the working depth; none: not looked at.
     place : callable
         Is asked to put the plate at a position, and returns when it is there. The virtual bench puts its own plate.
-    out : Path, optional
-        Folder for ``preflight.html``.
     """
     from core.capture.rigcheck import check_rig, stay
 

@@ -78,20 +78,17 @@ def live_cycles(
 ) -> Generator[Cycle, None, None]:
     """Capture, decode and intersect again and again; give every cycle's figures when its points are there.
 
-    While one sequence is decoded the next one is taken. Closing the iterator lets the devices go.
+    While one sequence is decoded the next one is taken. Closing the iterator lets the devices go. Nothing in the
+    project, which must be calibrated, is changed.
 
     Parameters
     ----------
-    folder : Path
-        A calibrated project; nothing in it is changed.
     projector, camera : str, optional
         URLs; without them the virtual bench's rig of the project's sizes.
     count : int
         Cycles; 0: until it is ended.
-    out : Path, optional
-        A folder for the points, a file for each cycle.
-    ending : str
-        Of these files, as `stripe-core reconstruct` takes it.
+    out, ending
+        A folder for the points, a file for each cycle of this ending, as `stripe-core reconstruct` takes it.
 
     Raises
     ------

@@ -56,12 +56,10 @@ def merge_captures(
     by: Literal["both", "targets", "surface"] = "both",
     progress: Progress = SILENT,
 ) -> Merged:
-    """Register captures of one object, and join their points.
+    """Register at least two captures of one object, and join their points in the frame of the first one's camera.
 
     Parameters
     ----------
-    names : sequence of str
-        At least two captures; points come in the frame of the first one's camera.
     by : {"both", "targets", "surface"}
         What tells how the rig stood: targets of a testfield that the captures name, the surface, or all there is.
 

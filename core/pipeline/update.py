@@ -44,14 +44,9 @@ class Update:
 
 
 def update_project(project: Project, progress: Progress = SILENT, listen: Listen | None = None) -> Update:
-    """Do everything that is outdated or absent and can be done, in order.
+    """Do everything that is outdated or absent and can be done, in order; tell `listen` what has been done.
 
     Every stage is kept as soon as it has succeeded: what stops this costs no more than the stage it was at.
-
-    Parameters
-    ----------
-    listen : callable
-        Hears what has been done, as soon as it is.
 
     Raises
     ------
@@ -218,10 +213,7 @@ def _decode(project: Project, states: ProjectStates, progress: Progress) -> str:
 def decode_project(project: Project, progress: Progress = SILENT) -> int:
     """Decode every capture that is not decoded as it is now, and keep the figures; give the count.
 
-    Raises
-    ------
-    StripeError
-        Of the first capture that cannot be decoded, once the others are done; it is noted with its figures.
+    The first capture that cannot be decoded is a StripeError once the others are done; it is noted with its figures.
     """
     graph = Graph(project)
     with writing_results(project.path, "decode"):

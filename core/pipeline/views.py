@@ -34,23 +34,17 @@ def reconstruct_views(
 ) -> tuple[Floats, PointCloud]:
     """Reconstruct a capture by the photogrammetric calibration from all cameras and projectors, or cameras alone.
 
+    Also gives the points' grey values, (H, W) or (1, n). The cloud has `sight`; filled, also the number of pixels that
+    the object takes in the (first) camera's image.
+
     Parameters
     ----------
-    name : str
-        The capture: its name, or its folder.
     camera : str
         Give this camera's points in its raster and frame; unsaid, those of all cameras, each once, in the frame of the
         first one.
     rays : {"all", "cameras"}
     fill : bool
         Where nothing was decoded, match the texture that two cameras see.
-
-    Returns
-    -------
-    image : array, (H, W) or (1, n)
-        Grey values of the points.
-    cloud : PointCloud
-        With `sight`; filled, also with the number of pixels that the object takes in the (first) camera's image.
     """
     from core.reconstruct import fill_by_texture, merged
 

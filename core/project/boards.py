@@ -58,19 +58,12 @@ def create_project(
     scale: ScaleBar | None = None,
     sequence: SequenceSpec | None = None,
 ) -> None:
-    """Write a project without captures: its boards first, then project.json, so that what it needs is there.
-
-    Parameters
-    ----------
-    folder : Path
-        New or empty; made if need be.
-    boards : mapping
-        Testfields by file name, such as "testfield.csv".
+    """Write a project without captures: its boards by file name first, then project.json, which needs them.
 
     Raises
     ------
     InputError
-        If something is there already or the place cannot be written; nothing is left behind then.
+        If the folder is neither new nor empty, or cannot be written; nothing is left behind then.
     """
     folder = Path(folder)
     refuse_used_folder(folder)

@@ -23,13 +23,7 @@ class Device:
 
 
 def placed(calibration: PhotogrammetricCalibration) -> dict[str, Device]:
-    """Give all devices, each with its pose in the frame of the device that the orientations refer to.
-
-    Raises
-    ------
-    InputError
-        If not all devices were tied to one another.
-    """
+    """Give all devices, with poses in the frame that the orientations refer to; InputError if not all are tied."""
     bases = {orientation.base for orientation in calibration.orientations.values()}
     if len(bases) > 1:
         remedy = "capture the board where all see it, and calibrate again"

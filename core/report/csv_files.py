@@ -58,12 +58,7 @@ def write_columns_csv(
 ) -> int:
     """Write arrays of equal length side by side; give the number of rows.
 
-    Parameters
-    ----------
-    columns : mapping
-        From the name with its unit, such as ``"u [px]"``, to the values, shape (n,); NaN becomes an empty field.
-    digits : sequence of int
-        Decimals of every column.
+    Columns are by name with unit, such as ``"u [px]"``; NaN becomes an empty field. `digits` are the decimals of each.
 
     Raises
     ------

@@ -51,18 +51,9 @@ class Page(QWidget):
 
     A subclass sets `id` (a stage's word for a stage's page) and `action_ids`, fills `self.body` in its constructor and
     shows the project in `refresh`, which is called when the page comes to the front and whenever files have changed
-    while it is there.
-
-    Attributes
-    ----------
-    stage : str
-        The stage it belongs to, marked in the strip; its word is also the page's help topic.
-    needs_project : bool
-        Whether it can be shown only while a project is open.
-    by_pair : bool
-        Whether it shows the frames of one camera and one projector, chosen at its top where there are several.
-    undoes : bool
-        Whether "Undo" and "Redo" mean something here.
+    while it is there. `stage` is marked in the strip, and its word is the help topic; a page that `needs_project` is
+    shown only while one is open; one `by_pair` shows the frames of one camera and one projector, chosen at its top;
+    where it `undoes`, "Undo" and "Redo" mean something.
     """
 
     id = ""

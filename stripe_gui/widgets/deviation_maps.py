@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QObject, QRectF, Qt, Signal
+from PySide6.QtCore import QEvent, QObject, QRectF, Qt
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QGridLayout, QWidget
 
@@ -25,8 +25,6 @@ class DeviationMaps(QWidget):
 
     Shift and the arrow keys move the cursor by a pixel, with Ctrl by ten.
     """
-
-    limit_changed = Signal(float)
 
     def __init__(self, *, beside: bool = False, hint: str = "") -> None:
         super().__init__()
@@ -120,7 +118,6 @@ class DeviationMaps(QWidget):
         for made in self.maps:
             made.image_item.setLevels((-limit, limit))
         self.bar.show_scale("deviation", (-limit, limit), "mm")
-        self.limit_changed.emit(limit)
 
     def _size(self) -> tuple[int, int]:
         """Width and height of the maps, px: all are of one camera."""

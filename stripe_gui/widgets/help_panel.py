@@ -51,7 +51,6 @@ class HelpPanel(QWidget):
     def __init__(self, language: str = "en") -> None:
         super().__init__()
         self._language = language
-        self.topic = ""
         self.setMinimumWidth(WIDTH)
         self.setAccessibleName(self.tr("Help"))
         self.browser = HelpText()
@@ -70,7 +69,6 @@ class HelpPanel(QWidget):
     def show_topic(self, topic: str) -> None:
         """Show a chapter; a page without one gets the first."""
         file = help_file(topic, self._language) or help_file("index", self._language)
-        self.topic = topic
         if file is None:
             self.browser.setPlainText(self.tr("There is no help for this page."))
             return

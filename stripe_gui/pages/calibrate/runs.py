@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QLineEdit, QWidget
 
 from core.pipeline import Run, current_runs, delete_run, list_runs, make_current, rename_run
@@ -17,8 +16,6 @@ from stripe_gui.workbench import Workbench
 
 class RunsPart(QWidget):
     """The runs above, the comparison below."""
-
-    changed = Signal()  # another run is in use, one was renamed or deleted
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__()
@@ -92,7 +89,6 @@ class RunsPart(QWidget):
         self._bench.guarded(function, folder.project, run, *arguments)
         self._bench.refresh()
         self.show_runs()
-        self.changed.emit()
 
     def _offer(self) -> None:
         run = self.chosen
