@@ -7,6 +7,8 @@ of the relative orientation; the length of the base, and with one scene the foca
 residuals.py  points and epipolar residuals of the image's places, and how they change with the calibration
 known.py      lengths and points that are known, as observations
 chance.py     what chance explains: significance, and drifts beyond the usual
+freedom.py    what may have changed, and by how much rigs drift
+equations.py  the linear estimate, its covariance, and what neighbours share
 motion.py     the test of the calibrated orientation, and the corrected one with its covariance
 register.py   how the rig stood in captures of one object, from targets and the surface; starts in starts.py,
               patches of a surface in surface.py
@@ -14,8 +16,9 @@ chart.py      captures one after the other, each held against those before it
 """
 
 from core.orient.chart import Expectation, drift_chart, expectation_of, judged
+from core.orient.freedom import OrientOptions
 from core.orient.known import LENGTHS, lines_at
-from core.orient.motion import OrientOptions, find_motion
+from core.orient.motion import find_motion
 from core.orient.register import View, register
 from core.orient.starts import starts_of
 

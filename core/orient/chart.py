@@ -16,7 +16,7 @@ import numpy as np
 
 from core.model import Array, DriftPoint, Pair, RigMotion
 from core.orient.chance import significance_of
-from core.orient.motion import DEFAULT, OrientOptions, orientation_freedom
+from core.orient.freedom import DEFAULT, OrientOptions, orientation_freedom
 
 WARNING = 0.05
 

@@ -6,23 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.errors import AdjustmentError, InputError, TooLittleSeenError
-from core.geometry import cross_matrix, pair_for, perturbed
+from core.geometry import pair_for, perturbed
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
 from core.numerics import distinct, sigma_by_median
 from core.orient.chance import significance_of, stretch_of
+from core.orient.equations import Equations, Estimate, Places, robust_estimate
+from core.orient.freedom import DEFAULT, Freedom, OrientOptions, motion_of, orientation_freedom, whole_freedom
 from core.orient.known import Observed, measured_length, observed_length, observed_points
 from core.orient.residuals import Residuals, Sight, blocks_of, epipolar_residuals, of_middles
 from core.progress import SILENT, Progress
 
-HUBER = 2.0  # standard deviations beyond which a residual counts less
 GROSS = 25.0  # and beyond which it is no measurement: a wrong word, or two surfaces in one pixel
 TILES = 250  # lie on the object: residuals of one, and of neighbours, may hang together
-CLEAR = 2.0  # of Politis' rule for how far neighbours agree, doi:10.1081/ETR-120021582
 FEWEST_TILES, FEWEST_PIXELS = 30, 500
-FOOTPRINT_PX2 = 0.2  # about what lenses and pixels have
 FREE = 1e-6
 CONTRADICTION = 6.0  # standard deviations: no drift, but another length or other places
 LINEAR = 0.05  # standard deviations: residuals that come out as the linear estimate said need no other round
@@ -30,121 +28,49 @@ SHRUNK = 0.5  # of the drift that is allowed for: what stays above is not observ
 
 
 @dataclass(frozen=True)
-class OrientOptions:
-    """How the rig is watched."""
+class _Scene:
+    """What a capture shows of a pair of devices, and what is known of the scene."""
 
-    significance: float = 1e-3  #: share of captures of an unmoved rig that may be called moved
-    #: rotation_prior_rad, shift_prior_mm, interior_prior: standard deviation of what rigs drift by, as observations of
-    #: zero; that of c, x0 and y0 as a share of c
-    rotation_prior_rad: float = 2e-3
-    shift_prior_mm: float = 0.5
-    interior_prior: float = 5e-4
-    stretch: float = 1.0  #: times as much of shift and interior; a capture that contradicts it stretches it further
-    most_places: int = 4_000  #: pixels are averaged over blocks down to about so many
-    rounds: int = 4  #: of the linearised estimate, at the most
+    capture: str
+    phase: PhaseMap
+    pair: Pair
+    sight: Sight
+    start: Residuals  # by the calibration
+    places: Places
+    lengths: Sequence[KnownLength]
+    points: KnownPoints | None
 
-
-DEFAULT = OrientOptions()
-
-
-@dataclass(frozen=True)
-class Freedom:
-    """What is estimated, along f directions."""
-
-    directions: Array  # (k, f) in the space of the pair's parameters
-    moves: Array  # (6, f), rotation and shift of the projector in the camera's frame
-    drift: Array  # (f,), standard deviation of what is expected
+    def equations(self, now: Residuals, change: Array) -> Equations:
+        """Refer residuals after a change of the parameters to the calibration."""
+        there = perturbed(self.pair, change)
+        known = [observed_length(length, self.phase, there) for length in self.lengths]
+        known += [] if self.points is None else [observed_points(self.points, there)]
+        referred = [replace(each, rest=each.rest + each.A @ change) for each in known]
+        return Equations(now.e + now.A @ change, now.A, now.pulled, self.places, referred)
 
 
 @dataclass(frozen=True)
-class _Estimate:
-    """An estimate x (f,), its covariance by noise (f, f), and what it makes of errors of all parameters (f, k)."""
+class _Turned:
+    """The equations at the calibration and of the last round, weights (n,), and the change they led to."""
 
-    x: Array
-    noise: Array
-    carried: Array
-    rest: Array  # (n,), what remains of the residuals
-
-
-@dataclass(frozen=True)
-class _Places:
-    """How places lie in the image: their rows and columns (n, 2) in a grid, of whose steps a tile has so many."""
-
-    at: NDArray[np.int64]
-    tile: float
-
-    def together(self, residuals: Array, used: float) -> tuple[float, int]:
-        """By how much the sum of residuals (n,) varies more than if they were independent, and its degrees of freedom.
-
-        From their autocovariance by Bartlett's kernel over two tiles, but with a flat top as far as neighbours clearly
-        agree (Politis and Romano, doi:10.1111/j.1467-9892.1995.tb00223.x): it would take too little of what they share.
-        A fit has used up so many of what these sums show.
-        """
-        n, reach = len(residuals), int(np.ceil(2 * self.tile))
-        at = self.at - self.at.min(axis=0)
-        grid = np.zeros(at.max(axis=0) + 1)
-        grid[at[:, 0], at[:, 1]] = residuals
-        padded = [max(size, reach + 1) + reach for size in grid.shape]
-        products = np.fft.irfft2(np.abs(np.fft.rfft2(grid, padded)) ** 2, padded)
-        lag = np.arange(-reach, reach + 1)
-        agreement = products[np.ix_(lag, lag)] / products[0, 0]
-        fall = np.maximum(1 - np.abs(lag) / (2 * self.tile), 0.0)
-        ring = np.rint(np.hypot(lag, lag[:, None])).astype(int)
-        members = np.bincount(ring.ravel())[:reach]
-        clear = np.bincount(ring.ravel(), agreement.ravel())[:reach] > CLEAR * np.sqrt(2 * members * np.log10(n) / n)
-        flat = int(np.argmin(clear)) if not clear.all() else reach
-        kernel = np.where(ring < flat, 1.0, fall * fall[:, None])
-        left = max(1 - used * float(kernel.sum()) / n, 0.1)
-        return max(float(np.sum(kernel * agreement)), 0.1) / left, int(n / np.sum(kernel**2))
+    first: Equations
+    last: Equations
+    weight: Array
+    change: Array
+    now: Residuals
 
 
 @dataclass(frozen=True)
-class _Equations:
-    """Residuals as they were before any change of the parameters, with all that they change with."""
+class _Judged:
+    """What the turned projector tells, and how well; `shown` is the estimate of the five without drifts."""
 
-    e: Array
-    A: Array  # (n, k)
-    pulled: Array
-    places: _Places
-    known: Sequence[Observed]
-
-    def solved(self, free: Freedom, prior: Array, weight: Array, noise: Array) -> _Estimate:
-        """Estimate along free directions, with observations of zero of weights `prior` (f, f) on them.
-
-        The covariance by `noise` (n,) is the sandwich form of White, doi:10.2307/1912934.
-        """
-        f = free.directions.shape[1]
-        B = np.column_stack([self.A @ free.directions, self.pulled])
-        whole = np.zeros((f + 1, f + 1))
-        whole[:f, :f], whole[f, f] = prior, FOOTPRINT_PX2**-2.0
-        weighted = B * weight[:, None]
-        N, H, score, scatter = weighted.T @ B, weighted.T @ self.A, weighted.T @ self.e, np.zeros((f + 1, f + 1))
-        for known in self.known:
-            own = np.column_stack([known.A @ free.directions, np.zeros(len(known.A))])
-            N, H, score = N + own.T @ own, H + own.T @ known.A, score + own.T @ known.rest
-            scatter += own.T @ own
-        inverse = np.linalg.inv(N + whole)
-        x = inverse @ score
-        rest = self.e - B @ x
-        scores = weighted * noise[:, None]
-        scatter += scores.T @ scores
-        scatter[f, f] += whole[f, f]
-        return _Estimate(x[:f], (inverse @ scatter @ inverse)[:f, :f], inverse[:f] @ H, rest)
-
-    def noise(self, changes: Array, weight: Array) -> tuple[Array, int]:
-        """Noise (n,) and its degrees of freedom: what remains where all parameters may change, (k, m) by a sigma each.
-
-        Errors of the calibration leave patterns that no movement explains; they are the same in every capture, and
-        accounted for as such. It is larger by what hangs together among neighbours.
-        """
-        Z = np.column_stack([self.A @ changes, FOOTPRINT_PX2 * self.pulled])
-        weighted = Z * weight[:, None]
-        N = weighted.T @ Z
-        inverse = np.linalg.inv(N + np.eye(len(N)))
-        used = float(np.trace(inverse @ N))
-        rest = self.e - Z @ (inverse @ (weighted.T @ self.e))
-        factor, freedom = self.places.together(weight * rest, used)
-        return rest * np.sqrt(factor), freedom
+    estimate: Estimate
+    shown: Estimate
+    p: float
+    tiles: int
+    corrected: Pair
+    covariance: Array  # (6, 6), of rotation and shift
+    stretch: float
 
 
 def find_motion(
@@ -192,79 +118,35 @@ def find_motion(
     sight, side, tile = blocks_of(phase, options.most_places, TILES)
     sight = of_middles(sight, side, pair)
     sight, start = _checked(sight, epipolar_residuals(sight, pair), (side, tile), phase, capture)
-    places = _Places(sight.at, tile)
-    five = orientation_freedom(pair, options)
-    every = _everything(pair, options)
-    free = every if lengths or points is not None else five
-    prior = np.diag(free.drift**-2.0)
-    now, change = start, np.zeros(len(free.directions))
-    for i in range(options.rounds):
-        progress(0.2 + 0.6 * i / options.rounds, "turning the projector")
-        progress.check()
-        equations = _equations(now, pair, change, phase, lengths, points, places)
-        if i == 0:
-            first = equations
-            _refuse_contradictions(equations.known, pair, free, capture)
-        estimate, weight = _robust(equations, free, prior)
-        change = free.directions @ estimate.x
-        expected = equations.e - equations.A @ change
-        now = epipolar_residuals(sight, perturbed(pair, change))
-        if not np.isfinite(now.e).all():
-            lines = float(np.median(np.abs(start.e) * np.linalg.norm(sight.sigma, axis=1) / np.sqrt(2)))
-            raise AdjustmentError(
-                capture,
-                f"camera and projector see it {lines:.2g} lines off each other's rays, and no movement explains it",
-                "one of them was turned round, exchanged or mirrored, or the frames are of another rig: see to that, "
-                "or calibrate again",
-            )
-        if not equations.known and np.abs(now.e - expected).max() < LINEAR:
+    scene = _Scene(capture, phase, pair, sight, start, Places(sight.at, tile), lengths, points)
+    while True:
+        five, every = orientation_freedom(pair, options), whole_freedom(pair, options)
+        free = every if lengths or points is not None else five
+        turned = _turned(scene, free, options, progress)
+        found = _judged(scene, turned, five, free, every)
+        if found.stretch <= 1:
             break
-    C = pair.covariance
-    noise, freedom = equations.noise(
-        np.column_stack([np.diag(np.sqrt(np.diagonal(C))), free.directions * free.drift]), weight
-    )
-    estimate = equations.solved(free, prior, weight, noise)
-    shown = replace(first, known=()).solved(five, FREE * np.diag(five.drift**-2.0), weight, noise)
-    of_shown = shown.noise + shown.carried @ C @ shown.carried.T
-    p = significance_of(shown.x, of_shown, freedom)
-    left = np.eye(len(C)) - free.directions @ estimate.carried
-    drifted = C + free.directions @ np.diag(free.drift**2) @ free.directions.T
-    by_noise = free.directions @ estimate.noise @ free.directions.T
-    corrected = replace(perturbed(pair, change), covariance=left @ drifted @ left.T + by_noise)
-    gain = estimate.carried
-    missed = gain @ every.directions - free.moves.T @ every.moves
-    by_rest, by_drift = estimate.noise + gain @ C @ gain.T, gain @ every.directions * every.drift
-    spread = by_rest + missed @ np.diag(every.drift**2) @ missed.T
-    stretch = stretch_of(estimate.x, by_rest, by_drift, free.drift)
-    if stretch > 1:
-        return find_motion(
-            phase,
-            calibration,
-            lengths=lengths,
-            points=points,
-            capture=capture,
-            options=replace(options, stretch=options.stretch * stretch),
-            progress=progress,
-        )
+        options = replace(options, stretch=options.stretch * found.stretch)
+    estimate, shown, now, corrected = found.estimate, found.shown, turned.now, found.corrected
     by_depth = -np.median(now.by_xyz[:, 2], axis=0)
     return RigMotion(
         capture=capture,
-        moved=bool(p < options.significance),
-        p=p,
+        moved=bool(found.p < options.significance),
+        p=found.p,
         rotation_rad=(free.moves @ estimate.x)[:3],
         shift_mm=(free.moves @ estimate.x)[3:],
-        covariance=free.moves @ spread @ free.moves.T,
+        covariance=found.covariance,
         depth_change_mm=float(np.median(start.xyz_mm[:, 2] - now.xyz_mm[:, 2])),
         depth_sigma_mm=float(np.sqrt(by_depth @ corrected.covariance @ by_depth)),
         pixels=len(sight.at) * side**2,
         residual_rms=_of_pixels(start.e, side),
         corrected_rms=_of_pixels(estimate.rest, side),
         pair=corrected,
-        change=change,
+        change=turned.change,
         shown=shown.x,
         noise=shown.noise,
         by_calibration=shown.carried,
-        tiles=freedom,
+        tiles=found.tiles,
         lengths=tuple(lengths),
         lengths_mm=tuple(
             (measured_length(known, phase, pair)[0], measured_length(known, phase, corrected)[0]) for known in lengths
@@ -275,6 +157,53 @@ def find_motion(
         projector=phase.projector,
         **({} if free is five else {"unobserved": _unobserved(pair, corrected, options)}),
     )
+
+
+def _turned(scene: _Scene, free: Freedom, options: OrientOptions, progress: Progress) -> _Turned:
+    """Turn the projector until the residuals come out as the linear estimate says."""
+    pair, now, change = scene.pair, scene.start, np.zeros(len(free.directions))
+    first = last = scene.equations(now, change)
+    _refuse_contradictions(first.known, pair, free, scene.capture)
+    for i in range(options.rounds):
+        progress(0.2 + 0.6 * i / options.rounds, "turning the projector")
+        progress.check()
+        last = scene.equations(now, change) if i else first
+        estimate, weight = robust_estimate(last, free, np.diag(free.drift**-2.0))
+        change = free.directions @ estimate.x
+        expected = last.e - last.A @ change
+        now = epipolar_residuals(scene.sight, perturbed(pair, change))
+        if not np.isfinite(now.e).all():
+            sigma = np.linalg.norm(scene.sight.sigma, axis=1) / np.sqrt(2)
+            lines = float(np.median(np.abs(scene.start.e) * sigma))
+            raise AdjustmentError(
+                scene.capture,
+                f"camera and projector see it {lines:.2g} lines off each other's rays, and no movement explains it",
+                "one of them was turned round, exchanged or mirrored, or the frames are of another rig: see to that, "
+                "or calibrate again",
+            )
+        if not last.known and np.abs(now.e - expected).max() < LINEAR:
+            break
+    return _Turned(first, last, weight, change, now)
+
+
+def _judged(scene: _Scene, turned: _Turned, five: Freedom, free: Freedom, every: Freedom) -> _Judged:
+    """Test whether the five moved, and say how well everything is known; see the notes of `find_motion`."""
+    pair, C, last, weight = scene.pair, scene.pair.covariance, turned.last, turned.weight
+    changes = np.column_stack([np.diag(np.sqrt(np.diagonal(C))), free.directions * free.drift])
+    noise, tiles = last.noise(changes, weight)
+    estimate = last.solved(free, np.diag(free.drift**-2.0), weight, noise)
+    shown = replace(turned.first, known=()).solved(five, FREE * np.diag(five.drift**-2.0), weight, noise)
+    p = significance_of(shown.x, shown.noise + shown.carried @ C @ shown.carried.T, tiles)
+    gain = estimate.carried
+    left = np.eye(len(C)) - free.directions @ gain
+    drifted = C + free.directions @ np.diag(free.drift**2) @ free.directions.T
+    by_noise = free.directions @ estimate.noise @ free.directions.T
+    corrected = replace(perturbed(pair, turned.change), covariance=left @ drifted @ left.T + by_noise)
+    missed = gain @ every.directions - free.moves.T @ every.moves
+    by_rest, by_drift = estimate.noise + gain @ C @ gain.T, gain @ every.directions * every.drift
+    spread = by_rest + missed @ np.diag(every.drift**2) @ missed.T
+    stretch = stretch_of(estimate.x, by_rest, by_drift, free.drift)
+    return _Judged(estimate, shown, p, tiles, corrected, free.moves @ spread @ free.moves.T, stretch)
 
 
 def _checked(
@@ -311,75 +240,6 @@ def _refuse_contradictions(known: Sequence[Observed], pair: Pair, free: Freedom,
             )
 
 
-def _motion_of(pair: Pair) -> Array:
-    """From changes of the pair's parameters to rotation and shift of the projector in the camera's frame, (6, k)."""
-    # R' = R exp(-w) = exp(-R w) R, and t' = -R' (p + s)
-    pose = pair.projector_from_camera
-    R, t = pose.rotation, pose.translation_mm
-    J = np.zeros((6, len(pair.covariance)))
-    J[:3, -6:-3] = -R.T
-    J[3:, -3:] = -R.T
-    J[3:, -6:-3] = -R.T @ cross_matrix(t)
-    return J
-
-
-def orientation_freedom(pair: Pair, options: OrientOptions) -> Freedom:
-    """What the residuals alone show: all rotations, and two shifts across the base."""
-    base = pair.projector_from_camera.origin_mm
-    across = np.linalg.svd(base[None])[2][1:]
-    moves = np.zeros((6, 5))
-    moves[:3, :3], moves[3:, 3:] = np.eye(3), across.T
-    drift = np.repeat([options.rotation_prior_rad, options.stretch * options.shift_prior_mm], [3, 2])
-    return Freedom(_moves(pair) @ moves, moves, drift)
-
-
-def _everything(pair: Pair, options: OrientOptions) -> Freedom:
-    """What something known shows as well: the whole orientation, and c, x0, y0 of both devices."""
-    i, k = len(pair.camera.interior.vector), len(pair.covariance)
-    inner = np.zeros((k, 6))
-    inner[[0, 1, 2, i, i + 1, i + 2], range(6)] = 1.0
-    c = np.repeat([pair.camera.interior.c_mm, pair.projector.interior.c_mm], 3)
-    drift = np.repeat([options.rotation_prior_rad, options.stretch * options.shift_prior_mm], 3)
-    directions = np.column_stack([_moves(pair), inner])
-    return Freedom(directions, np.eye(6, 12), np.concatenate([drift, options.stretch * options.interior_prior * c]))
-
-
-def _moves(pair: Pair) -> Array:
-    """From rotation and shift of the projector in the camera's frame to the pair's parameters, (k, 6)."""
-    moves = np.zeros((len(pair.covariance), 6))
-    moves[-6:] = np.linalg.inv(_motion_of(pair)[:, -6:])
-    return moves
-
-
-def _equations(
-    now: Residuals,
-    pair: Pair,
-    change: Array,
-    phase: PhaseMap,
-    lengths: Sequence[KnownLength],
-    points: KnownPoints | None,
-    places: _Places,
-) -> _Equations:
-    """Refer residuals after a change of the parameters to the calibration."""
-    there = perturbed(pair, change)
-    known = [observed_length(length, phase, there) for length in lengths]
-    known += [] if points is None else [observed_points(points, there)]
-    referred = [replace(each, rest=each.rest + each.A @ change) for each in known]
-    return _Equations(now.e + now.A @ change, now.A, now.pulled, places, referred)
-
-
-def _robust(equations: _Equations, free: Freedom, prior: Array) -> tuple[_Estimate, Array]:
-    """Estimate by Huber's weights, iterated to rest; give the weights, too."""
-    weight, last = np.ones(len(equations.e)), np.full(free.directions.shape[1], np.inf)
-    for _ in range(8):
-        estimate = equations.solved(free, prior, weight, np.zeros(len(weight)))
-        if np.abs(estimate.x - last).max() < 1e-9:
-            break
-        limit, last = HUBER * max(sigma_by_median(estimate.rest), 1.0), estimate.x
-        weight = np.minimum(1.0, limit / np.maximum(np.abs(estimate.rest), 1e-12))
-    return estimate, weight
-
-
 def _of_pixels(e: Array, side: int) -> float:
     """The spread of residuals of blocks as that of single pixels, whose own noise is what it is said to be."""
     return float(np.sqrt(max(1 + (sigma_by_median(e) ** 2 - 1) / side**2, 0.0)))
@@ -389,7 +249,7 @@ def _unobserved(pair: Pair, corrected: Pair, options: OrientOptions) -> tuple[st
     """Name what is known hardly better than how rigs drift."""
     i = len(pair.camera.interior.vector)
     base = pair.projector_from_camera.origin_mm
-    along = np.concatenate([np.zeros(3), base / np.linalg.norm(base)]) @ _motion_of(pair)
+    along = np.concatenate([np.zeros(3), base / np.linalg.norm(base)]) @ motion_of(pair)
     sigma = np.sqrt(np.diagonal(corrected.covariance))
     named = (
         ("base length", float(np.sqrt(along @ corrected.covariance @ along)), options.shift_prior_mm),

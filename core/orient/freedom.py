@@ -1,0 +1,77 @@
+"""What may have changed since a pair was calibrated, along which directions, and by how much rigs usually drift."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.geometry import cross_matrix
+from core.model import Array, Pair
+
+
+@dataclass(frozen=True)
+class OrientOptions:
+    """How the rig is watched."""
+
+    significance: float = 1e-3  #: share of captures of an unmoved rig that may be called moved
+    #: rotation_prior_rad, shift_prior_mm, interior_prior: standard deviation of what rigs drift by, as observations of
+    #: zero; that of c, x0 and y0 as a share of c
+    rotation_prior_rad: float = 2e-3
+    shift_prior_mm: float = 0.5
+    interior_prior: float = 5e-4
+    stretch: float = 1.0  #: times as much of shift and interior; a capture that contradicts it stretches it further
+    most_places: int = 4_000  #: pixels are averaged over blocks down to about so many
+    rounds: int = 4  #: of the linearised estimate, at the most
+
+
+DEFAULT = OrientOptions()
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """What is estimated, along f directions."""
+
+    directions: Array  # (k, f) in the space of the pair's parameters
+    moves: Array  # (6, f), rotation and shift of the projector in the camera's frame
+    drift: Array  # (f,), standard deviation of what is expected
+
+
+def motion_of(pair: Pair) -> Array:
+    """From changes of the pair's parameters to rotation and shift of the projector in the camera's frame, (6, k)."""
+    # R' = R exp(-w) = exp(-R w) R, and t' = -R' (p + s)
+    pose = pair.projector_from_camera
+    R, t = pose.rotation, pose.translation_mm
+    J = np.zeros((6, len(pair.covariance)))
+    J[:3, -6:-3] = -R.T
+    J[3:, -3:] = -R.T
+    J[3:, -6:-3] = -R.T @ cross_matrix(t)
+    return J
+
+
+def orientation_freedom(pair: Pair, options: OrientOptions) -> Freedom:
+    """What the residuals alone show: all rotations, and two shifts across the base."""
+    base = pair.projector_from_camera.origin_mm
+    across = np.linalg.svd(base[None])[2][1:]
+    moves = np.zeros((6, 5))
+    moves[:3, :3], moves[3:, 3:] = np.eye(3), across.T
+    drift = np.repeat([options.rotation_prior_rad, options.stretch * options.shift_prior_mm], [3, 2])
+    return Freedom(_moves(pair) @ moves, moves, drift)
+
+
+def whole_freedom(pair: Pair, options: OrientOptions) -> Freedom:
+    """What something known shows as well: the whole orientation, and c, x0, y0 of both devices."""
+    i, k = len(pair.camera.interior.vector), len(pair.covariance)
+    inner = np.zeros((k, 6))
+    inner[[0, 1, 2, i, i + 1, i + 2], range(6)] = 1.0
+    c = np.repeat([pair.camera.interior.c_mm, pair.projector.interior.c_mm], 3)
+    drift = np.repeat([options.rotation_prior_rad, options.stretch * options.shift_prior_mm], 3)
+    directions = np.column_stack([_moves(pair), inner])
+    return Freedom(directions, np.eye(6, 12), np.concatenate([drift, options.stretch * options.interior_prior * c]))
+
+
+def _moves(pair: Pair) -> Array:
+    """From rotation and shift of the projector in the camera's frame to the pair's parameters, (k, 6)."""
+    moves = np.zeros((len(pair.covariance), 6))
+    moves[-6:] = np.linalg.inv(motion_of(pair)[:, -6:])
+    return moves
