@@ -16,7 +16,6 @@ from core.model import (
     Method,
     PhotogrammetricCalibration,
     Project,
-    TargetSet,
 )
 from core.pipeline.decode import taken_together
 from core.pipeline.evidence import Evidence
@@ -24,6 +23,7 @@ from core.pipeline.folders import all_captures
 from core.pipeline.inputs import Record, calibrated_from
 from core.pipeline.judge import judge_adjustment, judge_calibrations
 from core.pipeline.measure import save_targets, side_of
+from core.pipeline.method import Calibrated
 from core.pipeline.methods import METHODS, archives_of, calibration_figures, method_of, shares
 from core.pipeline.options import CalibrateOptions, check_options
 from core.pipeline.picking import current_target_sets
@@ -62,75 +62,91 @@ def calibrate_project(
 def _calibrate(
     project: Project, captures: dict[Method, list[Capture]], options: CalibrateOptions, progress: Progress
 ) -> dict[Method, Calibration]:
-    done: dict[Method, Calibration] = {}
-    failures: dict[Method, AdjustmentError] = {}
-    archives: dict[str, object] = {}
-    held: dict[Method, dict[str, Any]] = {}  # the archives of those taken over
-    held_by: dict[Method, int] = {}
     kept_sets = current_target_sets(project)
     measured = {t.capture for t in kept_sets}
-    targets: list[TargetSet] = []
-    # of what is there before it is read: what is changed meanwhile is seen to have changed
-    records: dict[Method, Record] = {}
-    for m, c in captures.items():
-        read = {name: record for name in METHODS[m].reads if (record := records.get(name) or _record(project, name))}
-        records[m] = calibrated_from(project, METHODS[m], c, options, side_of(c), read=read)
+    records = _records(project, captures, options)  # of what is there before it is read: what changes meanwhile shows
+    held: dict[Method, tuple[dict[str, Any], int]] = {}  # the archives of those taken over, and the number of their run
     for name, used in captures.items():
         if measured.issuperset(c.name for c in used) and (kept := _kept(project, name, records[name])) is not None:
-            held[name], held_by[name] = kept
-            done[name] = held[name][f"{name}.npz"]
-    due = [name for name in captures if name not in done]
-    parts = {name: progress.part(i / len(due), (i + 1) / len(due)) for i, name in enumerate(due)}
-    looks = {name: look(project, captures[name]) for name in due if (look := METHODS[name].looks)}
-    with taken_together(project, [*looks.values()], [parts[name].part(0.0, 0.8) for name in looks]) as taken:
-        seen = dict(zip(looks, taken, strict=True))
-        for name in due:
-            reads = METHODS[name].reads
-            there = {**done, **archives, **{k: v for own in held.values() for k, v in own.items()}}
-            earlier = [{k: known for m in reads for k, known in _earlier(project, m, there).items()}] if reads else []
-            given = [seen[name], *earlier] if name in seen else earlier
-            part = parts[name].part(0.8, 1.0) if name in seen else parts[name]
-            try:
-                found = METHODS[name].calibrate(project, captures[name], options, part, *given)
-            except AdjustmentError as error:
-                failures[name] = error
-                continue
-            done[name] = archives[f"{name}.npz"] = found.calibration
-            archives |= found.beside
-            targets += found.targets
+            held[name] = kept
+    beside = {file: value for own, _ in held.values() for file, value in own.items()}
+    due = {name: used for name, used in captures.items() if name not in held}
+    found, failures = _calibrated(project, due, options, beside, progress)
     progress.check()
-    done = {name: done[name] for name in captures if name in done}
-    for name, failure in failures.items():
-        if not done:
-            raise failure
-        del captures[name], records[name]
+    if failures and not (held or found):
+        raise next(iter(failures.values()))
+    captures = {name: used for name, used in captures.items() if name not in failures}
+    archives: dict[str, object] = {}
+    for name, one in found.items():
+        archives |= {f"{name}.npz": one.calibration, **one.beside}
+    beside |= archives
+    done: dict[Method, Any] = {name: beside[f"{name}.npz"] for name in captures}
+    targets = [t for one in found.values() for t in one.targets]
     anew = {t.capture for t in targets}
     sets = [*targets, *(t for t in kept_sets if t.capture not in anew)]  # those of captures without a part stay
     if targets:
         save_targets(project, sets)
-    beside = {file: value for own in (archives, *held.values()) for file, value in own.items()}
     roles = {m: METHODS[m].roles for m in captures}
     evidence = Evidence(project, done, beside, captures, options, sets, roles)
     for name, judged in judge_calibrations(evidence).items():
         before, done[name] = done[name], judged
         if (before.verdict, before.left_out) != (judged.verdict, judged.left_out):
-            archives |= {**held.get(name, {}), f"{name}.npz": judged}
-            held_by.pop(name, None)
+            archives |= {**(held.pop(name)[0] if name in held else {}), f"{name}.npz": judged}
     run = Run(
         number=0,
         made_at=now(),
         options=options,
         captures={m: tuple(dict.fromkeys(c.name for c in used)) for m, used in captures.items()},
         excluded={c.name: c.excluded for used in captures.values() for c in used if c.excluded},
-        made_from=records,
+        made_from={name: records[name] for name in captures},
         figures=calibration_figures(done),
-        held_by=held_by,
+        held_by={name: number for name, (_, number) in held.items()},
     )
     keep_run(project, run, archives)
     for failure in failures.values():
         others = f"the {' and '.join(done)} calibration is kept"
         raise AdjustmentError(failure.where, failure.seen, f"{failure.remedy}; {others}") from failure
     return done
+
+
+def _records(
+    project: Project, captures: Mapping[Method, list[Capture]], options: CalibrateOptions
+) -> dict[Method, Record]:
+    """Say what every method's calibration would follow from."""
+    records: dict[Method, Record] = {}
+    for m, used in captures.items():
+        read = {name: record for name in METHODS[m].reads if (record := records.get(name) or _record(project, name))}
+        records[m] = calibrated_from(project, METHODS[m], used, options, side_of(used), read=read)
+    return records
+
+
+def _calibrated(
+    project: Project,
+    due: Mapping[Method, list[Capture]],
+    options: CalibrateOptions,
+    held: Mapping[str, Any],
+    progress: Progress,
+) -> tuple[dict[Method, Calibrated], dict[Method, AdjustmentError]]:
+    """Calibrate by the methods that are due, and say which failed; `held` are the archives of those taken over."""
+    found: dict[Method, Calibrated] = {}
+    failures: dict[Method, AdjustmentError] = {}
+    there = dict(held)
+    parts = {name: progress.part(i / len(due), (i + 1) / len(due)) for i, name in enumerate(due)}
+    looks = {name: look(project, due[name]) for name in due if (look := METHODS[name].looks)}
+    with taken_together(project, [*looks.values()], [parts[name].part(0.0, 0.8) for name in looks]) as taken:
+        seen = dict(zip(looks, taken, strict=True))
+        for name, used in due.items():
+            reads = METHODS[name].reads
+            earlier = [{k: known for m in reads for k, known in _earlier(project, m, there).items()}] if reads else []
+            given = [seen[name], *earlier] if name in seen else earlier
+            part = parts[name].part(0.8, 1.0) if name in seen else parts[name]
+            try:
+                found[name] = METHODS[name].calibrate(project, used, options, part, *given)
+            except AdjustmentError as error:
+                failures[name] = error
+                continue
+            there |= {f"{name}.npz": found[name].calibration, **found[name].beside}
+    return found, failures
 
 
 def captures_for(project: Project, method: Method, options: CalibrateOptions) -> dict[Method, list[Capture]]:
@@ -167,17 +183,19 @@ def _record(project: Project, method: Method) -> Record | None:
 
 
 def _earlier(project: Project, method: Method, there: Mapping[str, Any]) -> dict[str, Any]:
-    """Give a method's calibration, and by file what lies beside it: of this run, else in use."""
-    kinds = {method: METHODS[method].result, **METHODS[method].beside}
-    if method in there:
-        return {name: there[name] for name in kinds if name in there}
-    found = {name: _in_use(project, method, name, kind) for name, kind in kinds.items()}
-    return {name: value for name, value in found.items() if value is not None}
+    """Give a method's calibration by its name, and by file what lies beside it: of this run, else in use."""
+    own = f"{method}.npz"
+    kinds = {own: METHODS[method].result, **METHODS[method].beside}
+    if own in there:
+        found = {name: there.get(name) for name in kinds}
+    else:
+        found = {name: _in_use(project, method, name, kind) for name, kind in kinds.items()}
+    return {method if name == own else name: value for name, value in found.items() if value is not None}
 
 
 def _in_use(project: Project, method: Method, name: str, kind: type) -> Any:
-    """Give the calibration in use, or what lies beside it, None where there is none that can be read."""
-    path = calibration_file(project, f"{method}.npz" if name == method else name)
+    """Give an archive of the calibration in use, None where there is none that can be read."""
+    path = calibration_file(project, name)
     try:
         return None if path is None or not _record(project, method) else load_archive(path, kind)
     except InputError as error:
