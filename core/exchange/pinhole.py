@@ -160,7 +160,7 @@ def device_from(p: Pinhole, spec: DeviceSpec) -> AdjustedDevice:
         raise InputError(
             f"{p.name} of the calibration",
             f"is {p.width} x {p.height}, the one in project.json has {spec.width} x {spec.height}",
-            "import it into a project of the same devices",
+            "import it into a project of the same devices; --camera and --projector name them",
         )
     c = p.fy * spec.pitch_mm[1]
     b1 = p.fx * spec.pitch_mm[0] / c - 1
@@ -174,9 +174,13 @@ def device_from(p: Pinhole, spec: DeviceSpec) -> AdjustedDevice:
 
 
 def pair_to_calibration(
-    pair: Pair, camera: DeviceSpec, projector: DeviceSpec, source: str
+    pair: Pair,
+    camera: DeviceSpec,
+    projector: DeviceSpec,
+    source: str,
+    names: tuple[str, str] = ("camera", "projector"),
 ) -> PhotogrammetricCalibration:
-    """Make a calibration of this program's from a pair that another one calibrated."""
+    """Make a calibration of this program's, of devices of these `names`, from a pair that another one calibrated."""
     theirs = _sized(pair.camera, camera), _sized(pair.projector, projector)
     devices = device_from(theirs[0], camera), device_from(theirs[1], projector)
     R = FLIP @ pair.rotation @ FLIP
@@ -199,5 +203,6 @@ def pair_to_calibration(
         projector=replace(devices[1], sigma=parts[1]),
         projector_from_camera=Pose(U @ Vt, FLIP @ np.asarray(pair.translation_mm, float)),
         covariance=covariance,
+        names=names,
         verdict=Verdict("passed" if known else "doubtful", tuple(told)),
     )

@@ -18,7 +18,7 @@ from core.geometry.device import (
     ray_directions,
 )
 from core.geometry.lens import LENSES, Lens, at_radius, distort, fitted, lens_of, nominal, regular, undistort
-from core.geometry.pairs import calibration_of_pair, pair_derivatives, pair_for, pair_of, perturbed
+from core.geometry.pairs import calibration_of_pair, knows, pair_derivatives, pair_for, pair_named, pair_of, perturbed
 from core.geometry.rotation import (
     Pose,
     cross_matrix,
@@ -40,12 +40,14 @@ __all__ = [
     "estimated",
     "fitted",
     "image_to_pixel",
+    "knows",
     "lens_of",
     "matrix_from_axis_angle",
     "matrix_from_rotation_vector",
     "nominal",
     "pair_derivatives",
     "pair_for",
+    "pair_named",
     "pair_of",
     "perturbed",
     "pixel_to_image",

@@ -87,12 +87,25 @@ def pair_derivatives(calibration: PhotogrammetricCalibration, camera: str, proje
 
 
 def pair_for(phase: PhaseMap | Capture, calibration: PhotogrammetricCalibration | Pair) -> Pair:
-    """Take the pair out of a calibration that a phase map or capture names; the only one where there is no choice."""
-    if isinstance(calibration, Pair):
-        return calibration
-    camera = phase.camera if len(calibration.cameras) > 1 else ""
-    projector = phase.projector if len(calibration.projectors) > 1 else ""
-    return pair_of(calibration, camera, projector)
+    """Take the pair out of a calibration that a phase map or capture names, see `pair_named`."""
+    return calibration if isinstance(calibration, Pair) else pair_named(calibration, phase.camera, phase.projector)
+
+
+def pair_named(calibration: PhotogrammetricCalibration, camera: str, projector: str) -> Pair:
+    """Take these two out of a calibration; the only one of a kind where either name is just "camera" or "projector"."""
+    return pair_of(calibration, *_meant(calibration, camera, projector))
+
+
+def knows(calibration: PhotogrammetricCalibration, camera: str, projector: str) -> bool:
+    """Whether `pair_named` finds both in a calibration."""
+    return set(_meant(calibration, camera, projector)) <= {"", *calibration.devices}
+
+
+def _meant(calibration: PhotogrammetricCalibration, *names: str) -> list[str]:
+    """Give the names to look for, "" for the only one."""
+    kinds = (calibration.cameras, "camera"), (calibration.projectors, "projector")
+    found = zip(names, kinds, strict=True)
+    return ["" if len(known) == 1 and usual in (name, *known) else name for name, (known, usual) in found]
 
 
 def calibration_of_pair(
@@ -100,22 +113,23 @@ def calibration_of_pair(
     projector: AdjustedDevice,
     projector_from_camera: Pose,
     covariance: Array,
+    names: tuple[str, str] = ("camera", "projector"),
     **figures: Any,
 ) -> PhotogrammetricCalibration:
-    """Make the calibration of one camera and one projector; `covariance` is that of a `Pair`.
+    """Make the calibration of one camera and one projector of these `names`; `covariance` is that of a `Pair`.
 
     `figures` are further fields of the calibration; those of the adjustment are 0, and sigma0 is 1, unless given.
     """
     counts = dict.fromkeys(("stations", "image_points", "object_points", "redundancy"), 0)
     unadjusted: dict[str, Any] = {"sigma0": 1.0, **counts, "object_sigma_rms_um": (0.0, 0.0, 0.0)}
-    devices = {"camera": camera, "projector": projector}
-    names = [n for name, device in devices.items() for n in names_of(name, device)]
+    devices = dict(zip(names, (camera, projector), strict=True))
+    parameters = [n for name, device in devices.items() for n in names_of(name, device)]
     return PhotogrammetricCalibration(
         devices=devices,
-        cameras=("camera",),
-        orientations={"projector": Orientation("camera", projector_from_camera)},
+        cameras=names[:1],
+        orientations={names[1]: Orientation(names[0], projector_from_camera)},
         covariance=covariance,
-        parameter_names=(*names, *orientation_names("projector")),
+        parameter_names=(*parameters, *orientation_names(names[1])),
         **(unadjusted | figures),
     )
 

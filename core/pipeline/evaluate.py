@@ -9,6 +9,7 @@ from typing import Any
 
 from core.errors import AdjustmentError, InputError, NoCoordinateError
 from core.figures import evaluation_figures
+from core.geometry import knows
 from core.model import (
     Calibration,
     Capture,
@@ -103,10 +104,9 @@ def _judge(
     def by_pair(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap | None, Any, list[Row]]:
         usual = (phase.camera, phase.projector) == (project.rig.camera_name, project.rig.projector_name)
         end = (light_end(phase.u), light_end(phase.v)) if usual else None
-        own = phase.camera == project.rig.camera_name
         rows, lacking = [], []
         for name, calibration in calibrations.items():
-            if own or not METHODS[name].one_pair:
+            if _covers(calibration, phase, project):
                 try:
                     rows.append(_by_itself(capture, phase, name, calibration, progress))
                 except NoCoordinateError as error:  # the depth method uses one, which a capture may lack
@@ -128,11 +128,15 @@ def _judge(
             seen.setdefault(capture.name, []).append(phase)
         if len(together := seen.get(capture.name, ())) == len(of_whole[capture.name].pairs):
             for name, calibration in calibrations.items():
-                if isinstance(calibration, PhotogrammetricCalibration):
+                several = sum(_covers(calibration, one, project) for one in together) > 1
+                if several and isinstance(calibration, PhotogrammetricCalibration):
                     clouds = joint_clouds(together, calibration, progress=progress.quiet())
                     for one in {p.camera: p for p in together if p.camera in clouds}.values():
                         found.append(_judged(capture, one, name, calibration, clouds[one.camera], (), TOGETHER))
             del seen[capture.name]
+    if not found:
+        devices = {n for c in calibrations.values() for n in getattr(c, "devices", ())}
+        raise InputError(project.path, f"no plane by the calibrated {', '.join(sorted(devices))}", "capture one")
     calibrated = {(row.capture, row.method, *row.devices): rms for row, rms, _ in found}
     notes: dict[str, tuple[str, ...]] = {}
     for row, _, said in found:
@@ -144,6 +148,13 @@ def _judge(
     verdicts = {m: c.verdict for m, c in calibrations.items() if c.verdict is not None}
     result = sorted((row for row, *_ in found), key=lambda e: order.index(e.method))
     return judge_planes(result, calibrated, notes, verdicts)
+
+
+def _covers(calibration: Calibration, phase: PhaseMap, project: Project) -> bool:
+    """Whether a calibration is of the devices of a phase map; the depth method's is of the rig's first camera."""
+    if isinstance(calibration, PhotogrammetricCalibration):
+        return knows(calibration, phase.camera, phase.projector)
+    return phase.camera == project.rig.camera_name
 
 
 def _by_itself(capture: Capture, phase: PhaseMap, name: Method, calibration: Calibration, progress: Progress) -> Row:

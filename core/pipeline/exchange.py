@@ -38,15 +38,24 @@ def export_calibration(
     return form.write(pair, path), {p.name: p.rms_px for p in (pair.camera, pair.projector)}
 
 
-def import_calibration(project: Project, name: str, path: Path) -> PhotogrammetricCalibration:
-    """Read another program's calibration of the project's devices, keep it as a run and put it in use.
+def import_calibration(
+    project: Project, name: str, path: Path, camera: str = "", projector: str = ""
+) -> PhotogrammetricCalibration:
+    """Read another program's calibration of two of the project's devices, keep it as a run and put it in use.
 
-    InputError for an unknown format, or a file that does not hold a camera and a projector of these sizes.
+    `camera` and `projector` name them; the first of each if unsaid.
+
+    InputError for an unknown format or device, or a file that does not hold a camera and a projector of these sizes.
     """
     from core.exchange import pair_to_calibration
 
-    pair = _format(name).read(path)
-    calibration = pair_to_calibration(pair, project.camera, project.projector, f"{path.name} ({name})")
+    rig = project.rig
+    names = camera or rig.camera_name, projector or rig.projector_name
+    for device, of in zip(names, (rig.cameras, rig.projectors), strict=True):
+        if device not in of:
+            raise InputError(project.path / "project.json", f"has no {device!r}", f"choose {', '.join(of)}")
+    pair, specs = _format(name).read(path), (rig.cameras[names[0]], rig.projectors[names[1]])
+    calibration = pair_to_calibration(pair, *specs, f"{path.name} ({name})", names)
     if concerns := _foreign(project, calibration):
         told = calibration.verdict.because if calibration.verdict else ()
         verdict = verdict_of([*concerns, *(Concern("doubtful", text) for text in told)])
@@ -69,9 +78,9 @@ def _foreign(project: Project, calibration: PhotogrammetricCalibration) -> list[
     """What the project's own boards and nominal values say against a calibration that came from elsewhere."""
     from core.checks import foreign_concerns, nominal_concerns, see_plates
 
-    concerns = nominal_concerns({"camera": calibration.camera, "projector": calibration.projector})
+    concerns = nominal_concerns(calibration.devices, calibration.cameras)
     boards = {c.name: c.testfield for c in captures_of(project, "testfield") if c.testfield is not None}
-    own = project.rig.camera_name, project.rig.projector_name
+    own = calibration.camera_name, calibration.projector_name
     sets = [t for t in current_target_sets(project) if t.capture in boards and (t.camera, t.projector) == own]
     if not sets:
         return concerns
@@ -89,7 +98,7 @@ def _format(name: str) -> Format:
 
 def _no_adjustment(calibration: PhotogrammetricCalibration) -> Adjustment:
     """An adjustment without observations, in the place of the one that was made elsewhere."""
-    devices = {"camera": calibration.camera, "projector": calibration.projector}
+    devices = calibration.devices
     none, numbers = np.zeros((0, 2)), np.zeros(0, np.int64)
     network = Network(
         devices={name: NetworkDevice(device.spec) for name, device in devices.items()},
@@ -107,7 +116,7 @@ def _no_adjustment(calibration: PhotogrammetricCalibration) -> Adjustment:
         network=network,
         devices=devices,
         station_from_object=(),
-        relative={"projector": calibration.projector_from_camera},
+        relative={calibration.projector_name: calibration.projector_from_camera},
         points_mm=np.zeros((0, 3)),
         point_cov_mm2=np.zeros((0, 3, 3)),
         residuals=none,

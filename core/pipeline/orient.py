@@ -13,7 +13,7 @@ import numpy as np
 
 from core.errors import InputError, TooLittleSeenError
 from core.fields import read_table
-from core.geometry import pair_for, pair_of
+from core.geometry import knows, pair_for, pair_of
 from core.model import (
     Adjustment,
     Capture,
@@ -128,18 +128,21 @@ def orient_pairs(
     pairs = [pair for pair in capture.pairs if camera in ("", pair[0]) and projector in ("", pair[1])]
     if not pairs or (known.get("lengths") and len({pair[0] for pair in pairs}) > 1):
         one_series(capture, camera, projector)  # places are in one camera's image
+    calibration = photogrammetric_calibration(project)
     found: list[RigMotion] = []
-    untold: dict[tuple[str, str], str] = {}
-    for i, (one, other) in enumerate(pairs):
-        part = progress.part(i / len(pairs), (i + 1) / len(pairs))
-        share = significance / len(pairs)
+    known_pairs = [pair for pair in pairs if knows(calibration, *pair)] or pairs[:1]  # of which what lacks is said
+    because = f"the calibration in use is of {', '.join(calibration.devices)} alone"
+    untold = {pair: because for pair in pairs if pair not in known_pairs}
+    for i, (one, other) in enumerate(known_pairs):
+        part = progress.part(i / len(known_pairs), (i + 1) / len(known_pairs))
+        share = significance / len(known_pairs)
         try:
             found.append(
                 orient_capture(project, name, camera=one, projector=other, significance=share, progress=part, **known)
             )
         except TooLittleSeenError as error:
             untold[one, other] = error.seen
-            if len(untold) == len(pairs):
+            if not found and (one, other) == known_pairs[-1]:
                 raise
     return found, untold
 

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from core.errors import InputError
 from core.model import Capture, Figures, Floats, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
@@ -54,6 +55,9 @@ def reconstruct_views(
     clouds = joint_clouds(
         phases, calibration, camera="" if fill else camera, rays=rays, progress=progress.part(0.5, 0.8)
     )
+    if not clouds:
+        seen = f"has no {camera or 'pair of cameras and projectors'} of the capture"
+        raise InputError("calibration", seen, f"it knows {', '.join(calibration.devices)}")
     if fill:
         first = camera or next(iter(clouds))
         means = {name: _mean_image(project, capture, name) for name in clouds}
@@ -107,7 +111,7 @@ def joint_clouds(
     from core.reconstruct import intersect_all
 
     known = [phase for phase in phases if {phase.camera, phase.projector} <= set(calibration.devices)]
-    wanted = [camera] if camera else list(dict.fromkeys(phase.camera for phase in known))
+    wanted = [name for name in dict.fromkeys(phase.camera for phase in known) if camera in ("", name)]
     return {
         each: intersect_all(
             known, calibration, each, rays=rays, progress=progress.part(i / len(wanted), (i + 1) / len(wanted))

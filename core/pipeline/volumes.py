@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from core.errors import InputError
-from core.geometry import pair_of
+from core.geometry import pair_named, pair_of
 from core.model import Adjustment, Array, Network, Pair, PhotogrammetricCalibration, Project
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.runs import archive_of, calibration_file
@@ -74,8 +74,10 @@ def difference_figures(
     """
     from core.checks.volume import difference
 
-    pair, depths, _ = _known(project, run, camera, projector)
-    second = _known(project, other, camera, projector)[0] if isinstance(other, int) else _of_folder(other, pair)
+    calibration, adjustment = _kept(project, run)
+    pair, depths, _ = _pair_of(calibration, adjustment, camera, projector)
+    names = camera or calibration.camera_name, projector or calibration.projector_name
+    second = pair_named(_kept(project, other)[0], *names) if isinstance(other, int) else _of_folder(other, pair, names)
     found = difference(pair, second, depths)
     maps = {
         "shift_mm": found.shift_mm,
@@ -166,9 +168,9 @@ def _kept(project: Project, run: int | None) -> tuple[PhotogrammetricCalibration
     return calibration, None if path is None else load_archive(path, Adjustment)
 
 
-def _of_folder(folder: Path, like: Pair) -> Pair:
+def _of_folder(folder: Path, like: Pair, names: tuple[str, str]) -> Pair:
     """Give the pair of another project's calibration in use; its devices must be of the same size."""
-    other = pair_of(photogrammetric_calibration(read_project(folder)))
+    other = pair_named(photogrammetric_calibration(read_project(folder)), *names)
     for name, one, two in (("camera", like.camera, other.camera), ("projector", like.projector, other.projector)):
         sizes = [f"{d.spec.width} x {d.spec.height} px" for d in (one, two)]
         if sizes[0] != sizes[1]:

@@ -33,6 +33,7 @@ from core.pipeline.volumes import volume_figures
 from core.project import read_capture, read_project
 from core.reconstruct import Sight
 from core.report.numbers import volume_table
+from tests.copies import copied
 
 
 @pytest.fixture(scope="module")
@@ -168,6 +169,36 @@ def test_other_programs_get_the_camera_that_is_named(project: Project, tmp_path:
         assert np.allclose(seen, project_points(device.spec, device.interior, point), atol=0.02)  # two lens models
         shift = pair.projector_from_camera.translation_mm * (1, -1, -1)
         assert np.allclose(told.getNode("T").mat().ravel(), shift, atol=1e-6)
+
+
+def test_the_camera_that_is_named_is_read_back_and_no_other(project: Project, tmp_path: Path, capsys) -> None:
+    """A foreign calibration of the right camera judges, makes and watches what that one saw, and nothing else."""
+    own = load_calibrations(project)["photogrammetric"]
+    folder = copied(project.path, tmp_path / "project")
+    export_calibration(project, "opencv", tmp_path / "right.yml", camera="right")
+    words = ["import", str(tmp_path / "right.yml"), "--from", "opencv", str(folder)]
+    assert main([*words, "--camera", "top"]) == 2
+    assert "has no 'top'; choose left, right" in capsys.readouterr().err
+    assert main([*words, "--camera", "right"]) == 0
+    read = load_calibrations(read_project(folder))["photogrammetric"]
+    assert list(read.devices) == ["right", "projector"]
+    pairs = pair_of(own, "right", "projector"), pair_of(read)
+    point = np.array([[20.0, 10.0, -600.0]])
+    seen = [project_points(p.camera.spec, p.camera.interior, point) for p in pairs]
+    assert np.allclose(*seen, atol=0.02)  # two lens models
+    out, said = str(tmp_path / "a.npz"), tmp_path / "a.json"
+    assert main(["reconstruct", str(folder), "plane+15", "--out", out]) == 0
+    assert flatness(Path(out))[1] == pytest.approx(1.0, abs=0.15)
+    for camera in (["--camera", "left"], ["--camera", "left", "--rays", "pair"]):
+        assert main(["reconstruct", str(folder), "plane+15", *camera, "--out", out]) == 2
+        assert "it knows right, projector" in capsys.readouterr().err
+    assert main(["evaluate", str(folder), "--json", str(said)]) == 0
+    assert {plane["camera"] for plane in json.loads(said.read_text())["planes"]} == {"right"}
+    assert main(["orient", str(folder), "plane+15", "--json", str(said)]) == 0
+    assert list(json.loads(said.read_text())["untold"]) == ["left-projector"]
+    assert main(["compare", str(folder), "1", "--json", str(said)]) == 0  # with the same camera of the other
+    worst = max(layer["difference_mm_max"] for layer in json.loads(said.read_text())["depths"])
+    assert worst < 0.1  # of the left camera 250 mm, the base's length
 
 
 def test_a_command_says_it_too(project: Project, tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ def add(commands: Commands) -> None:
     sub.add_argument("file", type=Path, metavar="FILE")
     sub.add_argument("--from", required=True, metavar="FORMAT", dest="form", help=known)
     sub.add_argument("project", type=Path, metavar="PROJECT")
+    add_devices(sub)
 
 
 def _export(options: Options, progress: Progress) -> dict[str, Any]:
@@ -46,7 +47,8 @@ def _import(options: Options, progress: Progress) -> dict[str, Any]:
     from core.project import read_project
 
     project = read_project(options.project)
-    figures = pipeline.calibration_figures({"photogrammetric": import_calibration(project, options.form, options.file)})
+    calibration = import_calibration(project, options.form, options.file, options.camera, options.projector)
+    figures = pipeline.calibration_figures({"photogrammetric": calibration})
     print_verdict("photogrammetric", figures["photogrammetric"]["verdict"])
     print(f"kept as run {max(pipeline.current_runs(project).values())}")
     return figures

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from core.checks import volume
 from core.errors import InputError
-from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector, pair_of
+from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector
 from core.pipeline import volumes
 from core.pipeline.volumes import difference_figures, volume_figures
 from tests.core.exchange.test_exchange_formats import CAMERA, INTERIORS, PROJECTOR, device
@@ -19,11 +20,11 @@ def known(monkeypatch):
     """Project and kept runs without files: None is the calibration in use, 1 that of the same rig without sigmas."""
     pose = Pose(matrix_from_rotation_vector([0.01, -0.42, 0.02]), np.array([-244.0, 3.0, -52.0]))
     sure, imported = (
-        pair_of(calibration_of_pair(device(CAMERA, INTERIORS[0]), device(PROJECTOR, INTERIORS[1]), pose, covariance))
+        calibration_of_pair(device(CAMERA, INTERIORS[0]), device(PROJECTOR, INTERIORS[1]), pose, covariance)
         for covariance in (np.diag(SIGMA**2), np.zeros((24, 24)))
     )
-    depths = np.array([550.0, 600.0, 650.0])
-    monkeypatch.setattr(volumes, "_known", lambda project, run, *devices: ((imported if run else sure), depths, {}))
+    monkeypatch.setattr(volumes, "_kept", lambda project, run: (imported if run else sure, None))
+    monkeypatch.setattr(volume, "working_depths", lambda *_: np.array([550.0, 600.0, 650.0]))
 
     class Folder:
         path = "project"
