@@ -29,6 +29,8 @@ mixed.py      pixels that see two surfaces at once
 detours.py    light that reaches a surface by a second way
 moved.py      edges of a code beside the phases' place of them, by light from near
 agreement.py  how far several periods contradict each other, and what that adds to sigma
+beats.py      light by a second way, where neighbouring periods hardly contradict each other
+pairs.py      pixels in pairs, whose common part is no noise
 sections.py   light sections: the centroid over a sweep of lines
 likelihood.py words that only a look-up tells apart, by the likelihood of all frames
 shown.py      how words are shown: blur, noise, flicker and whatever bends their light

@@ -48,6 +48,7 @@ from core.decode.sample import (
 from core.decode.sections import decode_sections, measure_ripple, section_scratch
 from core.decode.tables import (
     CODE,
+    PHASES,
     SWEEP,
     Array,
     AxisTable,
@@ -69,6 +70,7 @@ DEFAULT = DecodeOptions()
 CURVE = 4  # of the levels at which a response is tabulated, so manieth is told
 AXES: tuple[Axis, Axis] = ("x", "y")
 MISSING = Flag.NO_U, Flag.NO_V  # by axis
+MOST = 0.5  # part of the coordinates whose orders stay open, from which that is why they are lost
 BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
 
 
@@ -181,7 +183,7 @@ class _Doubt(NamedTuple):
     """What mending an axis tells of the capture."""
 
     second: tuple[str, ...]  # sentences on a second light
-    refused: float  # share of the pixels whose order stays open
+    detour: bool  # light by a second way leaves orders open
 
 
 @dataclass(frozen=True)
@@ -249,20 +251,25 @@ def _mend(
         take_ripple_out(u, sigma)
     if table.start == CODE and table.gray and not len(table.period):
         sigma_of_edges(u, sigma, float(table.cell), contrast, even, limits)
-    told: tuple[str, ...] = ()
-    part = second_light(images, table, limits, u)
+    plain = sequence.frames.white, sequence.frames.black
+    apart = contradiction(images, table, telling, sequence.image_rows, plain, u)
+    part = second_light(images, table, limits, u) if apart is None else apart.part
+    more = None if apart is None else apart.lines
     if part is not None:
-        taken = spread(found.shape)
-        alone = sigma[taken].copy()
-        widen(sigma, bent_by(part, table, limits, u))
-        known = np.isfinite(alone)
-        told = note_on_second_light(part, sigma[taken][known] > MUCH * alone[known])
-    apart = contradiction(images, table, telling, sequence.image_rows)
-    if apart is None:
-        return _Doubt(told, 0.0)
-    widen(sigma, apart.lines)
-    mine = u, sigma, flags, missing
-    return _Doubt(told, refuse_open_orders(images, table, telling, sequence.image_rows, apart.turns, mine))
+        bent = bent_by(part, table, limits, u)
+        more = bent if more is None else np.maximum(more, bent)
+    if more is None:
+        return _Doubt((), False)
+    taken = spread(found.shape)
+    alone = sigma[taken].copy()
+    widen(sigma, more)
+    detour = part is not None and table.start == PHASES
+    if apart is not None:
+        mine = u, sigma, flags, missing
+        detour |= refuse_open_orders(images, table, telling, sequence.image_rows, apart.turns, mine) > MOST
+    known = np.isfinite(sigma[taken])
+    told = () if part is None else note_on_second_light(part, sigma[taken][known] > MUCH * alone[known])
+    return _Doubt(told, detour)
 
 
 def _draw_and_doubt(found: _Found, sequence: _Prepared, seen: _Seen) -> None:
@@ -295,8 +302,8 @@ def _phase_map(
     flags, taken = found.flags.reshape(found.shape), spread(found.shape)
     rows = range(*taken[0].indices(found.shape[0]))
     late = late_frames(patterns, seen.sample, rows, (u[taken].ravel(), v[taken].ravel()), seen.limits)
-    most = max(doubt.refused for doubt in doubts)
-    notes = notes_on(images, seen.sample, flags[taken].ravel(), seen.limits, seen.tables, most)
+    detour = any(doubt.detour for doubt in doubts)
+    notes = notes_on(images, seen.sample, flags[taken].ravel(), seen.limits, seen.tables, detour)
     second = next((doubt.second for doubt in doubts if doubt.second), ())
     response = seen.response
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]

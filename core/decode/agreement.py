@@ -17,22 +17,25 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.decode.beats import beating
 from core.decode.compiled import HALF, TILE
-from core.decode.frames import Image
-from core.decode.fringes import orders_stand
+from core.decode.frames import Image, Numbers
+from core.decode.fringes import TWO_PI, orders_stand
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.noise import MEDIAN_OF_SQUARE
 from core.decode.options import Flag, invalidate
+from core.decode.pairs import FEWEST, TILES, Pairs, look_at, smooth_at
 from core.decode.tables import PHASES, SWEEP, Array, AxisTable, Limits, Rows, Singles, no_axis
 from core.numerics import erf, row_median
 
-TILES = 16  # of the image, in either direction
-PIXELS, PART = 128, 0.03  # of a tile that are looked at, or such a part of them
-FEWEST = 24  # that tell it; the variance is then known to a third
 SHOWN = 1.2  # times what noise alone makes of the median square, from which there is anything to tell
 FAR = 0.4  # turns that a step of the way to the finest phase must round, and nearly rounds to the next
 OPEN, CHANCE, ENOUGH = 0.08, 2.0, 100  # part of so many pixels that do, besides so many times what noise alone makes
 REACH = 5  # tiles: what leaves orders open in a tile may do so around it
+# square of the mean cosine of what a step rounds by that of its scatter within pairs: errors of up to 0.33 turns, as of
+# a sine, or of 0.29 in their standard deviation; and cosine within pairs below which noise hides them
+ASTRAY, CLEAR = 0.04, 0.1
+CERTAINLY = 0.25  # turns that leave every order open
 ROWS = 64  # of the image that are judged at once
 
 
@@ -40,70 +43,112 @@ class Contradiction(NamedTuple):
     """Of tiles of the image, float32 (TILES, TILES): variances beyond noise.
 
     `lines` is that of the coordinate (lines²). `turns` is that of a phase (turns²) within `REACH` of tiles whose orders
-    it leaves open, and 0 elsewhere.
+    it leaves open, and 0 elsewhere. `part` is how much light comes by a second way, of what comes straight, if that is
+    shown.
     """
 
     lines: Singles
     turns: Singles
+    part: Singles | None
 
 
-def contradiction(images: Sequence[Image], table: AxisTable, limits: Limits, image_rows: Rows) -> Contradiction | None:
-    """Find by what the two finest periods contradict each other beyond their noise; None where they agree."""
+def contradiction(
+    images: Sequence[Image],
+    table: AxisTable,
+    limits: Limits,
+    image_rows: Rows,
+    plain: tuple[Numbers, Numbers],
+    coordinates: Singles,
+) -> Contradiction | None:
+    """Find by what the two finest periods contradict each other beyond their noise; None where they agree.
+
+    `plain` are the white frames and the black ones, `coordinates` those decoded.
+    """
     if table.start == SWEEP or len(table.period) < 2:
         return None
-    size = images[0].size / TILES**2
-    thin = np.sqrt(min(max(PART * size, 2 * FEWEST), PIXELS, size) / size)
-    down, across = (max(1, int(n * thin / TILES)) for n in images[0].shape)  # pixels of a tile
-    rows, columns = (
-        ((np.arange(TILES * k) + 0.5) * n / (TILES * k)).astype(np.intp)
-        for k, n in zip((down, across), images[0].shape, strict=True)
-    )
-    shown = [image[np.ix_(rows, columns)] for image in images]
-    place, turns, variance, lit = _decoded(shown, table, limits, image_rows)
+    pairs = look_at(coordinates)
+    shown = [image[np.ix_(pairs.rows, pairs.columns)] for image in images]
+    place, turns, variance, lit, amplitude = _decoded(shown, table, limits, image_rows)
     period = table.period[:, None]
     apart = period * turns - (place + HALF)
     apart -= period * np.rint(apart / period)
     spread = period**2 * variance
     finest = np.argsort(table.period)[:2]
-    square, noise = np.diff(apart[finest], axis=0)[0] ** 2, spread[finest].sum(axis=0)
+    difference, noise = np.diff(apart[finest], axis=0)[0], spread[finest].sum(axis=0)
+    square = difference**2
     weight = 1 / spread / np.sum(1 / spread, axis=0)
     of_both = np.sum(period[finest] ** 2)
     share = np.sum((weight * period) ** 2, axis=0) / of_both  # if all are as wrong, in turns
     seen = np.where(np.isfinite(place), np.array([square / noise, square, noise, share]), np.nan)
-    in_tiles = (TILES, down, TILES, across)
-    tiles = seen.reshape(4, *in_tiles).transpose(0, 1, 3, 2, 4).reshape(4 * TILES**2, -1)
+    tiles = seen.reshape(4, *pairs.in_tiles).transpose(0, 1, 3, 2, 4).reshape(4 * TILES**2, -1)
     medians = row_median(tiles).reshape(4, TILES, TILES)
     few = np.isfinite(tiles).sum(axis=1).reshape(4, TILES, TILES)[0] < FEWEST
     whole = row_median(seen)
     shown_anywhere = whole[0] > SHOWN * MEDIAN_OF_SQUARE
-    sums = [
-        np.where(lit, each, 0).reshape(in_tiles).sum(axis=(1, 3)) for each in (*_halfway(table, turns, variance), 1)
-    ]
-    halfway, chance, count = (cv2.blur(each.astype(np.float64), (3, 3)) * 9 for each in sums)
-    left_open = (table.start == PHASES) & (count >= ENOUGH) & (halfway > OPEN * count + CHANCE * chance)
-    if not shown_anywhere and not left_open.any():
+    left_open, astray = _left_open(pairs, table, turns, variance, lit)
+    part = None
+    if plain[0] and plain[1]:
+        white, black = ([shown[n].ravel() for n in some] for some in plain)
+        light = np.asarray((np.mean(white, axis=0) - np.mean(black, axis=0)) / 2, np.float32)
+        known = np.isfinite(place) & (np.max(white, axis=0) < limits.saturation)
+        steps = len(np.unique(table.fits.frame[: table.fits.first[1]]))
+        mine = amplitude, light, difference / np.sqrt(noise), turns[0], steps
+        if beating(pairs, known, *mine) is not None:  # it may be that of pixels at steps, which are looked for but then
+            here = coordinates[pairs.rows][:, pairs.columns]
+            part = beating(pairs, known & smooth_at(coordinates, here, pairs.rows, pairs.columns).ravel(), *mine)
+    if not shown_anywhere and not left_open.any() and part is None:
         return None
     found = np.pad(np.where(few, np.nan, _beyond(medians) * medians[3]), 1, constant_values=np.nan)
     beside = np.lib.stride_tricks.sliding_window_view(found, (3, 3)).reshape(-1, 9)
     lines = np.nan_to_num(row_median(beside), nan=float(_beyond(whole) * whole[3])).reshape(TILES, TILES)
-    turned = np.nan_to_num(np.where(left_open, _beyond(medians) / of_both, 0.0)).astype(np.float32)
+    turned = np.nan_to_num(np.where(left_open, _beyond(medians) / of_both, 0.0))
+    turned = np.maximum(turned, np.where(astray, CERTAINLY**2 / table.step_error[-1].sum(), 0.0)).astype(np.float32)
     around = np.asarray(cv2.dilate(turned, np.ones((REACH, REACH), np.uint8)), np.float32)
-    return Contradiction(np.where(shown_anywhere | left_open, lines, 0.0).astype(np.float32), around)
+    return Contradiction(np.where(shown_anywhere | left_open, lines, 0.0).astype(np.float32), around, part)
 
 
-def _halfway(table: AxisTable, turns: Singles, variance: Singles) -> tuple[Array, Array]:
-    """Which pixels (n,) lie about halfway between two orders in any step, and how probable noise makes that."""
+def _left_open(
+    pairs: Pairs, table: AxisTable, turns: Singles, variance: Singles, lit: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """In which tiles (TILES, TILES) more steps nearly round to the next order than noise explains; and where the most.
+
+    By how much a step rounds should be about 0, and scatter no more than two of a pair differ.
+    """
+    if table.start != PHASES:
+        return (np.zeros((TILES, TILES), bool),) * 2
+    rounded, far, chance = _rounded(table, turns, variance)
+    sums = [np.where(lit, each, 0).reshape(pairs.in_tiles).sum(axis=(1, 3)) for each in (far, chance, 1)]
+    halfway, by_chance, count = (cv2.blur(each.astype(np.float64), (3, 3)) * 9 for each in sums)
+    left_open = (count >= ENOUGH) & (halfway > OPEN * count + CHANCE * by_chance)
+    astray, several = np.zeros_like(left_open), halfway > OPEN * count
+    if not several.any():
+        return left_open, astray
+    both = np.logical_and(*pairs.split(lit))
+    number = pairs.around(both)
+    for away in rounded:
+        angle = TWO_PI * away
+        (c, d), (s, t) = pairs.split(np.cos(angle)), pairs.split(np.sin(angle))
+        mean, alike = (pairs.around(each * both) / np.maximum(number, 1) for each in ((c + d) / 2, c * d + s * t))
+        astray |= (number >= ENOUGH) & (alike > CLEAR) & (np.maximum(mean, 0) ** 2 < ASTRAY * alike)
+    astray &= several
+    return left_open | astray, astray
+
+
+def _rounded(table: AxisTable, turns: Singles, variance: Singles) -> tuple[list[Singles], Array, Array]:
+    """By how much (turns) every step of pixels (n,) is rounded; which lie about halfway between two orders in any, and
+    how probable noise makes that."""
     middle = HALF * (table.lines - 1)
     far, chance = np.zeros((2, turns.shape[1]))
-    place = np.zeros_like(far)
+    place, rounded = np.zeros_like(far), []
     for s, (step, error, beat) in enumerate(zip(table.steps, table.step_error, table.step_period, strict=True)):
         away = step @ turns - ((place if s else middle) + HALF) / beat
         away -= np.rint(away)
         place = (place if s else middle) + beat * away
         if s:
+            rounded.append(away.astype(np.float32))
             far = np.maximum(far, np.abs(away) > FAR)
             chance += 1 - erf(FAR / np.sqrt(2 * (error @ variance)))
-    return far, chance
+    return rounded, far, chance
 
 
 def widen(sigma: Singles, variance: Singles) -> None:
@@ -135,7 +180,7 @@ def refuse_open_orders(
         if len(row) == 0:
             continue
         row += top
-        found, phases, variance, _ = _decoded([image[row, column] for image in images], table, limits, image_rows)
+        found, phases, variance, *_ = _decoded([image[row, column] for image in images], table, limits, image_rows)
         stand = np.empty(len(row), np.bool_)
         orders_stand(table, phases, variance, more[row, column], found, stand)
         row, column = row[~stand], column[~stand]
@@ -151,13 +196,13 @@ def _beyond(medians: Array) -> Array:
 
 def _decoded(
     shown: Sequence[Image], table: AxisTable, limits: Limits, image_rows: Rows
-) -> tuple[Singles, Singles, Singles, NDArray[np.bool_]]:
-    """Coordinates (n,), NaN where invalid; their phases (turns) and those' variances (J, n); what is lit."""
+) -> tuple[Singles, Singles, Singles, NDArray[np.bool_], Singles]:
+    """Coordinates (n,), NaN where invalid; phases (turns) and their variances (J, n); what is lit; the amplitude."""
     count = shown[0].size
     addresses = np.array([image.ctypes.data for image in shown], np.uint64)
-    place, sigma = np.empty((2, 2, count), np.float32)
+    place, sigma, others = np.empty((3, 2, count), np.float32)
     flags = np.empty(count, np.uint8)
-    out = (place, sigma, *np.empty((2, count), np.float32), flags)
+    out = (place, sigma, *others, flags)
     tables, plain = (table, no_axis()), np.arange(len(shown), dtype=np.int32)
     scratch = scratch_for(tables)
     phases = np.empty((2, len(table.period), count), np.float32)
@@ -165,4 +210,4 @@ def _decoded(
         last = min(first + TILE, count)
         decode_pixels(first, last, addresses, shown[0].itemsize, limits, image_rows, plain, tables, scratch, out)
         phases[:, :, first:last] = scratch.phases[:2, :, : last - first]
-    return place[0], phases[0], phases[1], flags & int(Flag.LOW_MODULATION | Flag.SATURATED) == 0
+    return place[0], phases[0], phases[1], flags & int(Flag.LOW_MODULATION | Flag.SATURATED) == 0, others[0]

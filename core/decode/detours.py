@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.agreement import TILES
 from core.decode.frames import Image
 from core.decode.moved import moved_edges
+from core.decode.pairs import BESIDE, SOME, STEP, TILES, smooth_at
 from core.decode.tables import CODE, Array, AxisTable, Limits, Singles, modulation_of, sum_of, sums_of
 from core.numerics import distinct, median_of
 
@@ -31,9 +31,7 @@ ALONG = 0.3  # of the change of lines from tile to tile one way, by which they c
 WIDE, AWAY = 1.9, 0.5  # periods: runs of the bits that tell it; and how far, with `ASIDE`, their edges must be
 ASIDE = 0.5  # line
 NO_LEVEL = 1.0  # of half the contrast: such a difference is none of levels
-BESIDE, STEP = 2, 12.0  # px to either side; times the usual bend of coordinates that makes a step
 LEAST, LEAST_DIRECT = 1e-3, 0.5  # grey values, of half the contrast; part of the light that comes straight
-SOME = 4  # one column, or row, of so many tells what is usual
 ROUNDS = 6
 CELLS = 4.0  # of a code alone, which count as a period
 SHOWN, SLIGHT = 3.5, 0.003  # standard deviations, and part of the light, from which there is anything to tell
@@ -91,7 +89,7 @@ def _part(
     """Find it by so many pixels of a tile."""
     rows, columns = (_places(n, pixels) for n in place.shape)
     here = place[rows][:, columns]
-    smooth = _smooth(place, here, rows, columns)
+    smooth = smooth_at(place, here, rows, columns)
     if not smooth.any():
         return None
     grey = _shown(images, table, [b for b, _ in chosen], lambda image: image[rows][:, columns])
@@ -207,15 +205,6 @@ def _beside(steps: tuple[float, float]) -> Callable[[NDArray[Any], tuple[int, in
         return np.roll(values.reshape(len(values), *grid), 1, axis).reshape(len(values), -1)
 
     return of
-
-
-def _smooth(place: Singles, here: Singles, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Where no step is near: a pixel that sees two surfaces has levels between."""
-    height, width = place.shape
-    above, below = (place[np.clip(rows + side, 0, height - 1)][:, columns] for side in (-BESIDE, BESIDE))
-    left, right = (place[rows][:, np.clip(columns + side, 0, width - 1)] for side in (-BESIDE, BESIDE))
-    bend = np.maximum(np.abs(above + below - 2 * here), np.abs(left + right - 2 * here))
-    return np.asarray(bend <= STEP * median_of(bend[:, ::SOME]), bool)
 
 
 def _bits(table: AxisTable) -> list[tuple[int, float]]:

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.agreement import TILES
+from core.decode.pairs import TILES
 from core.decode.tables import Array, AxisTable, Singles
 
 NEAR = 1.0  # line about an edge, in which levels change evenly

@@ -61,12 +61,12 @@ def notes_on(
     flags: NDArray[np.uint8],
     limits: Limits,
     tables: tuple[AxisTable, AxisTable],
-    refused: float = 0.0,
+    detour: bool = False,
 ) -> tuple[Note, ...]:
     """Say in sentences why far fewer pixels of a capture decode than are lit; nothing where all is well.
 
     `sample` has the frames' grey values (frames, n) in pixels all over the image, `flags` is of the same pixels.
-    `refused` is the part of the coordinates whose order the periods' contradiction left open.
+    `detour` says that light by a second way leaves the order of fringes open.
     """
     wanted = [flag for flag, table in zip((Flag.NO_U, Flag.NO_V), tables, strict=True) if table.start != NOTHING]
     missing = flags & np.uint8(sum(int(flag) for flag in wanted)) != 0
@@ -93,7 +93,7 @@ def notes_on(
     seen = np.where(clipped, np.uint8(Flag.SATURATED), seen)
     head = f"Only {1 - lost.mean():.0%} of the pixels that the projector lights decode"
     usual = float(np.median(noise[lit]))
-    causes = _causes(seen[lost], len(seen), limits, (usual, usual / excess), tables, refused > HALF)
+    causes = _causes(seen[lost], len(seen), limits, (usual, usual / excess), tables, detour)
     if not causes:
         return (Note(f"{head}."),)
     first, *others = (text for text, _ in causes)
