@@ -1,6 +1,7 @@
 """Decode, reconstruct and evaluate many captures: on copies of this process, or on the workers of a Dask scheduler.
 
-Each capture is one task. Its results go to ``OUT/NAME/``: ``phase.npz`` (decode), ``points.npz`` (reconstruct),
+Each capture is one task, by each camera and projector where there are several. Its results go to ``OUT/NAME/``, or
+``OUT/NAME/CAMERA-PROJECTOR/``: ``phase.npz`` (decode), ``points.npz`` (reconstruct),
 ``evaluation.npz`` (evaluate, plane captures), each written whole or not at all, and last ``figures.json``, which also
 says from which state of the inputs they were made. A second run therefore leaves what is up to date and does the rest,
 whatever stopped the first. ``OUT/summary.json`` tells of all captures.
@@ -27,7 +28,7 @@ from core.figures import evaluation_figures, phase_figures
 from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
 from core.parallel import limit_threads, on_processes
 from core.pipeline import find_capture, load_calibrations, phase_maps, read_phase, write_cloud, write_phase
-from core.pipeline.decode import one_series
+from core.pipeline.evaluate import covers
 from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
 from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
@@ -49,9 +50,10 @@ _ANSWER_S = 10.0  # how long a scheduler may take to answer
 
 @dataclass(frozen=True)
 class Job:
-    """One capture to be worked on."""
+    """One capture, or the frames of one camera and projector in it, to be worked on."""
 
     project: Project
+    name: str  #: of the capture, and of the pair where it has several
     capture: Capture
     out: Path  #: where its results go
     steps: tuple[Step, ...]  #: what to do, in the order of `STEPS`
@@ -160,22 +162,24 @@ def _prepare(
     jobs = []
     for i, folder in enumerate(folders):
         progress(0.02 * i / len(folders), "looking what is to be done")
-        name = folder.name
-        if name in outcomes:
-            raise InputError("captures", f"two are called {name!r}", "run them in two batches with an OUT of their own")
+        if folder.name in (name.split("/")[0] for name in outcomes):
+            seen = f"two are called {folder.name!r}"
+            raise InputError("captures", seen, "run them in two batches with an OUT of their own")
         try:
             capture = read_capture(folder.resolve(), project)
-            inputs = _inputs(project, capture, calibrations, contents)
+            each = [(series, _inputs(project, series, calibrations, contents)) for series in capture.series]
         except InputError as error:
-            outcomes[name] = Outcome(name, "failed", error=str(error))
+            outcomes[folder.name] = Outcome(folder.name, "failed", error=str(error))
             continue
         todo = tuple(step for step in steps if step != "evaluate" or capture.role == "plane")
-        job = Job(project, capture, out / name, todo, inputs, tuple(calibrations.items()))
-        ready = _ready(job)
-        left = all(step in ready for step in todo)
-        outcomes[name] = Outcome(name, "left", figures=ready) if left else Outcome(name)
-        if not left:
-            jobs.append(job)
+        for series, inputs in each:
+            name = folder.name if len(each) == 1 else f"{folder.name}/{series.camera}-{series.projector}"
+            job = Job(project, name, series, out / name, todo, inputs, tuple(calibrations.items()))
+            ready = _ready(job)
+            left = all(step in ready for step in todo)
+            outcomes[name] = Outcome(name, "left", figures=ready) if left else Outcome(name)
+            if not left:
+                jobs.append(job)
     for job in jobs:
         _check_own(job)
     contents.keep()
@@ -228,16 +232,17 @@ def process(job: Job) -> tuple[Figures, float]:
         part.unlink(missing_ok=True)
     figures = _ready(job)
     if not (job.out / "figures.json").exists():  # so that what a killed worker leaves is known for a batch's
-        write_json(job.out / "figures.json", {"capture": job.capture.name, "inputs": {}})
+        write_json(job.out / "figures.json", {"capture": job.name, "inputs": {}})
     if "decode" in figures:
         phase = read_phase(job.out / FILES["decode"])
+        phase = replace(phase, camera=job.capture.camera, projector=job.capture.projector)
     else:
-        ((_, phase),) = phase_maps(job.project, [one_series(job.capture)])
+        ((_, phase),) = phase_maps(job.project, [job.capture])
     for step in job.steps:
         if step not in figures:
             figures[step] = _do(step, job, phase)
             inputs = {name: job.inputs[name] for name in STEPS if name in figures}
-            write_json(job.out / "figures.json", {"capture": job.capture.name, "inputs": inputs, **figures})
+            write_json(job.out / "figures.json", {"capture": job.name, "inputs": inputs, **figures})
     return figures, time.monotonic() - started
 
 
@@ -249,20 +254,26 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
     from core.evaluate import evaluate_plane
     from core.pipeline.methods import METHODS
 
-    calibrations = _read_calibrations(job.project.path, job.calibrations)
+    found = _read_calibrations(job.project.path, job.calibrations)
+    calibrations = {name: calibration for name, calibration in found.items() if covers(calibration, phase, job.project)}
+    if not calibrations:
+        raise InputError(job.name, "no calibration is of its devices", "calibrate them")
     if step == "reconstruct":
         method, calibration = next(iter(calibrations.items()))
         cloud = METHODS[method].reconstruct(phase, calibration, False, SILENT)
         return {"method": method, "points": write_cloud(path, phase.image, cloud)}
     name, angle = job.capture.name, job.capture.angle_deg
     planes = tuple(
-        evaluate_plane(
-            phase,
-            METHODS[method].reconstruct(phase, calibration, False, SILENT),
-            capture=name,
-            angle_deg=angle,
-            method=method,
-            outside=METHODS[method].outside,
+        replace(
+            evaluate_plane(
+                phase,
+                METHODS[method].reconstruct(phase, calibration, False, SILENT),
+                capture=name,
+                angle_deg=angle,
+                method=method,
+                outside=METHODS[method].outside,
+            ),
+            devices=(phase.camera, phase.projector),
         )
         for method, calibration in calibrations.items()
     )
@@ -288,8 +299,8 @@ def _here(jobs: Sequence[Job], workers: int | None, progress: Progress) -> Gener
         try:
             figures, seconds = process(jobs[k])
         except Exception as error:
-            return _failed(jobs[k].capture.name, error)
-        return Outcome(jobs[k].capture.name, "done", seconds, figures)
+            return _failed(jobs[k].name, error)
+        return Outcome(jobs[k].name, "done", seconds, figures)
 
     return on_processes(work, len(jobs), progress.quiet(), workers)
 
@@ -319,7 +330,7 @@ def _by_scheduler(client: Client, jobs: Sequence[Job], progress: Progress) -> Ge
     futures = {}
     for job in jobs:
         future = client.submit(_process_alone, job, pure=False, retries=RETRIES)
-        futures[future.key] = future, job.capture.name
+        futures[future.key] = future, job.name
         future.add_done_callback(finished.put)
     left = len(jobs)
     try:

@@ -106,7 +106,7 @@ def _judge(
         end = (light_end(phase.u), light_end(phase.v)) if usual else None
         rows, lacking = [], []
         for name, calibration in calibrations.items():
-            if _covers(calibration, phase, project):
+            if covers(calibration, phase, project):
                 try:
                     rows.append(_by_itself(capture, phase, name, calibration, progress))
                 except NoCoordinateError as error:  # the depth method uses one, which a capture may lack
@@ -128,7 +128,7 @@ def _judge(
             seen.setdefault(capture.name, []).append(phase)
         if len(together := seen.get(capture.name, ())) == len(of_whole[capture.name].pairs):
             for name, calibration in calibrations.items():
-                several = sum(_covers(calibration, one, project) for one in together) > 1
+                several = sum(covers(calibration, one, project) for one in together) > 1
                 if several and isinstance(calibration, PhotogrammetricCalibration):
                     clouds = joint_clouds(together, calibration, progress=progress.quiet())
                     for one in {p.camera: p for p in together if p.camera in clouds}.values():
@@ -150,7 +150,7 @@ def _judge(
     return judge_planes(result, calibrated, notes, verdicts)
 
 
-def _covers(calibration: Calibration, phase: PhaseMap, project: Project) -> bool:
+def covers(calibration: Calibration, phase: PhaseMap, project: Project) -> bool:
     """Whether a calibration is of the devices of a phase map; the depth method's is of the rig's first camera."""
     if isinstance(calibration, PhotogrammetricCalibration):
         return knows(calibration, phase.camera, phase.projector)

@@ -201,6 +201,24 @@ def test_the_camera_that_is_named_is_read_back_and_no_other(project: Project, tm
     assert worst < 0.1  # of the left camera 250 mm, the base's length
 
 
+def test_a_batch_takes_every_camera_by_itself(project: Project, tmp_path: Path) -> None:
+    out = tmp_path / "batch"
+    words = ["batch", str(project.path), "plane+15", "--out", str(out)]
+    assert main([*words, "--do", "decode"]) == 0
+    assert main(words) == 0  # with what was decoded before
+    for camera in ("left", "right"):
+        folder = out / "plane+15" / f"{camera}-projector"
+        assert flatness(folder / "points.npz")[1] == pytest.approx(1.0, abs=0.15)
+        (row,) = json.loads((folder / "figures.json").read_text())["evaluate"]
+        own = next(
+            e for e in kept_evaluation(project) if e.capture == "plane+15" and e.devices == (camera, "projector")
+        )
+        assert (row["camera"], row["projector"]) == own.devices
+        assert row["rms_mm"] == pytest.approx(own.rms_mm)
+    assert main(words) == 0
+    assert json.loads((out / "summary.json").read_text())["left"] == 2
+
+
 def test_a_command_says_it_too(project: Project, tmp_path: Path) -> None:
     folder = str(project.path / "captures" / "plane+00")
     assert main(["decode", folder, "--out", str(tmp_path / "a.npz")]) == 2
