@@ -17,6 +17,7 @@ from core.model import Array, Note, Seed
 
 Side = Literal["front", "back", "either"]  # of the board, that the camera sees
 FEWEST = 3  # picks on dots that identification needs
+NEARER = 0.5  # of the reach of a pick: four places at random have a dot within that once in 4,000 times
 FLAT = 0.08  # triangles flatter than this (area over longest side squared) may turn over by lens distortion alone
 
 
@@ -90,13 +91,7 @@ def snap(board: Board, picks: Picks, blobs: Blobs, size: tuple[int, int]) -> tup
         if best < 0:
             seen = f"{picks.name(board, k)} has no dot of the expected size within {reach:.0f} px"
             if notes or len(picks.target) <= FEWEST:
-                remedy = "pick the middle of a dot, or correct its row, column or the board's polarity"
-                turned = [best for best, _ in _spots(board, picks, blobs, np.array(size) - 1 - picks.uv)]
-                if min(turned) >= 0 and len(set(turned)) == len(turned):
-                    remedy = (
-                        "all have one if the image is turned by 180°: were its frames turned? Pick again, or turn back"
-                    )
-                raise NotRecognisedError(picks.where, seen, remedy)
+                raise NotRecognisedError(picks.where, seen, _slip(board, picks, blobs, np.array(size) - 1))
             notes.append(Note(f"{seen}: not used, the other picks tell", "pick"))
             chosen.append(-1)
             continue
@@ -107,13 +102,37 @@ def snap(board: Board, picks: Picks, blobs: Blobs, size: tuple[int, int]) -> tup
     return np.array(chosen), tuple(notes)
 
 
-def _spots(board: Board, picks: Picks, blobs: Blobs, uv: Array) -> list[tuple[int, float]]:
-    """Of each pick, were it at uv (k, 2), the spot that it means, -1 where there is none; and how far it may be, px."""
+def _slip(board: Board, picks: Picks, blobs: Blobs, last: Array) -> str:
+    """What to do about picks without dots; `last` is u and v of the image's last pixel."""
+    u, v = picks.uv.T
+    tried = {
+        "all have one if the image is turned by 180°: were its frames turned? Pick again, or turn back": last
+        - picks.uv,
+        "all have one if v is counted from below: count it from the top of the image": np.stack([u, last[1] - v], 1),
+        "all have one if u is counted from the right: count it from the left, or mirror the image back": np.stack(
+            [last[0] - u, v], 1
+        ),
+        "all have one if u and v are exchanged: u counts to the right, v downwards": picks.uv[:, ::-1],
+        "all have one at half of u and v: were they picked in an image of twice the size?": picks.uv / 2,
+        "all have one at twice u and v: were they picked in an image of half the size?": picks.uv * 2,
+    }
+    for told, uv in tried.items():
+        at = [best for best, _ in _spots(board, picks, blobs, uv, NEARER)]
+        if min(at) >= 0 and len(set(at)) == len(at):
+            return told
+    return "pick the middle of a dot, or correct its row, column or the board's polarity"
+
+
+def _spots(board: Board, picks: Picks, blobs: Blobs, uv: Array, within: float = 1.0) -> list[tuple[int, float]]:
+    """Of each pick, were it at uv (k, 2), the spot that it means, -1 where there is none; and how far it may be, px.
+
+    `within` is the part of the usual reach that is looked at.
+    """
     least = np.linalg.svd(picks.affine, compute_uv=False)[1]
     stretch = abs(np.linalg.det(picks.affine))
     found = []
     for target, place in zip(picks.target, uv, strict=True):
-        reach = max(0.4 * board.spacing_mm[target] * least, 3.0)
+        reach = within * max(0.4 * board.spacing_mm[target] * least, 3.0)
         distance = np.hypot(*(blobs.uv - place).T)
         size = np.log(blobs.area_px / (np.pi * board.radius_mm[target] ** 2 * stretch))
         score = np.where((distance < reach) & (np.abs(size) < 1.6), distance / reach + 0.3 * np.abs(size), np.inf)
@@ -156,7 +175,9 @@ def _check_order(board: Board, picks: Picks, side: str) -> None:
     seen_side = "front" if np.linalg.det(picks.affine) < 0 else "back"  # v points down: a front view turns round
     if board.has_front and side not in ("either", seen_side):
         seen = f"the picks are in mirrored order: they show the board from its {seen_side}"
-        raise InputError(picks.where, seen, "correct the rows and columns of the picks")
+        raise InputError(
+            picks.where, seen, "correct their rows and columns, or u and v: u counts to the right, v downwards"
+        )
 
 
 def _turns(xy: Array, uv: Array) -> NDArray[np.int64]:

@@ -103,6 +103,26 @@ def test_frames_turned_by_half_after_they_were_picked(truth, phase):
     assert "all have one if the image is turned by 180°" in refusal(truth, replace(phase, **turned), seeds)
 
 
+@pytest.mark.parametrize(
+    ("words", "slip"),
+    [
+        ("v is counted from below", lambda u, v, w, h: (u, h - 1 - v)),
+        ("u is counted from the right", lambda u, v, w, h: (w - 1 - u, v)),
+        ("u and v are exchanged", lambda u, v, w, h: (v, u)),
+        ("at twice u and v", lambda u, v, w, h: (u / 2, v / 2)),
+        ("", lambda u, v, w, h: (u + 0.09 * w, v - 0.07 * h)),
+    ],
+)
+def test_pixels_counted_in_another_way_are_named(truth, phase, words, slip):
+    """Picks of a board whose back may be seen pass as mirrored, and have no dots where they say."""
+    h, w = phase.image.shape
+    seeds = [replace(s, u=u, v=v) for s in truth.seeds(CELLS) for u, v in [slip(s.u, s.v, w, h)]]
+    with pytest.raises(InputError) as error:
+        measure_targets(phase, truth.field, seeds, truth.spec, side="either")
+    assert words in str(error.value)
+    assert ("all have one" in str(error.value)) == bool(words)
+
+
 def test_on_one_line(truth, phase):
     assert "one line" in refusal(truth, phase, truth.seeds([(3, 1), (3, 3), (3, 5), (3, 7)]))
 
