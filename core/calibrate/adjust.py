@@ -36,6 +36,7 @@ from core.calibrate.weakness import (
     BehindError,
     UndeterminedError,
     check_estimable,
+    contradicted_error,
     geometry_warnings,
     mirrored_error,
     singular_error,
@@ -126,6 +127,15 @@ def _fits(network: Network, options: AdjustOptions) -> bool:
     with suppress(AdjustmentError):
         return _solved(network, options, SILENT)[0].variance < FITTING**2
     return False
+
+
+def explained(network: Network, options: AdjustOptions) -> bool:
+    """Whether most of a network's observations fit by the sigmas given, even if they determine too little."""
+    try:
+        solved, _ = _solved(network, replace(options, variance_components=False, reject_beyond=None), SILENT)
+    except AdjustmentError as error:
+        return isinstance(error, _SettledError)
+    return usual_variance(solved.problem, solved.equations) < DOUBTED**2
 
 
 def _mirrored(network: Network, devices: Collection[str]) -> Network:
@@ -314,14 +324,19 @@ def _solve(network: Network, problem: Problem, state: State, options: AdjustOpti
     try:
         weaknesses = check_estimable(network, solved.problem, solved.state, solved.equations, solved.inverse)
     except UndeterminedError as error:
-        raise _settled(error, solved.variance) from None
+        raise _settled(error, max(factors.values()) * solved.variance) from None
     return replace(solved, weaknesses=tuple(weaknesses))
 
 
 def _settled(error: AdjustmentError, variance: float) -> AdjustmentError:
-    """Turn what other starts need not be tried for into a `_SettledError`."""
+    """Turn what other starts need not be tried for into a `_SettledError`, and tell misfit from weakness.
+
+    `variance` is what is left by the sigmas given.
+    """
     if isinstance(error, UndeterminedError) and variance < DOUBTED**2:
         return _SettledError(error.where, error.seen, error.remedy)
+    if isinstance(error, UndeterminedError) and variance > FITTING**2:
+        return contradicted_error(error, variance**0.5)
     return error
 
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from core.calibrate.adjust import Solved, result_of, solve_network
+from core.calibrate.adjust import DOUBTED, Solved, explained, result_of, solve_network
 from core.calibrate.network import network_from_targets
 from core.calibrate.options import AdjustOptions
+from core.calibrate.parted import parted
 from core.calibrate.rigid import mean_relative_poses, rigidity_of
 from core.calibrate.selection import Warnings
 from core.calibrate.shared import with_shared_errors
@@ -31,6 +32,10 @@ from core.progress import SILENT, Progress
 
 # of 5,000 good observations one is beyond in 350 adjustments; with 2,000 or more, none that stays casts doubt
 CALIBRATION_OPTIONS = AdjustOptions(variance_components=True, reject_beyond=5.0)
+CHANGED = (
+    "between them camera or projector was moved, turned or refocused, or the camera's region of interest changed; "
+    "leave one part out, or capture it again"
+)
 
 
 def calibrate_photogrammetric(
@@ -82,7 +87,7 @@ def calibrate_photogrammetric(
         groups = dict(zip(network.station_names, network.station_pose, strict=True))
         if not rigid:
             network = replace(network, station_pose=tuple(range(len(network.station_names))))
-        return *solve_network(network, options, progress), groups
+        return *_solved_or_parted(network, groups, options, progress), groups
 
     if recentred is not None:
         first, warnings, _ = solved_by(targets, progress.part(0.0, 0.5))
@@ -121,6 +126,26 @@ def calibrate_photogrammetric(
         warnings=adjustment.warnings,
     )
     return calibration, adjustment
+
+
+def _solved_or_parted(
+    network: Network, groups: Mapping[str, int], options: AdjustOptions, progress: Progress
+) -> tuple[Solved, Warnings]:
+    """Adjust; where that fails or fits badly, say whether something changed between the captures."""
+
+    def told() -> str:
+        rigid = replace(network, station_pose=tuple(groups[name] for name in network.station_names))
+        return parted(rigid, lambda part: explained(part, options))
+
+    try:
+        solved, warnings = solve_network(network, options, progress)
+    except AdjustmentError as error:
+        if parts := told():
+            raise AdjustmentError("the captures", parts, CHANGED) from None
+        raise error
+    if max(solved.factors.values()) > DOUBTED**2 and (parts := told()):
+        warnings = [*warnings, Concern("failed", f"{parts}: {CHANGED}", about="captures")]
+    return solved, warnings
 
 
 def _rigidity(solved: Solved, kept: Sequence[int], rigid: bool, progress: Progress) -> Warnings:

@@ -126,6 +126,15 @@ class UndeterminedError(AdjustmentError):
     """Parameters cannot be estimated from these images."""
 
 
+def contradicted_error(error: UndeterminedError, ratio: float) -> AdjustmentError:
+    """Say that images which do not fit each other, not their geometry, leave parameters open."""
+    return AdjustmentError(
+        error.where,
+        f"its images contradict each other: residuals are {ratio:.3g} times what their sigmas allow, and {error.seen}",
+        "look for wrong picks or identities, frames turned or mirrored, a moved device, or wrong patterns",
+    )
+
+
 def _not_estimable(names: list[str], remedy: str, seen: str) -> UndeterminedError:
     return UndeterminedError("the network", f"{listed(names)} cannot be estimated from these images ({seen})", remedy)
 
