@@ -112,7 +112,8 @@ def _judge(
                 except NoCoordinateError as error:  # the depth method uses one, which a capture may lack
                     lacking += [InputError(capture.path, error.seen, f"{error.remedy}, or take it out of project.json")]
         if lacking and not rows:
-            raise lacking[0]
+            with because_of({capture.name: (*capture.notes, *phase.notes)}):
+                raise lacking[0]
         for one in lacking:
             logging.getLogger(__name__).warning("%s: %s; not judged by it", one.where, one.seen)
         return phase if len(of_whole[capture.name].pairs) > 1 else None, end, rows

@@ -80,10 +80,11 @@ def because_of(notes: Mapping[str, Sequence[str]]) -> Iterator[None]:
     except StripeError as error:
         told = [c.text for c in noted(notes)]
         sharp = any(points_at_a_cause(note) for texts in notes.values() for note in texts)
-        known = type(error) in (StripeError, AdjustmentError, InputError, NotRecognisedError)
+        kind = AdjustmentError if isinstance(error, AdjustmentError) else type(error)  # its own kinds say the same
+        known = kind in (StripeError, AdjustmentError, InputError, NotRecognisedError)
         if not known or not told or (isinstance(error, InputError) and not sharp):
             raise
-        raise type(error)(error.where, error.seen, f"{error.remedy}. First see to this: {told[0]}") from None
+        raise kind(error.where, error.seen, f"{error.remedy}. First see to this: {told[0]}") from None
 
 
 @dataclass(frozen=True)
