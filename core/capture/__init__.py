@@ -14,8 +14,9 @@ importing.py frames that came from elsewhere: ordered, checked, copied whole
 recognise.py ... which of them shows which pattern, found from the images alone
 quality.py   saturation, modulation, movement, the lamp
 stored.py    captures that were recorded before, by whatever program, judged as a whole
-pixels.py    ... how their frames were stored: bytes, compression, mosaics
+pixels.py    ... how their frames were stored: bytes, compression, mosaics, size
 contradictions.py  ... the share of their pixels that no projector line explains
+beside.py    ... phase steps that stand beside the edges of the code, alike all over
 exchanged.py ... frames of a code, or phase steps, that stand in each other's place
 mistakes.py  ... and how people describe patterns wrongly
 rigcheck.py  all checks of a rig that two URLs name

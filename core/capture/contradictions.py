@@ -90,7 +90,7 @@ def _words(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> int:
 
 
 @dataclass(frozen=True)
-class _Wave:
+class Wave:
     """The steps of one period: where they have contrast, whether they make no wave, how far its phase is off the code.
 
     `off` (n,) is in rad, from the middle of the code's cell; None where no code tells. `most` is half a cell.
@@ -104,7 +104,8 @@ class _Wave:
     line: NDArray[np.float64]
 
 
-def _waves(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> Iterator[_Wave]:
+def waves_of(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> Iterator[Wave]:
+    """Give the steps of each period that has three and more, at pixels of values (k, n)."""
     coded = [k for k, p in enumerate(patterns) if isinstance(p, Code)]
     number, cell = np.zeros(seen.shape[1]), 0
     if coded:
@@ -126,13 +127,13 @@ def _waves(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> Iterator
         phase = np.arctan2(found[2], found[1]) - 2 * np.pi * line / period
         off = np.angle(np.exp(1j * phase)) if cell else None
         strong = (amplitude > FAINT) | (rest > FAINT)
-        yield _Wave(period, strong, strong & (rest > NO_WAVE * amplitude), off, np.pi * cell / period, line)
+        yield Wave(period, strong, strong & (rest > NO_WAVE * amplitude), off, np.pi * cell / period, line)
 
 
 def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> NDArray[np.bool_]:
     """Where phase steps make no wave, or a phase that the code's cell does not have (fine waves are faint)."""
     bad = np.zeros(seen.shape[1], bool)
-    for wave in _waves(seen, patterns, looked):
+    for wave in waves_of(seen, patterns, looked):
         bad |= wave.none
         allowed = wave.most + WAVE_SLACK
         if wave.off is not None and allowed < 0.85 * np.pi:
@@ -140,9 +141,9 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
     return bad
 
 
-def runs_away(looked: Looked) -> str:
+def runs_away(looked: Looked, waves: Sequence[Wave]) -> str:
     """Say that a phase runs away from the code over the field, and leaves its cells: its period is another."""
-    for wave in _waves(looked.values, looked.patterns, looked):
+    for wave in waves:
         use = wave.strong & ~wave.none
         if wave.off is None or wave.most > MOST_CELL or np.count_nonzero(use) < LEAST_WAVE:
             continue

@@ -1,4 +1,4 @@
-"""How frames were stored, told from their grey values alone: bytes, missing values, blocks, mosaics."""
+"""How frames were stored, told from their grey values alone: bytes, missing values, blocks, mosaics, size."""
 
 from __future__ import annotations
 
@@ -23,6 +23,9 @@ LEAST_VALUES = 16
 BLOCK, BLOCKS = 8, 20  # px of a JPEG's blocks along a side; fewer of them tell nothing
 UNEVEN = 1.2  # of four neighbours, each with its own all over: taps of one sensor differ by a few hundredths
 AT_EDGES = 0.35  # of them differ most at an edge, by chance an eighth; of 20 along both sides once in 70,000 captures
+SOME = 5  # frames that are looked at
+FLAT = 0.1  # of the brightest frame's range: a column that varies less may be unlit
+REPEATED = 0.15  # of the columns and of the rows; of noise none, and half of them where two pixels were made of one
 ROUGHER = 2.0  # sound frames of 8 to 12 bits have at most 1; exchanged ones 3.2 to 50, on three captures of one rig
 
 
@@ -75,6 +78,26 @@ def compressed(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
         return []
     text = f"frames were compressed with losses, in blocks of {BLOCK} px as JPEG makes them: record without compression"
     return [Finding("compression", "warning", text, {"at_edges": share})]
+
+
+def enlarged(images: Sequence[NDArray]) -> list[Finding]:
+    """Whole columns and rows of the lit image repeat their neighbours, in all frames: noise never does."""
+    some = [images[k] for k in np.linspace(0, len(images) - 1, min(len(images), SOME)).astype(int)]
+    lit = max(some, key=lambda i: float(i[::8, ::8].mean()))
+    shares, size = [], []
+    for axis in (1, 0):
+        alike = np.all([np.all(np.diff(i, axis=axis) == 0, axis=1 - axis) for i in some], axis=0)
+        shown = np.ptp(np.delete(lit, 0, axis=axis), axis=1 - axis) > FLAT * float(np.ptp(lit[::8, ::8]))
+        count = int(np.count_nonzero(shown))
+        shares.append(float(np.mean(alike[shown])) if count >= LEAST_VALUES else 0.0)
+        size.append(lit.shape[axis] - int(np.count_nonzero(alike)))
+    if min(shares) < REPEATED:
+        return []
+    text = (
+        f"{shares[0]:.0%} of its columns and {shares[1]:.0%} of its rows repeat their neighbours, as where frames of "
+        f"about {size[0]} x {size[1]} px were enlarged: record it with the camera's settings of the others, unbinned"
+    )
+    return [Finding("enlarged", "bad", text, {"repeated": min(shares)}, names="mistake")]
 
 
 def mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:

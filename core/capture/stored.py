@@ -15,10 +15,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.contradictions import PIXELS, Looked, runs_away
+from core.capture.beside import beside_code
+from core.capture.contradictions import PIXELS, Looked, runs_away, waves_of
 from core.capture.exchanged import exchanged_frames
 from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines
-from core.capture.pixels import GRID, LEAST_LIT, bytes_exchanged, compressed, mosaic
+from core.capture.pixels import GRID, LEAST_LIT, bytes_exchanged, compressed, enlarged, mosaic
 from core.capture.plan import Plan
 from core.capture.quality import BRIGHT, Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
@@ -53,7 +54,7 @@ def check_stored(
     """
     if len({(f.camera, f.projector) for f in capture.frames}) > 1:
         return []  # frames of several devices are no one sequence
-    if told := bytes_exchanged(images):
+    if told := [*bytes_exchanged(images), *enlarged(images)]:
         return told
     exposures = sorted({f.exposure_ms for f in capture.frames if f.exposure_ms is not None})
     if len(exposures) > 1:
@@ -192,9 +193,14 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
             shown = () if shot is None else (shot,)
             figures = {"contradicting": share}
             found.append(Finding("identity", "bad", text + cause, figures, shown, names=cause.names))
-        elif told := runs_away(looked):
+        elif told := _off_the_code(looked):
             found.append(Finding("identity", "bad", told, shots=shots, names="mistake"))
     return found
+
+
+def _off_the_code(looked: Looked) -> str:
+    waves = [*waves_of(looked.values, looked.patterns, looked)]
+    return runs_away(looked, waves) or beside_code(looked, waves)
 
 
 def _hand(phase: PhaseMap) -> list[Finding]:

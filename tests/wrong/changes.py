@@ -225,6 +225,13 @@ def shift(image: np.ndarray, px: float) -> np.ndarray:
     return cv2.warpAffine(image, M, image.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
 
 
+def region_moved(folder: Path) -> None:
+    """The camera's region of interest, and what was picked in it, moved before the fifth board."""
+    for capture in named(folder, "testfield-0")[4:]:
+        frames(moved(8.0), capture.name)(folder)
+        picks(capture.name, lambda s: [{**a, "u": a["u"] + 8, "v": a["v"] - 4} for a in s])(folder)
+
+
 def half_moved(images: Images) -> Images:
     return [shift(i, 3.0) if k >= len(images) // 2 else i for k, i in enumerate(images)]
 
