@@ -26,7 +26,7 @@ from core.decode.noise import MEDIAN_OF_SQUARE
 from core.decode.options import Flag, invalidate
 from core.decode.pairs import FEWEST, TILES, Pairs, look_at, smooth_at
 from core.decode.tables import PHASES, SWEEP, Array, AxisTable, Limits, Rows, Singles, no_axis
-from core.numerics import erf, row_median
+from core.numerics import distinct, erf, row_median
 
 SHOWN = 1.2  # times what noise alone makes of the median square, from which there is anything to tell
 FAR = 0.4  # turns that a step of the way to the finest phase must round, and nearly rounds to the next
@@ -91,7 +91,7 @@ def contradiction(
         white, black = ([shown[n].ravel() for n in some] for some in plain)
         light = np.asarray((np.mean(white, axis=0) - np.mean(black, axis=0)) / 2, np.float32)
         known = np.isfinite(place) & (np.max(white, axis=0) < limits.saturation)
-        steps = len(np.unique(table.fits.frame[: table.fits.first[1]]))
+        steps = len(distinct(table.fits.frame[: table.fits.first[1]]))
         mine = amplitude, light, difference / np.sqrt(noise), turns[0], steps
         if beating(pairs, known, *mine) is not None:  # it may be that of pixels at steps, which are looked for but then
             here = coordinates[pairs.rows][:, pairs.columns]
