@@ -186,7 +186,8 @@ def test_help_loads_nothing_heavy() -> None:
 
 def test_decoding_adjusting_and_reconstructing_wait_for_no_heavy_part_of_scipy() -> None:
     used = (
-        "core.cli core.figures core.pipeline.calibrate core.calibrate core.checks.network core.decode core.reconstruct"
+        "core.cli core.figures core.pipeline.calibrate core.calibrate core.capture.stored core.checks.network "
+        "core.decode core.reconstruct"
     )
     code = (
         f"import sys, {', '.join([*used.split(), 'core.pipeline.reconstruct', 'core.pipeline.evaluate'])}\n"

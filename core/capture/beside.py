@@ -10,12 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from core.capture.contradictions import Looked, Wave
+from core.model import Array
+from core.numerics import erf
 from core.patterns import Code, Phase, brightness
-
-Array = NDArray[np.float64]
 
 BLURS_LINES = 0.2, 0.4, 0.8, 1.4
 REACH, STEP = 1.5, 0.05  # lines to either side that are tried
@@ -23,6 +22,8 @@ LONGER = 1.9  # cells that a period must be
 LEAST = 15  # pixels at rising, and at falling edges
 FILLED, CROWDED = 0.4, 0.4  # of their even share that each line of a cell has; mean of the places within a line
 BESIDE = 0.25  # lines; edges of sound captures of three rigs lie within 0.05, half a line is the usual mistake
+PLACES = np.linspace(-6, 6, 601)  # blurs
+PASSED = (1 + erf(PLACES / np.sqrt(2))) / 2
 ALIKE = 0.15  # lines by which the halves of the field may differ
 
 
@@ -71,6 +72,11 @@ def _spread(line: Array, cell: int) -> bool:
     return bool(of_line.min() * cell > FILLED * len(line) and crowding < CROWDED)
 
 
+def _edge(away: Array) -> Array:
+    """What a blurred edge of unit step passes, by the distance from it in blurs; looked up, as its pixels are many."""
+    return np.interp(away, PLACES, PASSED)
+
+
 def _off(way: int, line: Array, edge: NDArray[np.intp], seen: Array, shown: Array, half: NDArray[np.bool_]) -> float:
     """Where rising (1) or falling (-1) edges lie by the phase, lines from where the code has them; NaN if unknown."""
     code, pixel = np.nonzero((way * (shown[:, edge] - shown[:, edge - 1]) > 0.9) & half)
@@ -79,5 +85,5 @@ def _off(way: int, line: Array, edge: NDArray[np.intp], seen: Array, shown: Arra
     value = seen[code, pixel] if way > 0 else 1 - seen[code, pixel]
     away = (line - edge)[pixel]
     tried = np.arange(-REACH, REACH + STEP / 2, STEP)
-    cost = [np.abs(ndtr((away - tried[:, None]) / blur) - value).mean(axis=1) for blur in BLURS_LINES]
+    cost = [np.abs(_edge((away - tried[:, None]) / blur) - value).mean(axis=1) for blur in BLURS_LINES]
     return float(tried[np.unravel_index(np.argmin(cost), np.shape(cost))[1]])
