@@ -28,7 +28,7 @@ from core.figures import evaluation_figures, phase_figures
 from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
 from core.parallel import limit_threads, on_processes
 from core.pipeline import find_capture, load_calibrations, phase_maps, read_phase, write_cloud, write_phase
-from core.pipeline.evaluate import covers
+from core.pipeline.evaluate import covers, judge_plane
 from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
 from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
@@ -251,7 +251,6 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
     if step == "decode":
         write_phase(path, phase)
         return phase_figures(phase)
-    from core.evaluate import evaluate_plane
     from core.pipeline.methods import METHODS
 
     found = _read_calibrations(job.project.path, job.calibrations)
@@ -262,21 +261,7 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
         method, calibration = next(iter(calibrations.items()))
         cloud = METHODS[method].reconstruct(phase, calibration, False, SILENT)
         return {"method": method, "points": write_cloud(path, phase.image, cloud)}
-    name, angle = job.capture.name, job.capture.angle_deg
-    planes = tuple(
-        replace(
-            evaluate_plane(
-                phase,
-                METHODS[method].reconstruct(phase, calibration, False, SILENT),
-                capture=name,
-                angle_deg=angle,
-                method=method,
-                outside=METHODS[method].outside,
-            ),
-            devices=(phase.camera, phase.projector),
-        )
-        for method, calibration in calibrations.items()
-    )
+    planes = judge_plane(job.project, job.capture, phase, calibrations)
     save_archive(path, planes)
     return evaluation_figures(planes)["planes"]
 

@@ -104,18 +104,7 @@ def _judge(
     def by_pair(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap | None, Any, list[Row]]:
         usual = (phase.camera, phase.projector) == (project.rig.camera_name, project.rig.projector_name)
         end = (light_end(phase.u), light_end(phase.v)) if usual else None
-        rows, lacking = [], []
-        for name, calibration in calibrations.items():
-            if covers(calibration, phase, project):
-                try:
-                    rows.append(_by_itself(capture, phase, name, calibration, progress))
-                except NoCoordinateError as error:  # the depth method uses one, which a capture may lack
-                    lacking += [InputError(capture.path, error.seen, f"{error.remedy}, or take it out of project.json")]
-        if lacking and not rows:
-            with because_of({capture.name: (*capture.notes, *phase.notes)}):
-                raise lacking[0]
-        for one in lacking:
-            logging.getLogger(__name__).warning("%s: %s; not judged by it", one.where, one.seen)
+        rows = _of_pair(project, capture, phase, calibrations, progress)
         return phase if len(of_whole[capture.name].pairs) > 1 else None, end, rows
 
     found: list[Row] = []
@@ -138,13 +127,48 @@ def _judge(
     if not found:
         devices = {n for c in calibrations.values() for n in getattr(c, "devices", ())}
         raise InputError(project.path, f"no plane by the calibrated {', '.join(sorted(devices))}", "capture one")
+    progress.check()
+    return _told(found, calibrations, end_notes(ends, project.projector))
+
+
+def judge_plane(
+    project: Project, capture: Capture, phase: PhaseMap, calibrations: Mapping[Method, Calibration]
+) -> tuple[PlaneEvaluation, ...]:
+    """Judge a plane that one pair of devices saw, by itself; nothing of it is kept."""
+    return _told(_of_pair(project, capture, phase, calibrations, SILENT), calibrations, {})
+
+
+def _of_pair(
+    project: Project,
+    capture: Capture,
+    phase: PhaseMap,
+    calibrations: Mapping[Method, Calibration],
+    progress: Progress,
+) -> list[Row]:
+    """Evaluate a plane by every calibration of a pair of devices."""
+    rows, lacking = [], []
+    for name, calibration in calibrations.items():
+        if covers(calibration, phase, project):
+            try:
+                rows.append(_by_itself(capture, phase, name, calibration, progress))
+            except NoCoordinateError as error:  # the depth method uses one, which a capture may lack
+                lacking += [InputError(capture.path, error.seen, f"{error.remedy}, or take it out of project.json")]
+    if lacking and not rows:
+        with because_of({capture.name: (*capture.notes, *phase.notes)}):
+            raise lacking[0]
+    for one in lacking:
+        logging.getLogger(__name__).warning("%s: %s; not judged by it", one.where, one.seen)
+    return rows
+
+
+def _told(
+    found: Sequence[Row], calibrations: Mapping[Method, Calibration], more: Mapping[str, str]
+) -> tuple[PlaneEvaluation, ...]:
+    """Put verdicts on planes, with `more` notes by capture."""
     calibrated = {(row.capture, row.method, *row.devices): rms for row, rms, _ in found}
-    notes: dict[str, tuple[str, ...]] = {}
+    notes: dict[str, tuple[str, ...]] = {name: (text,) for name, text in more.items()}
     for row, _, said in found:
         notes[row.capture] = tuple(dict.fromkeys((*notes.get(row.capture, ()), *said)))
-    progress.check()
-    for name, text in end_notes(ends, project.projector).items():
-        notes[name] = (text, *notes.get(name, ()))
     order = list(METHODS)
     verdicts = {m: c.verdict for m, c in calibrations.items() if c.verdict is not None}
     result = sorted((row for row, *_ in found), key=lambda e: order.index(e.method))

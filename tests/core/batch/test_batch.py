@@ -97,6 +97,7 @@ def test_copies_give_what_the_single_commands_give(calibrated: Path, tmp_path: P
         (row,) = (r for r in rows[plane.capture]["evaluate"] if r["method"] == plane.method)
         assert row["n"] == plane.n
         assert row["rms_mm"] == pytest.approx(plane.rms_mm)
+        assert row["verdict"]["state"] == plane.verdict.state
     assert not list(out.rglob("*.part"))
 
 
