@@ -25,6 +25,7 @@ UNEVEN = 1.2  # of four neighbours, each with its own all over: taps of one sens
 AT_EDGES = 0.35  # of them differ most at an edge, by chance an eighth; of 20 along both sides once in 70,000 captures
 SOME = 5  # frames that are looked at
 FLAT = 0.1  # of the brightest frame's range: a column that varies less may be unlit
+EVEN = 0.5  # of the others: a camera's image is not so even where it is lit
 REPEATED = 0.15  # of the columns and of the rows; of noise none, and half of them where two pixels were made of one
 ROUGHER = 2.0  # sound frames of 8 to 12 bits have at most 1; exchanged ones 3.2 to 50, on three captures of one rig
 
@@ -81,23 +82,34 @@ def compressed(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
 
 
 def enlarged(images: Sequence[NDArray]) -> list[Finding]:
-    """Whole columns and rows of the lit image repeat their neighbours, in all frames: noise never does."""
+    """Whole columns and rows of the lit image repeat their neighbours, in all frames: noise never does.
+
+    A rendered plane without noise repeats what one line of the projector lights, but its other pixels are alike, too.
+    """
     some = [images[k] for k in np.linspace(0, len(images) - 1, min(len(images), SOME)).astype(int)]
     lit = max(some, key=lambda i: float(i[::8, ::8].mean()))
-    shares, size = [], []
+    shares, size, others = [], [], lit
     for axis in (1, 0):
         alike = np.all([np.all(np.diff(i, axis=axis) == 0, axis=1 - axis) for i in some], axis=0)
         shown = np.ptp(np.delete(lit, 0, axis=axis), axis=1 - axis) > FLAT * float(np.ptp(lit[::8, ::8]))
         count = int(np.count_nonzero(shown))
         shares.append(float(np.mean(alike[shown])) if count >= LEAST_VALUES else 0.0)
         size.append(lit.shape[axis] - int(np.count_nonzero(alike)))
-    if min(shares) < REPEATED:
+        others = np.delete(others, np.flatnonzero(alike), axis=axis)
+    if min(shares) < REPEATED or _even(others):
         return []
     text = (
         f"{shares[0]:.0%} of its columns and {shares[1]:.0%} of its rows repeat their neighbours, as where frames of "
         f"about {size[0]} x {size[1]} px were enlarged: record it with the camera's settings of the others, unbinned"
     )
     return [Finding("enlarged", "bad", text, {"repeated": min(shares)}, names="mistake")]
+
+
+def _even(image: NDArray) -> bool:
+    """Whether most lit pixels are like the one above, or the one before: an image without noise."""
+    own, above, before = image[1:, 1:], image[:-1, 1:], image[1:, :-1]
+    lit = own > image.min() + FLAT * float(np.ptp(image))
+    return not lit.any() or max(float(np.mean(own[lit] == other[lit])) for other in (above, before)) > EVEN
 
 
 def mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:

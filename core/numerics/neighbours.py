@@ -18,7 +18,7 @@ def kd_tree(places: ArrayLike) -> Any:
 
 
 def nearest(places: ArrayLike, k: int = 1, of: ArrayLike | None = None) -> NDArray[np.int64]:
-    """Indices (m, k) of the at most n nearest places (n, d), the nearest first.
+    """Indices (m, k) of the k nearest of places (n, d), the nearest first; k is at most n.
 
     Of each place in `of`, (m, d), by default of the places themselves, each of which is its own first one.
 

@@ -63,12 +63,20 @@ def test_frames_that_were_enlarged_are_named(factor: int) -> None:
     assert "enlarged" not in told(patterns, images)
 
 
-def test_light_without_noise_repeats_no_columns_and_rows_at_once() -> None:
-    """A plane seen straight on: without noise the frames of columns have equal rows, those of rows equal columns."""
+@pytest.mark.parametrize("line_px", [1, 2, 3])
+def test_light_without_noise_is_not_called_enlarged(line_px: int) -> None:
+    """A plane seen straight on: without noise the frames of columns have equal rows, those of rows equal columns.
+
+    Where the projector's lines are wider than pixels, columns and rows repeat, too; the light ends within the image.
+    """
     patterns = shown(4, 8.0, 4)
     images = []
     for p in patterns:
-        level = np.arange(180) % 8 * 20 + 40 if getattr(p, "axis", "") else np.full(180, 200 if p == White() else 10)
+        level = np.full(180, 200 if p == White() else 10)
+        if getattr(p, "axis", ""):
+            level = np.arange(180) // line_px % 8 * 20 + 40
         wide = np.tile(level[:, None], (1, 180))
-        images.append((wide.T if getattr(p, "axis", "") == "x" else wide).astype(np.uint8))
+        image = np.full((180, 180), 8, np.uint8)
+        image[20:150, 30:160] = (wide.T if getattr(p, "axis", "") == "x" else wide)[20:150, 30:160]
+        images.append(image)
     assert "enlarged" not in told(patterns, images)
