@@ -18,6 +18,7 @@ from core.model import (
     PhotogrammetricCalibration,
     Project,
     ScaleBar,
+    StationId,
     TargetSet,
     Testfield,
 )
@@ -96,13 +97,14 @@ def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: A
     adjusted, nominal = (float(np.ptp(xyz)) for xyz in (adjustment.points_mm, adjustment.network.point_xyz_mm))
     if not 0.8 < adjusted / nominal < 1.25:  # dots and distances are in different units: no ellipse fits
         return list(targets)
-    poses = dict(zip(adjustment.network.station_names, adjustment.station_from_object, strict=True))
+    poses = dict(zip(adjustment.network.station_ids, adjustment.station_from_object, strict=True))
     index, true = testfield.index(), testfield.xyz_mm.copy()
     true[[index[i.row, i.col] for i in adjustment.network.point_ids]] = adjustment.points_mm  # the board as it is bent
     testfield = replace(testfield, xyz_mm=true)
     result = []
     for t in targets:
-        device, pose = adjustment.devices.get(t.camera), poses.get(f"{t.capture}/{t.camera}")
+        device = adjustment.devices.get(t.camera)
+        pose = poses.get(StationId(t.capture, t.camera), poses.get(StationId(t.capture, t.camera, t.projector)))
         if device is not None and pose is not None:
             t = recentred(t, testfield, device.spec, device.interior, pose)
         result.append(t)
