@@ -120,7 +120,7 @@ class Session(QObject):
     def pair(self) -> tuple[str, str]:
         """The camera and the projector whose frames are looked at."""
         rig = self.opened.project.rig
-        return self._pair if self._pair in rig.pairs else (rig.camera_name, rig.projector_name)
+        return self._pair if self._pair in rig.pairs else rig.usual
 
     @property
     def projector(self) -> DeviceSpec:

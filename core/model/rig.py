@@ -98,6 +98,11 @@ class Rig:
         return "projector" if "projector" in self.projectors else next(iter(self.projectors))
 
     @property
+    def usual(self) -> tuple[str, str]:
+        """The camera and the projector meant where none is named."""
+        return self.camera_name, self.projector_name
+
+    @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Every camera with every projector."""
         return tuple((c, p) for c in self.cameras for p in self.projectors)

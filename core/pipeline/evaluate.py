@@ -102,7 +102,7 @@ def _judge(
     of_whole = {capture.name: capture for capture in planes}
 
     def by_pair(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap | None, Any, list[Row]]:
-        usual = (phase.camera, phase.projector) == (project.rig.camera_name, project.rig.projector_name)
+        usual = (phase.camera, phase.projector) == project.rig.usual
         end = (light_end(phase.u), light_end(phase.v)) if usual else None
         rows = _of_pair(project, capture, phase, calibrations, progress)
         return phase if len(of_whole[capture.name].pairs) > 1 else None, end, rows
@@ -176,10 +176,10 @@ def _told(
 
 
 def covers(calibration: Calibration, phase: PhaseMap, project: Project) -> bool:
-    """Whether a calibration is of the devices of a phase map; the depth method's is of the rig's first camera."""
+    """Whether a calibration is of the devices of a phase map; the depth method's is of the rig's usual ones."""
     if isinstance(calibration, PhotogrammetricCalibration):
         return knows(calibration, phase.camera, phase.projector)
-    return phase.camera == project.rig.camera_name
+    return (phase.camera, phase.projector) == project.rig.usual
 
 
 def _by_itself(capture: Capture, phase: PhaseMap, name: Method, calibration: Calibration, progress: Progress) -> Row:

@@ -35,8 +35,9 @@ def reconstruct_capture(
     chosen, calibration = chosen_calibration(project, method)
     record = METHODS[chosen]
     capture = one_series(find_capture(project, name), camera, projector)
-    if record.one_pair and capture.camera != project.rig.camera_name:
-        seen = f"the {record.title} is of {project.rig.camera_name}, not of {capture.camera}"
+    if record.one_pair and (capture.camera, capture.projector) != project.rig.usual:
+        of, other = (" with ".join(pair) for pair in (project.rig.usual, (capture.camera, capture.projector)))
+        seen = f"the {record.title} is of {of}, not of {other}"
         raise InputError(project.path, seen, "use --method photogrammetric")
     if orient:
         if not isinstance(calibration, PhotogrammetricCalibration):

@@ -146,14 +146,14 @@ def _reconstruct(project: Project, states: ProjectStates, progress: Progress) ->
     for name in progress.over(names, "reconstructing {0}"):
         capture = graph.captures[name].name
         methods = [method for cloud, method in graph.clouds if cloud == capture] or [first]
-        several = graph.captures[name].pairs if len(graph.captures[name].pairs) > 1 else (("", ""),)
         for method in methods:
             if stale := graph.of_calibrations([method]):
                 left.setdefault(stale[0], []).append(name)
                 continue
-            for camera, projector in several[:1] if METHODS[method].one_pair else several:
-                keep_points(project, capture, method, camera=camera, projector=projector)
-            done.append(name)
+            for pair in graph.captures[name].pairs:
+                if pair == project.rig.usual or not METHODS[method].one_pair:
+                    keep_points(project, capture, method, camera=pair[0], projector=pair[1])
+                    done.append(name)
     told = [f"points of {len(set(done))} captures"] if done else []
     return "; ".join([*told, *(f"no new points of {', '.join(dict.fromkeys(n))}: {why}" for why, n in left.items())])
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from core.errors import AdjustmentError
+from core.errors import AdjustmentError, InputError
 from core.figures import depth_figures
 from core.geometry import lens_of, nominal
 from core.model import (
@@ -55,8 +55,12 @@ def _look(project: Project, captures: list[Capture]) -> Look:
     side, _ = side_of(captures), _field(captures)  # refused before anything is decoded
     signs = signs_of(project, [c for c in captures if c.testfield is not None or c.seeds], {"depth": side})
     # depth per pixel is a matter of one camera with one projector
-    meant = project.rig.camera_name, project.rig.projector_name
-    captures = [s for c in captures for s in c.series if len(c.series) == 1 or (s.camera, s.projector) == meant]
+    of_pair = [s for c in captures for s in c.series if (s.camera, s.projector) == project.rig.usual]
+    if lacking := {c.name for c in captures} - {s.name for s in of_pair}:
+        camera, projector = project.rig.usual
+        remedy = f"capture the plate with both, or list their pair first in {project.path / 'project.json'}"
+        raise InputError(f"capture {min(lacking)}", f"has no frames of {camera} with {projector}", remedy)
+    captures = of_pair
     boards = [c for c in captures if c.testfield is not None or c.seeds]
 
     def each(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap, Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import pytest
 from core.errors import InputError, NoCoordinateError, StripeError
 from core.evaluate import evaluate_plane
 from core.model import PhaseMap, PointCloud
-from core.pipeline import METHODS, evaluate_project
+from core.pipeline import METHODS, calibrate_project, evaluate_project, reconstruct_capture
 from core.project import read_project
 
 H, W = 60, 80
@@ -136,3 +138,20 @@ def test_a_plane_without_the_depth_methods_coordinate_is_judged_by_the_other(
     assert {row.method for row in rows} == {"photogrammetric"}
     with pytest.raises(InputError, match="no pixel has the coordinate u"):
         evaluate_project(read_project(calibrated), methods=["polynomial"])
+
+
+def test_the_depth_method_is_of_one_camera_with_one_projector(calibrated: Path, edit_json: Callable[..., None]) -> None:
+    """What another projector lit has other columns at the same place: nothing of it is judged, made or calibrated."""
+    lamp = json.loads((calibrated / "project.json").read_text())["projector"]
+    edit_json(calibrated / "project.json", version=2, projectors={"second": lamp})
+    for name in ("plane+15", "depth-01"):
+        capture = calibrated / "captures" / name / "capture.json"
+        frames = [{**frame, "projector": "second"} for frame in json.loads(capture.read_text())["frames"]]
+        edit_json(capture, frames=frames)
+    project = read_project(calibrated)
+    rows = evaluate_project(project, methods=["polynomial"])
+    assert [(row.capture, row.devices) for row in rows] == [("plane+00", ("camera", "projector"))]
+    with pytest.raises(InputError, match="is of camera with projector, not of camera with second"):
+        reconstruct_capture(project, "plane+15", "polynomial")
+    with pytest.raises(InputError, match="capture depth-01: has no frames of camera with projector"):
+        calibrate_project(project, "polynomial")
