@@ -304,7 +304,7 @@ def _verified(
     bare = replace(plan, guards=())
     grey = np.array([image[at[0], at[1]] for image in images], np.float64)
     sampled = summarise(bare, grey, at, (shape[0], shape[1]), 255 if images[0].itemsize == 1 else int(grey.max()))
-    sampled = replace(sampled, noise=max(sampled.noise, noise_of_one(max(grey, key=np.mean), at)))
+    sampled = replace(sampled, noise=max(sampled.noise, noise_of_one(max(images, key=np.mean)[::4].astype(np.float64))))
     capture = Capture(Path(plan.subject.name), plan.subject.role, tuple(Frame("", p) for p in plan.patterns))
     findings = check_stored(capture, images, phase, lines)
     if not any(f.level == "bad" for f in findings):

@@ -332,6 +332,7 @@ def weigh(table, limits, turns, variance, count, place, shift, weight, sigma, fl
     if table.start != CODE:
         # what lies beyond the projector is a whole number of the longest beat away from where it belongs
         middle, beat = HALF * (table.lines - ONE), table.step_period[0]
+        unique = min(HALF * beat, beat - HALF * table.lines)  # a beat shorter than the field repeats at both ends
         for i in range(count):
             place[i] += beat * np.rint((middle - place[i]) / beat)
-            flags[i] |= UNSURE if HALF * beat - abs(place[i] - middle) < F(4) * sigma[i] else NONE
+            flags[i] |= UNSURE if unique - abs(place[i] - middle) < F(4) * sigma[i] else NONE

@@ -25,6 +25,7 @@ MAX_BITS = 24  # cell numbers must be exact in single precision
 SEARCH = {1: 1, 2: 9, 3: 5, 4: 3}  # largest |a_j| by number of periods; more periods: single phases and beats
 SAFE = 0.125  # a step this safe bears phases known to 0.17 rad; safer ones need not be sought
 TOLERANCE = 1e-6
+SHORT = 0.01  # of the extent, by which waves drawn from the first line to the last repeat too early: 911 of 912 lines
 
 
 @dataclass(frozen=True)
@@ -120,12 +121,15 @@ def _combine(frames: AxisFrames, code: UsedCode | None, extent: int | None) -> P
         return None if code is None or extent is None else Plan(extent, code, ())
     if extent is None:
         extent = ceil(longest_beat(periods) - TOLERANCE)
-    safety, steps = safest_steps(periods, float(extent), False)
-    if code is not None:
-        coded_safety, coded_steps = safest_steps(periods, float(code.cell), True)
-        if coded_safety >= safety and coded_steps:
-            return Plan(extent, code, coded_steps)
-    return Plan(extent, None, steps) if steps else None
+    for part in (1.0, 1.0 - SHORT):
+        safety, steps = safest_steps(periods, part * extent, False)
+        if code is not None:
+            coded_safety, coded_steps = safest_steps(periods, part * code.cell, True)
+            if coded_safety >= safety and coded_steps:
+                return Plan(extent, code, coded_steps)
+        if steps:
+            return Plan(extent, None, steps)
+    return None
 
 
 def combinations(periods: tuple[float, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -13,6 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from core.capture.importing import import_frames, natural, sequence_of
+from core.capture.quality import noise_of_one
 from core.cli import main
 from core.decode import decode
 from core.errors import InputError
@@ -64,6 +65,13 @@ def command(project: Path, tmp_path: Path) -> list[str]:
 
 def shown(project: Path, name: str) -> list:
     return [f.pattern for f in read_capture(project / "captures" / name).frames]
+
+
+def test_fringes_are_not_taken_for_noise() -> None:
+    """Where no frame is white all are striped: fringes of 20 pixels were called noise, and hardly anything lit."""
+    place = np.linspace(0, 1000, 1000) + np.linspace(0, 30, 50)[:, None]
+    rows = 120 + 60 * np.cos(2 * np.pi * place / 20) + np.random.default_rng(1).normal(size=place.shape)
+    assert noise_of_one(rows) == pytest.approx(1, rel=0.1)
 
 
 def test_frames_in_the_order_of_their_names(project: Path, tmp_path: Path) -> None:

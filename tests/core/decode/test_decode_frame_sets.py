@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core.decode import decode
+from core.errors import InputError
 from core.patterns import Black, Code, Phase, White, gray_and_phase, light_sections, reference_sequence
 
 REFERENCE = [White(), Black()]
@@ -64,6 +65,25 @@ def test_several_periods_need_no_code(bench, judge, periods) -> None:
     assert result.gross == 0
     assert result.valid > (0.95 if len(periods) == 1 else 0.985)
     assert 0.9 < result.sigma_ratio < 1.15
+
+
+def test_waves_drawn_from_the_first_line_to_the_last_are_one_line_short(bench, judge) -> None:
+    """``linspace(0, 2 pi k, N)`` repeats after N - 1 lines: what lies at either end is open, all else is told."""
+    b = bench(blur=1.0, gain=150, dark=1.0)
+    periods = [(N - 1) / k for k in (49, 44, 40)]
+    uncoded = [p for p in gray_and_phase("x", N, cell=1, periods=periods) if isinstance(p, Phase)]
+    coded = [*gray_and_phase("x", N, cell=40, periods=[(N - 1) / 16]), *REFERENCE]
+    for patterns, ends in ((uncoded, 2.0), (coded, 0.0)):
+        phase = decode(patterns, b.take(patterns), lines=(N, N))
+        result = judge(phase, b.u, 6)
+        assert result.gross == 0
+        assert 0.9 < result.sigma_ratio < 1.15
+        inside = (b.u > ends) & (b.u < N - 1 - ends)
+        assert np.isfinite(phase.u[inside]).mean() > 0.985
+        assert ends == 0 or not np.isfinite(phase.u[np.abs(b.u - (N - 1) / 2) > N / 2 - ends / 4]).any()
+    short = [Phase("x", 610 / k, 4, i, i * np.pi / 2) for k in (49, 44, 40) for i in range(4)]
+    with pytest.raises(InputError, match="repeat after 610 of 640"):
+        decode(short, b.take(short), lines=(N, N))
 
 
 def test_cells_wider_than_the_period_are_bridged_by_further_periods(bench, judge) -> None:
