@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from core.errors import InputError
 from core.geometry import Pose, calibration_of_pair, distort, image_to_pixel, pair_of, pixel_to_image, project
 from core.geometry.lens import MAIN, fitted
+from core.geometry.rotation import cross_matrix
 from core.model import AdjustedDevice, Array, DeviceSpec, Interior, PhotogrammetricCalibration, Verdict
 
 DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # in OpenCV's order
@@ -70,15 +71,16 @@ def fit_pair(
         If the model cannot hold a device to `LIMIT_PX`.
     """
     pair = pair_of(calibration, camera, projector)
-    pose = pair.projector_from_camera
+    turned = pair.projector_from_camera
+    pose = Pose(FLIP @ turned.rotation @ FLIP, FLIP @ turned.translation_mm)
     own = pair.camera, pair.projector
     found = [fit_device(n, d.spec, d.interior, free) for n, d in zip(("camera", "projector"), own, strict=True)]
     covariance = None
     if np.any(np.diagonal(pair.covariance) > 0):
         use = [k for k, n in enumerate(VALUES) if n not in DISTORTION or n in free]
-        L = _joined(*(_carried(_ours(d), _theirs(p), p, use) for d, p in zip(own, found, strict=True)))
-        covariance = L @ pair.covariance @ L.T
-    return Pair(found[0], found[1], FLIP @ pose.rotation @ FLIP, FLIP @ pose.translation_mm, covariance)
+        ways = ((_ours(d), _theirs(p), p) for d, p in zip(own, found, strict=True))
+        covariance = _carried(pair.covariance, ways, pose, np.eye(3), use)
+    return Pair(found[0], found[1], pose.rotation, pose.translation_mm, covariance)
 
 
 Way = tuple[Array, Callable[[Array, Array], Array]]  # parameters, and pixels (n, 2) by parameters and tangents (n, 2)
@@ -102,20 +104,58 @@ def _theirs(p: Pinhole) -> Way:
     return np.array([p.fx, p.fy, p.cx, p.cy, *p.distortion]), seen
 
 
-def _carried(of: Way, to: Way, p: Pinhole, use: Sequence[int] | None = None) -> Array:
-    """How those parameters of a model that are in `use` follow another's, (n, m), so that the image stays the same."""
+def _carried(
+    covariance: Array,
+    ways: Iterable[tuple[Way, Way, Pinhole]],
+    pose: Pose,
+    axes: Array,
+    use: Sequence[int] | None = None,
+) -> Array:
+    """Give the covariance of a pair, the orientation's too, of one model in the parameters of another.
+
+    What one model leaves of the other, which no parameter holds, counts as an uncertainty of the same size, r.m.s. over
+    the image: of the interior orientation and, as most of it looks like a turn, of where each device looks. `pose` is
+    the projector's from the camera's with the other model's `axes`, a matrix that gives these from OpenCV's.
+    """
+    followed, interior, turns = zip(*(_followed(*way, use) for way in ways), strict=True)
+    by_camera, by_projector = (axes @ turn @ axes.T for turn in turns)
+    about = np.vstack([np.eye(3), -cross_matrix(pose.translation_mm)])  # a projector that turns about its own centre
+    orientation = about @ by_projector @ about.T
+    orientation[:3, :3] += pose.rotation @ by_camera @ pose.rotation.T
+    L = _joined(*followed, FLIP, FLIP)
+    return L @ covariance @ L.T + _joined(*interior, orientation)
+
+
+def _followed(of: Way, to: Way, p: Pinhole, use: Sequence[int] | None) -> tuple[Array, Array, Array]:
+    """How those parameters of a model that are in `use` follow another's, (n, m), so that the image stays the same.
+
+    Then the covariances, (n, n) of these and (3, 3) of turns about OpenCV's axes, whose effect over the image is as
+    large, r.m.s., as what one model leaves of the other.
+    """
     u, v = np.meshgrid(np.linspace(0, p.width - 1, 15), np.linspace(0, p.height - 1, 15))
     tangents = np.column_stack([(u.ravel() - p.cx) / p.fx, (v.ravel() - p.cy) / p.fy])
-    a, b = (_derivatives(way, tangents) for way in (of, to))
+    rays = np.column_stack([tangents, np.ones(len(tangents))])
+
+    def turned(turn: Array, rays: Array) -> Array:
+        x, y, z = (rays + np.cross(turn, rays)).T
+        return to[1](to[0], np.column_stack([x / z, y / z]))
+
+    a, b, by_turn = _derivatives(of, tangents), _derivatives(to, tangents), _derivatives((np.zeros(3), turned), rays)
     chosen = np.arange(b.shape[1]) if use is None else np.array(use)
-    scale, found = np.linalg.norm(b[:, chosen], axis=0), np.zeros((b.shape[1], a.shape[1]))
-    found[chosen] = np.linalg.lstsq(b[:, chosen] / scale, a, rcond=None)[0] / scale[:, None]
-    return found
+    scale, found, interior = (
+        np.linalg.norm(b[:, chosen], axis=0),
+        np.zeros((b.shape[1], a.shape[1])),
+        np.zeros(2 * b.shape[1:]),
+    )
+    B = b[:, chosen] / scale
+    found[chosen] = np.linalg.lstsq(B, a, rcond=None)[0] / scale[:, None]
+    left = np.sum((of[1](of[0], tangents) - to[1](to[0], tangents)) ** 2)
+    interior[np.ix_(chosen, chosen)] = left / len(chosen) * np.linalg.inv(B.T @ B) / np.outer(scale, scale)
+    return found, interior, left / 3 * np.linalg.inv(by_turn.T @ by_turn)
 
 
-def _joined(camera: Array, projector: Array) -> Array:
-    """How all parameters of a pair follow those of another, the orientation's too."""
-    blocks = (camera, projector, FLIP, FLIP)
+def _joined(*blocks: Array) -> Array:
+    """Put blocks along the diagonal of a matrix."""
     ends = np.cumsum([block.shape for block in blocks], axis=0)
     L = np.zeros(ends[-1])
     for block, (n, m) in zip(blocks, ends, strict=True):
@@ -187,9 +227,10 @@ def pair_to_calibration(
     if not (np.isfinite(R).all() and np.abs(R @ R.T - np.eye(3)).max() < 1e-4 and np.linalg.det(R) > 0):
         raise InputError(source, "the rotation from camera to projector is none", "export it again")
     U, _, Vt = np.linalg.svd(R)
-    L = _joined(*(_carried(_theirs(p), _ours(d), p) for p, d in zip(theirs, devices, strict=True)))
-    known = pair.covariance is not None
-    covariance = L @ pair.covariance @ L.T if pair.covariance is not None else np.zeros((len(L), len(L)))
+    known, size = pair.covariance is not None, sum(len(d.interior.vector) for d in devices) + 6
+    ways = ((_theirs(p), _ours(d), p) for p, d in zip(theirs, devices, strict=True))
+    pose = Pose(U @ Vt, FLIP @ np.asarray(pair.translation_mm, float))
+    covariance = _carried(pair.covariance, ways, pose, FLIP) if pair.covariance is not None else np.zeros((size, size))
     sigma = np.sqrt(np.maximum(np.diagonal(covariance), 0))
     parts = np.split(sigma, np.cumsum([len(d.interior.vector) for d in devices]))
     unknown = (
@@ -201,7 +242,7 @@ def pair_to_calibration(
     return calibration_of_pair(
         camera=replace(devices[0], sigma=parts[0]),
         projector=replace(devices[1], sigma=parts[1]),
-        projector_from_camera=Pose(U @ Vt, FLIP @ np.asarray(pair.translation_mm, float)),
+        projector_from_camera=pose,
         covariance=covariance,
         names=names,
         verdict=Verdict("passed" if known else "doubtful", tuple(told)),

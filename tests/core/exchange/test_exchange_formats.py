@@ -18,6 +18,8 @@ from core.errors import InputError
 from core.exchange import FORMATS, fit_pair, pair_to_calibration
 from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector, pair_of, perturbed, project
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhotogrammetricCalibration
+from core.orient import find_motion
+from tests.core.orient import views
 
 CAMERA = DeviceSpec(748, 576, (0.008, 0.008), 12.0)
 PROJECTOR = DeviceSpec(640, 600, (0.09, 0.09), 182.0)
@@ -182,6 +184,24 @@ def test_what_was_written_comes_back(name, calibration, points, tmp_path) -> Non
         seen = np.all((before > 0) & (before < [ours.spec.width - 1, ours.spec.height - 1]), axis=1)
         # the fit, and what our own lens model may leave of theirs
         assert np.sqrt(np.mean((before - after)[seen] ** 2)) < LEFT_PX.get(name, 0.035) + 0.005
+
+
+@pytest.mark.parametrize("name", sorted(FORMATS))
+def test_what_a_model_leaves_is_no_movement(name, tmp_path) -> None:
+    """Its sigmas hold the sheared image of the published projector: a capture of the rig itself raises no alarm."""
+    known = views.calibration()
+    devices = dict(known.devices)
+    for (device, adjusted), shear in zip(devices.items(), ((-0.0143, 0.3e-4), (0.2e-3, 1.3e-4)), strict=True):
+        a = adjusted.interior.a
+        sheared = dataclasses.replace(adjusted.interior, a=(*a[:2], *shear, *a[4:]))
+        devices[device] = dataclasses.replace(adjusted, interior=sheared)
+    known = dataclasses.replace(known, devices=devices, covariance=0.04 * known.covariance)  # a good calibration
+    path = tmp_path / f"file{FORMATS[name].endings[0]}"
+    FORMATS[name].write(fit_pair(known, FORMATS[name].free), path)
+    back = pair_to_calibration(FORMATS[name].read(path), views.CAMERA, views.PROJECTOR, "file")
+    for pose in (views.station((10.0, 20.0, 0.0)), views.station((-20.0, 0.0, 90.0), 560.0)):
+        phase = views.observe(pair_of(known), pose, np.random.default_rng(4)).phase
+        assert find_motion(phase, back).p > 0.05
 
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
