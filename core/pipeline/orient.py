@@ -221,6 +221,10 @@ def parse_length(words: Sequence[str]) -> KnownLength:
 
 
 def _targets(project: Project, capture: Capture) -> TargetSet:
+    if capture.testfield is None:
+        raise InputError(
+            capture.path, "shows no testfield", "take a capture of role testfield, or give places in the image"
+        )
     found = measured_targets(project, [find_capture(project, str(capture.path))])
     return next(t for t in found if (t.camera, t.projector) == (capture.camera, capture.projector))
 

@@ -68,6 +68,12 @@ def test_a_knocked_projector_is_told_and_depth_is_corrected(
     assert errors[1] < 3 * found["depth_sigma_mm"] < 3.0
 
 
+def test_a_capture_without_board_has_no_targets(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for known in (["--length", "targets", "0,0", "1,1", "5", "0.1"], ["--points"]):
+        assert main(["orient", str(calibrated), "plane+15", *known]) == 2
+        assert "plane+15: shows no testfield; take a capture of role testfield" in capsys.readouterr().err
+
+
 def test_what_captures_show_is_kept_for_the_chart_and_the_report(calibrated: Path, tmp_path: Path) -> None:
     for name in ("plane+00", "plane+15"):
         run("orient", calibrated, name, tmp_path=tmp_path)
