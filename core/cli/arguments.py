@@ -83,6 +83,12 @@ def add_devices(parser: Parser) -> None:
     parser.add_argument("--projector", default="", metavar="NAME", help="which projector, if a capture has several")
 
 
+def tell_devices(options: Options, camera: str, projector: str) -> None:
+    """Say whose figures they are where others could be meant."""
+    if not (options.project.rig.is_pair or (options.camera and options.projector)):
+        print(f"of {camera} with {projector}; --camera and --projector choose others")
+
+
 def add_subject(parser: Parser) -> None:
     """Declare what a new capture is of."""
     parser.add_argument("name", metavar="NAME")

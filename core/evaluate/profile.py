@@ -29,6 +29,7 @@ class Profile:
     deviation_mm: Array  #: (n,): interpolated between pixels; NaN beside a pixel without point
     #: (n,): predicted from the phase noise of the pixels it was interpolated from, NaN where that is not known
     sigma_mm: Array
+    devices: tuple[str, str]  #: the camera, and the projector or what else stands for it
 
 
 def read_profile(evaluation: PlaneEvaluation, spec: DeviceSpec, start: Pair, stop: Pair) -> Profile:
@@ -49,7 +50,7 @@ def read_profile(evaluation: PlaneEvaluation, spec: DeviceSpec, start: Pair, sto
     if evaluation.camera is not None:
         points = points_on_plane(evaluation.plane, spec, evaluation.camera, uv)
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    return Profile(uv, length, deviation, sigma)
+    return Profile(uv, length, deviation, sigma, evaluation.devices)
 
 
 def line_across(deviations: Sequence[NDArray], start: Pair = (0.05, 0.5), stop: Pair = (0.95, 0.5)) -> Line:

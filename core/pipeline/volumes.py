@@ -75,7 +75,7 @@ def difference_figures(
     from core.checks.volume import difference
 
     calibration, adjustment = _kept(project, run)
-    pair, depths, _ = _pair_of(calibration, adjustment, camera, projector)
+    pair, depths, named = _pair_of(calibration, adjustment, camera, projector)
     names = camera or calibration.camera_name, projector or calibration.projector_name
     second = pair_named(_kept(project, other)[0], *names) if isinstance(other, int) else _of_folder(other, pair, names)
     found = difference(pair, second, depths)
@@ -98,7 +98,7 @@ def difference_figures(
     if not (pair.covariance.any() and second.covariance.any()):
         test = {**dict.fromkeys(test), "dof": 0}
         maps, sizes = ({n: v for n, v in of.items() if "sigma" not in n} for of in (maps, sizes))
-    return {**test, "depths": _by_depth(depths, sizes)}, maps
+    return {**named, **test, "depths": _by_depth(depths, sizes)}, maps
 
 
 def left_out_figures(project: Project, run: int | None = None, progress: Progress = SILENT) -> list[dict[str, Any]]:

@@ -70,6 +70,15 @@ def test_what_is_said_of_a_pair_names_it(project: Project) -> None:
     assert "Of right with projector; " in volume_table(figures).notes[-1]
 
 
+def test_figures_of_one_pair_say_of_which(project: Project, capsys: pytest.CaptureFixture[str]) -> None:
+    for command in (["profile", "plane+15"], ["uncertainty"], ["compare", "1"]):
+        words = [command[0], str(project.path), *command[1:]]
+        assert main(words) == 0
+        assert "of left with projector; --camera and --projector choose others\n" in capsys.readouterr().out
+        assert main([*words, "--camera", "right", "--projector", "projector"]) == 0
+        assert "choose others" not in capsys.readouterr().out
+
+
 def test_figures_have_all_devices_and_orientations(project: Project) -> None:
     figures = json.loads((project.path / "calibration.json").read_text())["photogrammetric"]
     assert set(figures["devices"]) == {"left", "right", "projector"}

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from core import pipeline
-from core.cli.arguments import Commands, Options, add_devices
+from core.cli.arguments import Commands, Options, add_devices, tell_devices
 from core.progress import Progress
 
 
@@ -35,9 +35,7 @@ def _export(options: Options, progress: Progress) -> dict[str, Any]:
         print(file)
     for name, rms in residuals.items():
         print(f"{name}: the fit leaves {rms:.4f} px r.m.s.")
-    if not (project.rig.is_pair or any(names)):
-        rig = project.rig
-        print(f"of {rig.camera_name} with {rig.projector_name}; --camera and --projector choose others")
+    tell_devices(options, *(name or usual for name, usual in zip(names, project.rig.usual, strict=True)))
     return {"files": [str(file) for file in files], "residual_rms_px": residuals}
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core import pipeline
-from core.cli.arguments import Commands, Options, add_devices, check_out
+from core.cli.arguments import Commands, Options, add_devices, check_out, tell_devices
 from core.errors import InputError, StripeError
 from core.progress import Progress
 
@@ -204,6 +204,8 @@ def _volume(
         for name in figures["depths"][0]
         if name not in ("layer", "depth_mm", "nodes") and not name.endswith("_max")
     ]
+    if "camera" in figures:
+        tell_devices(options, figures["camera"], figures["projector"])
     print("  ".join(["depth_mm", *names, "(r.m.s.)"]))
     for row in figures["depths"]:
         print("  ".join([f"{row['depth_mm']:8.1f}", *(f"{row[name]:{len(name)}.4f}" for name in names)]))
@@ -254,11 +256,15 @@ def _profile(options: Options, progress: Progress) -> dict[str, Any]:
     named = options.camera, options.projector
     found = pipeline.read_profiles(project, pipeline.kept_evaluation(project), options.capture, _line(options), *named)
     figures: dict[str, Any] = {}
+    for line in [*found.values()][:1]:
+        tell_devices(options, *line.devices)
     for method, line in found.items():
         known = line.deviation_mm[np.isfinite(line.deviation_mm)]
         rms = float(np.sqrt(np.mean(known**2))) if len(known) else None
         length = float(line.length_mm[-1])
         figures[method] = {
+            "camera": line.devices[0],
+            "projector": line.devices[1],
             "from_px": line.uv[0].tolist(),
             "to_px": line.uv[-1].tolist(),
             "length_mm": length if np.isfinite(length) else None,
