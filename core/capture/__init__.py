@@ -16,7 +16,7 @@ quality.py   saturation, modulation, movement, the lamp
 stored.py    captures that were recorded before, by whatever program, judged as a whole
 pixels.py    ... how their frames were stored: bytes, compression, mosaics, size
 contradictions.py  ... the share of their pixels that no projector line explains
-beside.py    ... phase steps that stand beside the edges of the code, alike all over
+beside.py    ... phases that stand beside the code or run away from it, or from each other, by a little
 exchanged.py ... frames of a code, or phase steps, that stand in each other's place
 mistakes.py  ... and how people describe patterns wrongly
 rigcheck.py  all checks of a rig that two URLs name

@@ -1,89 +1,197 @@
-"""Phase steps that begin wrongly by less than a cell: the phase stands beside the edges of the code, alike all over.
+"""Phases that stand beside the code, or run away from it or from each other: every coordinate is off by a little.
 
-Nothing contradicts itself then, and every coordinate is off by as much. A response of the light moves rising and
-falling edges apart, by the same to either side.
+No frame contradicts another one then. Shifts that begin wrongly are off alike all over, periods in proportion to the
+line. The edges of the code are lines that are known: where they lie by the decoded phases is seen along rows and
+columns of the image. A response of the light moves rising and falling edges apart, by the same to either side. Without
+a code the phases of two periods are compared, over lengths in which a response of the light is evened out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.contradictions import Looked, Wave
 from core.model import Array
-from core.numerics import erf
-from core.patterns import Code, Phase, brightness
+from core.model.finding import Finding
+from core.numerics import sigma_about_median
+from core.patterns import Axis, Code, Pattern, Phase, brightness
 
-BLURS_LINES = 0.2, 0.4, 0.8, 1.4
-REACH, STEP = 1.5, 0.05  # lines to either side that are tried
-LONGER = 1.9  # cells that a period must be
-LEAST = 15  # pixels at rising, and at falling edges
-FILLED, CROWDED = 0.4, 0.4  # of their even share that each line of a cell has; mean of the places within a line
-BESIDE = 0.25  # lines; edges of sound captures of three rigs lie within 0.05, half a line is the usual mistake
-PLACES = np.linspace(-6, 6, 601)  # blurs
-PASSED = (1 + erf(PLACES / np.sqrt(2))) / 2
-ALIKE = 0.15  # lines by which the halves of the field may differ
+SECTIONS = 64  # rows and columns of an image that are looked at, and of these as many pixels where phases are compared
+CODES = 4  # finest frames of the code
+CLEAR = 0.4  # of a frame's usual difference from the mean light, which both sides of an edge have together
+LEAST, FEWEST = 8, 5  # pixels that tell an edge or a cycle, and such edges or cycles that tell something
+SCATTER = 0.25  # of a cell or period, beyond which pixels of one edge or cycle are in doubt
+CYCLES = 2  # of a period that the field must have
+BESIDE, AWAY = 0.25, 0.2  # lines: all over, and over the field; 38 sound captures of 19 rigs have below 0.05
+SIGMAS = 7.0  # of what edges or cycles scatter about a steady change
+FROM_0 = 0.3  # of the change, that it may be off where line 0 would be: other periods agree there
 
 
-def beside_code(looked: Looked, waves: Sequence[Wave]) -> str:
-    """Say by how much the phase of a period stands beside the code, where that is the same all over."""
-    codes = [(p, seen) for p, seen in zip(looked.patterns, looked.values, strict=True) if isinstance(p, Code)]
-    if not codes:
+@dataclass(frozen=True)
+class Off:
+    """How far phases are off, in lines: all over, over the field, and per line; 0 where that is chance."""
+
+    beside: float
+    away: float
+    slope: float
+
+
+def beside_code(
+    patterns: Sequence[Pattern], images: Sequence[NDArray], maps: Sequence[tuple[Axis, NDArray, str]]
+) -> list[Finding]:
+    """Compare phases with the code, or with each other; `maps` are decoded coordinates (H, W) and what they count."""
+    found = []
+    for axis, lines, along in maps:
+        steps: dict[float, list[int]] = {}
+        for k, p in enumerate(patterns):
+            if isinstance(p, Phase) and p.axis == axis:
+                steps.setdefault(p.period, []).append(k)
+        steps = {period: steps[period] for period in sorted(steps) if len(steps[period]) >= 3}
+        codes = [(p.bit, k) for k, p in enumerate(patterns) if isinstance(p, Code) and p.axis == axis and not p.inverse]
+        if not steps or not np.isfinite(lines).any():
+            continue
+        if codes:
+            finest = [k for _, k in sorted(codes)[-CODES:]]
+            text = _of_code(patterns, images, lines, finest, steps[min(steps)])
+        else:
+            text = _of_periods(patterns, images, lines, steps)
+        if text:
+            found.append(Finding("identity", "bad", f"frames across {along}: {text}", names="mistake"))
+    return found
+
+
+def _of_code(
+    patterns: Sequence[Pattern], images: Sequence[NDArray], lines: NDArray, codes: Sequence[int], steps: Sequence[int]
+) -> str:
+    ways = [_edges(patterns, images, lines, codes, steps, turned) for turned in (False, True)]
+    edge, rising, off = (np.concatenate(part) for part in zip(*ways, strict=True))
+    cell = min(p.cell for k in codes if isinstance(p := patterns[k], Code))
+    place, middle = _medians(2 * edge + rising, off, SCATTER * cell)
+    found = _steady(np.asarray(place // 2 - 0.5, np.float64), middle, place % 2 > 0)
+    if found is None:
         return ""
-    cell = min(p.cell for p, _ in codes)
-    shown = np.array([brightness(p, np.arange(looked.lines)) for p, _ in codes])
-    values = np.array([seen for _, seen in codes], np.float64)
-    stepped = {p.period for p in looked.patterns if isinstance(p, Phase) and p.profile != "sine"}  # phases crowd
-    for wave in waves:
-        # of a shorter period a phase near an edge may be the next one's
-        if wave.off is None or wave.period in stepped or wave.period < LONGER * cell:
-            continue
-        line = wave.line + wave.off * wave.period / (2 * np.pi)
-        edge = np.round(line / cell).astype(int) * cell
-        use = wave.strong & ~wave.none & (edge > 0) & (edge < looked.lines)
-        if np.count_nonzero(use) < 4 * LEAST:
-            continue
-        line, edge, seen = line[use], edge[use], values[:, use]
-        halves = line < np.median(line), line >= np.median(line)
-        if not all(_spread(line[half], cell) for half in halves):
-            continue
-        off = np.array([[_off(way, line, edge, seen, shown, half) for way in (1, -1)] for half in halves]).mean(axis=1)
-        middle = np.array([line[half].mean() for half in halves])
-        along, most = "columns" if looked.axis == "x" else "rows", min(REACH - ALIKE, cell / 2)
-        text = f"frames across {along}: the phase of period {wave.period:g} stands "
-        beside, slope = float(off.mean()), float(np.diff(off)[0] / max(np.diff(middle)[0], 1.0))
-        turned, drifting = abs(off[1] - off[0]), abs(off[0] - slope * middle[0])  # left by this, and by another period
-        if turned < min(ALIKE, drifting) and BESIDE < abs(beside) < most:
-            way = "before" if beside < 0 else "behind"
-            turn = f"{abs(beside) * 360 / wave.period:.3g}° {'later' if beside < 0 else 'earlier'}"
-            return (
-                f"{text}{abs(beside):.2f} lines {way} the edges of the code, all over: they fit if the phase steps "
-                f"begin {turn}: shift_rad"
-            )
-    return ""
+    wave = patterns[steps[0]]
+    assert isinstance(wave, Phase)
+    if found.away:
+        return (
+            f"the phase runs away from the code, by {abs(found.away):.2f} lines over the field: they fit with a period "
+            f"of {wave.period / (1 + found.slope):.5g} lines, not {wave.period:g}"
+        )
+    if not found.beside:
+        return ""
+    way, when = ("before", "later") if found.beside < 0 else ("behind", "earlier")
+    turn = abs(found.beside) * 360 / wave.period
+    return (
+        f"the phase of period {wave.period:g} stands {abs(found.beside):.2f} lines {way} the edges of the code, all "
+        f"over: they fit if the phase steps begin {turn:.3g}° {when}: shift_rad"
+    )
 
 
-def _spread(line: Array, cell: int) -> bool:
-    """Whether pixels see all places of a cell; where they beat with the lines it is a few, and edges are not seen."""
-    of_line = np.bincount(np.floor(line % cell).astype(int) % cell, minlength=cell)
-    crowding = abs(np.exp(2j * np.pi * line).mean())
-    return bool(of_line.min() * cell > FILLED * len(line) and crowding < CROWDED)
+def _edges(
+    patterns: Sequence[Pattern],
+    images: Sequence[NDArray],
+    lines: NDArray,
+    codes: Sequence[int],
+    steps: Sequence[int],
+    turned: bool,
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], Array]:
+    """Edges of the code that rows, or columns, of the image cross: first line behind, does it rise, and how far off."""
+
+    def some(image: NDArray) -> Array:
+        image = image.T if turned else image
+        return np.asarray(image[:: -(-len(image) // SECTIONS)], np.float64)
+
+    u = some(lines)
+    count = int(np.nanmax(u, initial=0)) + 2
+    ahead = np.diff(u, axis=1)
+    level = np.mean([some(images[k]) for k in steps], axis=0)  # half of the light
+    edge, rising, off = [np.zeros(0, np.int64)], [np.zeros(0, bool)], [np.zeros(0)]
+    for k in codes:
+        above = some(images[k]) - level
+        usual = float(np.abs(above[np.isfinite(u)]).mean()) if np.isfinite(u).any() else np.inf
+        climb = np.diff(above, axis=1)
+        row, col = np.nonzero((above[:, :-1] * above[:, 1:] < 0) & (np.abs(climb) > CLEAR * usual) & np.isfinite(ahead))
+        at = u[row, col] - above[row, col] / climb[row, col] * ahead[row, col]
+        rises = climb[row, col] * ahead[row, col] > 0
+        change = np.diff(brightness(patterns[k], np.arange(count)))
+        for way in (True, False):
+            known = np.flatnonzero(change > 0.5 if way else change < -0.5) + 1
+            own = at[rises == way]
+            if len(known) and len(own):
+                behind = np.searchsorted((known[1:] + known[:-1] - 1) / 2, own)
+                edge.append(known[behind])
+                off.append(own - known[behind] + 0.5)
+                rising.append(np.full(len(own), way))
+    return np.concatenate(edge), np.concatenate(rising), np.concatenate(off)
 
 
-def _edge(away: Array) -> Array:
-    """What a blurred edge of unit step passes, by the distance from it in blurs; looked up, as its pixels are many."""
-    return np.interp(away, PLACES, PASSED)
+def _of_periods(
+    patterns: Sequence[Pattern], images: Sequence[NDArray], lines: NDArray, steps: dict[float, list[int]]
+) -> str:
+    """Compare the finest period with the next one of which the field has some cycles."""
+    thin = tuple(slice(None, None, -(-n // (2 * SECTIONS))) for n in lines.shape)
+    u = np.asarray(lines[thin], np.float64)
+    valid = np.isfinite(u)
+    u = u[valid]
+    finest, *longer = (p for p in steps if np.ptp(u) > CYCLES * p)
+    if not longer:
+        return ""
+    other, places = longer[0], []
+    for period in (finest, other):
+        shifts = np.array([p.shift_rad for k in steps[period] if isinstance(p := patterns[k], Phase)])
+        A = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
+        _, c, s = np.linalg.pinv(A) @ np.array([images[k][thin][valid] for k in steps[period]], np.float64)
+        turn = np.arctan2(s, c) / (2 * pi)
+        places.append(period * (turn + np.round((u + 0.5) / period - turn)))
+    length = max(finest, other / len(steps[other]))  # of which the errors by a response are a whole part
+    part = np.floor((u + 0.5) / length).astype(np.int64)
+    own = (part > part.min()) & (part < part.max())  # whole ones
+    place, middle = _medians(part[own], (places[0] - places[1])[own], SCATTER * finest)
+    found = _steady(np.asarray((place + 0.5) * length - 0.5, np.float64), middle, np.ones(len(place), bool))
+    if found is None or not found.away:
+        return ""
+    return (
+        f"the phases of periods {finest:g} and {other:g} run apart, by {abs(found.away):.2f} lines over the field: "
+        f"they fit with a period of {finest / (1 + found.slope):.5g} lines, not {finest:g}, or of "
+        f"{other * (1 + found.slope):.5g}, not {other:g}"
+    )
 
 
-def _off(way: int, line: Array, edge: NDArray[np.intp], seen: Array, shown: Array, half: NDArray[np.bool_]) -> float:
-    """Where rising (1) or falling (-1) edges lie by the phase, lines from where the code has them; NaN if unknown."""
-    code, pixel = np.nonzero((way * (shown[:, edge] - shown[:, edge - 1]) > 0.9) & half)
-    if len(code) < LEAST:
-        return float("nan")
-    value = seen[code, pixel] if way > 0 else 1 - seen[code, pixel]
-    away = (line - edge)[pixel]
-    tried = np.arange(-REACH, REACH + STEP / 2, STEP)
-    cost = [np.abs(_edge((away - tried[:, None]) / blur) - value).mean(axis=1) for blur in BLURS_LINES]
-    return float(tried[np.unravel_index(np.argmin(cost), np.shape(cost))[1]])
+def _medians(key: NDArray[np.int64], values: Array, most: float) -> tuple[NDArray[np.int64], Array]:
+    """Medians of the values of each key, where enough of them agree to `most`."""
+    order = np.lexsort((values, key))
+    key, values = key[order], values[order]
+    first = np.flatnonzero(np.diff(key, prepend=-1))
+    count = np.diff(first, append=len(key))
+    use = count >= LEAST
+    first, count = first[use], count[use]
+    low, high = values[first + count // 4], values[first + 3 * count // 4]
+    agree = high - low < most
+    return key[first[agree]], values[first + count // 2][agree]
+
+
+def _steady(line: Array, off: Array, rising: NDArray[np.bool_]) -> Off | None:
+    """Fit a straight change, beside what rising and falling edges differ; what is not significant is 0."""
+    if len(line) < FEWEST or (not rising.all() and min(rising.sum(), (~rising).sum()) < 2):
+        return None
+    centre = line.mean()
+    A = np.stack([line - centre, np.ones(len(line)), np.where(rising, 0.5, -0.5)], axis=1)[:, : 2 + (not rising.all())]
+    use = np.ones(len(line), bool)
+    for _ in range(3):
+        found = np.linalg.lstsq(A[use], off[use], rcond=None)[0]
+        rest = off - A @ found
+        use = np.abs(rest) <= 4 * max(sigma_about_median(rest), 1e-3)
+        if use.sum() < FEWEST:
+            return None
+    sigma = np.sqrt(
+        np.sum(rest[use] ** 2) / max(use.sum() - A.shape[1], 1) * np.diag(np.linalg.pinv(A[use].T @ A[use]))
+    )
+    slope, middle = found[:2]
+    away, from_0 = float(slope * np.ptp(line)), float(slope * (centre + 0.5))
+    runs = abs(away) > AWAY and abs(slope) > SIGMAS * sigma[0] and abs(middle - from_0) < FROM_0 * abs(from_0)
+    beside = abs(middle) > BESIDE and abs(middle) > SIGMAS * sigma[1]
+    return Off(float(middle) * beside, away * runs, float(slope))

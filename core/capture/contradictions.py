@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.capture.lookup import dictionary, nearest
-from core.numerics import distinct, quantile_of
+from core.numerics import distinct
 from core.patterns import Axis, Code, Pattern, Phase, axis_of
 
 Array = NDArray[np.float32]
@@ -20,10 +20,6 @@ CONTRADICTION = 0.3  # squared distance, white = 1, after the response is taken 
 PER_FRAME = 0.03
 FAINT = 0.04  # amplitude of a wave, white = 1, from which it is judged
 NO_WAVE = 0.7  # what steps leave of a wave over its amplitude; square waves of few steps leave 0.4
-MOST_CELL = 2.0  # rad that half a cell may be of a period, for a phase that runs away to be seen at its ends
-LEAST_WAVE = 100  # pixels that tell it
-STEADY, RISES = 7.0, 5.5  # sigmas of how fast it does, from line 0 on and within what is seen
-GONE = 0.05  # of the pixels at the far end must have left the cell: where lines and pixels beat, phases drift within it
 WAVE_SLACK = 0.5  # rad that a phase may lie outside of its code's cell, for blur at the cells' edges
 
 
@@ -89,23 +85,9 @@ def _words(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> int:
     return len(distinct(2.0 ** np.arange(len(bright)) @ bright))
 
 
-@dataclass(frozen=True)
-class Wave:
-    """The steps of one period: where they have contrast, whether they make no wave, how far its phase is off the code.
-
-    `off` (n,) is in rad, from the middle of the code's cell; None where no code tells. `most` is half a cell.
-    """
-
-    period: float
-    strong: NDArray[np.bool_]
-    none: NDArray[np.bool_]
-    off: NDArray[np.float64] | None
-    most: float
-    line: NDArray[np.float64]
-
-
-def waves_of(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> Iterator[Wave]:
-    """Give the steps of each period that has three and more, at pixels of values (k, n)."""
+def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> NDArray[np.bool_]:
+    """Where phase steps make no wave, or a phase that the code's cell does not have (fine waves are faint)."""
+    bad = np.zeros(seen.shape[1], bool)
     coded = [k for k, p in enumerate(patterns) if isinstance(p, Code)]
     number, cell = np.zeros(seen.shape[1]), 0
     if coded:
@@ -123,46 +105,13 @@ def waves_of(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> Iterat
         found, *_ = np.linalg.lstsq(A, seen[steps].astype(np.float64), rcond=None)
         amplitude = np.hypot(found[1], found[2])
         rest = np.sqrt(np.mean((seen[steps] - A @ found) ** 2, axis=0))
-        line = (number + 0.5) * cell
-        phase = np.arctan2(found[2], found[1]) - 2 * np.pi * line / period
-        off = np.angle(np.exp(1j * phase)) if cell else None
         strong = (amplitude > FAINT) | (rest > FAINT)
-        yield Wave(period, strong, strong & (rest > NO_WAVE * amplitude), off, np.pi * cell / period, line)
-
-
-def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) -> NDArray[np.bool_]:
-    """Where phase steps make no wave, or a phase that the code's cell does not have (fine waves are faint)."""
-    bad = np.zeros(seen.shape[1], bool)
-    for wave in waves_of(seen, patterns, looked):
-        bad |= wave.none
-        allowed = wave.most + WAVE_SLACK
-        if wave.off is not None and allowed < 0.85 * np.pi:
-            bad |= wave.strong & (np.abs(wave.off) > allowed)
+        bad |= strong & (rest > NO_WAVE * amplitude)
+        phase = np.arctan2(found[2], found[1]) - 2 * np.pi * (number + 0.5) * cell / period
+        allowed = np.pi * cell / period + WAVE_SLACK
+        if cell and allowed < 0.85 * np.pi:
+            bad |= strong & (np.abs(np.angle(np.exp(1j * phase))) > allowed)
     return bad
-
-
-def runs_away(looked: Looked, waves: Sequence[Wave]) -> str:
-    """Say that a phase runs away from the code over the field, and leaves its cells: its period is another."""
-    for wave in waves:
-        use = wave.strong & ~wave.none
-        if wave.off is None or wave.most > MOST_CELL or np.count_nonzero(use) < LEAST_WAVE:
-            continue
-        off, line = wave.off[use], wave.line[use]
-        away = line - line.mean()
-        # phases are spread evenly in their cells, wherever these are; a wrong beginning alone is the same everywhere
-        slope, rise = (line @ off) / (line @ line), (away @ off) / (away @ away)
-        sigma, rise_sigma = (wave.most / np.sqrt(3 * (x @ x)) for x in (line, away))
-        far = np.sign(slope) * off[line > quantile_of(line, 2 / 3)]
-        gone = np.mean(far > wave.most + WAVE_SLACK)
-        if abs(slope) > STEADY * sigma and rise * np.sign(slope) > RISES * rise_sigma and gone > GONE:
-            drift = abs(slope) * np.ptp(line) * wave.period / (2 * np.pi)
-            period = 1 / (1 / wave.period + slope / (2 * np.pi))
-            along = "columns" if looked.axis == "x" else "rows"
-            return (
-                f"frames across {along}: the phase runs away from the code, by {drift:.1f} lines over the field: "
-                f"they fit with a period of {period:.4g} lines, not {wave.period:g}"
-            )
-    return ""
 
 
 def _response(seen: Array, expected: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

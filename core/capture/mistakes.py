@@ -48,10 +48,10 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
     off = {j: (misfit, name) for j in alone for own, misfit, name in [_shown(looked, j)] if own > min(misfit, SURE)}
     alone = list(off)
     shown = [(misfit, name, j) for j, (misfit, name) in off.items() if misfit < SURE]
-    if plain := [entry for entry in shown if entry[1] in PLAIN]:
-        return _one(looked, min(plain)[2], min(plain)[1])
     tried = [(contradicting(v, p, looked, FEW), text, p) for text, v, p in _descriptions(plan, values, looked)]
     least = min(left for left, _, _ in tried)
+    if plain := [entry for entry in shown if entry[1] in PLAIN and single[entry[2]][0] <= least + ALIKE]:
+        return _one(looked, min(plain)[2], min(plain)[1])
     wider = 1.0
     if looked.lines < _room(looked):
         wider = contradicting(looked.values, looked.patterns, replace(looked, lines=_room(looked)), FEW)
@@ -64,7 +64,7 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
         plainest: dict[tuple[str, ...], str] = {}
         for left, text, described in tried:
             changed = {type(p).__name__ for p, own in zip(described, looked.patterns, strict=True) if p != own}
-            if left <= least + ALIKE:
+            if left <= least + min(ALIKE, share / 10):
                 plainest.setdefault(tuple(sorted(changed)), text)
         return Note(f": {'; '.join(plainest.values())}", "mistake"), None
     if shown:
@@ -198,8 +198,8 @@ def _other_periods(period: float, codes: Sequence[Code]) -> list[float]:
 
 
 def _turns(phases: Sequence[Phase]) -> list[float]:
-    """Degrees by which steps may begin wrongly: one of them, sine taken for cosine, or the other half of a period."""
-    own = {round(360 / p.steps, 1) for p in phases}
+    """Degrees by which steps may begin wrongly: half a line, a step, sine taken for cosine, or half a period."""
+    own = {round(360 / p.steps, 1) for p in phases} | {round(180 / p.period, 1) for p in phases}
     return [sign * turn for turn in sorted({*own, 90.0}) for sign in (1, -1)] + [180.0]
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.capture.beside import beside_code
-from core.capture.contradictions import PIXELS, Looked, runs_away, waves_of
+from core.capture.contradictions import PIXELS, Looked
 from core.capture.exchanged import exchanged_frames
 from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines
 from core.capture.pixels import GRID, LEAST_LIT, bytes_exchanged, compressed, enlarged, mosaic
@@ -82,10 +82,14 @@ def check_stored(
     bad = {f.check for f in found if f.level == "bad"} - {"movement"}
     if phase is not None and bad <= {"lines"}:
         patterns = [f.pattern for f in capture.frames]
-        if jumping := exchanged_frames(patterns, [("x", phase.u, "columns"), ("y", phase.v, "rows")]):
+        maps: list[tuple[Axis, NDArray, str]] = [("x", phase.u, "columns"), ("y", phase.v, "rows")]
+        if jumping := exchanged_frames(patterns, maps):
             found = [f for f in found if f.check != "lines"]  # exchanged bits name lines that are not there
         if jumping or not bad:
             found += [*_hand(phase), *(jumping or (_planes(capture, phase) if capture.role != "object" else []))]
+        if not jumping and not bad:
+            own = [k for k, f in enumerate(capture.frames) if f.exposure_ms == (exposures[0] if exposures else None)]
+            found += beside_code([patterns[k] for k in own], [images[k] for k in own], maps)
     return [*found, *compressed(capture, images), *mosaic(capture, images)]
 
 
@@ -193,14 +197,7 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
             shown = () if shot is None else (shot,)
             figures = {"contradicting": share}
             found.append(Finding("identity", "bad", text + cause, figures, shown, names=cause.names))
-        elif told := _off_the_code(looked):
-            found.append(Finding("identity", "bad", told, shots=shots, names="mistake"))
     return found
-
-
-def _off_the_code(looked: Looked) -> str:
-    waves = [*waves_of(looked.values, looked.patterns, looked)]
-    return runs_away(looked, waves) or beside_code(looked, waves)
 
 
 def _hand(phase: PhaseMap) -> list[Finding]:
