@@ -14,7 +14,7 @@ captures.py  the same frames twice, grey values unlike the others', dots' diamet
 left_out.py  points and captures that had no part, with the reasons
 """
 
-from core.checks.captures import grey_concerns, repeated_frames, repeated_targets, size_concerns
+from core.checks.captures import grey_concerns, repeated_frames, repeated_planes, repeated_targets, size_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
 from core.checks.lens import lens_concerns
@@ -45,6 +45,7 @@ __all__ = [
     "pose_plates",
     "rejected_of",
     "repeated_frames",
+    "repeated_planes",
     "repeated_targets",
     "response_concerns",
     "see_plates",

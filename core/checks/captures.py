@@ -6,18 +6,21 @@ with the square of the dots' size.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from core.model import Capture, Concern, Frame, TargetSet, Testfield
+from core.model import Capture, Concern, Frame, PlaneEvaluation, TargetSet, Testfield
 from core.numerics import quantile_of
 from core.patterns import Pattern, alike, level_of
 
 MOST_NAMED = 4
 LEAST_COMMON = 8  # targets of two captures that are compared
 SAME = 0.2  # of sigma, r.m.s.: two images of a board that stands still differ by 1.4
+AT_ONE_PLACE = 2e-3  # of planes' normals, and of their distance over itself: what may be one
+ROUNDED = 0.4  # grey values: rounding once leaves 0.29, and two exposures 0.57 where their noise is but 0.3
 CAPTURES = 4  # that tell which gaps in the grey values are usual
 FEW = 0.25  # of the captures may be unlike the others; more are another setting, by choice
 GAPS, USUAL_GAPS = 0.1, 0.02  # of the grey values; brighter by a tenth leaves out a tenth
@@ -78,6 +81,34 @@ def repeated_targets(sets: Sequence[TargetSet]) -> list[Concern]:
             text = f"{b.capture} has the same targets as {a.capture}, to a fifth of their sigma: one capture measured "
             concerns.append(Concern("failed", f"{text}twice; take one out"))
     return concerns
+
+
+def repeated_planes(
+    evaluations: Sequence[PlaneEvaluation], pairs: Callable[[str, str], Iterable[tuple[NDArray, NDArray]]]
+) -> dict[str, str]:
+    """Find planes whose frames are another's, whatever became of the files, and give the other's name by theirs.
+
+    `pairs` gives images of two captures under the same stripes. A camera's noise is another in each; frames that were
+    written again, or scaled, follow from the first ones but for rounding.
+    """
+    repeated: dict[str, str] = {}
+    for a, b in combinations(evaluations, 2):
+        together = (a.method, a.devices) == (b.method, b.devices) and not {a.capture, b.capture} & {*repeated}
+        if together and np.abs((a.plane - b.plane) / (1, 1, 1, abs(a.plane[3]) or 1)).max() < AT_ONE_PLACE:
+            off = [_beyond_rounding(*pair) for pair in pairs(a.capture, b.capture)]
+            if off and max(off) < ROUNDED:
+                repeated[b.capture] = a.capture
+    return repeated
+
+
+def _beyond_rounding(a: NDArray, b: NDArray) -> float:
+    """R.m.s. of what one image leaves of the other where it is bright and neither clipped, in the coarser's values."""
+    x, y = (image.astype(np.float64).ravel() for image in (a, b))
+    use = (x > x.mean()) & (x < x.max()) & (y > y.min()) & (y < y.max())
+    if a.shape != b.shape or use.sum() < LEAST_COMMON or np.ptp(x[use]) == 0:
+        return np.inf
+    gain, offset = np.polyfit(x[use], y[use], 1)
+    return float(np.sqrt(np.mean((y[use] - gain * x[use] - offset) ** 2)) / max(1.0, abs(gain)))
 
 
 def _told(a: str, b: str, pairs: list[tuple[Frame, Frame]], frames: int) -> Concern:

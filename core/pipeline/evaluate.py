@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from core.model import (
     PointCloud,
     Project,
 )
+from core.patterns import axis_of
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import from_phase_maps
 from core.pipeline.evidence import because_of
@@ -32,9 +33,11 @@ from core.pipeline.views import joint_clouds
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
 from core.project.contents import contents_of
+from core.project.images import Image, read_image
 from core.project.lock import read_only, writing_results
 
 TOGETHER = "all devices"  # in place of the projector, where all that saw a point made it
+COMPARED = 3  # frames of planes that stand at one place
 OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to a plane
 
 Row = tuple[PlaneEvaluation, float, Sequence[str]]  # what the calibration alone makes of it, what is said of it
@@ -97,7 +100,7 @@ def _evaluate(
 def _judge(
     project: Project, planes: Sequence[Capture], calibrations: Mapping[Method, Calibration], progress: Progress
 ) -> tuple[PlaneEvaluation, ...]:
-    from core.checks import end_notes, light_end
+    from core.checks import end_notes, light_end, repeated_planes
 
     of_whole = {capture.name: capture for capture in planes}
 
@@ -128,7 +131,17 @@ def _judge(
         devices = {n for c in calibrations.values() for n in getattr(c, "devices", ())}
         raise InputError(project.path, f"no plane by the calibrated {', '.join(sorted(devices))}", "capture one")
     progress.check()
-    return _told(found, calibrations, end_notes(ends, project.projector))
+    by_name = {capture.name: capture for capture in planes}
+    repeated = repeated_planes([row for row, *_ in found], lambda a, b: _same_stripes(by_name[a], by_name[b]))
+    return _told(found, calibrations, end_notes(ends, project.projector), repeated)
+
+
+def _same_stripes(a: Capture, b: Capture) -> Iterator[tuple[Image, Image]]:
+    """Give images of two captures by the same devices under the same pattern, of some that vary over the field."""
+    shown = {(f.pattern, f.camera, f.projector, f.exposure_ms): f for f in a.frames if axis_of(f.pattern) is not None}
+    both = [(shown[key], f) for f in b.frames if (key := (f.pattern, f.camera, f.projector, f.exposure_ms)) in shown]
+    for f, g in both[-COMPARED:]:
+        yield read_image(f.path), read_image(g.path)
 
 
 def judge_plane(
@@ -162,7 +175,10 @@ def _of_pair(
 
 
 def _told(
-    found: Sequence[Row], calibrations: Mapping[Method, Calibration], more: Mapping[str, str]
+    found: Sequence[Row],
+    calibrations: Mapping[Method, Calibration],
+    more: Mapping[str, str],
+    repeated: Mapping[str, str] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Put verdicts on planes, with `more` notes by capture."""
     calibrated = {(row.capture, row.method, *row.devices): rms for row, rms, _ in found}
@@ -172,7 +188,7 @@ def _told(
     order = list(METHODS)
     verdicts = {m: c.verdict for m, c in calibrations.items() if c.verdict is not None}
     result = sorted((row for row, *_ in found), key=lambda e: order.index(e.method))
-    return judge_planes(result, calibrated, notes, verdicts)
+    return judge_planes(result, calibrated, notes, verdicts, repeated)
 
 
 def covers(calibration: Calibration, phase: PhaseMap, project: Project) -> bool:

@@ -63,18 +63,24 @@ def judge_planes(
     calibration_rms_mm: Mapping[tuple[str, Method, str, str], float],
     notes: Mapping[str, Sequence[str]] | None = None,
     verdicts: Mapping[Method, Verdict] | None = None,
+    repeated: Mapping[str, str] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Judge planes, each against its prediction and all against each other.
 
     `calibration_rms_mm` is by capture, method, camera and projector what the calibration's own uncertainty adds to the
     deviations; `notes` is by capture what it says of itself; `verdicts` are those of the calibrations, which no plane's
-    is better than.
+    is better than; `repeated` gives by capture the one whose frames it has, too.
     """
     from core.checks import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 
-    common: list[Concern] = []
-    for devices in dict.fromkeys(e.devices for e in evaluations):
-        common += pair_concerns([e for e in evaluations if e.devices == devices])
+    common = [
+        Concern("failed", f"{b} shows the frames of {a}, but for their scale: copied there? Record one again", name)
+        for b, a in (repeated or {}).items()
+        for name in (a, b)
+    ]
+    single = [e for e in evaluations if e.capture not in (repeated or {})]
+    for devices in dict.fromkeys(e.devices for e in single):
+        common += pair_concerns([e for e in single if e.devices == devices])
     judged = []
     forms: dict[int, Form] = {}
 

@@ -275,7 +275,12 @@ KINDS: dict[str, tuple[Change, str]] = {
     "each frame stretched in one capture": (frames(stretched, "testfield-03"), "testfield-03"),
     "exposed over two patterns": (frames(neighbours_averaged), "frame|light|pattern"),
     "exposed over two patterns in one": (frames(neighbours_averaged, "testfield-03"), "testfield-03"),
-    "a plane's frames of another plane": (copied("plane+00", "plane+15", again=True), "angle|same"),
+    "a plane's frames of another plane": (copied("plane+00", "plane+15", again=True), r"plane\+15 .* frames (of|as) plane\+00"),
+    "a plane's frames of another plane, darker": (
+        both(copied("plane+00", "plane+15"), frames(lambda f: [0.9 * i + 2 for i in f], "plane+15")),
+        r"plane\+15 .* frames of plane\+00",
+    ),
+    "period +0.3 %": (patterns(of("phase", period=lambda p: p["period"] * 1.003)), "period"),
     "a plate's frames of another plate": (copied("depth-02", "depth-04", again=True), "depth-0[24]|where capture.json says"),
 }  # fmt: skip
 

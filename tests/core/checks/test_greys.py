@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from core.capture.pixels import gaps_among
-from core.checks import grey_concerns, repeated_frames
-from core.model import Capture, Frame, TargetSet
+from core.checks import grey_concerns, repeated_frames, repeated_planes
+from core.model import Capture, Frame, PlaneEvaluation, TargetSet
 from core.patterns import Code
 
 Images = list[np.ndarray]
@@ -81,3 +81,29 @@ def test_frames_of_one_grey_value_may_stand_in_many_captures() -> None:
     assert repeated_frames(captures, (4, 4), contents, lambda frame: frame.place.endswith("0.png")) == []
     (concern,) = repeated_frames(captures, (4, 4), contents, lambda frame: False)
     assert concern.text.startswith("b: 0.png also stands in a")
+
+
+COPIES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "as they are": lambda i: i,
+    "darker": lambda i: np.round(0.7 * i + 3),
+    "brighter, clipped": lambda i: np.minimum(np.round(1.3 * i), 255),
+}
+
+
+@pytest.mark.parametrize("noise", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize("kind", list(COPIES))
+def test_planes_of_the_same_frames_are_told_from_planes_that_stood_still(kind: str, noise: float) -> None:
+    images = {name: taken(8, noise, seed) for seed, name in enumerate("ab")}
+    images["c"] = [COPIES[kind](i) for i in images["a"]]
+
+    def pairs(a: str, b: str) -> list[tuple[np.ndarray, np.ndarray]]:
+        return [*zip(images[a][-3:], images[b][-3:], strict=True)]
+
+    def planes(*distances_mm: float) -> list[PlaneEvaluation]:
+        at = [np.array([0, 0, 1, -mm]) for mm in distances_mm]
+        return [
+            PlaneEvaluation(name, 0, "m", 9, 0.1, 0.3, -0.3, 0.1, 0, "", p) for name, p in zip("abc", at, strict=True)
+        ]
+
+    assert repeated_planes(planes(600, 600, 600.1), pairs) == {"c": "a"}
+    assert repeated_planes(planes(600, 600, 650), pairs) == {}
