@@ -12,6 +12,7 @@ from core.calibrate.columns import without_unobservable
 from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
 from core.calibrate.elimination import invert
 from core.calibrate.equations import Equations, linearise, misclosures
+from core.calibrate.from_images import located_by_images, on_a_line
 from core.calibrate.groups import without, wrong_group
 from core.calibrate.initial import initial_state, misplaced, oriented_anew
 from core.calibrate.iterate import NotConvergedError, iterate
@@ -106,7 +107,8 @@ def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Prog
 def solve_network(network: Network, options: AdjustOptions, progress: Progress = SILENT) -> tuple[Solved, Warnings]:
     """Adjust a network, reject gross errors where the options say so, and collect what weakens it.
 
-    Where that fails and would not with mirrored images, the error says so.
+    Where that fails and would not with mirrored images, the error says so. Of a network of others, whose approximate
+    coordinates may be none, the images alone are tried then.
     """
     check_network(network)
     try:
@@ -114,12 +116,17 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
     except _SettledError:
         raise
     except AdjustmentError:
-        every = tuple(network.devices)
-        if _fits(_mirrored(network, every), options):
+        every = () if on_a_line(network.point_xyz_mm) else tuple(network.devices)
+        if every and _fits(_mirrored(network, every), options):
             raise mirrored_error(", ".join(every)) from None
         single = every if len(every) > 1 else ()
         if alone := [name for name in single if _fits(_mirrored(network, (name,)), options)]:
             raise mirrored_error(" or ".join(alone)) from None
+        if not network.point_ids and (located := located_by_images(network)):
+            with suppress(AdjustmentError):
+                solved, warnings = _solved(located[0], options, progress)
+                if solved.variance < FITTING**2:
+                    return solved, [*located[1], *warnings]
         raise
 
 

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from core.calibrate.columns import resect_columns
 from core.calibrate.equations import misclosures
 from core.calibrate.problem import Problem, problem_of
-from core.calibrate.selection import Warnings, known_points
+from core.calibrate.selection import Bools, Warnings, known_points
 from core.calibrate.state import State, interior_of
 from core.calibrate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable
 from core.errors import AdjustmentError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix, undistort
-from core.model import Array, Network
+from core.model import Array, Ints, Network
 
 OTHER_SIZE = 0.2  # of the logarithm of a scale: no board is printed that wrongly
 MOST_CONDITION = 1e6  # of a point's normal equations: rays a milliradian apart
@@ -67,10 +67,7 @@ def _of_known_points(network: Network, known: NDArray[np.bool_]) -> Network:
 
 
 def _intersected(problem: Problem, state: State, known: NDArray[np.bool_]) -> State:
-    """Intersect the points that are not known from the oriented stations.
-
-    ``x Z + c X = 0`` and its twin in y are linear in a point's coordinates. Poses that fit worse than most count less.
-    """
+    """Intersect the points that are not known from the oriented stations; poses that fit worse than most count less."""
     at = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2] * [1, -1]
     turn, base = state.relative_rotation[problem.device], state.pose_rotation[problem.pose]
     R = turn @ base
@@ -81,19 +78,28 @@ def _intersected(problem: Problem, state: State, known: NDArray[np.bool_]) -> St
         plain = at[own] - [interior.x0_mm, interior.y0_mm]
         straight = undistort(interior, at[own])
         tangents[own] = np.where(np.isfinite(straight), straight, plain) / interior.c_mm
-    rows = tangents[:, :, None] * R[:, 2:] + R[:, :2]
-    right = -(tangents * t[:, 2:] + t[:, :2])
     usual = _medians(problem.pose, _misfits(problem, state))
     middle = max(float(np.median(usual)), 1.0)
     seen = (problem.root_weight > 0) * (middle / np.maximum(usual, middle))[problem.pose, None] ** 2
-    N, b = np.zeros((len(known), 3, 3)), np.zeros((len(known), 3))
-    np.add.at(N, problem.point, np.einsum("mk,mki,mkj->mij", seen, rows, rows))
-    np.add.at(b, problem.point, np.einsum("mk,mki,mk->mi", seen, rows, right))
-    sure = ~known & np.isfinite(N).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
+    xyz, sure = intersections(problem.point, tangents, R, t, seen, len(known))
+    return replace(state, xyz=np.where((sure & ~known)[:, None], xyz, state.xyz))
+
+
+def intersections(point: Ints, tangents: Array, R: Array, t: Array, weight: Array, count: int) -> tuple[Array, Bools]:
+    """Intersect a number of points, (n, 3), and say which the rays tell.
+
+    The rays are those of tangents ``-X/Z, -Y/Z`` (m, 2) with weights (m, 2) in devices at poses R (m, 3, 3), t (m, 3):
+    ``x Z + c X = 0`` and its twin in y are linear in a point's coordinates.
+    """
+    rows, right = tangents[:, :, None] * R[:, 2:] + R[:, :2], -(tangents * t[:, 2:] + t[:, :2])
+    N, b = np.zeros((count, 3, 3)), np.zeros((count, 3))
+    np.add.at(N, point, np.einsum("mk,mki,mkj->mij", weight, rows, rows))
+    np.add.at(b, point, np.einsum("mk,mki,mk->mi", weight, rows, right))
+    sure = np.isfinite(N).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
     sure[sure] = np.linalg.cond(N[sure]) < MOST_CONDITION
-    xyz = state.xyz.copy()
+    xyz = np.zeros((count, 3))
     xyz[sure] = np.linalg.solve(N[sure], b[sure][..., None])[..., 0]
-    return replace(state, xyz=xyz)
+    return xyz, sure
 
 
 def misplaced(network: Network, problem: Problem, state: State) -> tuple[Network, Problem, State, Warnings]:

@@ -50,21 +50,21 @@ def resect_despite_errors(points: Array, tangents: Array) -> list[Pose]:
     """
     poses = resect(points, tangents)
     size = float(np.mean(np.linalg.norm(tangents - np.median(tangents, axis=0), axis=1)))
-    left = [_residuals(p, points, tangents) for p in poses]
+    left = [residuals_of(p, points, tangents) for p in poses]
     if any(r.max() < OUTLYING * np.median(r) and np.median(r) < MISFIT * size for r in left) or len(points) <= DRAWN:
         return poses
     rng, best = np.random.default_rng(0), np.full(len(points), MISFIT * size)
     for _ in range(DRAWS):
         draw = rng.choice(len(points), DRAWN, replace=False)
         for pose in resect(points[draw], tangents[draw]):
-            residuals = _residuals(pose, points, tangents)
+            residuals = residuals_of(pose, points, tangents)
             if np.median(residuals) < np.median(best):
                 best = residuals
     agree = best < OUTLYING * np.median(best)
     return poses if agree.all() else resect(points[agree], tangents[agree]) or poses
 
 
-def _residuals(pose: Pose, points: Array, tangents: Array) -> Array:
+def residuals_of(pose: Pose, points: Array, tangents: Array) -> Array:
     """Distances in the image over the principal distance, shape (n,); infinite behind the device."""
     X, Y, Z = pose.apply(points).T
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core.calibrate import adjust
+from core.errors import AdjustmentError
 from core.model import DeviceSpec, Interior
 
 SHARE = 8  # one point in so many is misplaced
@@ -55,3 +56,29 @@ def test_rough_points_of_a_flat_field_far_away_do_not_turn_stations_over(simulat
     lens = {"use": ("camera",), "camera": camera, "camera_truth": truth, "estimate": ("c", "A1")}
     result = adjust(simulate(seed=seed, approximation_mm=6.0, **far, **lens).network)
     assert result.sigma0 == pytest.approx(1.0, abs=0.1)  # redundancy of 1600: sigma 0.02
+
+
+@pytest.mark.parametrize("known", [3, 0])
+def test_points_without_approximate_coordinates_are_found_from_the_images_alone(simulate, known) -> None:
+    """Three corners are held and all other points said to be at one place; or every point anywhere."""
+    simulated = simulate(use=("camera",), poses=8, scale=False)
+    n, rng = len(simulated.points_mm), np.random.default_rng(3)
+    held = np.isin(np.arange(n), [0, 7, n - 1][:known])
+    said = np.where(held[:, None], simulated.points_mm, 0.0 if known else rng.normal(scale=100, size=(n, 3)))
+    sigma = np.where(held[:, None], 0.0, np.inf) * np.ones(3)
+    found = adjust(replace(simulated.network, point_xyz_mm=said, point_sigma_mm=sigma if known else None))
+    assert any("were intersected from the images alone" in warning for warning in found.warnings)
+    camera, true = found.devices["camera"], simulated.interior["camera"].vector
+    # nine parameters, and what 45 points leave of the truth in the datum of the held ones
+    assert np.abs((camera.interior.vector - true) / camera.sigma).max() < 4
+    if known:
+        spread = np.sqrt(np.diagonal(found.point_cov_mm2, axis1=1, axis2=2))[~held]
+        assert np.abs((found.points_mm - simulated.points_mm)[~held] / spread).max() < 5
+
+
+@pytest.mark.parametrize("said", [np.zeros(3), np.array([50.0, 20.0, 10.0])])
+def test_points_on_one_line_are_refused(simulate, said) -> None:
+    network = simulate(use=("camera",), poses=4).network
+    network = replace(network, point_xyz_mm=np.arange(len(network.point_names))[:, None] * said, scale=None)
+    with pytest.raises(AdjustmentError, match="points lie on one line, or all at one place"):
+        adjust(network)
