@@ -6,6 +6,7 @@ remedy. The state of a verdict is that of its worst concern.
 network.py   the bundle adjustment: chi-square test, systematic residuals, gross errors, nominal values
 lens.py      parameters of a lens that were not estimated, though the residuals ask for them
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
+boards.py    ... which of a board's targets its file misplaces
 plates.py    ... where the plates stood, seen by camera and projector
 volume.py    how sure a calibration is over the working volume, and how far two differ in it
 planes.py    deviations from planes: form apart from noise, angles, one method against the other
@@ -14,6 +15,7 @@ captures.py  the same frames twice, grey values unlike the others', dots' diamet
 left_out.py  points and captures that had no part, with the reasons
 """
 
+from core.checks.boards import misplaced_concerns
 from core.checks.captures import grey_concerns, repeated_frames, repeated_planes, repeated_targets, size_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
@@ -38,6 +40,7 @@ __all__ = [
     "length_concerns",
     "lens_concerns",
     "light_end",
+    "misplaced_concerns",
     "nominal_concerns",
     "pair_concerns",
     "plane_concerns",

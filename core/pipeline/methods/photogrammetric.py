@@ -112,7 +112,15 @@ def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: A
 
 
 def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibration) -> Judgement:
-    from core.checks import adjustment_concerns, left_out_of, lens_concerns, nominal_concerns, rejected_of, sound_words
+    from core.checks import (
+        adjustment_concerns,
+        left_out_of,
+        lens_concerns,
+        misplaced_concerns,
+        nominal_concerns,
+        rejected_of,
+        sound_words,
+    )
 
     adjustment, targets = evidence.beside[ADJUSTMENT], evidence.targets(name)
     assert isinstance(adjustment, Adjustment)
@@ -120,6 +128,7 @@ def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibratio
     concerns = [
         *adjustment_concerns(adjustment, rejected),
         *lens_concerns(adjustment),
+        *misplaced_concerns(common_testfield(evidence.used[name]), adjustment, targets),
         *(c for c in evidence.lengths if c.about != "plates"),  # which the adjustment does not use
         *nominal_concerns(calibration.devices, evidence.project.rig.cameras),
     ]

@@ -10,7 +10,7 @@ import math
 import os
 import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -20,6 +20,7 @@ from core.checks import (
     adjustment_concerns,
     foreign_concerns,
     length_concerns,
+    misplaced_concerns,
     nominal_concerns,
     repeated_targets,
     see_plates,
@@ -57,6 +58,7 @@ def judge(p: Project) -> Verdict:
     concerns = [
         *repeated_targets(p.fields),
         *adjustment_concerns(adjustment, rejected),
+        *misplaced_concerns(p.board, adjustment, p.fields),
         *length_concerns(adjustment, p.board, p.scale, plates, False),
         *nominal_concerns({"camera": calibration.camera, "projector": calibration.projector}),
     ]
@@ -134,6 +136,21 @@ def both_boards(p: Project, factor: float) -> Project:
     return replace(p, board=scaled(p.board, factor), plate=scaled(p.plate, factor))
 
 
+def misplaced(p: Project, row: int, col: int, x: float = 0.0, z: float = 0.0, *, seen: bool = True) -> Project:
+    """One target's place in the file wrong; beyond a tenth of the spacing no image is seen to have it."""
+    xyz = p.board.xyz_mm.copy()
+    xyz[p.board.index()[row, col]] += (x, 0, z)
+    fields = p.fields if seen else tuple(without(t, row, col) for t in p.fields)
+    return replace(p, board=replace(p.board, xyz_mm=xyz), fields=fields)
+
+
+def without(t: TargetSet, row: int, col: int) -> TargetSet:
+    """A set without one target."""
+    keep = (t.row != row) | (t.col != col)
+    arrays = {f.name: v[keep] for f in fields(t) if isinstance(v := getattr(t, f.name), np.ndarray)}
+    return replace(t, **arrays)  # type: ignore[arg-type]
+
+
 BAR, BOARD, PLATE, Z = "scale bar", r"testfield\b.*testfield\.csv", "plate's board", "plate positions"
 KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
     "bar +0.5 %": (lambda p: bar(p, 1.005), f"{BAR}.*1.00"),
@@ -158,6 +175,18 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
     "board in inches": (lambda p: replace(p, board=scaled(p.board, 1 / 25.4)), f"{BOARD}.*inches"),
     "board's x x1.03": (lambda p: replace(p, board=scaled(p.board, 1.03, 1.0)), r"testfield\.csv: x is stretched"),
     "board's y x1.01": (lambda p: replace(p, board=scaled(p.board, 1.0, 1.01)), r"testfield\.csv: x is stretched"),
+    "board's target 10 mm off": (
+        lambda p: misplaced(p, 3, 4, 10, seen=False),
+        r"target 3/4 is seen nowhere.* 10 mm beside its row and column \(\+10.00, ",
+    ),
+    "board's target 2 mm off": (
+        lambda p: misplaced(p, 2, 5, 2),
+        r"target 2/5 is seen (2|1\.[89]|2\.[12]) mm.*\(-",
+    ),
+    "board's target 4 mm too high": (
+        lambda p: misplaced(p, 1, 1, z=4),
+        r"target 1/1 is seen (4|3\.[89]|4\.[012]) mm from",
+    ),
     "plate's board x1.05": (lambda p: replace(p, plate=scaled(p.plate, 1.05)), f"{PLATE}.*1.0"),
     "plate's board in cm": (lambda p: replace(p, plate=scaled(p.plate, 0.1)), f"{PLATE}.*cm"),
     "plate's board x x1.03": (lambda p: replace(p, plate=scaled(p.plate, 1.03, 1.0)), "plate's .*x is stretched"),

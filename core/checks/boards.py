@@ -1,0 +1,79 @@
+"""Single targets whose place in a board's file is wrong: images have them elsewhere, or nowhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from core.checks.lengths import nominal_of
+from core.geometry import similarity
+from core.model import Adjustment, Array, Concern, TargetSet, Testfield
+from core.numerics import median_of, nearest
+
+FAR = 5.0  # times what half of the targets are off: of 250 with normal errors one is so far once in 10⁵ boards
+OFF = 0.03  # of the spacing: single dots are printed better than that
+EVEN, LEAST = 0.01, 12  # of the spacing, by which targets are off the even grid of a board of so many
+UNSEEN = 0.08  # of the spacing: a target that is so far off the grid, and in none of
+CAPTURES = 4  # or more captures
+AROUND, MOST = 8, 3  # targets about each; and that may be wrong by mistake
+
+
+def misplaced_concerns(board: Testfield, adjustment: Adjustment, sets: Sequence[TargetSet]) -> list[Concern]:
+    """Compare single targets with their adjusted places, and those that no capture has with their rows and columns."""
+    spacing = _spacing(board.xyz_mm)
+    told = [*_elsewhere(board, adjustment, spacing), *(_nowhere(board, sets, spacing) if len(sets) >= CAPTURES else [])]
+    if len(told) > MOST:
+        return []
+    remedy = "correct its x_mm, y_mm and z_mm in the testfield file"
+    return [Concern("doubtful", f"testfield: {text}: {remedy}", "board") for text in told]
+
+
+def _elsewhere(board: Testfield, adjustment: Adjustment, spacing: float) -> list[str]:
+    """Tell targets that were adjusted to another place than the file has, against those around: boards bend."""
+    nominal = nominal_of(adjustment, board)
+    known = np.flatnonzero(np.isfinite(nominal).all(axis=1))
+    if len(known) < LEAST:
+        return []
+    nominal, sigma = nominal[known], np.sqrt(np.trace(adjustment.point_cov_mm2[known], axis1=1, axis2=2))
+    scale, R, shift = similarity(nominal, adjustment.points_mm[known])
+    off = (adjustment.points_mm[known] - shift) @ R / scale - nominal
+    off -= np.median(off[nearest(nominal, AROUND + 1)[:, 1:]], axis=1)
+    size = np.linalg.norm(off, axis=1)
+    usual = median_of(size)
+    return [
+        f"target {adjustment.network.point_names[known[k]]} is seen {size[k]:.2g} mm from where the file has it ("
+        f"{off[k, 0]:+.2f}, {off[k, 1]:+.2f}, {off[k, 2]:+.2f}), half of the others within {usual:.2g} mm"
+        for k in np.flatnonzero(size > np.maximum(max(FAR * usual, OFF * spacing), FAR * sigma)).tolist()
+    ]
+
+
+def _nowhere(board: Testfield, sets: Sequence[TargetSet], spacing: float) -> list[str]:
+    """Tell targets that no capture has, and that the file has beside their row and column, where the others are not."""
+    seen = {key for t in sets for key in zip(t.row.tolist(), t.col.tolist(), strict=True)}
+    off = _off_grid(board)
+    size = np.linalg.norm(off, axis=1)
+    if len(size) < LEAST or median_of(size) > EVEN * spacing:
+        return []
+    return [
+        f"target {row}/{col} is seen nowhere, and the file has it {size[k]:.3g} mm beside its row and column ("
+        f"{off[k, 0]:+.2f}, {off[k, 1]:+.2f}, {off[k, 2]:+.2f})"
+        for (row, col), k in board.index().items()
+        if (row, col) not in seen and size[k] > UNSEEN * spacing
+    ]
+
+
+def _spacing(xyz: Array) -> float:
+    """Median distance of a target from the nearest other one."""
+    return median_of(np.linalg.norm(xyz - xyz[nearest(xyz, 2)[:, 1]], axis=1)) if len(xyz) > 1 else np.inf
+
+
+def _off_grid(board: Testfield) -> Array:
+    """How far each target is off its place in an even grid of rows and columns, (n, 3), mm."""
+    A = np.column_stack([board.row, board.col, np.ones(len(board.row))])
+    use = np.ones(len(A), bool)
+    for _ in range(4):
+        off = board.xyz_mm - A @ np.linalg.lstsq(A[use], board.xyz_mm[use], rcond=None)[0]
+        size = np.linalg.norm(off, axis=1)
+        use = size <= max(FAR * median_of(size[use]), 1e-6)
+    return np.asarray(off)
