@@ -83,11 +83,12 @@ def _oriented_pairs(views: Views, common: Ints, one: int, other: int) -> list[tu
     found = []
     matrices, _ = cv2.findEssentialMat(a, b, np.eye(3), method=cv2.LMEDS, prob=0.9999)
     for E in [] if matrices is None else matrices.reshape(-1, 3, 3):
-        _, R, t, before = cv2.recoverPose(E, a, b, np.eye(3))
-        rays = [np.column_stack([xy, np.ones(len(xy))]) for xy in (a, b)]
-        rays = [ray / np.linalg.norm(ray, axis=1, keepdims=True) for ray in (rays[0] @ R.T, rays[1])]
-        sines = np.linalg.norm(np.cross(*rays), axis=1)[before.ravel() > 0]
-        found.append((float(sines.sum()), {one: Pose(), other: Pose(FLIP @ R @ FLIP, FLIP @ t.ravel())}))
+        _, turn, shift, before = cv2.recoverPose(E, a, b, np.eye(3))
+        R, t = np.asarray(turn, np.float64), np.asarray(shift, np.float64).ravel()
+        rays = (np.column_stack([xy, np.ones(len(xy))]) for xy in (a, b))
+        first, second = (ray / np.linalg.norm(ray, axis=1, keepdims=True) for ray in rays)
+        sines = np.linalg.norm(np.cross(first @ R.T, second), axis=1)[before.ravel() > 0]
+        found.append((float(sines.sum()), {one: Pose(), other: Pose(FLIP @ R @ FLIP, FLIP @ t)}))
     return found
 
 
@@ -95,7 +96,7 @@ def _grown(views: Views, poses: dict[int, Pose], points: int) -> Array:
     """Resect the other stations one by one, that which sees most of the model first; give its points (n, 3)."""
     while True:
         model = _intersected(views, poses, points)
-        seen = np.isfinite(model).all(axis=1)
+        seen = np.asarray(np.isfinite(model).all(axis=1))
         waiting = {s: int(seen[views[s][0]].sum()) for s in views if s not in poses}
         for station in sorted(waiting, key=lambda s: -waiting[s]):
             point, tangents = views[station]

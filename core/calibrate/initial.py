@@ -95,7 +95,7 @@ def intersections(point: Ints, tangents: Array, R: Array, t: Array, weight: Arra
     N, b = np.zeros((count, 3, 3)), np.zeros((count, 3))
     np.add.at(N, point, np.einsum("mk,mki,mkj->mij", weight, rows, rows))
     np.add.at(b, point, np.einsum("mk,mki,mk->mi", weight, rows, right))
-    sure = np.isfinite(N).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
+    sure = np.asarray(np.isfinite(N).all(axis=(1, 2)) & np.isfinite(b).all(axis=1))
     sure[sure] = np.linalg.cond(N[sure]) < MOST_CONDITION
     xyz = np.zeros((count, 3))
     xyz[sure] = np.linalg.solve(N[sure], b[sure][..., None])[..., 0]
