@@ -25,6 +25,7 @@ estimate.py   on demand: every pixel adjusted to all its frames, the blur found 
   refined.py    its kernels
 footprint.py  coordinates that edges have drawn to the brighter side, and light from beside
 islands.py    coordinates that nothing around vouches for
+neighbours.py orders of fringes that a pixel leaves open and its neighbours tell
 mixed.py      pixels that see two surfaces at once
 detours.py    light that reaches a surface by a second way
 moved.py      edges of a code beside the phases' place of them, by light from near

@@ -27,6 +27,7 @@ from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.late import late_frames
 from core.decode.likelihood import decode_words, has_words
 from core.decode.mixed import doubt_mixtures, drop_vague
+from core.decode.neighbours import ask_neighbours
 from core.decode.noise import Noise, contrasts
 from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
@@ -48,6 +49,7 @@ from core.decode.sample import (
 from core.decode.sections import decode_sections, measure_ripple, section_scratch
 from core.decode.tables import (
     CODE,
+    NOTHING,
     PHASES,
     SWEEP,
     Array,
@@ -247,6 +249,8 @@ def _mend(
     if at_rim:
         drop_rim(u, sigma, flags, float(table.lines), float(table.rim), missing)
     drop_islands(u, sigma, flags, missing, farthest(table))
+    used = sum(int(flag) for flag, each in zip(MISSING, seen.tables, strict=True) if each.start != NOTHING)
+    ask_neighbours(images, table, telling, sequence.image_rows, (u, sigma, flags, missing), used)
     if any(wave.axis == axis for wave in sequence.waves) and not sequence.squares[axis]:
         take_ripple_out(u, sigma)
     if table.start == CODE and table.gray and not len(table.period):

@@ -68,7 +68,7 @@ def contradiction(
         return None
     pairs = look_at(coordinates)
     shown = [image[np.ix_(pairs.rows, pairs.columns)] for image in images]
-    place, turns, variance, lit, amplitude = _decoded(shown, table, limits, image_rows)
+    place, turns, variance, lit, amplitude = decoded_at(shown, table, limits, image_rows)
     period = table.period[:, None]
     apart = period * turns - (place + HALF)
     apart -= period * np.rint(apart / period)
@@ -180,7 +180,7 @@ def refuse_open_orders(
         if len(row) == 0:
             continue
         row += top
-        found, phases, variance, *_ = _decoded([image[row, column] for image in images], table, limits, image_rows)
+        found, phases, variance, *_ = decoded_at([image[row, column] for image in images], table, limits, image_rows)
         stand = np.empty(len(row), np.bool_)
         orders_stand(table, phases, variance, more[row, column], found, stand)
         row, column = row[~stand], column[~stand]
@@ -194,7 +194,7 @@ def _beyond(medians: Array) -> Array:
     return np.asarray(np.maximum(medians[1] / MEDIAN_OF_SQUARE - medians[2], 0))
 
 
-def _decoded(
+def decoded_at(
     shown: Sequence[Image], table: AxisTable, limits: Limits, image_rows: Rows
 ) -> tuple[Singles, Singles, Singles, NDArray[np.bool_], Singles]:
     """Coordinates (n,), NaN where invalid; phases (turns) and their variances (J, n); what is lit; the amplitude."""

@@ -224,13 +224,17 @@ def unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ig
     if table.start != CODE and len(table.period) > 1:
         for i in range(count):
             if flags[i] != NONE and flags[i] & ~(UNSURE | DISAGREEMENT) == NONE:
-                found, clear = _search(table, turns, variance, F(0), i, place[i])
+                found, best, second = search(table, turns, variance, F(0), i, place[i])
+                clear = best < FITTING and second - best > EVIDENCE
                 place[i], flags[i] = (found, NONE) if clear else (place[i], flags[i])
 
 
 @part
-def _search(table, turns, variance, more, i, place):  # type: ignore[no-untyped-def]
-    """The likeliest place of a pixel on the projector; if it clearly is. `more` is added to all variances (turns²)."""
+def search(table, turns, variance, more, i, place):  # type: ignore[no-untyped-def]
+    """The likeliest place of a pixel on the projector, and chi squared there and at the likeliest of all others.
+
+    `more` is added to all variances (turns²).
+    """
     periods, lines = table.period, table.lines
     surest, least = 0, F(np.inf)
     for j in range(len(periods)):
@@ -253,7 +257,7 @@ def _search(table, turns, variance, more, i, place):  # type: ignore[no-untyped-
         if u + shift >= -HALF and u + shift <= lines - HALF:
             second = min(second, max(cost, best))
             best, found = (cost, u + shift) if cost < best else (best, found)
-    return found, best < FITTING and second - best > EVIDENCE
+    return found, best, second
 
 
 @fast
@@ -264,8 +268,8 @@ def orders_stand(table, turns, variance, more, place, stand):  # type: ignore[no
     coordinates as decoded; `stand` is written.
     """
     for i in range(len(place)):
-        found, clear = _search(table, turns, variance, more[i], i, place[i])
-        stand[i] = clear and abs(found - place[i]) < HALF * table.period[0]
+        found, best, second = search(table, turns, variance, more[i], i, place[i])
+        stand[i] = best < FITTING and second - best > EVIDENCE and abs(found - place[i]) < HALF * table.period[0]
 
 
 @part
