@@ -134,7 +134,8 @@ def _axis(
     unlike = [j for j in range(k) if left.wrong[j] or j in misplaced]
     if bent is not None or (share <= SHARE and place is None and not unlike):
         if not all(left.judged):
-            open_ = ", ".join(describe(plan.shots[fit.shots[j]]) for j in range(k) if not left.judged[j])
+            # guards show some of them again
+            open_ = ", ".join(dict.fromkeys(describe(patterns[j]) for j in range(k) if not left.judged[j]))
             text = f"frames across {along} agree, but nothing in the sequence repeats what these say: {open_}"
             return Finding("identity", "warning", text + "; add phase steps or inverse frames", figures)
         text = f"all frames across {along} show their pattern ({share if bent is None else bent:.2%} differ)"

@@ -2,18 +2,19 @@
 
 import itertools
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from core.capture.identity import identity
+from core.capture.lookup import LeftOut, leave_one_out
 from core.capture.plan import Plan, guards_for
 from core.capture.quality import Sampled, sample_grid, summarise
 from core.devices import open_camera, open_projector
 from core.devices.scene import FlatScene
 from core.model import Subject
-from core.patterns import Code, Phase, parse_sequence, reference_sequence
+from core.patterns import Code, Phase, describe, parse_sequence, reference_sequence
 
 SCENES = ["testfield-03", "plane%2B15", "object-step"]
 
@@ -117,6 +118,22 @@ def test_the_finding_names_what_is_shown_instead() -> None:
     texts = [f.text for f in identity(stack.plan, stack.sampled(grey), stack.lines) if f.level == "bad"]
     step = "square step {} of 4, period 4 across columns"
     assert texts == [f"frame 10 claims {step.format(3)} and shows {step.format(2)}"]
+
+
+def test_what_nothing_repeats_is_listed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Guards show a step before and after, too; where they are faint none of the three is judged."""
+
+    def unjudged(*given: object) -> LeftOut:
+        left = leave_one_out(*given)  # type: ignore[arg-type]
+        return replace(left, judged=[False] * len(left.judged))
+
+    monkeypatch.setattr("core.capture.identity.leave_one_out", unjudged)
+    stack = take("plane%2B15")
+    shown = [describe(p) for p in stack.plan.shots]
+    texts = [f.text for f in identity(stack.plan, stack.sampled(stack.grey), stack.lines) if "repeats" in f.text]
+    assert len(shown) > len({*shown})
+    assert len(texts) == 2
+    assert max(text.count(name) for text in texts for name in shown) == 1
 
 
 @pytest.mark.parametrize(
