@@ -170,6 +170,12 @@ def side_by_side(evaluations: tuple[PlaneEvaluation, ...]) -> list[PlaneEvaluati
     return sorted(evaluations, key=lambda e: (captures.index(e.capture), methods.index(e.method)))
 
 
+def plane_name(evaluation: PlaneEvaluation, evaluations: tuple[PlaneEvaluation, ...]) -> str:
+    """Name a plane's capture, and who saw it if the evaluations are of several."""
+    several = len({e.devices for e in evaluations}) > 1
+    return f"{evaluation.capture}, {' and '.join(evaluation.devices)}" if several else evaluation.capture
+
+
 def warnings_of(data: ReportData) -> list[tuple[str, str]]:
     """What the calibrations warn of, each once: (which calibration, warning)."""
     sources = [("network", data.adjustment.warnings)] if data.adjustment is not None else []
@@ -187,7 +193,9 @@ def verdicts_of(data: ReportData) -> list[tuple[str, Verdict]]:
     if data.photogrammetric is None and data.adjustment is not None:
         found.append(("network", data.adjustment.verdict))
     told = [(name, verdict) for name, verdict in found if verdict is not None]
-    told += [(f"{e.capture}, {e.method}", e.verdict) for e in data.evaluations if e.verdict is not None]
+    told += [
+        (f"{plane_name(e, data.evaluations)}, {e.method}", e.verdict) for e in data.evaluations if e.verdict is not None
+    ]
     return sorted(told, key=lambda entry: ("failed", "doubtful", "passed").index(entry[1].state))
 
 

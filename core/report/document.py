@@ -50,7 +50,12 @@ def compose(data: ReportData, *, progress: Progress = SILENT) -> Document:
 def _facts(data: ReportData) -> tuple[str, ...]:
     """Lines of the title block."""
     project = data.project
-    facts = [f"Camera: {_device(project.camera, 'pixels')}", f"Projector: {_device(project.projector, 'lines')}"]
+    facts = []
+    for kind, unit, devices in (
+        ("Camera", "pixels", project.rig.cameras),
+        ("Projector", "lines", project.rig.projectors),
+    ):
+        facts += [f"{kind}{f' {n}' if len(devices) > 1 else ''}: {_device(spec, unit)}" for n, spec in devices.items()]
     if project.scale is not None:
         s = project.scale
         facts.append(

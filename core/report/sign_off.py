@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from core.model import PlaneEvaluation
-from core.report.data import SignOff, Tolerance, side_by_side
+from core.report.data import SignOff, Tolerance, plane_name, side_by_side
 from core.report.table import Cell, Table
 
 Figure = Literal["rms", "max"]
@@ -40,10 +40,10 @@ def verdict(evaluations: tuple[PlaneEvaluation, ...], tolerance: Tolerance) -> V
         return Verdict(
             True,
             f"Passed: the {name} of every plane by every method stays within the tolerance of {limit}; the greatest is "
-            f"{_named(worst, tolerance.of)}.",
+            f"{_named(worst, tolerance.of, evaluations)}.",
         )
     beyond.sort(key=lambda e: -_figure(e, tolerance.of))
-    told = "; ".join(_named(e, tolerance.of) for e in beyond[:MOST_NAMED])
+    told = "; ".join(_named(e, tolerance.of, evaluations) for e in beyond[:MOST_NAMED])
     more = f"; and {len(beyond) - MOST_NAMED} more" if len(beyond) > MOST_NAMED else ""
     return Verdict(
         False,
@@ -81,5 +81,5 @@ def _figure(evaluation: PlaneEvaluation, which: Figure) -> float:
     return evaluation.rms_mm if which == "rms" else evaluation.max_mm
 
 
-def _named(evaluation: PlaneEvaluation, which: Figure) -> str:
-    return f"{_figure(evaluation, which):.4f} mm, {evaluation.capture} {evaluation.method}"
+def _named(evaluation: PlaneEvaluation, which: Figure, evaluations: tuple[PlaneEvaluation, ...]) -> str:
+    return f"{_figure(evaluation, which):.4f} mm, {plane_name(evaluation, evaluations)} {evaluation.method}"

@@ -13,6 +13,7 @@ from core.report.data import (
     captures_in_order,
     finite_deviations,
     methods_in_order,
+    plane_name,
     verdicts_of,
     warnings_of,
 )
@@ -141,12 +142,12 @@ def _plane_finding(method: Method, evaluations: tuple[PlaneEvaluation, ...], pub
     largest = max(own, key=lambda e: e.max_mm)
     text = (
         f"Plane-table, {method} method: {_span([e.rms_mm for e in own])} mm r.m.s. from the fitted plane over "
-        f"{_plural(len(own), 'position')}"
+        f"{_plural(len({e.capture for e in own}), 'position')}"
     )
     known = _published_rms(own, published)
     if known:
         text += f" (published for these angles: {_span(known)} mm)"
-    text += f"; the largest deviation is {largest.max_mm:.3f} mm, in {largest.capture}."
+    text += f"; the largest deviation is {largest.max_mm:.3f} mm, in {plane_name(largest, evaluations)}."
     ratios = [e.rms_mm / e.predicted_rms_mm for e in own if e.predicted_rms_mm]
     if ratios:
         text += f" That is {_span(ratios, 2)} times what the noise of the phases predicts"

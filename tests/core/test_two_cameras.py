@@ -29,9 +29,13 @@ from core.pipeline import (
 from core.pipeline.decode import decode_capture, phase_maps
 from core.pipeline.exchange import export_calibration
 from core.pipeline.measure import kept_targets
+from core.pipeline.report import report_data
 from core.pipeline.volumes import volume_figures
 from core.project import read_capture, read_project
 from core.reconstruct import Sight
+from core.report import Tolerance, verdict
+from core.report.document import compose
+from core.report.figures.planes import plane_drawings
 from core.report.numbers import volume_table
 from tests.copies import copied
 
@@ -77,6 +81,19 @@ def test_figures_of_one_pair_say_of_which(project: Project, capsys: pytest.Captu
         assert "of left with projector; --camera and --projector choose others\n" in capsys.readouterr().out
         assert main([*words, "--camera", "right", "--projector", "projector"]) == 0
         assert "choose others" not in capsys.readouterr().out
+
+
+def test_reports_say_whose_planes_they_tell_of(project: Project, plain_reports: None) -> None:
+    """Six planes of one name passed, at twelve positions of two, and a map belonged to nobody."""
+    data = report_data(project, kept_evaluation(project))
+    whole = compose(data)
+    assert [fact.partition(":")[0] for fact in whole.facts[:3]] == ["Camera left", "Camera right", "Projector"]
+    planes = [name for name, _ in whole.summary.verdicts if name.startswith("plane")]
+    assert len(planes) == len(set(planes)) == 8
+    assert "plane+15, right and all devices, photogrammetric" in planes
+    assert any("from the fitted plane over 2 positions" in text for text in whole.summary.findings)
+    assert all(drawing.caption.endswith(" Of left with projector.") for drawing in plane_drawings(data))
+    assert "plane+15, left and projector photogrammetric" in verdict(data.evaluations, Tolerance(1e-3)).text
 
 
 def test_figures_have_all_devices_and_orientations(project: Project) -> None:

@@ -35,16 +35,19 @@ Captures = list[tuple[str, float | None]]
 
 
 def plane_drawings(data: ReportData) -> list[Drawing]:
-    """Maps and histograms, at most four captures in a figure, all on one scale."""
+    """Maps and histograms of one pair of devices, at most four captures in a figure, all on one scale."""
     mapped = tuple(e for e in data.evaluations if len(finite_deviations(e)))
     if not mapped:
         return []
+    of = "" if len({e.devices for e in mapped}) == 1 else " Of {} with {}.".format(*mapped[0].devices)
+    mapped = tuple(e for e in mapped if e.devices == mapped[0].devices)
     limit_mm = data.colour_limit_mm or colour_limit_mm(mapped)
     captures = captures_in_order(mapped)
     across = ceil(len(captures) / ceil(len(captures) / COLUMNS))  # rows of about equal length
     groups = [captures[i : i + across] for i in range(0, len(captures), across)]
     maps = [_maps(group, mapped, limit_mm) for group in groups]
-    return _numbered(maps) + _numbered([_histograms(group, mapped, limit_mm) for group in groups])
+    drawings = _numbered(maps) + _numbered([_histograms(group, mapped, limit_mm) for group in groups])
+    return [replace(drawing, caption=drawing.caption + of) for drawing in drawings]
 
 
 def _numbered(figures: list[Drawing]) -> list[Drawing]:
