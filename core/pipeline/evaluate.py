@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from core.errors import AdjustmentError, InputError, NoCoordinateError
 from core.figures import evaluation_figures
 from core.geometry import knows
@@ -124,8 +126,9 @@ def _judge(
                 several = sum(covers(calibration, one, project) for one in together) > 1
                 if several and isinstance(calibration, PhotogrammetricCalibration):
                     clouds = joint_clouds(together, calibration, progress=progress.quiet())
-                    for one in {p.camera: p for p in together if p.camera in clouds}.values():
-                        found.append(_judged(capture, one, name, calibration, clouds[one.camera], (), TOGETHER))
+                    for camera, cloud in clouds.items():
+                        whole = united([p for p in together if p.camera == camera])
+                        found.append(_judged(capture, whole, name, calibration, cloud, (), TOGETHER))
             del seen[capture.name]
     if not found:
         devices = {n for c in calibrations.values() for n in getattr(c, "devices", ())}
@@ -142,6 +145,12 @@ def _same_stripes(a: Capture, b: Capture) -> Iterator[tuple[Image, Image]]:
     both = [(shown[key], f) for f in b.frames if (key := (f.pattern, f.camera, f.projector, f.exposure_ms)) in shown]
     for f, g in both[-COMPARED:]:
         yield read_image(f.path), read_image(g.path)
+
+
+def united(phases: Sequence[PhaseMap]) -> PhaseMap:
+    """Tell what a camera decoded of any projector: each pixel has the coordinates that one of them gave it."""
+    u, v = (np.fmax.reduce([getattr(p, axis) for p in phases]) for axis in "uv")
+    return replace(phases[0], u=u, v=v)
 
 
 def judge_plane(

@@ -14,6 +14,7 @@ from core.errors import InputError, NoCoordinateError, StripeError
 from core.evaluate import evaluate_plane
 from core.model import PhaseMap, PointCloud
 from core.pipeline import METHODS, calibrate_project, evaluate_project, reconstruct_capture
+from core.pipeline.evaluate import united
 from core.project import read_project
 
 H, W = 60, 80
@@ -138,6 +139,22 @@ def test_a_plane_without_the_depth_methods_coordinate_is_judged_by_the_other(
     assert {row.method for row in rows} == {"photogrammetric"}
     with pytest.raises(InputError, match="no pixel has the coordinate u"):
         evaluate_project(read_project(calibrated), methods=["polynomial"])
+
+
+def test_pixels_that_any_projector_lit_are_counted_for_all_devices_together() -> None:
+    """Of two that light halves of a plane; two rows of either miss the columns."""
+    halves = []
+    for lit in (slice(None, 40), slice(40, None)):
+        u = np.full((H, W), np.nan, np.float32)
+        u[:, lit] = 1
+        v = u.copy()
+        u[:2] = np.nan
+        halves.append(replace(_phase(), u=u, v=v))
+    cloud = _cloud()
+    cloud.xyz_mm[:2] = np.nan
+    result = evaluate_plane(united(halves), cloud, capture="plane", angle_deg=0, method="photogrammetric")
+    told = f"{2 * W} the projector coordinate that gives the depth was not decoded"
+    assert (result.excluded, result.excluded_rule) == (2 * W, told)
 
 
 def test_the_depth_method_is_of_one_camera_with_one_projector(calibrated: Path, edit_json: Callable[..., None]) -> None:
