@@ -71,6 +71,8 @@ def motion_words(motion: RigMotion) -> list[str]:
     lines = [f"{motion.capture}: {sign}{projector} has moved against {camera} ({sure})"]
     if not motion.moved and not known:
         return lines
+    if not motion.pair.camera.sigma.any():
+        lines.append("the calibration tells no sigmas: its own errors count as movement")
     lines += [
         f"turned, µrad: {three('rotation_urad', 'sigma_urad')}",
         f"shifted{'' if known else ' across the base'}, µm: {three('shift_mm', 'sigma_mm', 1e3)}",

@@ -19,6 +19,7 @@ from core.exchange import FORMATS, fit_pair, pair_to_calibration
 from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector, pair_of, perturbed, project
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhotogrammetricCalibration
 from core.orient import find_motion
+from core.pipeline import motion_words
 from tests.core.orient import views
 
 CAMERA = DeviceSpec(748, 576, (0.008, 0.008), 12.0)
@@ -202,6 +203,15 @@ def test_what_a_model_leaves_is_no_movement(name, tmp_path) -> None:
     for pose in (views.station((10.0, 20.0, 0.0)), views.station((-20.0, 0.0, 90.0), 560.0)):
         phase = views.observe(pair_of(known), pose, np.random.default_rng(4)).phase
         assert find_motion(phase, back).p > 0.05
+
+
+def test_errors_of_a_calibration_without_sigmas_are_not_told_as_movement_alone() -> None:
+    pair = dataclasses.replace(fit_pair(views.calibration(), ("k1", "k2")), covariance=None)
+    bare = pair_to_calibration(pair, views.CAMERA, views.PROJECTOR, "file")
+    true = views.draw(views.calibration(), np.random.default_rng(1))
+    motion = find_motion(views.observe(true, views.station((10.0, 20.0, 0.0)), np.random.default_rng(4)).phase, bare)
+    assert motion.moved
+    assert "the calibration tells no sigmas: its own errors count as movement" in motion_words(motion)
 
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
