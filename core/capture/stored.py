@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import permutations
+from itertools import combinations, permutations
 
 import cv2
 import numpy as np
@@ -25,7 +25,7 @@ from core.capture.quality import BRIGHT, Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
 from core.model.finding import Finding
 from core.numerics import median_of, quantile_of, quantiles, ranked
-from core.patterns import Axis, Code, axis_of, level_of
+from core.patterns import Axis, Code, Phase, axis_of, level_of
 
 Array = NDArray[np.float32]
 
@@ -42,6 +42,8 @@ WRONG_HAND = 0.5
 MOVED_PX = 0.5
 MOVED_RESPONSE = 0.45  # of the correlation's peak: bare boards show 0.35 by chance, what moved 0.55 and more
 DRIFT = 0.15
+ALL_ROUND = 0.3  # mean of phases as unit vectors: some periods are seen
+DOUBLED, FAR, THIN = 0.1, 0.05, 2000  # of squared differences, those that are none; 1 - cos of shifts apart; pixels
 LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts them
 
 
@@ -77,7 +79,7 @@ def check_stored(
             named = [replace(f, text=f.text + hint) for f in named]
         found = [*_light(sampled, capture.role in ("testfield", "depth")), *named]
         if not any(f.check in ("light", "saturation") for f in found):
-            found += _contradictions(plan, sampled, lines)
+            found += _doubled(plan, sampled) or _contradictions(plan, sampled, lines)
         found += _halves(plan, images)
     bad = {f.check for f in found if f.level == "bad"} - {"movement"}
     if phase is not None and bad <= {"lines"}:
@@ -198,6 +200,37 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
             figures = {"contradicting": share}
             found.append(Finding("identity", "bad", text + cause, figures, shown, names=cause.names))
     return found
+
+
+def _doubled(plan: Plan, sampled: Sampled) -> list[Finding]:
+    """Find steps that differ by hardly more than noise, where others of their period differ as their shifts say."""
+    at = np.flatnonzero(sampled.bright)
+    if len(at) < LEAST_LIT:
+        return []
+    grey = sampled.grey[:, at[:: -(-len(at) // THIN)]]
+    steps: dict[tuple[Axis, float], list[int]] = {}
+    for k, p in enumerate(plan.shots):
+        if isinstance(p, Phase):
+            steps.setdefault((p.axis, p.period), []).append(k)
+    for own in (own for own in steps.values() if len(own) >= 3):
+        shifts = np.array([p.shift_rad for k in own if isinstance(p := plan.shots[k], Phase)])
+        wave = (grey[own] - grey[own].mean(axis=0)).T @ np.exp(1j * shifts)
+        if abs(np.mean(wave / np.maximum(np.abs(wave), 1e-9))) > ALL_ROUND:
+            continue  # less than a period is seen
+        pairs = [(i, k, 1 - np.cos(shifts[i] - shifts[k])) for i, k in combinations(range(len(own)), 2)]
+        squares = {
+            (own[i], own[k]): float(np.mean((grey[own[i]] - grey[own[k]]) ** 2)) / meant
+            for i, k, meant in pairs
+            if meant > FAR
+        }
+        usual, (least, (first, second)) = median_of([*squares.values()]), min((s, pair) for pair, s in squares.items())
+        if least < DOUBLED * usual and 2 * sampled.noise**2 < DOUBLED * FAR * usual:
+            text = (
+                f"frames {first} and {second} show the same stripes: they differ by {(least / usual) ** 0.5:.0%} of "
+                "what their shifts make; one stands for the other, or the projector did not change: record it again"
+            )
+            return [Finding("identity", "bad", text, shots=(first, second), names="value")]
+    return []
 
 
 def _hand(phase: PhaseMap) -> list[Finding]:

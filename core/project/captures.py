@@ -129,6 +129,8 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
         raise fields.refuse("frames", [], "a capture needs frames: record it again")
     testfield = None
     if role != "plane" and (name := fields.text("testfield", default=None)) is not None:
+        if not name.strip():
+            raise fields.refuse("testfield", name, "name the file of the board, or leave testfield out")
         root = project.path if project else find_project(folder) or folder
         testfield = read_testfield(root / name)
     seeds, excluded = read_picks(folder / "picks.json") if (folder / "picks.json").exists() else ((), ())

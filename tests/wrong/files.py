@@ -192,6 +192,7 @@ FILES: dict[str, tuple[Change, str | None]] = {
     "board twice the same target": (row_of(lambda c: ["0", "0", *c[2:]] if c[:2] == ["1", "1"] else c), WRONG_CSV),
     "board is a folder": (placed("testfield.csv", Path.mkdir), WRONG_CSV),
     "board elsewhere, by ..": (first(lambda d: d.update(testfield="../testfield.csv")), "testfield"),
+    "board without a name": (first(lambda d: d.update(testfield="")), "testfield is ''"),
     "project with a BOM": (text("project.json", lambda t: "\ufeff" + t), None),
     "project in UTF-16": (text("project.json", lambda t: t, "utf-16"), r"project\.json"),
     "project with a comma too many": (project_text(lambda t: t[:-1] + ",}"), r"project\.json.*JSON"),

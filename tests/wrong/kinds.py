@@ -187,6 +187,7 @@ KINDS: dict[str, tuple[Change, str]] = {
     "camera moved before the planes": (frames(moved(3.0), "plane"), "plane.*moved"),
     "camera refocused before the planes": (frames(lens_changed, "plane"), "plane.*(moved|does not hold)"),
     "camera turned before the planes": (frames(turned_a_little, "plane"), "plane.*moved"),
+    "one step recorded twice": (frames(lambda f: [*f[:-5], *(np.clip(f[-4].astype(float) + np.random.default_rng(0).normal(0, 2, f[0].shape), 0, full(f[0])) for _ in "a"), *f[-4:]], "testfield-03"), "testfield-03.*same stripes"),
     "one frame inverted": (frames(one_frame(3, lambda i: full(i) - i), "testfield-02"), "testfield-02.*inverse"),
     "one frame black": (frames(one_frame(3, lambda i: i * 0), "testfield-02"), "testfield-02.*black"),
     "one plane's frame black": (frames(one_frame(3, lambda i: i * 0), "plane+15"), r"plane\+15.*black"),

@@ -325,6 +325,23 @@ def test_phase_steps_that_begin_one_of_six_late_are_named() -> None:
     assert "they fit if the phase steps begin 60° earlier: shift_rad" in told(moved, render(patterns, 3))
 
 
+@pytest.mark.parametrize(
+    ("cell", "period", "steps", "profile"), [(2, 4.0, 4, "square"), (8, 16.0, 8, "sine"), (6, 12.0, 3, "sine")]
+)
+def test_a_step_that_was_recorded_twice_is_named_though_its_noise_is_another(
+    cell: int, period: float, steps: int, profile: str
+) -> None:
+    each = (gray_and_phase(a, 160, cell=cell, periods=[period], steps=steps, profile=profile) for a in "xy")  # type: ignore[arg-type]
+    patterns = [*chain(*each), White(), Black()]
+    images = render(patterns, 3)
+    own = [k for k, p in enumerate(patterns) if isinstance(p, Phase)]
+    assert not told(patterns, images)
+    for k in (own[1], own[-1]):
+        noise = np.random.default_rng(k).normal(0, 1.5, images[k].shape)
+        again = [*images[:k], np.clip(np.rint(images[k - 1] + noise), 0, 255).astype(np.uint8), *images[k + 1 :]]
+        assert told(patterns, again).startswith(f"frames {k - 1} and {k} show the same stripes")
+
+
 @pytest.mark.parametrize("factor", [1.0, 1.002, 0.998])
 def test_lines_that_beat_with_the_pixels_looked_at_are_no_other_period(factor: float) -> None:
     """Every sixth pixel sees the same place of a cell, and slowly another: the phase drifts, within the cell."""
