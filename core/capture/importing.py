@@ -198,7 +198,8 @@ def _read(
     findings = _verified(plan, images, lines, phase)
     for finding in findings:
         named = f" [{', '.join(files[k].name for k in finding.shots)}]" if 0 < len(finding.shots) <= 3 else ""
-        hint = "; see whether --order content finds another order" if finding.level == "bad" else ""
+        disordered = finding.level == "bad" and (finding.check == "order" or "contradicting" in finding.figures)
+        hint = "; see whether --order content finds another order" if disordered else ""
         words.append(f"{finding.text}{named}{hint}")
     return _Series(plan, files, images, words, findings)
 
