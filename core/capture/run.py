@@ -120,7 +120,7 @@ def run_capture(
         projector = opened.enter_context(closing(open_projector(projector_url, note, progress.check)))
         devices = {c: opened.enter_context(closing(open_camera(url, note))) for c, url in urls.items()}
         for camera, device in devices.items():
-            check_sizes(project, projector, device, camera)
+            check_sizes(project, projector, device, camera, subject.projector)
         chosen = patterns if patterns is not None else sequence_for(project, projector)
         plans = {}
         for camera in devices:
@@ -366,11 +366,12 @@ def verify(store: Store, lines: tuple[int, int], progress: Progress = SILENT) ->
     ]
 
 
-def check_sizes(project: Project, projector: Projector, camera: Camera, name: str = "") -> None:
-    """See that the devices are those of the project; the camera that of a name in it, or the one that is meant."""
+def check_sizes(project: Project, projector: Projector, camera: Camera, name: str = "", shown_by: str = "") -> None:
+    """See that the devices are those of the project: those of these names in it, or the ones that are meant."""
+    rig = project.rig
     for device, spec, size, unit in (
-        ("projector", project.projector, projector.size, "lines"),
-        (name or "camera", project.rig.cameras[name or project.rig.camera_name], camera.size, "px"),
+        (shown_by or "projector", rig.projectors[shown_by or rig.projector_name], projector.size, "lines"),
+        (name or "camera", rig.cameras[name or rig.camera_name], camera.size, "px"),
     ):
         if size is not None and tuple(size) != (spec.width, spec.height):
             raise InputError(

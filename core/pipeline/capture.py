@@ -102,7 +102,8 @@ def capture_into(
     from core.capture.store import PNG, TIFF, no_listener
 
     project = read_project(folder)
-    lines = project.projector.width, project.projector.height
+    shown_by = project.rig.projectors.get(subject.projector, project.projector)
+    lines = shown_by.width, shown_by.height
     if camera is None and not project.rig.is_pair:
         virtual = virtual_rig(project)
         camera = {name: f"{virtual}?camera={name}" for name in project.rig.cameras}

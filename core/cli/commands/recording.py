@@ -17,7 +17,7 @@ def add(commands: Commands) -> None:
     """Declare the commands of this group."""
     sub = commands.add_on_folder("capture", _capture, "run one sequence on real or virtual devices")
     add_subject(sub)
-    sub.add_argument("--projector", metavar="URL", help="virtual, serial, screen, ...")
+    sub.add_argument("--projector", metavar="URL", help="virtual, serial, screen, ...; one of several as NAME=URL")
     words = "virtual, folder, replay, uvc, ...; for several cameras repeat it with NAME=URL"
     sub.add_argument("--camera", metavar="URL", action="append", default=[], help=words)
     sub.add_argument("--png", action="store_true", help="store PNG: a third of the space, ten times the time")
@@ -62,10 +62,11 @@ def add(commands: Commands) -> None:
 
 
 def _capture(options: Options, progress: Progress) -> dict[str, Any]:
+    name, url = _named(options.projector or "")
     report = pipeline.capture_into(
         options.project,
-        chosen_subject(options),
-        projector=options.projector,
+        chosen_subject(options, projector=name),
+        projector=url or None,
         camera=_cameras(options.camera),
         sequence=chosen_sequence(options),
         progress=progress,
@@ -82,11 +83,17 @@ def _shown(report: Any) -> dict[str, Any]:
     return {"capture": str(report.folder), "frames": report.frames, "findings": list(report.words)}
 
 
+def _named(given: str) -> tuple[str, str]:
+    """Split NAME=URL; the name is empty where only a URL is given, whose options may hold an equals sign, too."""
+    name, sep, url = given.partition("=")
+    return (name, url) if sep and ":" not in name else ("", given)
+
+
 def _cameras(given: list[str]) -> str | dict[str, str] | None:
     """One camera's URL, or those of several by their names in the rig."""
-    split = [url.partition("=") for url in given]
-    if all(sep and ":" not in name for name, sep, _ in split):
-        return {name: url for name, _, url in split} or None
+    split = [_named(url) for url in given]
+    if all(name for name, _ in split):
+        return dict(split) or None
     if len(given) > 1:
         raise InputError("--camera", " ".join(given), "name each of several in the rig: --camera NAME=URL")
     return given[0]

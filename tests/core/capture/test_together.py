@@ -144,3 +144,16 @@ def test_an_interrupted_capture_of_one_camera_is_no_capture_of_two(two: Project)
         run_capture(two, Subject("object", "a"), FLAT, f"{FLAT}?faults=no-frame:1", patterns=PATTERNS)
     with pytest.raises(InputError, match="of one camera"):
         take_both(two)
+
+
+def test_the_projector_that_is_named_shows_the_patterns(stereo: Project, edit_json, capsys) -> None:
+    """Of two of different sizes; without a name the first one is meant."""
+    document = json.loads((stereo.path / "project.json").read_text())
+    spec = document["projector"]
+    edit_json(stereo.path / "project.json", projector=None, projectors={"lamp": {**spec, "width": 100}, "second": spec})
+    url, command = "virtual:stereo?shot=plane%2B00", ["capture", str(stereo.path), "new", "--role", "object"]
+    camera = ["--camera", f"left={url}&camera=left"]
+    assert main([*command, "--projector", url, *camera]) == 2
+    assert f"projector is 100x{spec['height']}, the device has" in capsys.readouterr().err
+    assert main([*command, "--projector", f"second={url}", *camera]) == 0
+    assert read_capture(stereo.path / "captures" / "new", read_project(stereo.path)).pairs == (("left", "second"),)
